@@ -38,12 +38,12 @@ Sessions = QuerySet[ControlSession]
 
 @admin.register(ControlSession)
 class ControlSessionAdmin(ListAdmin):
-    """Every control session, newest first. Pages are split by the time at which a session began."""
+    """All control sessions, newest first. The start times of sessions divide the list into pages."""
 
     outcomes_are = gettext_lazy("Ended by")
 
     def form_for(self, request: HttpRequest) -> FilterForm:
-        """Filter by day, robot, person and end reason."""
+        """Return the form that filters by day, robot, person and end reason."""
         form = FilterForm(
             request.GET, kinds=[], without=["q", "kind", "session"], outcomes_are=self.outcomes_are
         )

@@ -13,7 +13,7 @@ from robots.registry.models import Robot
 
 
 def named(person: str, program: str | None) -> str:
-    """Return a person's name, with that of the program which acts for them."""
+    """Return a person's name, followed by the name of the program that acts for the person, if any."""
     return f"{person} ({program})" if program else person
 
 
@@ -32,7 +32,7 @@ class EndReason(models.TextChoices):
 
 
 class ControlSession(models.Model):
-    """One person's control of one robot, from take to end."""
+    """One person's control of one robot, from taking control to its end."""
 
     id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
     robot = models.ForeignKey(
@@ -44,7 +44,7 @@ class ControlSession(models.Model):
         related_name="control_sessions",
         verbose_name=_("person"),
     )
-    # The name of the token with which a program took control; null: a person did, in a browser.
+    # The name of the token with which a program took control; null: a person took control in a browser.
     program = models.CharField(_("program"), max_length=40, null=True, blank=True)  # noqa: DJ001 - added later
     fence = models.BigIntegerField(_("fence"))
     started_at = models.DateTimeField(_("began"))
@@ -72,7 +72,7 @@ class ControlSession(models.Model):
 
     @property
     def holder_name(self) -> str:
-        """The name that people see: the person's, with that of the program."""
+        """Return the name that people see: the person's name, followed by the name of the program, if any."""
         return named(self.user.display_name, self.program)
 
 
@@ -100,14 +100,14 @@ class Webhook(models.Model):
     address = models.CharField(_("address"), max_length=500)
     secret = models.TextField()  # encrypted; the receiver checks signatures with it
     kinds = models.JSONField(default=list)  # names of `teleop.webhooks.events.EVENT_CATEGORIES`
-    robots = models.ManyToManyField(Robot, blank=True, related_name="+")  # none: all
-    texts = models.BooleanField(default=False)  # with spoken sentences and reasons
+    robots = models.ManyToManyField(Robot, blank=True, related_name="+")  # empty: all robots
+    texts = models.BooleanField(default=False)  # events contain spoken sentences and reasons
     owner = models.ForeignKey(
         settings.AUTH_USER_MODEL, null=True, on_delete=models.SET_NULL, related_name="webhooks"
     )
     made_at = models.DateTimeField()
     paused_at = models.DateTimeField(null=True, blank=True)
-    read_to = models.BigIntegerField()  # order number of the last record that was read for it
+    read_to = models.BigIntegerField()  # order number of the last record that was read for this webhook
 
     class Meta:
         ordering = ["name"]
@@ -117,7 +117,7 @@ class Webhook(models.Model):
 
     @property
     def orphaned(self) -> bool:
-        """Return whether its owner is no longer staff. Nothing is sent then."""
+        """Return whether the owner is no longer staff. The console then sends nothing to this webhook."""
         return self.owner is None or not (self.owner.is_active and self.owner.is_staff)
 
 
@@ -134,8 +134,8 @@ class WebhookDelivery(models.Model):
     kind = models.CharField(max_length=64)
     made_at = models.DateTimeField()
     state = models.CharField(max_length=16, choices=State, default=State.WAITING)
-    due_at = models.DateTimeField()  # of the next attempt; who claims a delivery moves it ahead
-    answers = models.JSONField(default=list)  # one of each attempt
+    due_at = models.DateTimeField()  # time of the next attempt; a claim moves it into the future
+    answers = models.JSONField(default=list)  # one for each attempt
 
     class Meta:
         constraints = [
@@ -151,13 +151,13 @@ class WebhookDelivery(models.Model):
 
 
 class KeyedRequest(models.Model):
-    """A request of a program that carried an Idempotency-Key, and its answer. Kept for a day."""
+    """A request of a program with an Idempotency-Key, and its answer. The console keeps both for a day."""
 
     digest = models.CharField(max_length=64, primary_key=True)  # of the sign-in and the key
     request = models.CharField(max_length=64)  # digest of method, address and body
     person = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="+")
     made_at = models.DateTimeField(db_index=True)
-    status = models.PositiveSmallIntegerField(null=True)  # None: it is not done yet
+    status = models.PositiveSmallIntegerField(null=True)  # None: the request is not done yet
     body = models.JSONField(null=True)
     headers = models.JSONField(default=dict)
 

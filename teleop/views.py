@@ -23,7 +23,7 @@ from robots.wire import PROTOCOL
 
 @require_safe
 def fleet(request: HttpRequest) -> HttpResponse:
-    """Show a card for each robot that this person may see; with `?wall`, large and with nothing to press."""
+    """Show a card for each robot that this person may see; with `?wall`, large cards without buttons."""
     person = person_of(request)
     robots = robots_visible_to(person)
     if "wall" not in request.GET:
@@ -35,13 +35,13 @@ def fleet(request: HttpRequest) -> HttpResponse:
 
 @require_safe
 def plan(request: HttpRequest) -> HttpResponse:
-    """Show the robots that this person may see on their maps; the page's script knows where they are."""
+    """Show the robots that this person may see on their maps; the page's script receives their positions."""
     return render(request, "teleop/fleet/plan.html", {"robots": robots_visible_to(person_of(request))})
 
 
 @require_safe
 def control(request: HttpRequest, slug: str) -> HttpResponse:
-    """Show one robot: to drive it, or to watch."""
+    """Show the control page of one robot, for driving or watching."""
     person = person_of(request)
     robot = robot_visible_to(person, slug)
     context = {

@@ -16,9 +16,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _threads = ThreadPoolExecutor(max_workers=4, thread_name_prefix="database")
-_background_thread = ThreadPoolExecutor(
-    max_workers=1, thread_name_prefix="database-background"
-)  # separate: rights are confirmed in `_threads`
+# Separate, so that background work never delays the reads of rights in `_threads`.
+_background_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="database-background")
 
 
 async def in_database(function: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -28,7 +27,7 @@ async def in_database(function: Callable[P, R], /, *args: P.args, **kwargs: P.kw
 
 
 def in_database_background(function: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:
-    """Run `function` in a separate thread, for work without a waiting caller; the end of the process waits for it."""
+    """Run `function` in the background thread: no caller waits for it, but the end of the process does."""
 
     def call() -> R:
         try:

@@ -9,7 +9,8 @@ from typing import Any
 
 log = logging.getLogger(__name__)
 
-_running: set[asyncio.Task[None]] = set()  # the event loop alone keeps no reference to a task
+# The event loop does not keep a task alive: without this reference, Python may delete a running task.
+_running: set[asyncio.Task[None]] = set()
 
 
 def run_in_background(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
@@ -27,7 +28,7 @@ def _done(task: asyncio.Task[None]) -> None:
 
 
 class RequestQueue:
-    """Slow requests of one connection, run one after the other in parallel to its drive input."""
+    """Slow requests of one connection. They run one after the other; drive input does not wait for them."""
 
     LONGEST = 8
 
@@ -36,7 +37,7 @@ class RequestQueue:
         self._task = asyncio.create_task(self._run())
 
     def add(self, request: Callable[[], Awaitable[None]]) -> bool:
-        """Queue a coroutine function without arguments. False if the queue is full."""
+        """Queue a coroutine function without arguments. Return False if the queue is full."""
         try:
             self._queue.put_nowait(request)
         except asyncio.QueueFull:

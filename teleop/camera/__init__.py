@@ -1,1 +1,1 @@
-"""Live camera pictures for pages: a WebSocket apart from control, with the newest picture for each viewer."""
+"""Live camera pictures for pages: a WebSocket separate from control, with the newest picture for each viewer."""

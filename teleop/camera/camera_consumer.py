@@ -1,4 +1,4 @@
-"""The WebSocket of a robot's cameras: apart from control, so that no picture delays a stick or a stop."""
+"""The WebSocket of a robot's cameras: separate from control, so that no picture delays drive input or a stop."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from teleop.live.consumers.message_socket import CloseCode
 from teleop.live.consumers.robot_socket import RobotSocket
 from teleop.recording.camera_audit import TOO_MANY_CAMERAS, CameraAudit
 
-_ACK = '{"t":"camera_ack",'  # pages start an acknowledgement so; any other spelling takes the slower way
+# Pages start an acknowledgement with this text; any other spelling is handled more slowly, by `on_message`.
+_ACK = '{"t":"camera_ack",'
 
-WATCHES_WITHIN_S = 10.0  # a page that opens this connection to see a camera asks for it within this time
+WATCHES_WITHIN_S = 10.0  # from opening this connection until a page that shows a camera requests it
 
 
 class CameraConsumer(RobotSocket):
     """One connection to one robot's cameras."""
 
     through = "cameras"
-    checked_often = True  # a picture must end within a second of the right to see it
+    checked_often = True  # pictures must end within a second after the right to see them ends
 
     def __init__(self) -> None:
         super().__init__()
         self.camera_audit: CameraAudit | None = None
         self._viewers: dict[str, CameraViewer] = {}
-        self._started: CameraFeed | None = (
-            None  # its process runs for this connection, which watches nothing yet
-        )
+        # The feed whose camera process runs for this connection, which watches no camera yet.
+        self._started: CameraFeed | None = None
 
     async def on_open(self) -> None:
         """Join the robot's hub, if this person may see the robot. The camera process starts while the page loads."""
@@ -48,19 +48,19 @@ class CameraConsumer(RobotSocket):
             await self._send_cameras(entry)
 
     async def on_close(self) -> None:
-        """Show nothing more."""
+        """End all viewings, and leave the robot's hub."""
         self._end_all()
         if self.joined:
             await self.hub.remove(self)
 
     async def revoke_access(self, refusal: Refusal) -> None:
-        """Show nothing more and close: this person may not see the robot any more."""
+        """End all viewings and close: this person may not see the robot any more."""
         self._end_all()
-        self.camera_audit = None  # no watch begins any more
+        self.camera_audit = None  # no viewing can begin any more
         await super().revoke_access(refusal)
 
     async def robot_edited(self, entry: RobotEntry) -> None:
-        """Tell the page the robot's cameras, and watch on where they are now."""
+        """Send the page the robot's cameras. End viewings of removed cameras, and move the others to a new link."""
         await self._send_cameras(entry)
         for camera, viewer in list(self._viewers.items()):
             if not self._has(camera):
@@ -71,7 +71,7 @@ class CameraConsumer(RobotSocket):
     # --- messages ----------------------------------------------------------------------------------
 
     def on_message_now(self, raw: str) -> bool:
-        """Take an acknowledgement at once: each picture of each viewer has one."""
+        """Handle an acknowledgement at once: there is one for each picture of each viewer."""
         if not raw.startswith(_ACK) or not self.joined:
             return False
         try:
@@ -112,7 +112,7 @@ class CameraConsumer(RobotSocket):
         return any(camera == entry.name for entry in self.hub.entry.facts.cameras)
 
     def _begin(self, watch: wire.CameraWatch) -> None:
-        """Watch a camera, from now on in this way."""
+        """Start to watch a camera, or change how it is watched."""
         before = self._viewers.get(watch.camera)
         if self.camera_audit is None:
             return
@@ -135,14 +135,14 @@ class CameraConsumer(RobotSocket):
         self._end_start()
 
     def _start_process(self) -> None:
-        """Let the camera process start before the page asks for a picture, which it does soon or not at all."""
+        """Start the camera process before the page requests a camera. Stop waiting after `WATCHES_WITHIN_S`."""
         if self.hub.entry.facts.cameras:
             self._started = feed_of(self.hub.link)
             self._started.begin(self)
             asyncio.get_running_loop().call_later(WATCHES_WITHIN_S, self._end_start)
 
     def _end_start(self) -> None:
-        """Leave the camera process to those who watch."""
+        """Undo `_start_process`. The camera process goes on only while a connection watches a camera."""
         started, self._started = self._started, None
         if started is not None:
             started.end(self)
@@ -153,11 +153,11 @@ class CameraConsumer(RobotSocket):
     # --- pictures ----------------------------------------------------------------------------------
 
     async def _show(self, camera: str, frame: bytes) -> bool:
-        """Send a picture once its viewing is on record. Return whether it was sent."""
+        """Send a picture if its viewing can be recorded. Return whether it was sent."""
         if self._closing or self.camera_audit is None:
             return False
         viewer = self._viewers.get(camera)
-        if viewer is None:  # it ended meanwhile
+        if viewer is None:  # the viewing has ended
             return False
         if not self.camera_audit.may_view(camera, small=viewer.watch.size == "small"):
             await self.refuse("camera_watch", TOO_MANY_CAMERAS)

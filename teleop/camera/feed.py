@@ -1,7 +1,7 @@
 """The newest pictures of one robot's cameras in this web process, and their viewers.
 
-The camera process makes each variant once; here it gets one header for all viewers. A viewer that is not ready gets a
-newer picture later: none is stored for it.
+The camera process encodes each variant once. This module adds one header for all viewers. Pictures are never
+queued: a viewer that is not ready gets a newer picture later.
 """
 
 from __future__ import annotations
@@ -22,43 +22,43 @@ from teleop.camera.quality import Quality
 
 log = logging.getLogger(__name__)
 
-_numbers = count(1)  # of pictures on pages: they grow also where a camera is watched anew
+_numbers = count(1)  # numbers of pictures on pages: they also grow if a page watches the same camera again
 
 KEY_PAUSE_S = 0.5  # between two requests for a key picture
 DECIDE_S = 0.5
-STALLED_S = 5.0  # a viewer who acknowledges nothing for this time is not worth a picture of its own
-YIELD_S = 0.0005  # drive input waits no longer for pictures than one picture takes, and this
+STALLED_S = 5.0  # if a viewer acknowledges nothing for this time, no pictures are requested for it
+YIELD_S = 0.0005  # drive input waits at most for this time plus the sending of one picture
 
-Send = Callable[[str, bytes], Awaitable[bool]]  # camera and frame; False: it was withheld
+Send = Callable[[str, bytes], Awaitable[bool]]  # camera and frame; returns False if the picture was not sent
 
 
 class _Newest(NamedTuple):
-    number: int  # on pages
-    made: int  # by the camera process: consecutive for each variant
+    number: int  # number of the picture on pages
+    made: int  # number by the camera process: consecutive for each variant
     key: bool
     frame: bytes
 
 
 class CameraViewer:
-    """One connection that watches one camera. `send` sends a picture; `state` tells why there is none."""
+    """One connection that watches one camera. `send` sends a picture; `state` sends the reason if there are none."""
 
     def __init__(self, watch: CameraWatch, send: Send, state: Callable[[CameraState], None]) -> None:
         self.watch = watch
         self.camera = watch.camera
-        self.feed: CameraFeed | None = None  # while it watches
+        self.feed: CameraFeed | None = None  # None until a feed adds this viewer
         self.state = state
         self.quality = Quality(watch.size, watch.video, watch.rate_hz, time.monotonic())
         self.rate_hz = watch.rate_hz
         self._send = send
         self._unacknowledged: dict[int, float] = {}
-        self._sent: _Newest | None = None  # the last picture
+        self._sent: _Newest | None = None  # the picture that was sent last
         self._due_s = 0.0
-        self._broken = True  # video: earlier pictures are missing
+        self._broken = True  # video: an earlier picture is missing, so the next ones cannot be decoded
 
     def acknowledge(self, number: int, damaged: bool = False) -> None:
-        """Note that this picture, and so each earlier one, was painted or thrown away.
+        """Note that the page has painted or dropped this picture and all earlier ones.
 
-        After a `damaged` one the page decodes no video until the next key picture.
+        `damaged`: the page could not decode the picture, and decodes no video until the next key picture.
         """
         self._broken |= damaged
         now_s = time.monotonic()
@@ -68,7 +68,7 @@ class CameraViewer:
             self.quality.acknowledged(now_s, sent_s)
 
     def decide(self, now_s: float) -> bool:
-        """Choose its variant; return whether it changed."""
+        """Choose the variant for this viewer; return whether the variant changed."""
         for sent_s in self._unacknowledged.values():
             self.quality.waits(now_s, sent_s)
         changed = self.quality.decide(now_s)
@@ -77,21 +77,21 @@ class CameraViewer:
         return changed
 
     def is_stalled(self, now_s: float) -> bool:
-        """Whether it has room for no picture and has acknowledged none for `STALLED_S`."""
+        """Return whether no more picture may be sent, and the last one was sent more than `STALLED_S` ago."""
         waits = list(self._unacknowledged.values())
         return len(waits) >= self.quality.most_unacknowledged and now_s - waits[-1] > STALLED_S
 
     def lacks(self, newest: _Newest | None) -> bool:
-        """Whether there is a picture that it was not sent."""
+        """Return whether there is a newest picture that was not sent to this viewer."""
         return newest is not None and newest is not self._sent
 
     def begin_anew(self) -> None:
-        """Note that another variant comes from now on."""
+        """Forget the last picture: the next one cannot continue its video."""
         self._broken = True
         self._sent = None
 
     def takes(self, newest: _Newest, now_s: float) -> bool:
-        """Return whether to send it now. A missed video picture breaks the video until the next key picture."""
+        """Return whether to send this picture now. After a missed video picture, only a key picture can follow."""
         if newest is self._sent:
             return False
         has_room = len(self._unacknowledged) < self.quality.most_unacknowledged
@@ -107,7 +107,7 @@ class CameraViewer:
 
     @property
     def needs_key(self) -> bool:
-        """Return whether its video cannot go on without a key picture."""
+        """Return whether the video needs a key picture to continue, and the viewer has room for a picture."""
         return (
             self.quality.variant == "video"
             and self._broken
@@ -124,7 +124,7 @@ class CameraViewer:
 
 
 class CameraFeed:
-    """All watched cameras of one robot. `feed_of` makes it; it ends with its last viewer and its last waiting page."""
+    """All watched cameras of one robot. `feed_of` creates it. It ends if no viewer and no waiting page is left."""
 
     def __init__(self, link: BridgeLink) -> None:
         self.link = link
@@ -142,11 +142,11 @@ class CameraFeed:
     # --- viewers -----------------------------------------------------------------------------------
 
     def begin(self, connection: object) -> None:
-        """Let the camera process start: this connection is about to watch. `end` takes that back."""
+        """Let the camera process start: this connection will soon watch a camera. `end` undoes this."""
         self._waiting.add(connection)
 
     def end(self, connection: object) -> None:
-        """Note that this connection needs the camera process no more, except for what it watches."""
+        """Note that this connection needs the camera process only for the cameras that it watches."""
         self._waiting.discard(connection)
         self._end_if_unused()
 
@@ -162,7 +162,7 @@ class CameraFeed:
         self._news.set()
 
     def remove(self, viewer: CameraViewer) -> None:
-        """Show it no more. Waits for nothing: the hub of all pages calls it."""
+        """Remove a viewer. Must not wait: the robot's hub calls it while it informs all pages."""
         self._viewers.discard(viewer)
         self._stalled.discard(viewer)
         self._send_wants()
@@ -177,7 +177,7 @@ class CameraFeed:
         self._camera_link.close()
 
     def acknowledged(self, viewer: CameraViewer) -> None:
-        """Note that this viewer may be ready for its next picture. Most have the newest one: they wake nobody."""
+        """Note that this viewer may be ready for its next picture. If there is one, wake the sending task."""
         if viewer.quality.has_failed:
             self._decide(time.monotonic())
         if viewer in self._stalled:
@@ -226,7 +226,7 @@ class CameraFeed:
         self._news.set()
 
     def on_camera_state(self, state: CameraState) -> None:
-        """Tell the camera's viewers."""
+        """Send the state to the camera's viewers."""
         self._gone = None
         self._states[state.camera] = state
         for viewer in self._viewers:
@@ -234,7 +234,7 @@ class CameraFeed:
                 viewer.state(state)
 
     def on_cameras_gone(self, refusal: Refusal) -> None:
-        """Tell all viewers; old pictures are not shown again."""
+        """Send the reason to all viewers. Old pictures are not shown again."""
         self._newest.clear()
         self._states.clear()
         if refusal != self._gone:
@@ -246,7 +246,7 @@ class CameraFeed:
     async def _keep_sending(self) -> None:
         decided_s = time.monotonic()
         while True:
-            # Not `wait_for`: before Python 3.12 it may swallow the cancellation.
+            # Not `wait_for`: before Python 3.12, it may lose a cancellation.
             alarm = asyncio.get_running_loop().call_later(DECIDE_S, self._news.set)
             await self._news.wait()
             alarm.cancel()
@@ -259,7 +259,7 @@ class CameraFeed:
             for viewer in list(self._viewers):
                 await self._show(viewer)
                 if time.monotonic() - began_s > YIELD_S:
-                    await asyncio.sleep(0)  # drive input that came meanwhile goes first
+                    await asyncio.sleep(0)  # handle drive input that has arrived since
                     began_s = time.monotonic()
 
     async def _show(self, viewer: CameraViewer) -> None:
@@ -269,7 +269,7 @@ class CameraFeed:
             try:
                 await viewer.show(newest, now_s)
             except OSError:
-                return  # the connection is gone; its consumer notices that itself
+                return  # the connection is gone; its consumer detects this itself
             except Exception:
                 log.exception("A camera picture was not sent.")
         if viewer.needs_key and now_s - self._key_asked_s.get(viewer.camera, 0.0) > KEY_PAUSE_S:
@@ -288,7 +288,7 @@ _feeds: dict[UUID, CameraFeed] = {}
 
 
 def feed_of(link: BridgeLink) -> CameraFeed:
-    """Return the robot's feed in this web process; a robot with a new link gets a new one."""
+    """Return the robot's feed in this web process; a robot with a new link gets a new feed."""
     feed = _feeds.get(link.robot_id)
     if feed is None or feed.link is not link:
         feed = _feeds[link.robot_id] = CameraFeed(link)

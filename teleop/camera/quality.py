@@ -1,8 +1,9 @@
-"""Chooses how good a viewer's pictures are, from how fast it acknowledges them. Pure.
+"""Chooses the quality of a viewer's pictures by the speed of its acknowledgements. Pure.
 
-A slow viewer first gets fewer pictures. Where fewer than `LEAST_HZ` full pictures a second come through, it gets video,
-if its browser decodes it; where that is too much as well, small pictures, of which again fewer can come. Full pictures
-are tried again after a while, rarely if that failed before: one picture shows whether the connection carries them.
+A slow viewer first gets fewer pictures. If fewer than `LEAST_HZ` full pictures a second arrive, the viewer
+gets video, if its browser can decode video. If video is too much as well, the viewer gets small pictures, and
+fewer of them if necessary. Full pictures are tried again after some time, which doubles with each try. One
+picture shows whether the connection is fast enough for full pictures.
 """
 
 from __future__ import annotations
@@ -12,10 +13,10 @@ from collections import deque
 from robots.wire import CameraSize, Variant
 
 LEAST_HZ = 8.0
-LEAST_VIDEO_HZ = 4.0  # a long way shows fewer than `LEAST_HZ`, and small pictures would be fewer still
+LEAST_VIDEO_HZ = 4.0  # with a long delay, fewer than `LEAST_HZ` arrive, and even fewer small pictures
 WINDOW_S = 2.0  # over which the rate is measured
-FEWEST_OFFERED = 10  # pictures in that time, by which a viewer can be judged
-MOST_DAMAGED = 3  # video pictures in a row: then this browser decodes no video
+FEWEST_OFFERED = 10  # with fewer pictures in that time, a viewer cannot be judged
+MOST_DAMAGED = 3  # video pictures in a row: then the browser cannot decode video
 FULL_AGAIN_S = (8.0, 120.0)  # first and longest time until full pictures are tried again
 MOST_UNACKNOWLEDGED = 2
 SLOWEST_S = MOST_UNACKNOWLEDGED / LEAST_HZ  # from sending to acknowledgement, at the least rate
@@ -33,9 +34,9 @@ class Quality:
         self._since_s = now_s
         self._again_s = FULL_AGAIN_S[0]
         self._damaged = 0
-        self._tries = False  # full pictures again: the first one was not acknowledged yet
-        self._has_failed = False  # that try
-        self._offered: deque[float] = deque()  # when pictures of the camera came
+        self._tries = False  # full pictures are tried again: the first one is not acknowledged yet
+        self._has_failed = False  # the try took too long
+        self._offered: deque[float] = deque()  # when pictures arrived from the camera
         self._shown: deque[float] = deque()  # when pictures were acknowledged
 
     @property
@@ -46,23 +47,23 @@ class Quality:
         return MOST_VIDEO_UNACKNOWLEDGED if self.variant == "video" else MOST_UNACKNOWLEDGED
 
     def offered(self, now_s: float) -> None:
-        """Note that a picture of the present variant came."""
+        """Note that a picture of the present variant arrived from the camera."""
         self._offered.append(now_s)
 
     @property
     def has_failed(self) -> bool:
-        """Whether full pictures were tried again and take too long: `decide` at once."""
+        """Return whether a new try of full pictures took too long: then call `decide` at once."""
         return self._has_failed
 
     def acknowledged(self, now_s: float, sent_s: float) -> None:
-        """Note that the viewer has painted a picture that was sent at that time."""
+        """Note that the viewer has painted a picture that was sent at `sent_s`."""
         self._shown.append(now_s)
         if self._tries and sent_s >= self._since_s:
             self._tries = False
             self._has_failed = now_s - sent_s > SLOWEST_S
 
     def waits(self, now_s: float, sent_s: float) -> None:
-        """Note that the viewer has not painted yet a picture that was sent at that time."""
+        """Note that the viewer has not yet painted a picture that was sent at `sent_s`."""
         self._has_failed |= self._tries and sent_s >= self._since_s and now_s - sent_s > SLOWEST_S
 
     def painted(self, *, damaged: bool) -> None:
@@ -82,7 +83,8 @@ class Quality:
         if self._has_failed:
             self._change(self._lower, now_s)
             return True
-        # Video begins behind the full pictures that still fill a slow connection, and with a key picture.
+        # Video needs more time: it arrives after the full pictures that still fill a slow connection, and
+        # begins with a key picture.
         if not self._may_change or lasted_s < (2.0 * WINDOW_S if self.variant == "video" else WINDOW_S):
             return False
         if self.variant != "small" and self._is_slow:
@@ -99,7 +101,7 @@ class Quality:
 
     @property
     def _is_slow(self) -> bool:
-        """Return whether fewer pictures are shown than the viewer should see, although they come."""
+        """Return whether the viewer shows too few of the pictures that arrive from the camera."""
         if len(self._offered) < FEWEST_OFFERED:
             return False  # the camera itself is slow, or has just begun
         offered_hz, shown_hz = len(self._offered) / WINDOW_S, len(self._shown) / WINDOW_S

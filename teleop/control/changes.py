@@ -1,4 +1,4 @@
-"""One transaction for each change of control, with its audit record; why one cannot be made."""
+"""One transaction for each change of control and its audit record; errors of changes that cannot be made."""
 
 from __future__ import annotations
 
@@ -44,10 +44,11 @@ def recorded_change() -> Iterator[None]:
 
 
 def robot_locked(robot_id: UUID) -> Robot:
-    """Return the robot, locked as bookings lock it, and its lease.
+    """Lock the row of the robot, as bookings do, and the row of its lease. Return the robot.
 
-    Every change locks in this order, or two would wait for each other: robot, lease, control session or booking, log.
-    A new row that refers to the robot waits for no lock (`no_key`): PostgreSQL checks it last, when the log is locked.
+    Every change locks in this order: robot, lease, control session or booking, log. Else two changes could
+    wait for each other. The lock does not block new rows that refer to the robot (`no_key`): PostgreSQL
+    checks such a reference at the end of its transaction, when that transaction has already locked the log.
     """
     robot = (
         Robot.objects.select_for_update(of=("self",), no_key=True).select_related("profile").get(pk=robot_id)

@@ -1,7 +1,8 @@
-"""Checks of a lease and of who waits for it, as pure functions: no clock, no database, no socket.
+"""Checks of a lease and of the people who wait for it. Pure functions: they use no clock, database or socket.
 
-A check returns None if the step is allowed, else a refusal. `now` is an argument. Times are aware datetimes, because
-several web processes judge the same lease; the bridge gets seconds only.
+A check returns None if the step is allowed, else a refusal. The caller passes the present time as `now`.
+Times are datetimes with a time zone, because several web processes check the same lease. The bridge gets
+durations in seconds.
 """
 
 from __future__ import annotations
@@ -17,10 +18,10 @@ from msgspec import Struct
 from robots.registry.models import Role
 from robots.wire import Refusal
 
-GRACE_S = 10.0  # so long after its page was lost a lease may be resumed
-LOST_AFTER_S = 5.0  # a page that sent nothing for so long counts as lost
-OFFER_S = 30.0  # so long the next person in line may take control, and nobody else
-WAITS_S = 15.0  # without a sign of life of their page a person has left the line
+GRACE_S = 10.0  # a lease may be resumed for this time after its page was lost
+LOST_AFTER_S = 5.0  # a page that sent nothing for this time counts as lost
+OFFER_S = 30.0  # for this time only the next person in line may take control
+WAITS_S = 15.0  # a person whose page sent nothing for this time has left the line
 
 
 def fingerprint(session_key: str) -> str:
@@ -29,12 +30,12 @@ def fingerprint(session_key: str) -> str:
 
 
 class Tab(Struct, frozen=True):
-    """The browser tab to which a lease belongs."""
+    """The browser tab, or the program, to which a lease belongs."""
 
     token: str  # random, made and kept by the tab itself
     sign_in: str  # fingerprint of the sign-in session
-    connection: str  # its present WebSocket; "" when that is lost
-    program: str = ""  # the name of its token, if it is no tab but a program
+    connection: str  # id of its present WebSocket; "" if the WebSocket is lost
+    program: str = ""  # name of the token, if this is a program; "" for a tab
 
     def is_same_tab(self, other: Tab) -> bool:
         """Return whether both are the same tab of the same sign-in. Their connections may differ."""
@@ -48,10 +49,10 @@ class LeaseState(Struct, frozen=True):
     user: UUID
     name: str
     tab: Tab
-    role: Role  # of the holder when the lease began
+    role: Role  # role of the holder when the lease began
     fence: int
     term_ends_at: datetime
-    seen_at: datetime  # last sign of life of the holder's page
+    seen_at: datetime  # time of the last message from the holder's page
     started_at: datetime  # begin of the control session
 
 
@@ -71,7 +72,7 @@ class Phase(Enum):
     FREE = "free"
     HELD = "held"
     AWAY = "away"  # the holder's page is gone and may still come back
-    LAPSED = "lapsed"  # over by the clock, but its end is not stored yet
+    LAPSED = "lapsed"  # its time is over, but its end is not stored yet
 
 
 def phase(lease: LeaseState | None, now: datetime) -> Phase:
@@ -86,12 +87,12 @@ def phase(lease: LeaseState | None, now: datetime) -> Phase:
 
 
 def is_free(lease: LeaseState | None, now: datetime) -> bool:
-    """Return whether nobody has control; a page that is gone for a moment still has it."""
+    """Return whether nobody has control. A holder whose page was lost a moment ago still has control."""
     return lease is None or lapse_reason(lease, now) is not None
 
 
 def lapse_reason(lease: LeaseState, now: datetime) -> str | None:
-    """Return why the lease is over by the clock: "term" or "away"; None while it is not."""
+    """Return "term" if the term of the lease is over, "away" if its page was gone for too long, else None."""
     if now >= lease.term_ends_at:
         return "term"
     if now - lease.seen_at > timedelta(seconds=GRACE_S):
@@ -111,7 +112,7 @@ def term_end(now: datetime, term_s: float, until: datetime | None) -> datetime:
 
 
 def offered(line: Sequence[Waiter], now: datetime) -> Waiter | None:
-    """Return the person to whom control is offered at this moment. A clock that was set back lengthens no offer."""
+    """Return the person to whom control is offered now. If the clock is set back, no offer gets longer."""
     longest = now + timedelta(seconds=OFFER_S)
     return next(
         (one for one in line if one.offer_until is not None and now < one.offer_until <= longest), None
@@ -125,7 +126,10 @@ _ALREADY_YOURS = Refusal("already_yours", "You already have control.", "lease")
 
 
 def check_take(lease: LeaseState | None, *, user: UUID, tab: Tab, now: datetime) -> Refusal | None:
-    """Check taking control: no other person may have it. From the same person's other tab it moves here."""
+    """Check taking control: no other person may have it.
+
+    If the same person has control in another tab, control moves to this tab.
+    """
     if lease is None or lapse_reason(lease, now) is not None:
         return None
     if lease.user != user:
@@ -134,7 +138,10 @@ def check_take(lease: LeaseState | None, *, user: UUID, tab: Tab, now: datetime)
 
 
 def check_resume(lease: LeaseState | None, *, user: UUID, tab: Tab, now: datetime) -> Refusal | None:
-    """Check resuming a lease after a reload or a network failure: same person, tab and sign-in, within `GRACE_S`."""
+    """Check resuming a lease after a reload or a network failure.
+
+    Only the same person, tab and sign-in may resume it, within `GRACE_S`.
+    """
     if lease is None or lease.user != user or not lease.tab.is_same_tab(tab):
         return Refusal("not_holder", "This tab did not have control.", "lease")
     return _over(lease, now)
@@ -166,7 +173,7 @@ def check_other_holds(lease: LeaseState | None, *, user: UUID, now: datetime) ->
 
 
 def check_waits(waiter: Waiter | None) -> Refusal | None:
-    """Check handing over: the person must still wait."""
+    """Check handing over: the person who will get control must still be in line."""
     if waiter is None:
         return Refusal("no_such_request", "The person no longer waits for control.", "lease")
     return None
@@ -213,7 +220,7 @@ def check_holder(lease: LeaseState | None, *, tab: Tab, now: datetime) -> Refusa
 
 
 def check_fence(fence: int, held: int | None) -> Refusal | None:
-    """Refuse a command with the number `fence` unless `held`, the number of the connection's control, equals it."""
+    """Refuse a command if its `fence` differs from `held`, the fence of the connection's control (None: no control)."""
     if held is None:
         return NO_LEASE
     if fence != held:

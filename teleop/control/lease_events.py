@@ -35,7 +35,7 @@ class LeaseEvents:
             return
         try:
             await layer.group_send(self._group, {"type": "control.changed", "by": self._origin})
-        except Exception as error:  # noqa: BLE001 - each backend has its own errors; the regular read makes up for it
+        except Exception as error:  # noqa: BLE001 - each backend has its own errors; the regular reads continue
             log.warning("Other web processes were not informed that a lease changed: %s", error)
 
     async def close(self) -> None:

@@ -1,6 +1,7 @@
-"""The line of people who wait for control of a robot: ask, leave, offer. For slots: `bookings.changes.waiting_list`.
+"""The line of people who wait for control of a robot: ask, leave, offer.
 
-Nothing runs by the clock here: the robot's hub sees that the robot is free, and offers control to the first in line.
+This module starts nothing by itself: the robot's hub detects that the robot is free, and calls `offer_next`.
+`fleet.bookings.changes.waiting_list` contains the people who wait for a slot.
 """
 
 from __future__ import annotations
@@ -24,7 +25,10 @@ GRANTED, LEFT, GONE, LAPSED, NOT_ALLOWED = "granted", "cancelled", "gone", "laps
 
 
 def line_join(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
-    """Wait for control. People who wait already stay where they are in line, in this tab. Returns the waiter's id."""
+    """Add a person to the line, and return the waiter's id.
+
+    A person who is in line already keeps their place, and now waits in this tab.
+    """
     with recorded_change():
         robot, user = robot_locked(robot_id), User.objects.get(pk=user_id)
         held = lease_of(robot_id)
@@ -66,12 +70,15 @@ def line_leave(*, robot_id: UUID, connection: str) -> None:
 
 
 def line_away(*, robot_id: UUID, connection: str) -> None:
-    """Note that this waiter's page is gone. The waiter stays for `lease_checks.WAITS_S`: a reload removes nobody."""
+    """Store that this waiter's page is gone.
+
+    The waiter stays in line for `lease_checks.WAITS_S`, so that a person can reload the page.
+    """
     Waiting.objects.filter(robot_id=robot_id, starts_at=None, connection=connection).update(connection="")
 
 
 def line_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> bool:
-    """Give a waiter the new connection of their tab. False: nobody waits in this tab."""
+    """Store the new connection of a waiter's tab. Return False if nobody waits in this tab."""
     mine = Waiting.objects.filter(
         robot_id=robot_id, person=user_id, starts_at=None, tab=tab.token, sign_in=tab.sign_in
     )
@@ -79,22 +86,30 @@ def line_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> bo
 
 
 def line_keep(*, robot_id: UUID, connections: list[str], now: datetime) -> None:
-    """Note that these pages are there: a web process that died leaves nobody in line for long."""
+    """Store that these waiters' pages are open now.
+
+    If a web process dies, its waiters leave the line after `lease_checks.WAITS_S`.
+    """
     Waiting.objects.filter(robot_id=robot_id, starts_at=None, connection__in=connections).update(seen_at=now)
 
 
 def line_tidy(*, now: datetime, robot_id: UUID | None = None) -> None:
-    """Remove waiters whose pages are gone, and those who did not take their offer."""
+    """Remove waiters whose pages are gone, and waiters who did not use their offer."""
     which: dict[str, Any] = {"robot_id": robot_id} if robot_id else {}
     with recorded_change():
         waiters_remove(GONE, seen_at__lte=now - timedelta(seconds=lease_checks.WAITS_S), **which)
         waiters_remove(LAPSED, offer_until__lte=now, **which)
-        set_back = now + timedelta(seconds=lease_checks.OFFER_S)  # the clock was, since the offer was made
+        # An offer that ends later than this was made before the clock was set back.
+        set_back = now + timedelta(seconds=lease_checks.OFFER_S)
         waiters_remove(LAPSED, offer_until__gt=set_back, **which)
 
 
 def offer_next(*, robot_id: UUID, now: datetime) -> bool:
-    """Offer a free robot to the first in line who may take it. False: nobody may, or it is offered already."""
+    """Offer control of a free robot to the first person in line who may take it.
+
+    Return False if there is no new offer: the robot is not free, an offer is running, or nobody in line may
+    take control.
+    """
     with recorded_change():
         robot = robot_locked(robot_id)
         line_tidy(robot_id=robot_id, now=now)
@@ -103,10 +118,10 @@ def offer_next(*, robot_id: UUID, now: datetime) -> bool:
             return False
         people = User.objects.in_bulk([one.user for one in line])
         for waiter in line:
-            if not waiter.tab.connection:  # the page may come back: its waiter stays in line
+            if not waiter.tab.connection:  # the page may come back, so the waiter stays in line
                 continue
             subject = subject_of(people[waiter.user], robot, now)
-            if may_wait(subject) is not None:  # a right that ended meanwhile
+            if may_wait(subject) is not None:  # the right to control has ended
                 waiters_remove(NOT_ALLOWED, pk=waiter.id)
                 continue
             answer = permit_for(subject)

@@ -21,14 +21,17 @@ ROLE_LOWERED = Refusal("role_lowered", "Your role on this robot is lower now. Ta
 ROBOT_DISABLED = Refusal("robot_disabled", "This robot is out of service: staff switched it off.", "robot")
 
 
-WARNING = timedelta(minutes=5)  # for a person in control, before a slot that was booked since ends it
+# If a slot is booked after another person took control, control ends at the earliest after this time, or
+# after half of a short slot (`schedule_for`).
+WARNING = timedelta(minutes=5)
 
 
 def schedule_for(user: UUID, schedule: Schedule, lease: LeaseState | None, now: datetime) -> Schedule:
-    """Return the schedule as it binds a person.
+    """Return the schedule that applies to a person.
 
-    For the holder, a slot of another person that was booked since they took control begins `WARNING` after that, at
-    the earliest; a slot that would soon be over then, after half of its time: its owner gets control, too.
+    If another person booked a slot after the holder took control, the slot begins for the holder at the
+    earliest `WARNING` after the booking. For a slot shorter than twice `WARNING`, half of the slot replaces
+    `WARNING`, so that the slot's owner gets control, too.
     """
     if lease is None or lease.user != user:
         return schedule
@@ -51,7 +54,7 @@ def _after_warning(held: Held, lease: LeaseState) -> Held:
 
 
 def out_of_service(robot: Robot) -> Refusal | None:
-    """Return why the robot cannot be driven by any person; None if it can."""
+    """Return why nobody can drive the robot; None if it can be driven."""
     if not robot.enabled:
         return ROBOT_DISABLED
     if robot.problems:
@@ -65,11 +68,12 @@ class Permit(Struct, frozen=True):
 
     until: datetime | None = None
     max_share: float = 1.0  # share of the robot's speed limits
-    whole_slot: bool = False  # a term lasts until then, without renewals
-    over: Refusal | None = None  # only by taking over, with a reason: the robot is booked by another person
+    whole_slot: bool = False  # a term lasts until `until`, without renewals
+    # The person may control only by taking over with a reason: another person has booked, or is next in line.
+    over: Refusal | None = None
 
     def narrowed_by(self, other: Permit) -> Permit:
-        """Return the narrower of both permits: the earlier end, the lower share."""
+        """Return a permit with the limits of both: the earlier end, the lower share."""
         ends = [until for until in (self.until, other.until) if until is not None]
         return Permit(
             until=min(ends, default=None),
@@ -87,8 +91,8 @@ class Subject(Struct, frozen=True):
     role: Role | None
     schedule: Schedule
     now: datetime
-    missing: tuple[Qualification, ...] = ()  # those that the robot demands and the person does not hold
-    line: tuple[Waiter, ...] = ()  # who waits for control, while nobody has it
+    missing: tuple[Qualification, ...] = ()  # the robot demands them, and the person does not hold them
+    line: tuple[Waiter, ...] = ()  # people who wait for control, if nobody has control
 
     @property
     def supervises(self) -> bool:
@@ -112,7 +116,8 @@ def require_active_account(subject: Subject) -> Permit | Refusal:
 def require_robot_in_service(subject: Subject) -> Permit | Refusal:
     """Refuse robots that are out of service, and limit the speed to the robot's own share.
 
-    Supervisors drive a robot in an out-of-service period, to repair it. Control of others ends when one begins.
+    Supervisors may drive in an out-of-service period, to repair the robot. Control of other people ends when
+    such a period begins.
     """
     if (refusal := out_of_service(subject.robot)) is not None:
         return refusal
@@ -148,9 +153,10 @@ def require_qualification(subject: Subject) -> Permit | Refusal:
 
 
 def require_booking(subject: Subject) -> Permit | Refusal:
-    """In a slot, permit its owner; in unbooked time everybody, until the next slot of another person begins.
+    """In a slot, permit its owner. In unbooked time, permit everybody until the next slot of another person begins.
 
-    A supervisor may take over in another person's slot, with a reason.
+    A booking policy can restrict unbooked time to supervisors and staff. A supervisor may take over in
+    another person's slot, with a reason.
     """
     schedule, me = subject.schedule, subject.user.id
     begins = next((held.slot.starts_at for held in schedule.next if held.person != me), None)
@@ -189,7 +195,7 @@ def require_turn(subject: Subject) -> Permit | Refusal:
 
 
 def _own_end(current: Held, schedule: Schedule) -> datetime:
-    """Return the end of the person's slot, with their slots that follow without a gap."""
+    """Return the end of the person's present slot, or of the last of their slots that follow without a gap."""
     end = current.slot.ends_at
     for held in schedule.next:
         if held.person != current.person or held.slot.starts_at > end:
@@ -199,7 +205,7 @@ def _own_end(current: Held, schedule: Schedule) -> datetime:
 
 
 def _until(moment: datetime, user: User, now: datetime) -> str:
-    """Return "until 15:00" in the person's zone, with the date if that is not today."""
+    """Return "until 15:00" in the person's time zone; with the date if it is not today."""
     if moment == FAR:
         return "until further notice"
     zone = zone_of(user.time_zone)
@@ -222,7 +228,7 @@ RULES: tuple[Rule, ...] = (
 
 
 def may_wait(subject: Subject) -> Refusal | None:
-    """Return why a person may not wait for control; a booking of another person or their turn is no reason."""
+    """Return why a person may not wait for control. Another person's booking or turn is no reason."""
     answer = permit_for(structs.replace(subject, schedule=Schedule(out=subject.schedule.out), line=()))
     return answer if isinstance(answer, Refusal) else None
 

@@ -8,7 +8,7 @@ from fleet.accounts.tokens.models import Scope
 from robots import wire
 from robots.wire import Refusal
 
-# Control is taken for any of these.
+# A token with any of these scopes may take control.
 ACTING = (Scope.DRIVE, Scope.SPEAK, Scope.MOTIONS, Scope.TOPICS)
 _NEEDED: dict[type, tuple[Scope, ...]] = {
     wire.Drive: (Scope.DRIVE,),
@@ -36,7 +36,7 @@ _NEEDED: dict[type, tuple[Scope, ...]] = {
 
 
 def needed_scopes(message: Any) -> tuple[Scope, ...]:
-    """Return the scopes of which a token needs one. Control is taken for anything that needs it."""
+    """Return the scopes of which a token needs at least one. Messages about control itself need one of `ACTING`."""
     return _NEEDED.get(type(message), ACTING)
 
 

@@ -44,7 +44,7 @@ ORDER BY w.since, w.id
 
 
 def lease_of(robot_id: UUID) -> LeaseState | None:
-    """Return the robot's lease as stored; it may have lapsed by the clock (`lease_checks.phase`)."""
+    """Return the robot's lease as stored. Its time may be over already (`lease_checks.phase`)."""
     return next(
         (_lease_state(*row) for _, *row in rows.read(_LEASES + "WHERE l.robot_id = %s", [robot_id])), None
     )
@@ -56,7 +56,7 @@ def held_leases() -> list[tuple[UUID, LeaseState]]:
 
 
 def line_of(robot_id: UUID, now: datetime) -> list[Waiter]:
-    """Return the people in line for control whose pages are still there, the first one first."""
+    """Return the people in line for control, the first person first. Their pages were open in the last `WAITS_S`."""
     lately = timedelta(seconds=WAITS_S)
     return [
         Waiter(key, rows.key(user), name, Tab(*tab), offer_until and rows.moment(offer_until))
@@ -86,18 +86,19 @@ def control_status(
 def subject_of(
     user: User, robot: Robot, now: datetime, line: Sequence[Waiter] = (), lease: LeaseState | None = None
 ) -> Subject:
-    """Return the facts by which the rules judge whether a person may control a robot, or the holder keep it."""
+    """Return the facts by which the rules judge whether a person may take control, or the holder may keep it."""
     missing = tuple(missing_qualifications(user, robot, now))
     schedule = schedule_for(user.pk, schedule_of(robot, now), lease, now)
     return Subject(user, robot, role_on(user, robot), schedule, now, missing, tuple(line))
 
 
 def end_notes(sessions: Collection[UUID]) -> dict[UUID, str]:
-    """Return the recorded words about the end of each of these control sessions, where there are any.
+    """Return the recorded sentence about the end of each of these control sessions, if there is one.
 
-    They are in the audit log only: they contain reasons and names, so they expire, and are deleted with a person.
+    These sentences are stored only in the audit log. They contain reasons and names, so they expire, and are
+    deleted when a person is erased.
     """
-    # Lower() makes SQLite use the index of sessions; by the index of kinds it would read every session's end.
+    # Lower() makes SQLite use the index of sessions. By the index of kinds it would read all sessions' ends.
     of_sessions = Record.objects.filter(session_id__in=sessions).alias(what=Lower("kind"))
     ends = of_sessions.filter(what="control.end", content__isnull=False)
     found = ends.values_list("session_id", "content__data")
@@ -114,8 +115,8 @@ def rights_of(
 ) -> dict[SignIn, Rights]:
     """Return each sign-in's rights on the robot; no rights if the robot is None (it was deleted).
 
-    It takes three queries for any number of people, one more if a sign-in ended or the robot demands a qualification,
-    and that of `schedule_of` unless the `schedule` is given.
+    This takes three queries for any number of people, one more if a sign-in ended or the robot demands a
+    qualification, and one more (`schedule_of`) if no `schedule` is given.
     """
     active = signed_in(people)
     users = {user.id: user for user in active.values()}

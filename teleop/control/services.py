@@ -1,9 +1,9 @@
 """All changes of control. Each one is one transaction together with its audit record.
 
-A change that is not allowed raises `ControlRefused`. Conditional updates decide races: if the lease changed since it
-was read, the change is refused. This module does not talk to bridges; its callers do, after the commit.
-`highest_fence` is the highest fence that the robot's bridge has seen: with it, a database that was restored
-from an older copy cannot assign a number twice.
+A change that is not allowed raises `ControlRefused`. Conditional updates decide races: if the lease changed
+since it was read, the change is refused. This module sends nothing to bridges; its callers do, after the
+commit. `highest_fence` is the highest fence that the robot's bridge has seen. A new fence is higher, so that
+a database that was restored from an older copy cannot assign a number twice.
 """
 
 from __future__ import annotations
@@ -43,7 +43,10 @@ _NO_REASON = Refusal("no_reason", "Say why you take over: the person reads it.",
 
 
 def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, now: datetime) -> LeaseState:
-    """Take control of a robot that no other person controls. From the same person's other tab it moves here."""
+    """Take control of a robot that no other person controls.
+
+    If the same person has control in another tab, control moves to this tab.
+    """
     with recorded_change():
         robot, user = robot_locked(robot_id), _user(user_id)
         before = lease_of(robot_id)
@@ -133,7 +136,7 @@ def lease_hand_over(
 
 
 def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> None:
-    """Start a new term. In one's own slot, lengthen the slot, while no other person has booked."""
+    """Start a new term. In the holder's own slot, lengthen the slot if no other person has booked the next time."""
     with recorded_change():
         robot, user = robot_locked(robot_id), _user(user_id)
         held = lease_of(robot_id)
@@ -159,14 +162,17 @@ def lease_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> N
 
 
 def lease_fit_slot(*, robot_id: UUID, before: LeaseState, until: datetime, now: datetime) -> None:
-    """End a term with the slot: earlier if another person's slot begins, later if the holder's own slot has begun."""
+    """Move the end of the term to `until`, and mark the holder's present slot, if any, as used.
+
+    The term ends earlier if another person's slot begins, and later if the holder's own slot has begun.
+    """
     with recorded_change():
         _change_lease(robot_id, before, {"term_ends_at": until})
         booking_used(robot_id=robot_id, person_id=before.user, now=now)
 
 
 def lease_store_seen(*, robot_id: UUID, session: UUID, connection: str, seen_at: datetime) -> None:
-    """Store the holder's last sign of life, if this connection still holds the lease."""
+    """Store when the holder's page sent its last message, if this connection still holds the lease."""
     mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)
     mine.update(seen_at=seen_at)
 
@@ -181,7 +187,10 @@ def lease_page_gone(*, robot_id: UUID, session: UUID, connection: str, now: date
 
 
 def lease_expire(*, robot_id: UUID, now: datetime) -> None:
-    """End a lease whose term or grace is over. Refused if it has just changed or its page was seen again."""
+    """End a lease whose term or grace time is over.
+
+    Raises ControlRefused if the lease has just changed, or if its page has sent a message again.
+    """
     with recorded_change():
         held = lease_of(robot_id)
         if held is not None and (why := lease_checks.lapse_reason(held, now)) is not None:
@@ -200,9 +209,10 @@ def lease_end(
     user_id: UUID | None = None,
     now: datetime,
 ) -> None:
-    """End this control session on whichever connection it is now. Does nothing if it is over.
+    """End this control session, whichever connection has it now. Does nothing if it is over.
 
-    Either its holder `user_id` releases it, or `refusal` says why: the right to control ended, or the bridge refused.
+    `user_id` is the person who ends it (None: the console does). `refusal` is the cause, unless the holder
+    releases control: the right to control ended, or the bridge refused.
     """
     note, why = (refusal.text, refusal.code) if refusal else ("", "")
     with recorded_change():
@@ -249,7 +259,7 @@ def _require(refusal: Refusal | None) -> None:
 
 
 def _allowed(value: T | None, refusal: Refusal | None) -> T:
-    """Return the value that a check allowed, after raising its refusal if there is one."""
+    """Return the value that a check allowed. Raises ControlRefused if the check returned a refusal."""
     _require(refusal)
     if value is None:
         raise AssertionError("A check allowed a missing value.")
@@ -280,7 +290,8 @@ def _permit(
 ) -> tuple[Role, Permit]:
     """Return the person's role and permit to control. Raises ControlRefused.
 
-    `line`: who waits for control, if nobody has it. `lease`: the present one, if its holder keeps control.
+    `line`: the people who wait for control, if nobody has control. `lease`: the present lease, if its holder
+    keeps control.
     """
     subject = subject_of(user, robot, now, line, lease)
     answer = permit_for(subject)
@@ -300,7 +311,7 @@ def _term_end(permit: Permit, now: datetime) -> datetime:
 
 
 def _slot_note(held: LeaseState, robot: Robot, now: datetime) -> str:
-    """Return the end of control in words if a slot, or an out-of-service period, ended it; else an empty text."""
+    """Return a sentence about the end of control if a slot or an out-of-service period ended it; else an empty text."""
     schedule = schedule_of(robot, now)
     if schedule.out is not None and schedule.out.slot.starts_at == held.term_ends_at:
         return f"The robot is out of service now ({schedule.out.label})."
@@ -321,7 +332,7 @@ def _assign(
     highest_fence: int,
     now: datetime,
 ) -> LeaseState:
-    """Replace the lease `before` with one of `user`, with a new control session and fence."""
+    """Replace the lease `before` with a lease of `user` that has a new control session and fence."""
     given = LeaseState(
         session=uuid4(),
         user=user.id,
@@ -333,7 +344,8 @@ def _assign(
         seen_at=now,
         started_at=now,
     )
-    # The lease first: the loser of a race waits here for the winner, and then finds the lease changed.
+    # Change the lease first: if two people take control at the same time, the second transaction waits here
+    # for the first, and then finds that the lease has changed.
     _change_lease(
         robot.id,
         before,
@@ -361,7 +373,7 @@ def _assign(
 
 
 def _free(robot_id: UUID, held: LeaseState, now: datetime, **still: Any) -> None:
-    """Empty the lease, if its columns still have the values in `still`. The next in line gets an offer, by the hub."""
+    """Empty the lease if its columns still have the values in `still`. The hub then offers control to the line."""
     empty = {
         "session": None,
         "tab": "",
@@ -375,7 +387,7 @@ def _free(robot_id: UUID, held: LeaseState, now: datetime, **still: Any) -> None
 
 
 def _change_lease(robot_id: UUID, before: LeaseState | None, to: dict[str, Any], **still: Any) -> None:
-    """Change the lease if it still equals `before` and `still`. Refused if another change was faster."""
+    """Change the lease if it still equals `before` and `still`. Raises ControlRefused if another change was faster."""
     Lease.objects.get_or_create(robot_id=robot_id)
     if _unchanged(robot_id, before).filter(**still).update(**to) == 0:
         text = "Another person was faster. Look who has control now."
@@ -402,7 +414,7 @@ def _end_session(
     note: str = "",
     why: str = "",
 ) -> None:
-    """End a control session once, and record how. `by` None: the console ended it by its rules.
+    """End a control session that has not ended yet, and record it. `by` None: the console ended it by its rules.
 
     `note` is the reason in words for the holder (`teleop.control.selectors.end_notes`), `why` its code for programs.
     """

@@ -29,7 +29,7 @@ class Rights(Struct, frozen=True):
 
     active: bool  # signed in, account active
     role: Role | None
-    permit: Permit | wire.Refusal  # to control
+    permit: Permit | wire.Refusal  # to control; or why not
 
     @property
     def supervises(self) -> bool:
@@ -42,17 +42,19 @@ class ControlStatus(Struct, frozen=True):
 
     read_at: datetime
     lease: LeaseState | None
-    line: list[Waiter]  # who waits for control, the first one first
-    endings: dict[UUID, SessionEnd]  # of the queried control sessions that are over
+    line: list[Waiter]  # people who wait for control, the first person first
+    endings: dict[UUID, SessionEnd]  # ends of the queried control sessions that are over
     rights: dict[tuple[UUID, str], Rights]  # of the queried people, by (user, session key)
     schedule: Schedule = Schedule()  # the robot's bookings
 
     def moved_term_end(self) -> datetime | None:
-        """Return when the term must end instead, because of a slot; None if it may stay as it is, or is not known.
+        """Return the new end of the term if a slot changes it.
 
-        A slot counts as used once its holder has control. So the lease must also be stored again when the slot is not
-        yet marked as used. Control of a supervisor ends when the slot of another person begins: to go on, they take
-        over with a reason.
+        Return None if the end does not change, or if the holder's permit is not known.
+
+        A slot counts as used once its owner has control. If the holder's slot is not yet marked as used, this
+        also returns an unchanged end: storing the end marks the slot. When another person's slot begins, a
+        supervisor's control ends. To continue, the supervisor must take over with a reason.
         """
         lease = self.lease
         if lease is None:
@@ -64,9 +66,8 @@ class ControlStatus(Struct, frozen=True):
         current = self.schedule.current
         if permit.over is not None and current is not None and lease.started_at < current.holds_from:
             return self.read_at
-        if (
-            not permit.whole_slot or permit.until is None
-        ):  # a slot that was given up leaves a term of free time
+        # A holder who gave up the slot keeps control no longer than for a term of unbooked time.
+        if not permit.whole_slot or permit.until is None:
             latest = lease_checks.term_end(self.read_at, settings.FLEET_CONTROL_TERM_S, permit.until)
             return latest if lease.term_ends_at > latest else None
         unused = current is not None and current.person == lease.user and not current.used
@@ -76,7 +77,7 @@ class ControlStatus(Struct, frozen=True):
 class RobotEntry(Struct, frozen=True):
     """One robot's entry in the registry."""
 
-    refusal: wire.Refusal | None  # why it cannot be driven now
+    refusal: wire.Refusal | None  # why the robot cannot be driven now; None: it can
     facts: wire.RobotFacts
     link: LinkAddress
     allowed: tuple[Allowed, ...]
@@ -133,7 +134,7 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
 def booked_slots(
     schedule: Schedule, user: UUID, now: datetime
 ) -> tuple[wire.Booked | None, wire.Booked | None]:
-    """Return the present booking with the seconds until its end, and the next with those until its start."""
+    """Return the present booking with the seconds until its end, and the next one with the seconds until its start."""
     current = schedule.current
     following = next(iter(schedule.next), None)
     return (
@@ -147,7 +148,7 @@ def _booked(held: Held, user: UUID, seconds: float) -> wire.Booked:
 
 
 def _offer_s(status: ControlStatus, user: UUID) -> float | None:
-    """Return for how many seconds more control is this person's to take; None if it is not offered to them."""
+    """Return for how many more seconds control is offered to this person; None if it is not offered."""
     turn = lease_checks.offered(status.line, status.read_at)
     if turn is None or turn.user != user or turn.offer_until is None:
         return None
@@ -171,7 +172,7 @@ def _refusal(rights: Rights) -> wire.Refusal | None:
 
 
 def change_key(control: wire.Control, status: ControlStatus) -> tuple[object, ...]:
-    """Return a key that differs if `control` changed, apart from its running seconds."""
+    """Return a key that changes when `control` changes, except for the seconds that count down."""
     return (
         control.state,
         control.holder,

@@ -1,6 +1,6 @@
 """Age of the camera picture by which the holder of control drives, as the holder's page reports it.
 
-A page that reports no more has an older and older picture: its last report ages with it.
+If the page stops reporting, the age of its last report grows with time.
 """
 
 from __future__ import annotations
@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 import time
 
-NOTICED_S = 0.5  # from this age on, the bridge is told of changes at once
-STEP_S = 0.2  # by so much the age changes before it is told again
-OLDEST_S = 5.0  # by then the speed limit is as low as it gets
+NOTICED_S = 0.5  # from this age on, changes are sent to the bridge at once
+STEP_S = 0.2  # smallest change of the age that is sent again
+OLDEST_S = 5.0  # at this age the speed limit has its lowest value
 
 
 class CameraViewAge:
@@ -18,14 +18,14 @@ class CameraViewAge:
 
     def __init__(self) -> None:
         self._taken_s: float | None = None  # monotonic clock; None: the page does not drive by a camera
-        self._told = 0  # steps beyond `NOTICED_S`
+        self._told = 0  # the age that was sent last, in steps beyond `NOTICED_S`
 
     def age_s(self) -> float | None:
         """Return the picture's age now in seconds; None: the page does not drive by a camera."""
         return None if self._taken_s is None else max(time.monotonic() - self._taken_s, 0.0)
 
     def take(self, age_ms: float | None) -> bool:
-        """Take a report. Return whether the picture became old, older, or newer again."""
+        """Store a report. Return whether the age has changed so much that it must be sent to the bridge at once."""
         self._taken_s = None if age_ms is None else time.monotonic() - age_ms / 1000.0
         told, self._told = self._told, _steps((age_ms or 0.0) / 1000.0)
         return told != self._told

@@ -1,6 +1,6 @@
 """Control of one robot by one connection: take it, keep it renewed, hand it over, lose it.
 
-Any door of the console can own a `ControlHolder`. Today the robot page does.
+Any interface of the console can own a `ControlHolder`. At present, only `RobotConsumer` does.
 """
 
 from __future__ import annotations
@@ -41,12 +41,15 @@ Report = Callable[[Control | Notice], Awaitable[None]]
 class ControlHolder:
     """One connection that has control of a robot, or may get it.
 
-    It follows the lease in the database, as the robot's hub reads it (`follow`). Requests (`take`, `hand_over` and so
-    on) only change the lease. So every way to get or lose control runs through `follow`.
+    The holder follows the lease in the database, as the robot's hub reads it (`follow`). Requests such as
+    `take` and `hand_over` only change the lease. So control always begins in `follow`. Control also ends in
+    `follow`, or earlier by `release`, `revoke`, `leave` or a refusal of the bridge.
 
-    It sends nothing to its client: it calls `report` with a `Control` when control changed, and with a `Notice` that
-    says why. `delay_s` returns the round trip time to the client in seconds (None: not known yet), `silent_s` the
-    seconds since it was last heard (None: it sends no stream of messages).
+    The holder sends nothing to its client. It calls `report` with a `Control` when control has changed, and
+    with a `Notice` that contains the reason. `delay_s` returns the round trip time to the client in seconds
+    (None: not known yet). `camera_s` returns the age of the camera picture by which the client drives (None:
+    not by a camera). `silent_s` returns the seconds since the client's last message (None: the client sends
+    no stream of messages).
 
     Requests raise ControlRefused, LinkRefused or DatabaseError.
     """
@@ -73,14 +76,14 @@ class ControlHolder:
         self._status: ControlStatus | None = None
         self._rights: Rights | None = None
         self._left = False  # a status that arrives after `leave` must not start a renewal
-        self._given_up: UUID | None = None  # never renew this session again, even if an older status names it
+        self._given_up: UUID | None = None  # never renew this session, even if an older status contains it
         self._store_end: Callable[[], None] | None = None  # stores the end of the session that was given up
         self._storing = asyncio.Lock()
         self._reported_key: tuple[object, ...] | None = None
         self._line: set[int] = set()  # ids of the waiters for this control
         self.waits = False  # this connection waits in line
-        self._offered = False  # control is offered to it
-        self._withdrew = False  # it left the line itself, even if an older status still lists it
+        self._offered = False  # control is offered to this connection
+        self._withdrew = False  # this connection left the line, even if an older status still contains it
 
     @property
     def lease(self) -> LeaseState | None:
@@ -89,24 +92,24 @@ class ControlHolder:
 
     @property
     def fence(self) -> int | None:
-        """Its fence."""
+        """The fence of its control; None without control."""
         return self._renewer.fence if self._renewer else None
 
     @property
     def session(self) -> UUID | None:
-        """Its control session."""
+        """Its control session; None without control."""
         return self._renewer.lease.session if self._renewer else None
 
     @property
     def role(self) -> Role | None:
-        """The role in which its person took control."""
+        """The role that the person had when they took control; None without control."""
         return self._renewer.lease.role if self._renewer else None
 
     # --- requests -----------------------------------------------------------------------------------
 
     async def take(self) -> None:
         """Take control of a robot that no other person controls."""
-        await self._end_lease()  # the database may still list the session that was given up here
+        await self._end_lease()  # the database may still contain the session that was given up here
         await self._change(services.lease_take, highest_fence=await self._highest_fence())
 
     async def take_over(self, reason: str) -> None:
@@ -124,7 +127,7 @@ class ControlHolder:
         await self._change(services.lease_renew)
 
     async def resume(self) -> None:
-        """Go on with the lease or the place in line of the same tab, after a reload or a network failure."""
+        """Continue with the lease or the place in line of the same tab, after a reload or a network failure."""
         status = self._status
         waiters = status.line if status else []
         waited = any(one.user == self._user_id and one.tab.is_same_tab(self.tab) for one in waiters)
@@ -139,20 +142,20 @@ class ControlHolder:
         except NotStored:
             raise
         except ControlRefused:
-            pass  # the lease lapsed a moment ago, or the right to control ended
+            pass  # the lease has just ended, or the right to control has ended
 
     async def release(self) -> None:
         """Release control. The robot stops first; then the end is stored."""
         if not self._give_up(EndReason.RELEASED, "You released control.", by=self._user_id):
             raise ControlRefused(NO_LEASE)
-        # A program that is told reads the robot at once: the end must be stored by then.
+        # Store the end before the report: a program may read the robot's state as soon as it gets the report.
         try:
             await self._end_lease()
         finally:
             await self._report_control()
 
     async def ask(self) -> None:
-        """Wait in line for control. The holder sees it."""
+        """Wait in line for control. The holder gets a notice."""
         self._withdrew = False
         await self._change(line.line_join)
 
@@ -179,7 +182,7 @@ class ControlHolder:
         return {"robot_id": self._hub.robot_id, "user_id": self._user_id, "tab": self.tab}
 
     async def _highest_fence(self) -> int:
-        """Return the highest fence that the bridge knows. LinkRefused: the robot is out of reach."""
+        """Return the highest fence that the bridge has seen. Raises LinkRefused if the robot is out of reach."""
         await self._hub.wait_for_link()
         link = self._hub.link
         if not link.up and link.refusal:
@@ -203,11 +206,11 @@ class ControlHolder:
             self._renewer.renew_soon()
 
     def revoke(self, refusal: Refusal) -> None:
-        """End control without a notice: the person may not even see the robot now."""
+        """End control without a notice, because the person may not see the robot any more."""
         self._give_up(EndReason.RIGHT, refusal.text, refusal=refusal)
 
     async def leave(self) -> None:
-        """Stop the robot at once and keep the lease for a while: the connection is gone, its client may come back."""
+        """Stop the robot at once, but keep the lease for a while: the connection is gone, but the client may return."""
         self._left = True
         renewer, self._renewer = self._renewer, None
         if renewer:
@@ -227,13 +230,13 @@ class ControlHolder:
         if mine and self._renewer:
             self._renewer.follow(mine)
         if mine and self._renewer is None and not self._left and isinstance(rights.permit, Permit):
-            self.waits = self._offered = False  # control answers its request
+            self.waits = self._offered = False  # the person has control, so waits no longer
             self._renewer = GrantRenewer(
                 self._hub,
                 mine,
                 permit=rights.permit,
                 answered=self._report_control,
-                # The bridge knows better: it has a higher fence, or another session under this one.
+                # The bridge decides: it has seen a higher fence, or another session with this fence.
                 refused=partial(self._end, EndReason.BRIDGE),
                 delay_s=self._delay_s,
                 camera_s=self._camera_s,
@@ -241,7 +244,7 @@ class ControlHolder:
             )
 
     def _is_mine(self, status: ControlStatus) -> bool:
-        """Return whether this connection has the lease, by the database."""
+        """Return whether this connection has the lease in the database."""
         lease = status.lease
         return (
             lease is not None
@@ -250,14 +253,14 @@ class ControlHolder:
         )
 
     async def _lost(self, renewer: GrantRenewer, status: ControlStatus) -> None:
-        """Stop renewing: another connection has the lease now, or it ended elsewhere."""
+        """Stop renewing: another connection has the lease now, or the lease has ended."""
         self._renewer = None
         session, lease = renewer.lease.session, status.lease
         if lease and lease.session == session and lease.tab.connection not in ("", self.tab.connection):
             renewer.pass_on()
             await self._report(notices.GOES_ON_ELSEWHERE)
             return
-        # A lease that is over by the clock is over, even while its end cannot be stored.
+        # If the end is not stored, the times of the lease give the reason.
         lapsed = lapse_reason(lease or renewer.lease, status.read_at) or "term"
         ending = status.endings.get(session) or SessionEnd(lapsed, "")
         renewer.revoke(ending.note or str(EndReason(ending.reason).label))
@@ -266,7 +269,8 @@ class ControlHolder:
     async def _end_if_right_ended(self, rights: Rights) -> None:
         """End control when the right to it ended.
 
-        Control also ends when the person's role is now lower than at the take: its tasks were started with that role.
+        Control also ends if the person's role is lower now than when they took control: their tasks were
+        started with the higher role.
         """
         renewer, permit = self._renewer, rights.permit
         if renewer is None:
@@ -277,7 +281,7 @@ class ControlHolder:
             await self._end(EndReason.RIGHT, ROLE_LOWERED)
 
     def _follow_speed_limit(self, rights: Rights) -> None:
-        """Send a changed speed limit with the next grant, at once."""
+        """Send a changed speed limit at once, with a new grant."""
         renewer, permit = self._renewer, rights.permit
         if renewer and isinstance(permit, Permit) and permit.max_share != renewer.permit.max_share:
             renewer.permit = permit
@@ -290,7 +294,7 @@ class ControlHolder:
     def _give_up(
         self, reason: EndReason, words: str, *, refusal: Refusal | None = None, by: UUID | None = None
     ) -> bool:
-        """End control at the bridge now, and store the end in the background. False: there was no control."""
+        """End control at the bridge now, and store the end in the background. Return False if there was no control."""
         renewer, self._renewer = self._renewer, None
         if renewer is None:
             return False
@@ -302,14 +306,14 @@ class ControlHolder:
         return True
 
     async def _end_lease(self) -> None:
-        """Store the end of the session that was given up, unless it is stored. ControlRefused: it cannot be stored."""
+        """Store the end of the session that was given up, unless it is stored. Raises ControlRefused if this fails."""
         async with self._storing:
             if (store := self._store_end) is not None:
                 await in_database(store)
                 self._store_end = None if self._store_end is store else self._store_end
 
     async def _keep_ending(self) -> None:
-        """Try again until the end is stored, even when the client is gone. It ends only this session."""
+        """Try until the end of this session is stored, even if the client is gone. No other session ends."""
         tries = 0
         while self._store_end is not None:
             try:
@@ -331,7 +335,7 @@ class ControlHolder:
             return
         if status.lease and status.lease.session == self._given_up:
             status = structs.replace(status, lease=None)
-        # Wait: the bridge has not answered the first grant, or control was lost and its end is not stored yet.
+        # Report later: the bridge has not answered the first grant, or the end of control is not stored yet.
         if self._is_mine(status) and not (self._renewer and self._renewer.is_answered):
             return
         control = control_message(status, user=self._user_id, tab=self.tab, rights=self._rights)
@@ -357,7 +361,7 @@ class ControlHolder:
 
 
 def _leave(robot_id: UUID, connection: str, session: UUID | None) -> None:
-    """Store that a connection is gone: its lease, or its place in line, may be resumed for a while."""
+    """Store that a connection is gone. Its lease or its place in line may be resumed for a while."""
     now = timezone.now()
     if session is not None:
         services.lease_page_gone(robot_id=robot_id, session=session, connection=connection, now=now)

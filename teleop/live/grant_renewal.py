@@ -20,15 +20,17 @@ log = logging.getLogger(__name__)
 
 GRANT_S = 3.0  # how long one grant lasts at the bridge
 RENEW_S = 1.0
-CONFIRMED_S = 2.0  # without confirmation by the database for so long, control is not renewed
+CONFIRMED_S = 2.0  # without confirmation by the database for this time, control is not renewed
 
 
 class GrantRenewer:
     """Renews the grant of one connection's lease from its start until `revoke`, `leave` or `pass_on`.
 
-    `answered` is called after the first grant, `refused` when the bridge refuses this control for good. `delay_s`
-    returns the round trip time to the page (None: not known yet); the bridge adds it to its latency. `silent_s`
-    returns the time since the client was last heard (None: it sends no stream): the bridge drives for no absent holder.
+    `answered` is called after the first grant, `refused` if the bridge's refusal of this control is final.
+    `delay_s` returns the round trip time to the page (None: not known yet); the bridge adds it to its
+    latency. `camera_s` returns the age of the camera picture by which the holder drives (None: not by a
+    camera). `silent_s` returns the time since the client's last message (None: the client sends no stream):
+    the bridge does not drive for an absent holder.
     """
 
     def __init__(
@@ -55,7 +57,7 @@ class GrantRenewer:
         self._silent_s = silent_s
         self._soon = asyncio.Event()
         self._ended = False
-        # Another connection may have had this lease: its drive input ends here, sequence numbers start again.
+        # Another connection may have had this lease: its drive input ends now, sequence numbers start again.
         hub.link.send(Pause(self.fence, "The page was opened again."))
         self._task = asyncio.create_task(self._keep_renewing())
 
@@ -71,7 +73,7 @@ class GrantRenewer:
         self._soon.set()
 
     def revoke(self, reason: str) -> None:
-        """End control: tell the bridge, and stop renewing."""
+        """End control: stop renewing, and inform the bridge."""
         self._end()
         self._hub.link.send(Revoke(self.fence, reason[:200]))
 
@@ -81,7 +83,7 @@ class GrantRenewer:
         self._hub.link.send(Pause(self.fence, "The page is gone."))
 
     def pass_on(self) -> None:
-        """Stop renewing without a word to the bridge: another connection of the same tab goes on with this grant."""
+        """Stop renewing, but send the bridge nothing: another connection of the same tab continues with this grant."""
         self._end()
 
     def _end(self) -> None:
@@ -90,8 +92,8 @@ class GrantRenewer:
 
     async def _keep_renewing(self) -> None:
         faulty = False  # a lasting fault is logged once
-        while not self._ended:  # before Python 3.12 `wait_for` may swallow the cancellation
-            self._soon.clear()  # before the attempt: what changes during it is sent at once afterwards
+        while not self._ended:  # before Python 3.12, `wait_for` may lose a cancellation
+            self._soon.clear()  # before the attempt: a change during the attempt is sent right after it
             try:
                 if (refusal := await self._try_grant()) is not None:
                     await self._refused(refusal)
@@ -115,11 +117,11 @@ class GrantRenewer:
             except LinkRefused as error:
                 if error.refusal.rule == "lease":
                     return error.refusal
-                # The bridge is down or slow. Its robot stands still by then, and the link informs the page.
+                # The bridge is down or slow: without a grant its robot stops, and the link informs the page.
         return None
 
     async def _grant(self) -> None:
-        """Send a grant that ends with the term: then the bridge ends control by its own clock."""
+        """Send a grant that ends with the term at the latest, so that the bridge ends control by its own clock."""
         left_s = (self.lease.term_ends_at - timezone.now()).total_seconds()
         if left_s <= 0.0:
             return

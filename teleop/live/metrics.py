@@ -1,4 +1,4 @@
-"""Metrics of the web process: what it forwards, its links and viewers."""
+"""Metrics of the web process: forwarded drive messages, links and viewers."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from robots.link.client import links
 from robots.processes.durations import buckets
 from teleop.live import robot_hub
 
-WEB = "web"  # the label with the number of the web process
+WEB = "web"  # the label with the process id of the web process
 
 
 class DrivingCollector(Collector):
-    """The figures of this process."""
+    """The metrics of this process."""
 
     def collect(self) -> Iterator[Metric]:
-        """Yield them. On the loop that forwards commands: nothing here waits."""
+        """Yield the metrics. Must not wait: this runs on the event loop that forwards drive input."""
         web, hubs = str(os.getpid()), robot_hub.open_hubs()
         names = [WEB, "robot"]
         forward = HistogramMetricFamily(
@@ -47,5 +47,5 @@ _registry.register(DrivingCollector())
 
 
 def own_metrics() -> bytes:
-    """Return them in the text format of Prometheus."""
+    """Return the metrics in the text format of Prometheus."""
     return generate_latest(_registry)

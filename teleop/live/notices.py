@@ -7,7 +7,7 @@ from teleop.control.lease_checks import GRACE_S, OFFER_S
 from teleop.control.status import SessionEnd
 from teleop.models import EndReason
 
-# info: people decided it. warning: the rules ended it, and the holder may want it back. error: something failed.
+# info: a person ended control. warning: the rules ended it, and the holder may want it back. error: a fault.
 _LEVELS: dict[EndReason, Level] = {
     EndReason.HANDED_OVER: "info",
     EndReason.MOVED: "info",
@@ -32,24 +32,24 @@ GOES_ON_ELSEWHERE = Notice("info", "elsewhere", "Control goes on in another tab.
 
 
 def control_ended(ending: SessionEnd) -> Notice:
-    """Tell the page that had control why it ended."""
+    """Return the notice for the page that had control, with the reason for its end."""
     reason = EndReason(ending.reason)
     text = _TEXTS.get(reason, ending.note) or str(reason.label)
     return Notice(_LEVELS[reason], reason.value, text)
 
 
 def control_ended_here(reason: EndReason, refusal: Refusal) -> Notice:
-    """Tell the page why control ended, where the reason is a refusal."""
+    """Return the notice for the page that had control, if a refusal ended it."""
     return Notice(_LEVELS[reason], refusal.code, f"Control ended: {refusal.text}")
 
 
 def access_revoked(refusal: Refusal) -> Notice:
-    """Tell a person that they may not see the robot any more."""
+    """Return the notice for a person who may not see the robot any more."""
     return Notice(_LEVELS[EndReason.RIGHT], refusal.code, refusal.text)
 
 
 def request_received(name: str) -> Notice:
-    """Tell the holder that another person waits for control."""
+    """Return the notice for the holder: another person waits for control."""
     return Notice("info", "asked", f"{name} asks for control.")
 
 

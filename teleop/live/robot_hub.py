@@ -1,8 +1,9 @@
 """The hub of one robot: its link, its feeds, and all its connections in this web process.
 
-The hub reads the database for all of them together: every 0.5 s for the holder of control and for connections that
-ask for it (`checked_often`), every 2 s for all. Control is renewed at the bridge only while these reads confirm it,
-so a stale read never prolongs control. A read also settles: it stores ends of leases and offers that are due.
+The hub reads the database for all connections together: every 0.5 s for the holder of control and for
+connections with `checked_often`, every 2 s for all. Control is renewed at the bridge only while these reads
+confirm it, so an old read never makes control longer. A read also stores the ends of leases and the offers
+that are due.
 """
 
 from __future__ import annotations
@@ -39,34 +40,34 @@ log = logging.getLogger(__name__)
 LINK_TRY_S = 5.0  # a busy computer needs a while to open a link
 LINK_WAIT_S = 0.5
 STATUS_S = 0.5
-REFRESH_S = 1.0  # shortest time between two requests to read again what the robot offers
-FULL_EVERY = 4  # one of so many reads covers everybody's rights and the registry
+REFRESH_S = 1.0  # shortest time between two requests to read the robot's capabilities again
+FULL_EVERY = 4  # one read out of this many covers everybody's rights and the registry
 
 
 class Member(Protocol):
-    """One connection to the robot: a page, or an application."""
+    """One connection to the robot: a page, or a program."""
 
     id: str
     person: SignIn
     name: str
     wants_views: bool
-    draws_joints: bool  # of the robot in 3D
+    draws_joints: bool  # the page draws the robot's joints in 3D
     heard_s: float  # monotonic time of its last message
 
     @property
     def held_session(self) -> UUID | None:
-        """The control session that it has."""
+        """Return the control session of this connection; None without control."""
 
     @property
     def waits(self) -> bool:
-        """Return whether it waits in line for control."""
+        """Return whether this connection waits in line for control."""
 
     @property
     def checked_often(self) -> bool:
-        """Return whether its person's rights are read every time, not only at full reads."""
+        """Return whether the person's rights are read every time, not only at full reads."""
 
     async def follow(self, status: ControlStatus) -> None:
-        """Take over the status of control, which the hub has just read."""
+        """Follow the status of control, which the hub has just read."""
 
     async def robot_edited(self, entry: RobotEntry) -> None:
         """The registry's entry of the robot changed."""
@@ -88,7 +89,7 @@ class Member(Protocol):
 
 
 class RobotHub:
-    """One robot in this web process (see the module). `join` makes it; it ends with its last member."""
+    """One robot in this web process (see the module). `join` creates the hub; the hub ends with its last member."""
 
     def __init__(self, robot_id: UUID, entry: RobotEntry) -> None:
         self.robot_id = robot_id
@@ -114,13 +115,13 @@ class RobotHub:
         self.viewers_changed()
 
     async def remove(self, member: Member) -> None:
-        """Remove a connection. The hub ends with its last one."""
+        """Remove a connection. The hub ends with its last connection."""
         self.members.pop(member.id, None)
         if self.members:
             self.viewers_changed()
             return
         _hubs.pop(self.robot_id, None)
-        self._reader.cancel()  # first: it might still subscribe to another link
+        self._reader.cancel()  # cancel this first: it might still subscribe to another link
         with suppress(asyncio.CancelledError):
             await self._reader
         self.link.unsubscribe(self)
@@ -128,14 +129,14 @@ class RobotHub:
         await self.views.close()
 
     def viewers_changed(self) -> None:
-        """Tell the bridge the names of the viewers, and whether one draws the robot's joints."""
+        """Send the bridge the names of the viewers, and whether a viewer draws the robot's joints."""
         viewers = [member for member in self.members.values() if member.wants_views]
         self.link.set_viewers(
             self, {member.name for member in viewers}, any(member.draws_joints for member in viewers)
         )
 
     def refresh_offers(self, member: Member) -> Refusal | None:
-        """Let the bridge read again what the robot offers; if it did so just now, inform `member`.
+        """Make the bridge read the robot's capabilities again. If it has just done so, send `member` the last result.
 
         Returns a refusal if the bridge is out of reach.
         """
@@ -150,11 +151,11 @@ class RobotHub:
         return None
 
     def _subscribe_topics(self, topics: Mapping[str, float]) -> None:
-        """Tell the bridge the subscribed topics and their rates in Hz."""
+        """Send the bridge the subscribed topics and their rates in Hz."""
         self.link.set_subscriptions(self, topics)
 
     async def wait_for_link(self) -> None:
-        """Wait until a new link is up, or a moment if the bridge could not be reached."""
+        """Wait until a new link is up; if the first attempt fails, wait only `LINK_WAIT_S` more."""
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self.link.tried.wait(), LINK_TRY_S)
             await asyncio.wait_for(self.link_is_up.wait(), LINK_WAIT_S)
@@ -164,7 +165,7 @@ class RobotHub:
     async def lease_changed(self) -> None:
         """Inform everybody, here and in other web processes, that this process changed the lease.
 
-        The change itself is stored: if this fails, the next regular read informs them.
+        The change is already stored: if this fails, the next regular read informs everybody.
         """
         await self._lease_events.publish()
         try:
@@ -173,7 +174,7 @@ class RobotHub:
             log.warning("A change of control of robot %s is not shown yet: %s", self.robot_id, error)
 
     async def read_status(self) -> None:
-        """Read the status of control for all members. On return, they know the status at the time of the call."""
+        """Read the status of control for all members. The status is at least as new as this call."""
         await self._read_status([member.person for member in self.members.values()])
 
     async def read_status_for(self, member: Member) -> None:
@@ -201,13 +202,13 @@ class RobotHub:
     def _read_all(
         self, people: Collection[SignIn], registry: bool
     ) -> tuple[RobotEntry | None, tuple[ControlStatus, float]]:
-        """Read with one connection: to open one takes most of the time."""
+        """Read all with one database connection: opening a connection takes most of the time."""
         return robot_entry(self.robot_id) if registry else None, self._read_and_settle(people)
 
     def _read_and_settle(self, people: Collection[SignIn]) -> tuple[ControlStatus, float]:
         """Read the status; store ends of leases and offers that are due.
 
-        Return the status and the monotonic time before the read: the answer may take long.
+        Return the status, and the monotonic time before the read, because the read may take long.
         """
         confirmed_s = time.monotonic()
         sessions = [member.held_session for member in list(self.members.values()) if member.held_session]
@@ -221,11 +222,11 @@ class RobotHub:
                 return status, confirmed_s
             with suppress(ControlRefused, DatabaseError):
                 lease_fit_slot(robot_id=self.robot_id, before=lease, until=until, now=status.read_at)
-                if until <= status.read_at:  # another person's slot has begun: the holder learns why
+                if until <= status.read_at:  # another person's slot has begun: end control with this reason
                     lease_expire(robot_id=self.robot_id, now=timezone.now())
             return self._read_again(people, sessions), confirmed_s
-        # The lease is over by the clock, even if its end cannot be stored. Its page may just have come back, or another
-        # process may be faster: then `lease_expire` refuses.
+        # The time of the lease is over, even if its end cannot be stored. If its page has just come back, or
+        # another process is faster, `lease_expire` refuses.
         with suppress(ControlRefused, DatabaseError):
             self._store_seen()
             lease_expire(robot_id=self.robot_id, now=status.read_at)
@@ -246,7 +247,7 @@ class RobotHub:
     def _store_seen(self) -> None:
         """Store when the holder's page last sent a message: with a cut network the connection still looks open.
 
-        Store too which waiting pages are there.
+        Also store which pages of waiters are open.
         """
         for member in list(self.members.values()):
             if session := member.held_session:
@@ -291,7 +292,7 @@ class RobotHub:
             await in_database(self._store_seen)
 
     async def _read_who_sees(self, people: Collection[SignIn]) -> None:
-        """Read whether these people, none of whom drives, may still see the robot: all else waits for a full read."""
+        """Read whether these people may still see the robot. Nobody has control, so the rest is read at a full read."""
         if not (await in_database(who_sees, people, self.robot_id)).issuperset(people):
             await self._read_status(people)
 
@@ -353,7 +354,8 @@ class RobotHub:
 
 
 _hubs: dict[UUID, RobotHub] = {}
-forwards: dict[str, Durations] = defaultdict(Durations)  # by robot: drive messages, until they are sent on
+# By robot: how long drive messages take, from arrival until they are sent on.
+forwards: dict[str, Durations] = defaultdict(Durations)
 
 
 def open_hubs() -> list[RobotHub]:

@@ -91,7 +91,7 @@ def _recorded(given: Any) -> Any:
 
 
 class _Answered(Struct):
-    """The part of a `wire.TopicAnswer` that matters here."""
+    """The field of a `wire.TopicAnswer` that this module reads."""
 
     refusal: wire.Refusal | None = None
 

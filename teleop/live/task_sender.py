@@ -1,6 +1,7 @@
-"""Task requests of one connection: checks the person's role, passes them to the bridge, and answers each one once.
+"""Task requests of one connection: checks the person's role, sends them to the bridge, and answers each request once.
 
-Tasks are all requests of people to a robot except driving: motions, speech, publishing, topic choice.
+Tasks are all requests to a robot except drive input: motions, speech, publishing, head, limbs, choice of
+topics, and drives by a distance or angle or to a place.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from teleop.live.robot_hub import RobotHub
 log = logging.getLogger(__name__)
 
 MAX_PENDING = 8  # requests per connection
-LATE_S = 2.0  # for reading a place: a robot that drives off later would surprise people
+LATE_S = 2.0  # for reading a place: nobody expects a robot to start later
 
 _NOT_YOURS = Refusal(
     "no_lease", "Only the person in control, supervisors and staff may cancel a running task.", "lease"
@@ -59,19 +60,19 @@ class TaskOwner(Protocol):
 
     @property
     def role_in_control(self) -> Role | None:
-        """The role with which its person took control."""
+        """The role that the person had when they took control."""
 
     async def answer(self, answer: Accepted | Refused) -> None:
         """Send the answer to a request."""
 
 
 class TaskSender:
-    """The task requests of one connection. Refuses those that its person may not make; the bridge judges the others."""
+    """The task requests of one connection. Refuses those that the person may not make; the bridge checks the others."""
 
     def __init__(self, owner: TaskOwner) -> None:
         self._owner = owner
         self._pending = 0
-        self._goes = 0  # drives to a place that were asked for, and their cancels
+        self._goes = 0  # number of requested drives to a place and their cancels
 
     async def start(self, request: TaskRequest) -> None:
         """Send a request to the bridge. Its answer arrives in the background: drive input never waits for it."""
@@ -106,9 +107,10 @@ class TaskSender:
         return check_role(self._owner.rights, needed, topic) or self._check_role_at_take(needed, topic)
 
     def _check_role_at_take(self, needed: Role | None, topic: str) -> Refusal | None:
-        """Require the role already at the take: a role that rose counts from the next take on.
+        """Require that the person had the role already when they took control.
 
-        Otherwise a task could outlive the later loss of that role.
+        A role that the person got later counts after they take control again. Otherwise a task could go on
+        after the person has lost this role.
         """
         role_at_take = self._owner.role_in_control
         if needed is None or role_at_take is None or role_at_take >= needed:
@@ -139,7 +141,11 @@ class TaskSender:
             await self._answer(request, refusal)
 
     async def _named(self, request: wire.Go) -> wire.Go:
-        """Return the request with the place's coordinates. Raises `NotDone`, also if it was cancelled meanwhile."""
+        """Return the request with the place's coordinates.
+
+        Raises `NotDone`, also if the request was cancelled during the read, or if the read took longer than
+        `LATE_S`.
+        """
         number, asked_s = self._goes, time.monotonic()
         found = await in_database(_to_place, request, self._owner.hub.robot_id)
         if self._goes != number:

@@ -66,7 +66,7 @@ class TopicViewer:
                     "too_many_subscriptions", text, "wire", {"topic": topic, "limit": MOST_SUBSCRIPTIONS}
                 )
         self.subscriptions[topic] = Subscription(rate_hz)
-        self.news.set()  # another connection may have subscribed already: then the newest sample is here
+        self.news.set()  # if another connection has subscribed already, the newest sample is here
         self._feed.changed()
         return None
 
@@ -88,7 +88,7 @@ class TopicViewer:
         self._feed.changed()
 
     async def _keep_showing(self) -> None:
-        while self in self._feed.viewers:  # before Python 3.12 `wait_for` may swallow the cancellation
+        while self in self._feed.viewers:  # before Python 3.12, `wait_for` may lose a cancellation
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self.news.wait(), self._pause_s())
             self.news.clear()
@@ -97,7 +97,7 @@ class TopicViewer:
                     try:
                         await self._show(topic)
                     except OSError:
-                        return  # the connection is gone; its consumer notices that itself
+                        return  # the connection is gone; its consumer detects this itself
                     except Exception:
                         log.exception("A sample of %s was not sent.", topic)
 
@@ -136,9 +136,9 @@ class TopicViewer:
 
 
 class TopicFeed:
-    """The newest sample of each topic of one robot that a connection of this web process subscribes to.
+    """The newest sample of each topic of one robot to which a connection of this web process subscribes.
 
-    It calls `request` with all subscribed topics and their rates (Hz) when these change.
+    The feed calls `request` with all subscribed topics and their rates (Hz) when these change.
     """
 
     def __init__(self, request: Callable[[Mapping[str, float]], None]) -> None:
@@ -162,11 +162,11 @@ class TopicFeed:
                 viewer.news.set()
 
     def clear(self) -> None:
-        """Forget all samples: the robot is out of reach, so they are outdated."""
+        """Delete all samples: the robot is out of reach, so they are too old."""
         self.newest.clear()
 
     def changed(self) -> None:
-        """Add up the subscriptions of all viewers; the highest rate of a topic counts."""
+        """Combine the subscriptions of all viewers; the highest rate of a topic counts."""
         rates_hz: dict[str, float] = {}
         for viewer in self.viewers:
             for topic, subscription in viewer.subscriptions.items():

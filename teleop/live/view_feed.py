@@ -17,11 +17,10 @@ log = logging.getLogger(__name__)
 
 Send = Callable[[dict[str, Any]], Awaitable[None]]
 
-ROUND_TRIPS = 40  # measured for the delay: about four seconds of views
+ROUND_TRIPS = 40  # the delay is computed from so many: about four seconds of views
 DELAY_QUANTILE = 0.95
-FULL_RATE_VIEWERS = (
-    30  # so many viewers get every view; with twice as many each gets every second one, and so on
-)
+# Up to this number of viewers, each gets every view; with twice as many, each gets every second view, etc.
+FULL_RATE_VIEWERS = 30
 
 
 class Viewer:
@@ -98,7 +97,7 @@ class ViewFeed:
         """Send the newest view to one viewer."""
         viewer.shown = self.number
         viewer.sent_s = time.monotonic()
-        with suppress(OSError):  # the connection is gone; its consumer notices that itself
+        with suppress(OSError):  # the connection is gone; its consumer detects this itself
             await viewer.send(self._newest)
 
     async def close(self) -> None:

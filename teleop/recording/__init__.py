@@ -1,1 +1,1 @@
-"""Records that web processes write: refusals, camera viewers, repeated events as one."""
+"""Records that web processes write: refusals and camera viewings. Repeated events share one record."""

@@ -1,8 +1,9 @@
 """Records who watched a robot's camera: from the first picture shown to the last.
 
-The log must also prove that a camera was not watched, so each viewing has its own records, however short: a start and
-an end. A long viewing is recorded in parts of `PART_S`: a part open for longer was left by a web process that died. If
-a person starts viewings so often that their record budget is used up, the next picture is shown later.
+The log must also prove that a camera was not watched. So each viewing, however short, has its own records: a
+start and an end. A long viewing is recorded in parts of `PART_S`, so a part that is open for much longer
+belongs to a web process that died. If a person starts viewings so often that their record budget is used up,
+the next picture is shown later.
 """
 
 from __future__ import annotations
@@ -40,19 +41,18 @@ PICTURES = frozenset(
     }
 )
 PART_S = 3600.0
-ABANDONED_AFTER = timedelta(seconds=2 * PART_S)  # open for so long: its web process died, its end is unknown
-SEARCHED = timedelta(days=30)  # abandoned viewings are searched so far back
+ABANDONED_AFTER = timedelta(seconds=2 * PART_S)  # then the web process has died, and the end is unknown
+SEARCHED = timedelta(days=30)  # older abandoned viewings are not searched
 
 TOO_MANY_CAMERAS = Refusal("busy", "You opened cameras very often: this one is shown in a moment.", "audit")
 
 _budgets = RecordBudgets()
-_small_budgets = (
-    RecordBudgets()
-)  # of small pictures: a page full of thumbnails must not withhold a driver's camera
+# Separate for small pictures, so that a page full of small pictures does not delay the camera of the holder.
+_small_budgets = RecordBudgets()
 
 
 class _Shown(Struct):
-    """The part of a `wire.Sample` that matters here."""
+    """The fields of a `wire.Sample` that this module reads."""
 
     topic: str = ""
     type: str = ""
@@ -62,9 +62,9 @@ class _Shown(Struct):
 _shown = msgspec.json.Decoder(_Shown)
 
 
-@lru_cache(maxsize=64)  # all viewers get the same text: it is decoded once
+@lru_cache(maxsize=64)  # all viewers get the same text, so it is decoded only once
 def _camera_of(message: str) -> str | None:
-    """Return the topic, if this sample is a picture."""
+    """Return the topic if this sample is a picture, else None."""
     shown = _shown.decode(message)
     return shown.topic if shown.type in PICTURES and shown.refusal is None else None
 
@@ -91,8 +91,8 @@ class CameraAudit:
     def may_view(self, camera: str, *, small: bool = False) -> bool:
         """Return whether a picture of this camera may be shown. It starts or continues a viewing.
 
-        `small`: the page asked for small pictures. False: the person's record budget is used up, so the viewing could
-        not be recorded.
+        `small`: the page asked for small pictures. Returns False if the person's record budget is used up:
+        the viewing could not be recorded.
         """
         viewing = self._open.get(camera)
         if viewing is not None and time.monotonic() - viewing.since_s > PART_S:
@@ -123,7 +123,7 @@ class CameraAudit:
             await in_database(_record_end, start, self._user, round(duration_s, 1), outcome)
 
     def _record_start(self, camera: str) -> Record | None:
-        """Record the start. If that fails, it is logged and the camera is shown all the same."""
+        """Record the start. A failure is logged, and the camera is still shown."""
         try:
             return audit.record(
                 "camera.start",
@@ -147,7 +147,7 @@ def _record_end(start: Record, user: User, duration_s: float, outcome: str) -> N
 
 
 def close_abandoned(now: datetime) -> Iterator[None]:
-    """Record an end, step by step, for viewings that a dead web process left open. Their outcome is "unknown"."""
+    """Record an end with the outcome "unknown" for each viewing that a dead web process left open. Yield after each."""
     ends = Record.objects.filter(of=OuterRef("pk"), kind="camera.end")
     starts = Record.objects.filter(kind="camera.start", at__gt=now - SEARCHED, at__lt=now - ABANDONED_AFTER)
     for start in starts.exclude(Exists(ends)).order_by("id"):

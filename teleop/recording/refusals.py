@@ -1,8 +1,8 @@
 """Records refusals: requests of people that were not carried out, from any interface, with their figures.
 
-A separate thread writes them, so that no answer waits for the database. Repeated refusals (same person, robot and code)
-are suppressed: the first is written at once, further ones within `GAP_S` in one record with their number `times`, as
-far as the person's record budget allows.
+A separate thread writes them, so that no answer waits for the database. Repeated refusals (same person,
+robot, control session and code) share records: the first refusal is recorded at once; more refusals within
+`GAP_S` share one record with their number `times`. If the person's record budget is used up, records wait.
 """
 
 from __future__ import annotations
@@ -24,9 +24,8 @@ logger = logging.getLogger(__name__)
 
 GAP_S = 10.0
 PACING_GAP_S = 600.0
-PACING = frozenset(
-    {"too_old", "out_of_order", "flood", "busy"}
-)  # refused because of its timing, not its content
+# Codes of messages that were refused because of their timing, not their content.
+PACING = frozenset({"too_old", "out_of_order", "flood", "busy"})
 
 Key = tuple[UUID, UUID | None, UUID | None, str]
 
@@ -40,7 +39,7 @@ class RefusedRequest(NamedTuple):
     refusal: Refusal
     robot_id: UUID | None = None
     robot_name: str = ""
-    session_id: UUID | None = None  # the person's control session there, if they have control
+    session_id: UUID | None = None  # the person's control session of this robot, if any
     fence: int | None = None
 
     @property
@@ -60,7 +59,7 @@ class RefusedRequest(NamedTuple):
 
 
 def write_record(refused: RefusedRequest, times: int) -> None:
-    """Write one record of a request that was refused so many times. A failure is logged; the person sees no error.
+    """Write one record of a request that was refused `times` times. A failure is only logged; the person sees no error.
 
     Figures that are text may contain names or typed text, so they expire; numbers stay.
     """

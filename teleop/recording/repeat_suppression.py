@@ -1,8 +1,9 @@
-"""Few records for repeated events: the first is written at once, repeats within some seconds in one record.
+"""Few records for repeated events: the first event is recorded at once, repeats within some seconds share one record.
 
-Each person also has a record budget (`RECORDS_PER_S`, `RECORDS_BURST`) for all interfaces and codes together, except
-for camera viewings, which have two of their own (`camera_audit`). Without
-budget, records wait and keep counting. So no person can make the log grow faster, and no event is lost.
+Each person also has a record budget (`RECORDS_PER_S`, `RECORDS_BURST`) in each `RepeatSuppressor`, for all
+interfaces and codes together. Camera viewings have two more budgets (`camera_audit`). If the budget is used
+up, records wait, and repeats are still counted. So no person can make the log grow faster, and no event is
+lost within the limit `MOST`.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from robots.bridge.server.flood_limits import TokenBucket
 
 logger = logging.getLogger(__name__)
 
-MOST = 500  # keys waiting at once, where people can choose the keys; further events are only logged
-MOST_PER_PERSON = 100  # of these: one person must not take the places of others
+MOST = 500  # keys that wait at once, if people can choose the keys; events of more keys are only logged
+MOST_PER_PERSON = 100  # of these keys, so that one person does not use up the places of others
 RECORDS_PER_S = 0.2  # per person and web process
 RECORDS_BURST = 30.0
-_SPARED = 1000  # keys remembered that were written without using the budget
+_SPARED = 1000  # number of keys to remember whose first record used no budget
 
 
 class Event(Protocol):
@@ -78,7 +79,7 @@ class _Repeats(Generic[E]):
 
 
 class RepeatSuppressor(Generic[E]):
-    """Collects repeated events and writes them in a thread that lives only while there is something to write."""
+    """Collects repeated events and writes them in a thread that runs only while there is something to write."""
 
     def __init__(self, write: Callable[[E, int], None], *, most: int | None = MOST) -> None:
         self._write = write
@@ -131,7 +132,7 @@ class RepeatSuppressor(Generic[E]):
                 logger.exception("An event that happened %d times was not recorded.", due[1])
 
     def _next(self) -> tuple[E, int] | None:
-        """Wait for the next due event; return it with its number of times. None: no event is waiting."""
+        """Wait for the next due event; return it and how many times it happened. None: no event is waiting."""
         with self._changed:
             while self._waiting:
                 repeats = min(self._waiting.values(), key=lambda repeats: repeats.due_s)
@@ -152,7 +153,7 @@ class RepeatSuppressor(Generic[E]):
             return None
 
     def _wait_s(self, event: E, now_s: float) -> float:
-        """Return how long its record must wait for the person's budget."""
+        """Return for how many seconds the event's record must wait for the person's budget."""
         if not event.deferrable and event.key not in self._spared:
             self._spared[event.key] = None
             if len(self._spared) > _SPARED:

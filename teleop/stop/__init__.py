@@ -1,1 +1,1 @@
-"""Doors of the emergency stop and the clear: pages, forms, programs. `robots.stop` delivers them to the robots."""
+"""The emergency stop and its clear, for pages, forms and programs. `robots.stop` delivers stops to the robots."""

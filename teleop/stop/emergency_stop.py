@@ -1,4 +1,6 @@
-"""Emergency stop: sent first, reported when the bridge answers, recorded in the background. It waits for no database.
+"""Emergency stop: sent first, reported when the bridge answers, recorded in the background.
+
+A stop never waits for the database.
 
 Every press is sent. Repeated presses share records (`teleop.recording.repeat_suppression`).
 """
@@ -37,12 +39,13 @@ Outcomes = dict[Robot, Result]
 
 
 class Press(NamedTuple):
-    """A press to record; `answer` holds its result in the end."""
+    """A press of a stop button that must be recorded. `answer` gets the result later."""
 
     person: User
     through: str  # interface: robot page, fleet page, page, rest
     robot_id: UUID
-    first_press: UUID | None  # the press that stopped the robot: this one, or the one that this one repeats
+    # The press that stopped the robot: this one, or the earlier press that this one repeats; None: not known.
+    first_press: UUID | None
     answer: Future[Result]
 
     @property
@@ -57,15 +60,16 @@ class Press(NamedTuple):
 
     @property
     def deferrable(self) -> bool:
-        """A press that stopped a robot is written at once. Any other press may be a repeat."""
+        """Return whether the record may wait: a press that stopped a robot is recorded at once, a repeat is not."""
         return self.first_press is None
 
 
 class StopButton:
     """One page's stop button for one robot.
 
-    Each press is sent at once, except those of a flood: they become one more press after the bridge has answered.
-    `failed` is called with a refusal if the bridge did not confirm the last press.
+    Each press is sent at once, except presses beyond the flood limit: one more press is sent for all of them
+    after the bridge has answered. `failed` is called with a refusal if the bridge did not confirm the last
+    press.
     """
 
     def __init__(self, user: User, through: str, failed: Callable[[Refusal], Awaitable[None]]) -> None:
@@ -84,12 +88,15 @@ class StopButton:
         if self._answer is None:
             self._answer = self._begin(link)
         elif flood or not link.send(stop_message(link.robot_id, self._user.display_name, press=uuid4())):
-            self._again = True  # no link: other ways are being tried now; press once more after that
+            self._again = True  # flood, or no link: press once more after the running press has its answer
         pressed = Press(self._user, self._through, link.robot_id, self._first_press, self._answer)
         asyncio.get_running_loop().call_soon(press_records.add, pressed)  # only after the press is sent
 
     def _is_cleared(self, link: BridgeLink) -> bool:
-        """Return whether a press now is no repeat. The stop's number shows a state older than the last press."""
+        """Return whether the robot is not stopped, so that a press now is no repeat.
+
+        If the state's stop number is lower than the last one, the state is older than the last press.
+        """
         if self._answer is not None or link.state is None:
             return False
         stop = link.state.stop
@@ -127,7 +134,7 @@ async def _send(link: BridgeLink, by: str) -> Result:
 
 
 def write_record(last: Press, times: int) -> None:
-    """Record so many presses with the control session that they interrupt, and later the result of the last one."""
+    """Record `times` presses and the control session that they interrupt; later, record the last press's result."""
     try:
         _record(last, times)
     finally:
@@ -163,14 +170,13 @@ def _record(last: Press, times: int) -> None:
         last.answer.add_done_callback(on_answer)
 
 
-press_records = RepeatSuppressor(
-    write_record, most=None
-)  # no limit: people cannot choose these keys (person, robot, interface)
+# No limit, because people cannot choose these keys (person, robot, interface).
+press_records = RepeatSuppressor(write_record, most=None)
 atexit.register(press_records.flush)
 
 
 async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -> None:
-    """Clear stop `number`, after checking this person's right and recording it.
+    """Clear stop `number`, after checking and recording that this person may clear it.
 
     Raises ControlRefused or LinkRefused.
     """

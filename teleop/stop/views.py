@@ -1,7 +1,8 @@
 """Emergency stop by HTTP, for programs and for pages without a live connection.
 
-A request by a person who may stop the robot must succeed even if the rest of the request is malformed. So content is
-not negotiated, and the body is read only for a form's CSRF token when no header contains it.
+A request by a person who may stop the robot must succeed even if the rest of the request is malformed. So
+these views negotiate no content type. They read the body only to find a form's CSRF token, if no header
+contains it.
 """
 
 from __future__ import annotations
@@ -42,7 +43,10 @@ View = Callable[..., HttpResponse]
 
 
 class _CsrfCheck(CsrfViewMiddleware):
-    """Django's own check of the origin and of the token: in the header, else in the body if that is readable."""
+    """Django's own check of the origin and of the CSRF token.
+
+    The token is in a header, or else in the body, if the body is readable.
+    """
 
     def _reject(self, request: HttpRequest, reason: str) -> HttpResponse:
         if not (request.path.startswith("/api/") or wants_json(request)):
@@ -55,7 +59,7 @@ class _CsrfCheck(CsrfViewMiddleware):
         return _refused(Refusal("permission_denied", text, "account"), 403)
 
     def check(self, request: HttpRequest) -> HttpResponse | None:
-        """Return the refusal of a request that another site may have forged; None if it passes."""
+        """Return the refusal of a request that another site may have forged; None if the request passes the check."""
         try:
             from_header = "HTTP_X_CSRFTOKEN" in request.META
             if from_header:
@@ -69,12 +73,12 @@ class _CsrfCheck(CsrfViewMiddleware):
 
 
 def _not_exempt() -> HttpResponse:
-    """Serve as the view of which the check reads whether it is exempt."""
+    """Stand in for the checked view: Django's check reads here that the view is not exempt."""
     return HttpResponse()
 
 
 def _leave_body_unread(request: HttpRequest) -> None:
-    """Treat the request as one without a form."""
+    """Make Django treat the request as one without a form."""
     parts: dict[str, Any] = {"_post": QueryDict(), "_files": MultiValueDict()}
     request.__dict__.update(parts)
 
@@ -83,7 +87,7 @@ _csrf = _CsrfCheck(lambda _request: HttpResponse())
 
 
 def _stop_view(view: View) -> View:
-    """Wrap a view that stops robots with its only checks: method, session, CSRF."""
+    """Wrap a view that stops robots with its only checks: the method, and a token or a session with CSRF."""
 
     def checked(request: HttpRequest, **parameters: Any) -> HttpResponse:
         if request.method != "POST":
@@ -100,7 +104,10 @@ def _stop_view(view: View) -> View:
 
 
 def _token(request: HttpRequest) -> Token | None:
-    """Return the token of a program that is not signed in: it stops what it may see, whatever its scopes."""
+    """Return the token of a program without a session.
+
+    A token of any scope may stop every robot that it may see.
+    """
     if isinstance(request.user, User) or not request.path.startswith("/api/"):
         return None
     scheme, _space, text = request.headers.get("Authorization", "").partition(" ")
@@ -157,7 +164,7 @@ def _by_rest(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
 
 
 def _by_page(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
-    """Answer with JSON, or a page that writes nothing: on a full disk the answer must still say what was done."""
+    """Answer with JSON or a page. The page writes nothing to the disk, so the answer works even on a full disk."""
     outcomes = emergency_stop.press_once(robots, user=person_of(request), through="page")
     by_slug, status = emergency_stop.http_answer(outcomes)
     text = _text(outcomes)
@@ -185,7 +192,7 @@ def _names(outcomes: emergency_stop.Outcomes, kind: type) -> str:
 
 
 def _refused(refusal: Refusal, status: int, **headers: str) -> HttpResponse:
-    """Answer a problem document (RFC 9457), as the API does; with `text`, as the pages read it."""
+    """Return a problem document (RFC 9457), as the API does. Pages read its field `text`."""
     said = {"figures": {}, **msgspec.to_builtins(refusal)}
     title = HTTPStatus(status).phrase
     problem = {"type": "about:blank", "title": title, "status": status, "detail": refusal.text, **said}

@@ -1,7 +1,7 @@
 """The WebSocket of the calendar: a hint whenever a booking, a policy or an out-of-service period changed.
 
-The hint says no more: the page reads again what its person may see. All changes stand in the audit log, whichever
-process made them; one reader looks there for all calendars of this web process.
+The hint contains no details: the page then reads the bookings again that its person may see. The audit log
+contains the changes of all processes. One reader checks it for all calendars of this web process.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ KINDS = ("booking.", "policy.", "robot.out_of_service", "robot.back_in_service")
 
 
 class BookingsConsumer(MessageSocket):
-    """One calendar. It hears of a change within `CHECK_S`, and once when it opens."""
+    """One calendar. It gets a hint about `CHECK_S` after a change, and one hint when it opens."""
 
     async def on_open(self) -> None:
-        """Begin to listen."""
+        """Send the first hint, and subscribe to changes."""
         await self.send_message(wire.BookingsChanged())
         _reader.join(self)
 
     async def on_close(self) -> None:
-        """Listen no more."""
+        """Unsubscribe from changes."""
         _reader.leave(self)
 
     async def on_message(self, raw: str) -> None:
@@ -48,7 +48,7 @@ class BookingsConsumer(MessageSocket):
 
 
 class _Reader:
-    """Looks into the log while anybody listens."""
+    """Reads the audit log while a calendar is open."""
 
     def __init__(self) -> None:
         self._listeners: set[BookingsConsumer] = set()
@@ -71,7 +71,7 @@ class _Reader:
             try:
                 if read_to is None:
                     read_to = await in_database(newest_record)
-                    await self._tell()  # of what happened before this
+                    await self._tell()  # there may have been changes before this
                 lines = await in_database(lines_after, read_to)
             except DatabaseError as error:
                 log.warning("Calendars hear of no changes now: %s", error)

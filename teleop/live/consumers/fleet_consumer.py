@@ -37,7 +37,7 @@ log = logging.getLogger(__name__)
 
 RIGHTS_S = 2.0
 SLOW_S = 1.0  # between two updates when no important value changed
-FAST_S = 0.1  # and when one did
+FAST_S = 0.1  # between two updates when one changed
 
 _SILENT = Refusal(
     "bridge_silent", "The robot’s bridge does not answer: it or its computer is busy or frozen.", "robot"
@@ -56,7 +56,7 @@ class VisibleRobot(Struct, frozen=True):
     link: LinkAddress
     may_clear: bool
     schedule: Schedule  # its bookings
-    user: UUID  # of the page
+    user: UUID  # the page's person
 
 
 class FleetConsumer(MessageSocket):
@@ -154,7 +154,7 @@ class FleetConsumer(MessageSocket):
         await self.answer(Refused("clear", _with_slug(refusal, slug)))
 
     def refused_request(self, of: str, refusal: Refusal) -> RefusedRequest:
-        """Name the person only: the record of a stop names its robot."""
+        """Return the refusal with the person only: the record of a stop contains the robot."""
         return RefusedRequest(self.user, self.through, of, refusal)
 
     # --- updates -----------------------------------------------------------------------------------

@@ -1,7 +1,8 @@
 """Base of all WebSocket consumers: typed messages, flood limit, refusals.
 
-Channels' own loop needs a task and a thread switch for each message: 0.3 ms, most of the time that drive input spends
-here. This loop passes each message directly to `on_message`; slow work runs in the background.
+Channels' own loop needs a task and a thread switch for each message. They take 0.3 ms: most of the time that
+drive input spends in this process. This loop passes each message directly to `on_message`; slow work runs in
+the background.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from teleop.recording.refusals import RefusedRequest
 log = logging.getLogger(__name__)
 
 FLOOD_PER_S = 200.0  # messages; a joystick sends 30
-FLOOD_BURST = 400.0  # a stall of some seconds may leave so many messages behind
+FLOOD_BURST = 400.0  # so many messages may wait after a stall of some seconds
 FLOOD_CLOSES_AFTER = 400  # messages refused for flooding
 REPLIES_PER_S = 10.0  # refusals that are sent; more are only counted
 REPLIES_BURST = 20.0
@@ -110,7 +111,7 @@ class MessageSocket(AsyncConsumer):
     def on_message_now(self, raw: str) -> bool:
         """Act at once on a text message that arrived while no other waits.
 
-        False: not done; the message comes to `on_message` in its turn.
+        Return False if it was not handled: then `on_message` gets the message in its turn.
         """
         return False
 
@@ -145,7 +146,7 @@ class MessageSocket(AsyncConsumer):
     async def refuse(
         self, of: str, refusal: Refusal, seq: int | None = None, fence: int | None = None
     ) -> None:
-        """Count and record a message that is not carried out, and tell the client why, at most `REPLIES_PER_S`."""
+        """Count and record a message that is not carried out. Send the client the reason, at most `REPLIES_PER_S`."""
         self._record_refusal(of, refusal)
         if self._replies.spend(time.monotonic()):
             await self.send_message(Refused(of, refusal, seq, fence))

@@ -41,7 +41,8 @@ from teleop.stop import emergency_stop
 
 log = logging.getLogger(__name__)
 
-_DRIVE = '{"t":"drive",'  # pages start a drive message so; any other spelling takes the slower way
+# Pages start a drive message with this text; any other spelling is handled more slowly, by `on_message`.
+_DRIVE = '{"t":"drive",'
 
 _HELLO_FIRST = Refusal("hello_first", "The first message is hello.", "wire")
 
@@ -53,7 +54,7 @@ class RobotConsumer(RobotSocket):
 
     def __init__(self) -> None:
         super().__init__()
-        self.control: ControlHolder | None = None  # from hello on
+        self.control: ControlHolder | None = None  # None until the page sends hello
         self.viewer: Viewer | None = None
         self.camera_view = CameraViewAge()
 
@@ -71,7 +72,7 @@ class RobotConsumer(RobotSocket):
             self.hub = robot_hub.join(self.robot_id, entry, self)
 
     async def on_close(self) -> None:
-        """Stop the robot at once; the lease waits for the page to come back."""
+        """Stop the robot at once. The lease can be resumed if the page comes back."""
         if not self.joined:
             return
         self.requests.close()
@@ -176,7 +177,7 @@ class RobotConsumer(RobotSocket):
     async def _not_now(self, message: wire.BrowserMessage, refusal: Refusal) -> None:
         await self.refuse(kind_of(message), refusal)
         if isinstance(message, wire.Hello):
-            # A page says hello once per connection. It reconnects by itself, and then says it again.
+            # A page sends hello once per connection. After the close it reconnects, and sends hello again.
             await self.close(CloseCode.TRY_AGAIN, refusal.text)
 
     async def _hello(self, hello: wire.Hello) -> None:
@@ -241,12 +242,12 @@ class RobotConsumer(RobotSocket):
 
     @property
     def fence(self) -> int | None:
-        """Its fence."""
+        """The fence of this page's control; None without control."""
         return self.control.fence if self.control else None
 
     @property
     def role_in_control(self) -> Role | None:
-        """The role with which its person took control."""
+        """The role that the person had when they took control; None without control."""
         return self.control.role if self.control else None
 
     async def follow(self, status: ControlStatus) -> None:
@@ -263,28 +264,28 @@ class RobotConsumer(RobotSocket):
             self.viewer.is_driver = self.fence is not None
 
     async def robot_edited(self, entry: RobotEntry) -> None:
-        """The registry's entry of the robot changed."""
+        """Send the page the changed entry of the robot."""
         await self._welcome()
         self.report_bridge_gone()
 
     def link_changed(self, up: bool, refusal: Refusal | None) -> None:
-        """Renew control when the link is up again; tell the page when the bridge is gone."""
+        """Renew control if the link is up again. Inform the page if the bridge is gone."""
         if up and self.control:
             self.control.renew_soon()
         self.report_bridge_gone()
 
     def offers_changed(self, offers: Offers) -> None:
-        """Tell the page what the robot offers now. A page that has not said hello yet learns it then."""
+        """Send the page the robot's capabilities. A page that has not sent hello yet gets them after its hello."""
         if self.wants_views:
             run_in_background(self.send_message(offers))
 
     def path_changed(self, path: GoPath) -> None:
-        """Tell the page the path of the robot's navigation."""
+        """Send the page the path of the robot's navigation."""
         if self.wants_views:
             run_in_background(self.send_message(path))
 
     def ended_at_bridge(self, ended: Ended) -> None:
-        """Send the grant again: the bridge ended this control, and refuses it now if that is final."""
+        """Send the grant again: the bridge ended this control. If the end is final, the bridge refuses the grant."""
         if self.control and ended.fence == self.fence:
             self.control.renew_soon()
 
@@ -309,6 +310,6 @@ class RobotConsumer(RobotSocket):
             await self.send_message(wire.Welcome(wire.PROTOCOL, self.name, role, self.hub.entry.facts))
 
     def report_bridge_gone(self) -> None:
-        """Tell the page that the bridge is gone. A page that has not said hello yet learns it then."""
+        """Inform the page that the bridge is gone. A page that has not sent hello yet is informed after its hello."""
         if self.control is not None:
             super().report_bridge_gone()

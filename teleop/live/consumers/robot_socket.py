@@ -21,7 +21,7 @@ from teleop.recording.refusals import RefusedRequest
 
 
 class RobotSocket(MessageSocket):
-    """Base of the WebSockets about one robot: a member of its hub (`robot_hub.Member`) that ignores its events."""
+    """Base of the WebSockets about one robot: a member of the hub (`robot_hub.Member`) that ignores its events."""
 
     through: str  # name of this interface in the audit log
     hub: robot_hub.RobotHub
@@ -50,7 +50,7 @@ class RobotSocket(MessageSocket):
         return entry
 
     def opens(self, *scopes: Scope) -> bool:
-        """Return whether a token has one of these scopes. A person's page has all."""
+        """Return whether the connection's token has one of these scopes. A page has no token, but all scopes."""
         return self.token is None or any(self.token.opens(scope) for scope in scopes)
 
     @property
@@ -59,7 +59,7 @@ class RobotSocket(MessageSocket):
         return hasattr(self, "hub")
 
     def refused_request(self, of: str, refusal: Refusal) -> RefusedRequest | None:
-        """Name the person, the robot, and the control session of this connection."""
+        """Return the refusal with the person, the robot, and the control session of this connection."""
         if not self.joined:
             return None
         return RefusedRequest(
@@ -83,12 +83,12 @@ class RobotSocket(MessageSocket):
 
     @property
     def held_session(self) -> UUID | None:
-        """None: no control."""
+        """None: this connection has no control."""
         return None
 
     @property
     def waits(self) -> bool:
-        """False: it does not wait for control."""
+        """False: this connection does not wait for control."""
         return False
 
     @property
@@ -122,7 +122,7 @@ class RobotSocket(MessageSocket):
         self.report_bridge_gone()
 
     def report_bridge_gone(self) -> None:
-        """Tell the client that the bridge is gone, if it is."""
+        """Inform the client if the bridge is gone."""
         refusal = self.hub.entry.refusal or self.hub.link.refusal
         if refusal and not self.hub.link.up:
             run_in_background(

@@ -1,4 +1,4 @@
-"""The WebSocket of a robot's topics: for the topics tab, and for applications."""
+"""The WebSocket of a robot's topics, for the topics tab and for programs."""
 
 from __future__ import annotations
 
