@@ -1,4 +1,4 @@
-"""Benchmarks of script/bench: `__main__` lists their modules, each of which has a function `measure`.
+"""Benchmarks of script/bench: `__main__` lists their modules. Each module has a function `measure`.
 
-docs/figures.md promises the figures and their limits. `soak` and `attacks` are those of script/soak.
+docs/figures.md lists the promised figures and their limits. script/soak runs `soak` and `attacks`.
 """

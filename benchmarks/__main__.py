@@ -38,7 +38,7 @@ VARIABLES = (
 
 
 def main() -> int:
-    """Returns the exit status: 0 if every figure holds."""
+    """Return the exit status: 0 if all figures are within their limits."""
     parser = argparse.ArgumentParser(
         prog="script/bench", description="Without a name, lists what there is.", epilog=VARIABLES
     )

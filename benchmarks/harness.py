@@ -16,7 +16,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Figure:
-    """One measured number; it holds if it is at most its limit, or has no limit."""
+    """One measured number. It holds if it is not above its limit, or if it has no limit."""
 
     name: str
     value: float
@@ -25,11 +25,11 @@ class Figure:
 
     @property
     def holds(self) -> bool:
-        """Return whether the limit holds; a value that is not a number was not measured and breaks it."""
+        """Return whether the limit holds. NaN means "not measured" and breaks the limit."""
         return self.limit is None or self.value <= self.limit
 
     def beside_limit(self) -> str:
-        """Such as ``p50 0.61 <= 0.8 ms ok``."""
+        """Return the figure with its limit as text, such as ``p50 0.61 <= 0.8 ms ok``."""
         if self.limit is None:
             return f"{self.name} {self.value:.3g} {self.unit}"
         sign, word = ("<=", "ok") if self.holds else (">", "TOO MUCH")
@@ -37,7 +37,7 @@ class Figure:
 
 
 def quantile(values: Sequence[float], share: float) -> float:
-    """Return the value that `share` of the values do not exceed; not a number if there are no values."""
+    """Return the value that `share` of the values do not exceed; NaN if there are no values."""
     return float(np.quantile(values, share, method="higher")) if values else float("nan")
 
 

@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 
 from benchmarks.attacks.figures import ENDED_ZERO_S, TIMES, Limits
 
-QUICK = 50  # more than 20 presses: their p99 would be the worst one
+QUICK = 50  # more than the other 20 presses, whose p99 would only be the worst press
 Side = Literal["ros", "web", "incident"]
 
 
@@ -27,7 +27,7 @@ class Attack(NamedTuple):
 
     @property
     def section(self) -> int:
-        """1: from a robot's network, and incidents at a bridge; 2: at the web port."""
+        """Return the section: 1: from a robot's network, and incidents at a bridge; 2: at the web port."""
         return 2 if self.side == "web" else 1
 
 

@@ -22,7 +22,7 @@ from robots import wire
 from script.stack.client import Driver, open_socket
 from script.stack.stack import Stack
 
-PAGES = ("page", "fleet page")  # these get no answer: a page shows the robot's state
+PAGES = ("page", "fleet page")  # a press gets no answer here: the page shows the robot's state
 NAMES = (*PAGES, "REST", "form")  # in turn
 COMMAND_LINE = "command line"  # each tenth press
 EVERY = 10
@@ -153,7 +153,7 @@ class Doors:
         return (await self._command_line.stdout.readline()).decode().strip()
 
     async def _keep_fleet_page(self) -> None:
-        """Open it again whenever it closes, as its script does."""
+        """Keep the fleet page's WebSocket open: connect again when it closes, as the page's script does."""
         while True:
             with suppress(*FAULTS):
                 async with open_socket(self._stack, "/ws/fleet/", self._cookie) as socket:

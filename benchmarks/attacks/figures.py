@@ -12,14 +12,14 @@ ZERO_S = 0.35  # from a press to the first zero, worst
 ENDED_ZERO_S = 1.0  # the same if the attack ends the bridge
 ANSWER_S = 2.5  # from a press to the answer of REST, form or command line, worst: after 2 s it is "pending"
 GAP_S = 0.1  # between two zeros while latched
-TIMES = 1.5  # of the usual p99, under attacks of strangers at the web port
+TIMES = 1.5  # times the usual p99, under attacks of strangers at the web port
 GOOD_ANSWERS = (": sent", ": no page", ": 200", ": 202", ": stopped", ": pending")
 STILL_RADPS = 0.01
 
 
 @dataclass(frozen=True)
 class Press:
-    """One press of the stop. Infinite: not within the time limit."""
+    """One press of the stop. An infinite time: not within the time limit."""
 
     door: str
     zero_s: float  # until the first zero
@@ -36,9 +36,11 @@ class Taken:
     quick: list[tuple[str, float]] = field(default_factory=list)  # door and seconds until the first zero
     delays_s: list[float] = field(default_factory=list)  # of drive commands that arrived
     sent: int = 0  # drive commands
-    lost: int = 0  # of these, never seen on the drive topic
+    lost: int = 0  # commands of `sent` that were never seen on the drive topic
     control_lost: int = 0  # times
-    halts: dict[str, int] = field(default_factory=dict)  # not made by the driver, by code
+    halts: dict[str, int] = field(
+        default_factory=dict
+    )  # number of halts that the driver did not cause, by code
     bridge_mb: tuple[float, float] = (math.nan, math.nan)  # before, maximum
     web_mb: tuple[float, float] = (math.nan, math.nan)
     records: int = 0  # added to the audit log
@@ -74,11 +76,11 @@ class Limits:
 
     zero_s: float = ZERO_S
     gap_s: float | None = GAP_S
-    times: float | None = None  # of the usual p99, for stop and drive
+    times: float | None = None  # times the usual p99, for stop and drive
 
 
 def _least_and_most(ours: tuple[float, float], theirs: tuple[float, float]) -> tuple[float, float]:
-    """Combine two slots: start of the first, and the maximum of both."""
+    """Combine two slots: return the start of the first, and the maximum of both."""
     if math.isnan(theirs[0]):
         return ours
     return theirs if math.isnan(ours[0]) else (ours[0], max(ours[1], theirs[1]))
@@ -110,7 +112,10 @@ def figures(taken: Taken, usual: Taken, limits: Limits) -> list[Figure]:
 
 
 def broken(measured: Sequence[Figure], taken: Taken) -> list[str]:
-    """Return the broken limits in words. A good answer of a door says that the stop is confirmed, or pending."""
+    """Return the broken limits in words, and bad answers of doors.
+
+    Good: the stop is confirmed, or pending.
+    """
     faults = [taken.fault] if taken.fault else []
     faults += [f"answer of a door: {answer}" for answer in taken.answers if not answer.endswith(GOOD_ANSWERS)]
     return faults + [one.beside_limit() for one in measured if not one.holds]

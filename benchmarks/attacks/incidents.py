@@ -18,7 +18,10 @@ FROZEN_S = 3.0
 
 
 class Incident(NamedTuple):
-    """`strike` returns an async function that undoes it; `presses_s` are the seconds from strike to each press."""
+    """`strike` returns an async function that undoes the incident.
+
+    `presses_s`: seconds from strike to each press.
+    """
 
     strike: Callable[[Stack], Awaitable[Callable[[], Awaitable[None]]]]
     presses_s: tuple[float, ...]
@@ -26,7 +29,7 @@ class Incident(NamedTuple):
 
 
 async def freeze(stack: Stack) -> Callable[[], Awaitable[None]]:
-    """SIGSTOP for three seconds."""
+    """Stop the bridges with SIGSTOP for three seconds."""
     frozen = bridges(stack)
     for bridge in frozen:
         os.kill(bridge, signal.SIGSTOP)
@@ -46,14 +49,14 @@ def _continue(frozen: list[int]) -> None:
 
 
 async def kill(stack: Stack) -> Callable[[], Awaitable[None]]:
-    """kill -9."""
+    """Kill the bridges with SIGKILL."""
     for bridge in bridges(stack):
         os.kill(bridge, signal.SIGKILL)
     return _nothing
 
 
 async def shut_down(stack: Stack) -> Callable[[], Awaitable[None]]:
-    """A stranger calls the node's shutdown method."""
+    """Call the node's shutdown method, as a stranger can."""
     await asyncio.to_thread(_shut_down, stack.robots[ROBOT].master_uri)
     return _nothing
 
@@ -64,7 +67,7 @@ def _shut_down(master_uri: str) -> None:
 
 
 async def take_name(stack: Stack) -> Callable[[], Awaitable[None]]:
-    """A node with the bridge's name registers and leaves at once: the master asks the bridge to shut down."""
+    """Register a node with the bridge's name, and end it at once: the master asks the bridge to shut down."""
     await asyncio.to_thread(_take_name, stack.robots[ROBOT].master_uri)
     return _nothing
 

@@ -1,7 +1,7 @@
 """Attackers on a robot's network: ``python -m benchmarks.attacks.ros_side ROLE SECONDS``, master in ROS_MASTER_URI.
 
-Each ends after SECONDS, or at SIGTERM, and unregisters its nodes at the master. Most of them are defined in
-`tests.ros.strangers`, which tests use too.
+Each attacker ends after SECONDS, or at SIGTERM, and unregisters its nodes at the master. Most attackers are
+defined in `tests.ros.strangers`, which tests use too.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def long_type(master_uri: str) -> Iterator[None]:
 
 @contextmanager
 def long_result(_master_uri: str) -> Iterator[None]:
-    """End each requested motion at once, with 9 MB of text."""
+    """End each requested motion at once, with a result of 9 MB of text."""
     join("long_result")
     kind = message_class("play_motion_msgs/PlayMotionActionResult")
     publisher = rospy.Publisher(f"{MOTIONS}/result", kind, queue_size=4)
@@ -67,7 +67,7 @@ def long_result(_master_uri: str) -> Iterator[None]:
 
 @contextmanager
 def large_pictures(master_uri: str) -> Iterator[None]:
-    """A second depth camera, of 12 million pixels."""
+    """Publish as a second depth camera of 12 million pixels."""
     width, height = PIXELS
     size = struct.pack("<II", height, width) + text("32FC1") + struct.pack("<BI", 0, 4 * width)
     pixels = framed(struct.pack("<f", 3.0) * (width * height))
@@ -143,7 +143,7 @@ def again(attack: Attack) -> Attack:
 
 @contextmanager
 def navigate(_master_uri: str) -> Iterator[None]:
-    """Turn the robot all the time, as navigation with a lower mux priority than the console. Not an attack."""
+    """Turn the robot all the time, like navigation with a lower mux priority. This is not an attack."""
     join("navigate")
     twist = message_class("geometry_msgs/Twist")
     publisher = rospy.Publisher("/nav_vel", twist, queue_size=1, tcp_nodelay=True)

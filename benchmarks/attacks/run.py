@@ -34,7 +34,8 @@ IN_FORCE_S = 1.5  # from an attacker's start until its attack has effect
 LONGEST_S = 90.0  # life of an attacker
 SAMPLE_S = 0.25
 BACK_S = 60.0
-CALM_S, CHECK_S, BUSY = 15.0, 0.5, 0.6  # at most so long, checked so often, until less of a core is busy
+# After an attack: wait at most CALM_S, check every CHECK_S, until less than this share of a core is busy.
+CALM_S, CHECK_S, BUSY = 15.0, 0.5, 0.6
 
 Row = tuple[str, Sequence[Figure], Sequence[str]]
 
@@ -220,7 +221,7 @@ async def _slot(scene: Scene, taken: Taken, doors: Sequence[str], quick: int = 0
 
 @asynccontextmanager
 async def _watched(stack: Stack, taken: Taken) -> AsyncIterator[None]:
-    """Memory use and growth of the audit log during a slot."""
+    """Context: measure memory use and growth of the audit log during a slot."""
     before, began_s = _records(stack), time.monotonic()
     sampling = asyncio.create_task(_sample(stack, taken))
     try:

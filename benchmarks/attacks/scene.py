@@ -1,4 +1,4 @@
-"""A person who drives, repeated stops, and the messages that the robot gets, while other software also drives."""
+"""A person who drives, repeated stops, and the messages to the robot, while other software also drives."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ BRAKED_S = 1.2  # after the first zero
 ZERO_PATIENCE_S, CONFIRMED_PATIENCE_S = 5.0, 6.0
 READY_S = 30.0  # until control is back, without an attack
 ATTACKED_S = 4.0  # the same under attack; then the stop is pressed without control
-HOPELESS = 4  # after so many presses in a row that did not reach the robot the slot ends
-LIFE_S = 0.3  # of a command: a command that is under way at the press need not arrive
+HOPELESS = 4  # the slot ends after this number of presses in a row that did not reach the robot
+LIFE_S = 0.3  # of a command: a younger command at the press is not counted as lost
 OWN_HALTS = {"stopped", "stop_cleared", "control_taken"}
 FAULTS = (OSError, ConnectionClosed, WebSocketException, TimeoutError, asyncio.TimeoutError)
 
 
 class LostError(RuntimeError):
-    """The console, or control, did not come back."""
+    """The console did not answer again, or control could not be taken again."""
 
 
 class Scene:
@@ -88,7 +88,10 @@ class Scene:
         await driver.drive(0.0, self._numbers.turn(number), SHARE)
 
     async def ready(self, patience_s: float = READY_S) -> Driver:
-        """Return a page with control of a robot that is not stopped. LostError after `patience_s`."""
+        """Return a page with control of a robot that is not stopped.
+
+        Raises `LostError` after `patience_s`.
+        """
         end_s = time.monotonic() + patience_s
         while True:
             try:
@@ -120,7 +123,7 @@ class Scene:
         return driver
 
     async def leave(self) -> None:
-        """Close the page. Control that ends with it is not lost."""
+        """Close the page. Control ends with the page: this does not count as lost control."""
         self._had_control = False
         driver, self._driver, self._doors.driver = self._driver, None, None
         if driver is not None:
@@ -128,7 +131,7 @@ class Scene:
                 await asyncio.wait_for(driver.__aexit__(None, None, None), 5.0)
 
     async def play(self) -> None:
-        """Ask for a motion, while the base stands."""
+        """Request a motion, while the base stands."""
         driver = await self.ready()
         await asyncio.sleep(0.5)
         with suppress(*FAULTS):
@@ -138,7 +141,7 @@ class Scene:
     # --- a press -------------------------------------------------------------------------------------
 
     async def press(self, door: str, number: int) -> None:
-        """Drive, press at this door, hold the stop, clear. Results go to `taken`."""
+        """Drive, press at this door, wait with the stop latched. Add the results to `taken`."""
         before = await self._drive(READY_S if self.calm else ATTACKED_S)
         pressed_s = self._doors.press(door)
         zero_s, confirmed_s = await asyncio.gather(
@@ -152,7 +155,10 @@ class Scene:
         self._note_drive(pressed_s)
 
     async def press_quickly(self, door: str) -> None:
-        """Drive for a moment, press at this door, clear: many quick presses give the distribution of the delay."""
+        """Drive for a moment, and press at this door.
+
+        Many quick presses give the distribution of the delay.
+        """
         before = await self._drive(READY_S if self.calm else ATTACKED_S, QUICK_S)
         pressed_s = self._doors.press(door)
         zero_s, _ = await asyncio.gather(self._first_zero(pressed_s), self._confirmed(before, pressed_s))
@@ -160,7 +166,7 @@ class Scene:
         self.taken.quick.append((door, zero_s))
 
     async def strike(self, incident: Incident, doors: list[str]) -> None:
-        """Drive, strike, press at several doors while the bridge is away, hold until all is confirmed, clear."""
+        """Drive, strike, press at several doors while the bridge is away, and wait for the confirmed stop."""
         before = await self._drive(READY_S)
         self._note_drive(time.monotonic())
         struck_s = time.monotonic()
@@ -180,9 +186,9 @@ class Scene:
             self._note(door, pressed_s, confirmed_s - pressed_s)
 
     async def _drive(self, patience_s: float, driven_s: float = DRIVEN_S) -> int:
-        """Drive for a moment, if control comes within `patience_s`. Returns the number of the last stop.
+        """Drive for a moment, if control comes within `patience_s`. Return the number of the last stop.
 
-        Without control: LostError, except under attack.
+        Raises `LostError` without control, except under attack.
         """
         try:
             driver = await self.ready(patience_s)
@@ -195,7 +201,7 @@ class Scene:
         self._sent.clear()
         self._drives = True
         if driver is not None:
-            with suppress(*FAULTS):  # after a stop the stick rests first
+            with suppress(*FAULTS):  # after a stop the stick is neutral first
                 await self._observer.until(
                     lambda: any(not seen.still for seen in self._observer.commands), 1.0
                 )
@@ -203,7 +209,7 @@ class Scene:
         return driver.state.stop.number if driver and driver.state else 0
 
     async def _first_zero(self, pressed_s: float) -> float:
-        """Seconds after the press; infinite if there was none."""
+        """Return the seconds from the press to the first zero; infinite: there was none."""
 
         def zero() -> bool:
             commands = self._observer.commands
@@ -219,7 +225,7 @@ class Scene:
     async def _confirmed(
         self, before: int, pressed_s: float, patience_s: float = CONFIRMED_PATIENCE_S
     ) -> float:
-        """Seconds until the driver's page shows the stop."""
+        """Return the seconds from the press until the driver's page shows the stop; infinite: it did not."""
         end_s = pressed_s + patience_s
         while (now_s := time.monotonic()) < end_s:
             driver = self._driver
@@ -298,7 +304,7 @@ class Scene:
 
 @asynccontextmanager
 async def scene_on(stack: Stack, driver: str, presser: str, seed: int) -> AsyncIterator[Scene]:
-    """Context: a scene; `driver` and `presser` are cookies of the person who drives and of the one who stops."""
+    """Context: a scene. `driver`, `presser`: the cookies of the people who drive and who press the stop."""
     async with (
         Observer(stack.robots[ROBOT], "truth") as observer,
         Doors(stack, presser) as doors,

@@ -49,7 +49,7 @@ class Target:
     done: dict[str, int] = field(default_factory=dict)
 
     def count(self, what: str, number: int = 1) -> None:
-        """Count for the last line of output."""
+        """Add to a count, which the last line of output shows."""
         self.done[what] = self.done.get(what, 0) + number
 
     async def connect(self, source: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
@@ -112,7 +112,7 @@ async def _guess(target: Target, source: str, cookie: str, token: str, number: i
 
 
 async def bodies(target: Target) -> None:
-    """Send 500 MB to one URL after the other, as far as the console accepts them; two at once."""
+    """Send 500 MB to one URL after the other, two at the same time, as far as the console reads them."""
     paths = ("/accounts/sign-in/", "/api/v1/stop/", "/", "/robots/tiago-1/stop/", "/nowhere/", "/static/x.js")
     turns = cycle(paths)
 
@@ -288,7 +288,7 @@ def _text_frame(text: bytes) -> bytes:
 
 
 async def _kept(target: Target, number: int, talk: Callable[[str], Awaitable[None]]) -> None:
-    """Keep this number of connections; open one again 0.25 s after the console ends it."""
+    """Keep this number of connections open. Open a connection again 0.25 s after the console ended it."""
 
     async def again(source: str) -> None:
         while True:

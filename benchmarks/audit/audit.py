@@ -29,7 +29,7 @@ VERIFIED_S = 10.0
 VERIFIED_COUNT = 100_000  # largest log to which this limit applies
 WRITTEN_S = 5.0
 WRITERS = 4  # processes: two web processes and two bridges
-GROWN_MB = 50.0  # of memory, for an export of everything
+GROWN_MB = 50.0  # growth of memory during an export of everything
 SIDE = "import django; django.setup(); from benchmarks.audit.database_side import main; main()"
 TITLES = {
     "speechrecord": "Speech history",
@@ -91,7 +91,10 @@ def sqlite() -> Iterator[dict[str, str]]:
 
 @contextmanager
 def own_postgresql() -> Iterator[dict[str, str]]:
-    """Context: the same on a server, which forces every commit to the disk, as in production."""
+    """Context: the environment of a process with an empty log on a server.
+
+    The server writes every commit to the disk, as in production.
+    """
     with ExitStack() as stack:
         url = stack.enter_context(postgresql())
         with psycopg.connect(url, autocommit=True) as server:

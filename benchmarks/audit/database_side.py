@@ -1,7 +1,7 @@
-"""The audit log's side of a benchmark: a process with its own database; prints measurements as JSON.
+"""The audit log's side of a benchmark: a process with its own database. It prints measurements as JSON.
 
-reading COUNT...   pages and a verification with each number of records, an export with the last
-writing SECONDS    writes requests with their outcomes for SECONDS, from the end of stdin
+reading COUNT...   open pages and verify the log at each number of records; export it at the last number
+writing SECONDS    after the end of stdin, write requests with their outcomes for SECONDS
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ from teleop.reports import views
 from teleop.reports.robot_report import PERIODS_DAYS
 
 FAST_MS = 100.0  # a page that is at most this slow is not measured again
-TIMES = 5  # for each other page, after one time that does not count
-MARKS = (b"audit-bar", b'data-page="robot-report"')  # of a list, of a report
+TIMES = 5  # measurements of each slower page; the first opening does not count
+MARKS = (b"audit-bar", b'data-page="robot-report"')  # text by which a list and a report are recognised
 # Some kinds and outcomes of each list, frequent ones before rare ones.
 FILTERS = {
     "speechrecord": ([], ["done", "failed"]),
@@ -62,7 +62,7 @@ Asked = dict[str, Any]
 
 
 def reading(counts: list[int]) -> None:
-    """Grow the log from count to count."""
+    """Let the log grow to each count, and measure it there."""
     grown = history_writer.Past()
     for count in counts:
         began_s = time.monotonic()
@@ -78,7 +78,7 @@ def reading(counts: list[int]) -> None:
 
 
 def writing(seconds: float) -> None:
-    """Commit records in one process; on SQLite a writer may fail to get the lock, and continues."""
+    """Commit records in one process. On SQLite, a writer that does not get the lock tries the next record."""
     robot_id = uuid.uuid4()
     connection.ensure_connection()
     sys.stdin.read()
@@ -119,7 +119,7 @@ def _opened(client: Client, address: str) -> float:
 
 
 def _addresses(newest: datetime) -> Iterator[tuple[str, str, list[str]]]:
-    """Return each page with its queries, on the day of the newest record."""
+    """Yield each page with its queries, on the day of the newest record."""
     for name in FILTERS:
         app = "teleop" if name == "controlsession" else "audit"
         yield name, reverse(f"admin:{app}_{name}_changelist"), [*_queries(name)]
@@ -130,7 +130,7 @@ def _addresses(newest: datetime) -> Iterator[tuple[str, str, list[str]]]:
 
 
 def _queries(name: str) -> Iterator[str]:
-    """Return queries with one or more filters, common and rare, at each position; then with words."""
+    """Yield queries with one or more filters, common and rare, at each position; then queries with words."""
     places, filters = [*_places(name)], [*_filters(name)]
     yield from (urlencode(place | filter_) for filter_ in filters for place in places)
     if name in ("speechrecord", "record"):
@@ -144,10 +144,10 @@ def _queries(name: str) -> Iterator[str]:
 
 
 def _places(name: str) -> Iterator[Asked]:
-    """Return positions: first page, middle, last page from either end; a day, a month, all before a day."""
+    """Yield positions: first page, middle, last page from either end; a day, a month, all before a day."""
     last = Record.objects.order_by("-pk").values_list("pk", flat=True)[0]
     middle = Record.objects.filter(pk__gte=last // 2).order_by("pk")[0]
-    if name == "controlsession":  # its pages are cut by time
+    if name == "controlsession":  # its pages are divided by time
         keys = [
             int(at.timestamp() * 1e6)
             for at in (middle.at, history_writer.BEGAN + timedelta(days=3), history_writer.BEGAN)
@@ -161,7 +161,7 @@ def _places(name: str) -> Iterator[Asked]:
 
 
 def _filters(name: str) -> Iterator[Asked]:
-    """Return filters by robot, person, kind and outcome: none, each, and together."""
+    """Yield filters by robot, person, kind and outcome: no filter, each filter, and several together."""
     kinds, outcomes = FILTERS[name]
     people: list[Any] = [*_people(), *([] if name == "controlsession" else [CONSOLE])]
     asked: dict[str, list[Any]] = {
@@ -175,7 +175,7 @@ def _filters(name: str) -> Iterator[Asked]:
 
 
 def _robots() -> tuple[UUID, UUID]:
-    """Return the robot that was controlled most often, and the one least often."""
+    """Return the robot with the most control sessions, and the robot with the fewest."""
     return _most_and_least("robot")
 
 
@@ -190,7 +190,7 @@ def _most_and_least(of: str) -> tuple[UUID, UUID]:
 
 
 async def _export(count: int) -> None:
-    """Export all records: time, size and memory."""
+    """Export all records, and print time, size and memory."""
     response = await sync_to_async(exports.response)(
         Selection(Wanted()),
         Wanted(),
@@ -226,7 +226,9 @@ def _say(**measured: object) -> None:
 
 def main() -> None:
     """Run the role of the first argument; Django must be set up."""
-    settings.DEBUG = False  # DEBUG keeps every query; it was on because the static files are not collected
+    settings.DEBUG = (
+        False  # DEBUG keeps every query in memory; it was on because the static files are not collected
+    )
     if sys.argv[1] == "reading":
         reading([int(count) for count in sys.argv[2:]])
     else:

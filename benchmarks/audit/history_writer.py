@@ -1,6 +1,6 @@
-"""Years of an invented lab: valid records, chained as `fleet.audit` chains them, written in large batches.
+"""Years of an invented lab: valid records, chained as in `fleet.audit`, written in large batches.
 
-Some robots and people are busy and some are not; events that are rare in a lab are rare here.
+Some robots and people are busy and some are not. Events that are rare in a lab are rare here.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from teleop.models import ControlSession
 BATCH_SIZE = 10_000  # records in one transaction
 CACHE_KB = 400_000  # of SQLite, so that all indexes are in memory
 BEGAN = datetime(2023, 11, 1, 8, tzinfo=timezone.utc)
-BETWEEN_S = 1300.0  # two control sessions, on average
-EVENT_S = 12.0  # two records of one
-SCENES = 6.0  # of a control session
+BETWEEN_S = 1300.0  # between two control sessions, on average
+EVENT_S = 12.0  # between two records of a control session
+SCENES = 6.0  # of a control session, on average
 WITHOUT_SESSION = 0.6  # scenes without control for each session
 SIGN_INS = 0.5
 ROBOTS = [f"TIAGo {number}" for number in range(1, 7)]
@@ -90,7 +90,7 @@ class Past:
         return self._lab.at
 
     def grow(self, count: int) -> None:
-        """Write records until this lab has `count`; records of other writers do not count."""
+        """Write records until this lab has `count` records. Records of other writers do not count."""
         self._lab.chains.look()
         insert = {"sqlite": _insert_into_sqlite, "postgresql": _copy_to_postgresql}[connection.vendor]
         with _much_memory():
@@ -118,7 +118,7 @@ class _Chains:
         self._heads: dict[UUID, tuple[int, str]] = {}
 
     def append(self, row: RecordRow) -> None:
-        """Give the record its number, its place in the chain and its digest."""
+        """Set the record's number, its position in the chain and its digest."""
         chain = row.robot_id or NO_ROBOT
         if chain not in self._heads:
             placed = Record.objects.filter(robot_id=row.robot_id).order_by("-seq")
@@ -256,7 +256,7 @@ def _open_chains(names: dict[UUID, str]) -> None:
 
 
 def _insert_into_sqlite(model: type[Model], rows: Sequence[Struct]) -> None:
-    """Insert rows, faster than `bulk_create`, which makes a statement for every few dozen rows."""
+    """Insert rows, faster than `bulk_create`, which needs a statement for every few dozen rows."""
     columns, cells = _table(model, rows)
     places = ", ".join(["%s"] * columns.count(",")) + ", %s"
     with connection.cursor() as cursor:
@@ -275,7 +275,7 @@ def _copy_to_postgresql(model: type[Model], rows: Sequence[Struct]) -> None:
 
 
 def _table(model: type[Model], rows: Sequence[Struct]) -> tuple[str, Iterator[list[Any]]]:
-    """Return the column names, and the cells of each row as the database accepts them."""
+    """Return the column names, and the cells of each row in the database's types."""
     names = [str(field.column) for field in model._meta.concrete_fields]
     adapt: dict[type, Callable[[Any], Any]] = {dict: json.dumps}
     if connection.vendor == "sqlite":
@@ -296,7 +296,7 @@ def _table(model: type[Model], rows: Sequence[Struct]) -> tuple[str, Iterator[li
 
 @contextmanager
 def _much_memory() -> Iterator[None]:
-    """Context: a large cache while the log grows, because SQLite reads all of its indexes again and again."""
+    """Context: a large cache while the log grows, because SQLite reads all its indexes again and again."""
     if connection.vendor != "sqlite":
         yield
         return
@@ -308,14 +308,14 @@ def _much_memory() -> Iterator[None]:
 
 
 def _count_on() -> None:
-    """Move the sequence behind the written numbers."""
+    """Set PostgreSQL's sequence of record numbers to the highest written number."""
     number = "pg_get_serial_sequence('audit_record', 'id')"
     with connection.cursor() as cursor:
         cursor.execute(f"SELECT setval({number}, MAX(id)) FROM audit_record")  # noqa: S608
 
 
 def settle() -> None:
-    """Do PostgreSQL's own later maintenance now: statistics and row visibility."""
+    """Run PostgreSQL's maintenance now, which it would run later itself: statistics and row visibility."""
     if connection.vendor == "postgresql":
         with connection.cursor() as cursor:
             cursor.execute("VACUUM ANALYZE audit_record, audit_content, teleop_controlsession")

@@ -1,4 +1,4 @@
-"""Events of an invented lab: each kind as the console and its bridges record it.
+"""Events of an invented lab, in the form in which the console and its bridges record them.
 
 Permanent parameters, contents that may expire, and the actor are the same as in `robots.recording.bridge_records`,
 `teleop.control.services` and other writers; `tests/audit/test_invented_lab.py` checks some of them.
@@ -23,9 +23,9 @@ SAID_WORDS = [
     *(f"word{number}" for number in range(400)),
 ]
 MOTIONS = ["wave", "head_tour", "home", "offer", "bow"]
-PATHS = 200  # different ones
-SAMPLES = (3, 60)  # of a path
-STEP_S = 0.5  # between two of them
+PATHS = 200  # different paths
+SAMPLES = (3, 60)  # least and most samples of a path
+STEP_S = 0.5  # between two samples
 FAST_MPS = 0.8
 
 
@@ -64,7 +64,7 @@ class Scenes:
         }
 
     def in_session(self) -> list[Event]:
-        """Draw an action of a robot's holder."""
+        """Draw an action of the person who has control."""
         return self._one_of(self._in_session)
 
     def without_session(self) -> list[Event]:
@@ -72,11 +72,11 @@ class Scenes:
         return self._one_of(self._without_session)
 
     def begin(self) -> list[Event]:
-        """Begin a control session."""
+        """Return the events that begin a control session."""
         return [Event("control.take")]
 
     def end(self, holder: str, name: str) -> list[Event]:
-        """End a control session."""
+        """Draw the end of a control session."""
         reason = self._weighted(
             {EndReason.RELEASED: 70, EndReason.AWAY: 20, EndReason.TERM: 9, EndReason.RIGHT: 1}
         )

@@ -26,7 +26,7 @@ class Switched(AppConfig):
     label = "benchmarks"  # fleet.audit has the label audit
 
     def ready(self) -> None:
-        """Wrap the sink's methods before a bridge makes one."""
+        """Wrap the sink's methods before a bridge creates a sink."""
         from robots.recording.bridge_records import AuditSink
 
         off = Path(os.environ["FLEET_BENCH_UNRECORDED"])

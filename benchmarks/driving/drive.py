@@ -1,8 +1,8 @@
 """From the stick to the robot: delay of a command from the WebSocket to another rospy process, at 50 Hz.
 
-Bare rospy and the console take turns, slot by slot, so that a slow machine affects both. The limits are ratios of the
-two: see docs/decisions/delays-are-compared-with-bare-rospy.md. They apply to a console with real-time priority, as in
-docs/deployment.md; the figures without it are printed, too.
+Bare rospy and the console are measured in turn, slot by slot, so that a slow machine affects both. The limits
+are ratios of the two: see docs/decisions/delays-are-compared-with-bare-rospy.md. The limits apply to a
+console with real-time priority, as in docs/deployment.md. The figures without this priority are printed, too.
 """
 
 from __future__ import annotations
@@ -38,19 +38,24 @@ CHROMIUM_SAMPLES = 1000
 VIEWERS = 50
 FLOOD_S = 0.5
 SHARE = 0.4
-# Times bare rospy in the same slots. An unauthenticated rosbridge reaches the first two.
+# Limits as multiples of bare rospy in the same slots. A rosbridge without authentication reaches the first
+# two.
 P50_TIMES = 3.9
 P99_TIMES = 1.8
 BESIDE_P99_TIMES = 2.9  # with viewers, or a map
-# Each command has a slightly different turning speed, to recognise it in the observer's Twists. The gate never reduces
-# it, because a disc that turns on the spot meets no obstacle; the stick filter is off.
+# Each command has a slightly different turning speed, by which it is recognised in the observer's Twists. The
+# gate never reduces this speed, because a disc that turns on the spot meets no obstacle. The stick filter is
+# off.
 TURN = 0.30
 STEP = 1e-6
 BARE_STICKS = tuple(replace(robot, stick=()) for robot in PRACTICE_ROBOTS)
 
 
 def measure() -> list[Figure]:
-    """Start a console with three robots and drive one. `FLEET_BENCH_PARTS`, `FLEET_BENCH_SLOTS`: fewer."""
+    """Start a console with three robots and drive one.
+
+    `FLEET_BENCH_PARTS`, `FLEET_BENCH_SLOTS`: measure less.
+    """
     with temporary_stack(BARE_STICKS) as stack:
         return asyncio.run(measure_on(stack))
 
@@ -114,7 +119,7 @@ class Slots:
 
 
 def delays(name: str, delays_s: Sequence[float]) -> list[Figure]:
-    """Return p50, p99 and worst in milliseconds."""
+    """Return p50, p90 and p99 in milliseconds."""
     return [
         Figure(f"{name} p{share:.0f}", 1000.0 * quantile(delays_s, share / 100), "ms")
         for share in (50, 90, 99)
@@ -129,7 +134,7 @@ def times(
 
 
 class Numbers:
-    """Recognises the command behind a Twist by its turning speed."""
+    """Recognises by the turning speed which command caused a Twist."""
 
     def __init__(self, full_turn_radps: float) -> None:
         self._scale = SHARE * full_turn_radps
@@ -139,7 +144,7 @@ class Numbers:
         return TURN + number * STEP
 
     def number(self, command: Seen) -> int | None:
-        """Return the number of the command behind a Twist, None for a foreign Twist."""
+        """Return the number of the command that caused a Twist; None: the Twist is not ours."""
         steps = (command.w / self._scale - TURN) / STEP
         number = round(steps)
         return number if math.isclose(steps, number, abs_tol=0.1) else None
@@ -156,7 +161,7 @@ class Numbers:
 
 def numbers_for(driver: Driver) -> Numbers:
     """Return `Numbers` for the robot's speed limits."""
-    assert driver.robot is not None  # noqa: S101 - a driver has been welcomed
+    assert driver.robot is not None  # noqa: S101 - a driver has received its welcome
     return Numbers(driver.robot.limits.turn_radps)
 
 
@@ -201,7 +206,7 @@ async def flood(driver: Driver, observer: Observer) -> list[Figure]:
 
 
 async def hold_turn(driver: Driver, numbers: Numbers) -> None:
-    """Turn until the base has its speed, so that rate limits have no effect."""
+    """Turn until the base has reached its speed, so that rate limits have no effect."""
     await driver.drive(0.0, 0.0)
     for _ in range(WARM_UP):
         await driver.drive(0.0, numbers.turn(0), SHARE)

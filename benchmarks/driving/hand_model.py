@@ -1,9 +1,10 @@
 """A model of a hand on a stick. ``python -m benchmarks.driving.hand_model`` writes its recorded traces.
 
-The hand's intention is a chain of minimum-jerk movements (Flash and Hogan, 1985) with rests between them: to another
-direction and deflection, to the opposite one, or letting go. The stick measures the intention 60 times a second, with
-the physiological tremor of a hand (8 to 12 Hz, on both axes, none after letting go) and the sensor's resolution. Tremor
-and resolution are shares of the stick's range: 0.01 to 0.025 rms, and one pixel of 60.
+The hand's intention is a chain of minimum-jerk movements (Flash and Hogan, 1985) with rests between them: to
+another direction and deflection, to the opposite position, or letting go. The stick measures the intention 60
+times a second, with the physiological tremor of a hand (8 to 12 Hz, on both axes, none after letting go) and
+the sensor's resolution. Tremor and resolution are shares of the stick's range: 0.01 to 0.025 rms, and one
+pixel of 60.
 """
 
 from __future__ import annotations
@@ -30,7 +31,10 @@ Array = NDArray[np.float64]  # times (N,), or positions (N, 2): forward, turn le
 
 
 class Movement(NamedTuple):
-    """From the hand's position to (x, w), both -1..1, by minimum jerk; begins after the last one has ended."""
+    """A minimum-jerk movement from the hand's position to (x, w), both -1..1.
+
+    It begins after the previous one.
+    """
 
     start_s: float
     duration_s: float
@@ -69,14 +73,14 @@ def meant(movements: Sequence[Movement], times_s: Array) -> Array:
 
 
 def minimum_jerk(share: Array) -> Array:
-    """Return the share of a movement that is done after a share of its time."""
+    """Return the share of the way that is done after a share of the time (Flash and Hogan, 1985)."""
     share = np.clip(share, 0.0, 1.0)
     done: Array = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     return done
 
 
 def measured(positions: Array, times_s: Array, tremor: float, chance: Generator) -> Array:
-    """Return the measured stick: with a tremor of this size (rms), in steps of the sensor's resolution."""
+    """Return the measured stick positions: with this tremor (rms), in steps of the sensor's resolution."""
     held = ~(positions == 0.0).all(axis=1)
     shaken = positions + held[:, None] * tremor * np.column_stack([_tremor(times_s, chance) for _ in "xw"])
     steps: Array = np.clip(np.round(shaken * RESOLUTION), -RESOLUTION, RESOLUTION)
@@ -131,7 +135,7 @@ def record(path: Path = RECORDED) -> None:
 
 
 def recorded() -> list[Trace]:
-    """Return the shipped traces."""
+    """Return the traces of the repository."""
     facts = json.loads(RECORDED.read_text(encoding="utf-8"))
     return [
         Trace(

@@ -15,7 +15,7 @@ from robots.bridge.drive.input_filters import COMMAND_LIFE_S
 from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack, temporary_stack
 
-# Bandwidths and round trips are those of browsers' developer tools; the losses are ours.
+# Bandwidths and round trips are the values in browsers' developer tools. The losses are our assumption.
 PROFILES = (
     Profile("GPRS", 50, 500, 0.01),
     Profile("2G", 250, 300, 0.01),
@@ -91,7 +91,7 @@ class Trip:
         self._views += raw.startswith(b'{"t":"view"')
 
     async def _drive(self, seconds: float) -> None:
-        """Hold the stick; return to neutral, as a person does, when the page asks for it."""
+        """Hold the stick. Let go, as a person does, when the page asks for neutral."""
         end_s = time.monotonic() + seconds
         neutral_until_s = 0.0
         for number in itertools.count(len(self._sent)):
@@ -110,7 +110,7 @@ class Trip:
             await asyncio.sleep(PERIOD_S)
 
     async def _late_after_stall(self) -> int:
-        """Return commands from the stall that were carried out although they were too old, network delay deducted."""
+        """Return how many commands from the stall were carried out too late, network delay deducted."""
         fastest_s = min(
             (at_s - self._sent[number] for number, at_s in self._arrivals().items() if number in self._sent),
             default=self._profile.round_trip_ms / 2000.0,
@@ -135,7 +135,7 @@ class Trip:
 
 
 def stopped_share(commands: list[Seen]) -> float:
-    """Return the share of the time from the first motion on in which zero was commanded."""
+    """Return the share of the time with zero commands, counted from the first motion."""
     moving = list(itertools.dropwhile(lambda command: command.still, commands))
     if len(moving) < 2:
         return math.nan

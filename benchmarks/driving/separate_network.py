@@ -1,4 +1,4 @@
-"""A robot in a separate network, connected to the console's by a cable that can be pulled out.
+"""A robot in a separate network, connected to the console's network by a cable that can be pulled out.
 
 Uses Linux network namespaces without privileges: the caller has to run inside
 

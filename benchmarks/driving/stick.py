@@ -6,16 +6,17 @@ Recorded hands (`benchmarks.driving.hand_model`), reduced to the page's 30 comma
 * lag: time shift at which the output fits the hand's intention best;
 * stop lag: from the first zero of a released stick to zero output, worst.
 
-A table of turns, at the page's rate: the stick's direction goes from 0 to 45, 90, 135 and 180 degrees in 2 and
-in 5 s. *Difference* is the mean angle between the directions of two successive commands. *Improvement* is by how much
-it is larger without a filter. If the hand itself turns far between two commands,
-no filter may remove this, so little can be gained.
+A table of turns, at the page's rate: the stick's direction goes from 0 to 45, 90, 135 and 180 degrees in 2
+and in 5 s. *Difference* is the mean angle between the directions of two successive commands. *Improvement* is
+the difference without a filter relative to the difference with it, minus 1, in percent. If the hand itself
+turns far between two commands, a filter must not remove this turn, so the improvement is small.
 
-Results: over the recorded hands One-Euro lags less than half as much as the mean. In every row of the table its
-difference is below that of no filter and slightly below the mean's. But a resting hand has less jitter with the mean,
-especially at 20 commands a second. In slow rows One-Euro, like any low pass, lags by more than 30 ms: 63 ms at 9
-degrees a second, which is half a degree. No setting has both little jitter and little lag: ``python -m
-benchmarks.driving.stick`` compares many (docs/decisions/the-stick-filter-lags-at-slow-movements.md).
+Results: over the recorded hands One-Euro lags less than half as much as the mean. In every row of the table
+its difference is smaller than without a filter and slightly smaller than with the mean. But a resting hand
+has less jitter with the mean, especially at 20 commands a second. In slow rows One-Euro, like any low pass,
+lags by more than 30 ms: 63 ms at 9 degrees a second, which is half a degree. No setting has both little
+jitter and little lag: ``python -m benchmarks.driving.stick`` compares many settings
+(docs/decisions/the-stick-filter-lags-at-slow-movements.md).
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from robots.bridge.drive.input_filters import Mean, Memory, OneEuro, StickPositi
 
 PAGE_HZ = 30
 SCHEMES: dict[str, tuple[StickStep, ...]] = {"none": (), "mean": (Mean(),), "One-Euro": (OneEuro(),)}
-SETTLED_S = 0.3  # of a rest, before its jitter counts
+SETTLED_S = 0.3  # at the start of a rest, in which jitter does not count
 NOTHING = 0.02
 LAGS_S = np.arange(-0.02, 0.15, 0.001)
 LAG_MS = 30.0
@@ -42,11 +43,12 @@ JITTER_SHARE = 0.3  # of the jitter without a filter
 
 RANGES_DEG = (45, 90, 135, 180)
 TRANSITIONS_S = (2.0, 5.0)
-SWEEPS = 64  # of each row, sixteen of each tremor
+SWEEPS = 64  # of each row, sixteen with each tremor
 AROUND_S = 1.0  # the hand rests before and after a sweep
 DEFLECTION = 0.9
 
-SETTINGS = ((0.1, 0.3, 1.0, 2.0), (5.0, 10.0, 15.0, 20.0), (0.5, 0.7, 1.0))  # One-Euro's, in its order
+# Values of One-Euro's parameters, in their order.
+SETTINGS = ((0.1, 0.3, 1.0, 2.0), (5.0, 10.0, 15.0, 20.0), (0.5, 0.7, 1.0))
 SURVEY_SWEEPS = 16
 
 
@@ -145,7 +147,7 @@ def _stop_ms(trace: Trace, given: Array, release: Movement) -> float:
 
 
 def _past_no_zero(step: Mean, positions: Array, rate_hz: float) -> Array:
-    """One filter step without the bypass: zero and reversal are ordinary inputs."""
+    """Return the output of one filter step without the bypass: zero and reversal are ordinary inputs."""
     columns = []
     for axis in positions.T.tolist():
         memory = step.begin(axis[0])
@@ -161,7 +163,7 @@ def _past_no_zero(step: Mean, positions: Array, rate_hz: float) -> Array:
 
 
 class Row(NamedTuple):
-    """Return mean difference (degrees) and lag (ms) of a scheme for one range and transition time."""
+    """Mean difference (degrees) and lag (ms) of a scheme for one range and transition time."""
 
     difference: float
     lag: float

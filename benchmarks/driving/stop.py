@@ -31,7 +31,7 @@ TURN = 0.6  # of the stick: a turn on the spot meets no obstacle, so only the fa
 SHARE = 0.4
 MOVING_RADPS = 0.4
 STILL_RADPS = 0.01
-BRAKING = 0.9  # of the speed before
+BRAKING = 0.9  # times the speed before the fault: below it the base brakes
 OBSERVED_S = 3.0
 ZERO_S = 0.5  # how long to look for a zero command once the base stands
 AT_ONCE_S = 0.1
@@ -40,7 +40,7 @@ SETTLED_S = 1.0  # until TCP's buffers have arrived
 
 
 class Timing(NamedTuple):
-    """Seconds from the fault; infinite if it was not seen."""
+    """Seconds from the fault to each event; infinite: the event was not seen."""
 
     zero_s: float  # first zero command
     braking_s: float  # the base slows down
@@ -58,7 +58,7 @@ class Person:
     turn: float = 0.0
 
     async def drive(self) -> None:
-        """Keep the stick at `turn`; return to the middle when the console asks for it."""
+        """Keep the stick at `turn`. Move it to the middle when the console demands neutral."""
         while True:
             await asyncio.sleep(DRIVE_PERIOD_S)
             driver = self.driver
@@ -69,7 +69,7 @@ class Person:
                 await driver.drive(0.0, 0.0 if middle else self.turn, SHARE)
 
     async def sit_down(self) -> Driver:
-        """Return a page with control; opened again if the last one is gone."""
+        """Return a page with control. Open a new page if the last page is closed."""
         if self.driver is None or self.driver.closed:
             await self.leave()
             self.driver = await Driver(self.stack, ROBOT, self.cookie, port=self.port).__aenter__()
@@ -110,7 +110,7 @@ class Scene:
         return len(last) == 10 and all(seen.w > MOVING_RADPS for seen in last)
 
     async def timing(self, fault_s: float) -> Timing:
-        """Return the observations since then; the stick is released once the base stands."""
+        """Return the timing of what followed a fault. Release the stick once the base stands."""
         steady = max(seen.w for seen in self.observer.odometry[-10:])
         seen = self.observer
         with suppress(TimeoutError):
@@ -122,7 +122,7 @@ class Scene:
                 ),
                 OBSERVED_S,
             )
-        with suppress(TimeoutError):  # a slowed base may stand before the first zero
+        with suppress(TimeoutError):  # a base that the gate slows down may stand before the first zero
             await seen.until(lambda: any(one.still and one.at_s >= fault_s for one in seen.commands), ZERO_S)
         self.person.turn = 0.0
         zero = (command.at_s for command in seen.commands if command.still and command.at_s >= fault_s)
@@ -141,7 +141,7 @@ async def nothing(_scene: Scene) -> None:
 
 
 async def repeat(name: str, scene: Scene, fault: Fault, repair: Repair = nothing) -> list[Timing]:
-    """Repeat the fault."""
+    """Cause the fault `REPEATS` times, each while the base turns. Return the timings."""
     progress(f"{name} ...")
     timings = []
     for _ in range(REPEATS):
@@ -162,7 +162,7 @@ def to_zero(name: str, timings: list[Timing], limit_s: float | None) -> list[Fig
 
 
 def to_braking(name: str, timings: list[Timing]) -> list[Figure]:
-    """Return the time until the robot's own controller brakes, for faults after which no command can come."""
+    """Return the worst times until the robot's own controller brakes, after faults that end all commands."""
     return [
         Figure(f"{name} -> braking", max(timing.braking_s for timing in timings), "s", DEAD_MAN_S),
         Figure(f"{name} -> standstill", max(timing.still_s for timing in timings), "s"),
@@ -170,7 +170,7 @@ def to_braking(name: str, timings: list[Timing]) -> list[Figure]:
 
 
 def measure() -> list[Figure]:
-    """Measure every fault on one console; the cut to the robot on another one, with a separate network."""
+    """Measure all faults on one console, and the cut to the robot on a console with a separate network."""
     with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
         figures = asyncio.run(faults_of_the_console(stack))
     return figures + cut_to_the_robot()
@@ -178,7 +178,7 @@ def measure() -> list[Figure]:
 
 @asynccontextmanager
 async def scene_on(stack: Stack, port: int | None = None) -> AsyncIterator[Scene]:
-    """Run all faults with a person at the stick and an observer."""
+    """Context: a scene with a person at the stick and an observer."""
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
     person = Person(stack, cookie, port)
     driving = asyncio.create_task(person.drive())
@@ -191,7 +191,7 @@ async def scene_on(stack: Stack, port: int | None = None) -> AsyncIterator[Scene
 
 
 async def faults_of_the_console(stack: Stack) -> list[Figure]:
-    """Return the faults in order; first those that leave everything running."""
+    """Return the figures of all faults. Faults after which everything still runs come first."""
     figures: list[Figure] = []
     async with (
         Cable(("127.0.0.1", 0), ("127.0.0.1", stack.port)) as cable,
@@ -234,7 +234,7 @@ async def close_tab(_scene: Scene, driver: Driver) -> float:
 
 
 def freezing(cable: Cable) -> Fault:
-    """Freeze the cable: it carries nothing more, and neither side notices."""
+    """Return a fault that freezes the cable: it carries no more bytes, and neither side notices."""
 
     async def freeze(_scene: Scene, _driver: Driver) -> float:
         cable.freeze()
@@ -244,7 +244,7 @@ def freezing(cable: Cable) -> Fault:
 
 
 def cutting(cable: Cable) -> Fault:
-    """Close the cable's ends."""
+    """Return a fault that closes the cable's ends."""
 
     async def cut(_scene: Scene, _driver: Driver) -> float:
         now_s = time.monotonic()
@@ -255,7 +255,7 @@ def cutting(cable: Cable) -> Fault:
 
 
 def thawing(cable: Cable) -> Repair:
-    """Close hanging connections; new ones work."""
+    """Return a repair that closes hanging connections; new connections work."""
 
     async def thaw(scene: Scene) -> None:
         cable.cut()
@@ -277,21 +277,21 @@ async def mend_laser(scene: Scene) -> None:
 
 
 async def kill_web(scene: Scene, _driver: Driver) -> float:
-    """kill -9."""
+    """Kill the web process with SIGKILL."""
     now_s = time.monotonic()
     scene.stack.web.kill_group()
     return now_s
 
 
 async def restart_web(scene: Scene) -> None:
-    """A new one on the same socket."""
+    """Start a new web process on the same socket."""
     await scene.person.leave()
     scene.stack.start_web()
     await asyncio.to_thread(scene.stack.wait_web, time.monotonic() + 30.0)
 
 
 async def kill_bridge(scene: Scene, _driver: Driver) -> float:
-    """kill -9."""
+    """Kill the bridge with SIGKILL."""
     [bridge] = bridges(scene.stack)
     now_s = time.monotonic()
     os.kill(bridge, signal.SIGKILL)
@@ -308,14 +308,14 @@ def bridges(stack: Stack) -> list[int]:
 
 
 async def kill_supervisor(scene: Scene, _driver: Driver) -> float:
-    """kill -9."""
+    """Kill the fleet supervisor with SIGKILL."""
     now_s = time.monotonic()
     scene.stack.supervisor.signal(signal.SIGKILL)
     return now_s
 
 
 async def restart_supervisor(scene: Scene) -> None:
-    """A new one: its restart budget is fresh."""
+    """Start a new fleet supervisor: its restart budget is unused."""
     scene.stack.release(scene.stack.supervisor)
     scene.stack.start_supervisor()
     await asyncio.to_thread(scene.stack.wait_online, ROBOT, time.monotonic() + 30.0)
@@ -325,7 +325,7 @@ async def restart_supervisor(scene: Scene) -> None:
 
 
 async def cuts_of_the_link(stack: Stack) -> list[Figure]:
-    """Put a cable in the place of the bridge's socket; the web process connects through it."""
+    """Put a cable in place of the bridge's socket, cut and freeze it, and return the figures."""
     here = stack.robots[ROBOT].link_path
     there = f"{here}.far"
     os.rename(here, there)
@@ -343,7 +343,7 @@ async def cuts_of_the_link(stack: Stack) -> list[Figure]:
 
 
 async def kills_of_the_master(stack: Stack) -> list[Timing]:
-    """After each fault, start master, robot and observer again."""
+    """Kill the master `REPEATS` times. After each fault, start master, robot and observer again."""
     progress("master killed ...")
     timings = []
     for _ in range(REPEATS):
@@ -363,7 +363,7 @@ async def kills_of_the_master(stack: Stack) -> list[Timing]:
 
 
 def cut_to_the_robot() -> list[Figure]:
-    """Run the measurement in a separate network, because it pulls a cable out."""
+    """Run the measurement in a process with a separate network, because it pulls a cable out."""
     command = [*UNSHARE, sys.executable, "-m", "benchmarks.driving.stop"]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)  # noqa: S603
     if done.returncode:
@@ -380,7 +380,10 @@ def main() -> None:
 
 
 async def cuts_of_the_robots_network(stack: Stack, apart: RobotApart) -> list[Figure]:
-    """Cut the network: no command arrives at the robot; when the network is back, no old command moves it."""
+    """Cut the robot's network: no command arrives.
+
+    When the network is back, no old command may move the robot.
+    """
     afterwards_radps: list[float] = []
 
     async def cut(_scene: Scene, _driver: Driver) -> float:

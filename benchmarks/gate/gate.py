@@ -57,7 +57,7 @@ from robots.wire import Drive, Grant, Refusal
 
 SEED = 1  # of the recorded minute
 DECISIONS = 3000
-HELD = 40  # decisions with one stick: 0.8 s
+HELD = 40  # decisions with the same stick position: 0.8 s
 LASER = "laser"
 PICTURE_US = 1000.0
 SWEPT = 50
@@ -66,15 +66,16 @@ FIELD_OF_VIEW = math.radians(190)
 Floats = NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
 BOX: Outline = ((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25))
-# Straight on, on an arc, and while the base still turns the other way: what a decision looks at grows.
+# Straight on, on an arc, and while the base still turns the other way: from first to last, a decision checks
+# more.
 STICKS = (Velocity(1.0, 0.0, 0.0), Velocity(0.8, 0.0, 1.2), Velocity(1.0, 0.0, -2.0))
 
 
 def measure() -> list[Figure]:
-    """Decisions at 50 Hz with new odometry before each, roll-out and all: p50 and p99 of the computing time.
+    """Return p50 and p99 of the computing time of complete decisions at 50 Hz, with new odometry before each.
 
-    Not of the time that passes: what other processes take is not the gate's cost. In the bridge the points are carried
-    when odometry comes, so a command waits for less: `of which after the command`.
+    This is not wall time: the time of other processes is not the gate's cost. In the bridge the points are
+    moved when odometry comes, so a command waits only for a part: `of which after the command`.
     """
     figures = []
     for hull, outline, limit_us in (("disc", None, 300.0), ("polygon", BOX, 300.0)):
@@ -106,7 +107,7 @@ def measure() -> list[Figure]:
 
 
 def _sweep_us() -> float:
-    """Computing time of the swept space of two links of 0.4 m, on their way through random places, p50."""
+    """Return the computing time (p50) of the space that two links of 0.4 m sweep between random postures."""
 
     def links_at(joints: Mapping[str, float | Floats]) -> Floats:
         first = np.asarray(joints["shoulder"])
@@ -121,7 +122,7 @@ def _sweep_us() -> float:
 
 
 def _computing_us(work: Callable[[], object]) -> float:
-    """Computing time of `work`, p50."""
+    """Return the computing time of `work`, p50."""
     spent_us = []
     for _ in range(40):
         began_ns = time.thread_time_ns()
@@ -131,7 +132,7 @@ def _computing_us(work: Callable[[], object]) -> float:
 
 
 def _picture_us() -> float:
-    """Computing time of a noisy picture of floor and a wall, by a camera that looks down, p50."""
+    """Return the computing time (p50) of a noisy picture of floor and wall, from a camera that looks down."""
     lens = Lens.seeing(math.radians(63.0), 640, 480)
     tilt, height_m, wall_m = -0.3, 1.2, 3.0
     down, ahead = (np.arange(480) - lens.cy) / lens.fy, np.array((math.cos(tilt), math.sin(tilt)))
@@ -148,9 +149,9 @@ def _picture_us() -> float:
 
 
 def record(path: Path) -> int:
-    """Record the gate's input and answers in a minute of random stick in clutter, with its near misses.
+    """Record the gate's input and verdicts during a minute of random stick in clutter, with its near misses.
 
-    MuJoCo moves the robot; see `benchmarks.world`. Returns the exit status: 1 if the robot touched something.
+    MuJoCo moves the robot; see `benchmarks.world`. Return the exit status: 1 if the robot touched something.
     """
     trace = recorded(loop_of(clutter.build(SEED), "gate", SEED), path)
     near_m = min(moment.gap_m for moment in trace.moments)
@@ -161,7 +162,7 @@ def record(path: Path) -> int:
 
 
 class _Clutter:
-    """A gate, and a clutter of objects seven beams wide that its laser sees."""
+    """A gate, and a clutter of objects that its laser sees; each object is seven beams wide."""
 
     def __init__(
         self,
@@ -183,17 +184,17 @@ class _Clutter:
                 sonar_poses={},
                 sonar_fov={},
                 has_depth=False,
-                blind_mps=2.0,  # nothing is held back before the points are looked at
+                blind_mps=2.0,  # so the blind limit reduces nothing before the points are checked
             )
         )
 
     def observe(self, turn: int, now_s: float, velocity: Velocity) -> None:
-        """Odometry at 50 Hz, the laser at 10 Hz."""
+        """Give the gate odometry at 50 Hz, and scans at 10 Hz."""
         self.gate.observe_odometry(now_s, now_s, moved(turn), velocity)
         self.scan(turn, now_s)
 
     def scan(self, turn: int, now_s: float) -> None:
-        """The laser's, when it is time for one."""
+        """Give the gate a scan on every fifth turn."""
         if turn % 5 == 0:
             start = -FIELD_OF_VIEW / 2.0
             scan = LaserScan(LASER, now_s, now_s, self._ranges, start, self._increment, 0.05, 25.0)
@@ -201,19 +202,19 @@ class _Clutter:
 
 
 def moved(turn: int) -> Pose:
-    """Odometry is never quite still."""
+    """Return a pose that changes slightly each turn: real odometry never repeats exactly."""
     return Pose(1e-5 * (turn % 100), 0.0, 0.0)
 
 
 class Cost(NamedTuple):
-    """Cost of one decision: with the work for new odometry before it, and the part that a command waits for."""
+    """Cost of one decision: the whole, with the work for new odometry, and the part that delays a command."""
 
     whole_us: float
     command_us: float
 
 
 class _TimedGate(Gate):
-    """Takes note of what its decisions cost, those apart that ask for nothing."""
+    """Stores the cost of each decision, except decisions without motion asked."""
 
     def __init__(self, profile: GateProfile) -> None:
         super().__init__(profile)
@@ -231,7 +232,7 @@ class _TimedGate(Gate):
 
 
 class _GateWithoutMemory(_TimedGate):
-    """Decides by what its sensors show now."""
+    """Decides only by the present sensor data."""
 
     def __init__(self, profile: GateProfile) -> None:
         super().__init__(profile)
@@ -240,7 +241,7 @@ class _GateWithoutMemory(_TimedGate):
 
 
 def _decisions(outline: Outline | None, points: int, nearest_m: float, farthest_m: float) -> list[Cost]:
-    """Return the cost of each decision, none cut short; the base obeys 0.1 s later."""
+    """Return the cost of each complete decision. The base obeys 0.1 s later."""
     clutter = _Clutter(outline, points, nearest_m, farthest_m, _TimedGate)
     gate = cast(_TimedGate, clutter.gate)
     on_its_way = deque([STILL] * 5)
@@ -255,7 +256,10 @@ def _decisions(outline: Outline | None, points: int, nearest_m: float, farthest_
 
 
 def _beside_no_memory() -> list[Figure]:
-    """A minute of any stick in clutter with laser, sonars and pictures: with memory, times the same without."""
+    """Replay a recorded minute of random stick in clutter with laser, sonars and depth pictures.
+
+    Return the cost of decisions with memory, also relative to the cost without memory.
+    """
     with tempfile.TemporaryDirectory(prefix="bench-gate-") as folder:
         path = Path(folder) / "minute"
         recorded(loop_of(clutter.build(SEED), "gate", SEED), path)
@@ -270,9 +274,8 @@ def _beside_no_memory() -> list[Figure]:
             return make
 
         kinds = _TimedGate, _GateWithoutMemory
-        for _ in zip(
-            *(replay(path, gate_of(kind)) for kind in kinds), strict=True
-        ):  # decision by decision in turn
+        # The gates decide in turn, decision by decision.
+        for _ in zip(*(replay(path, gate_of(kind)) for kind in kinds), strict=True):
             pass
     figures = []
     for name, number in (("a decision in clutter", 0), ("of which after the command", 1)):
@@ -283,14 +286,14 @@ def _beside_no_memory() -> list[Figure]:
 
 
 class _OpenGate(Gate):
-    """Takes the same data as a gate and passes every command."""
+    """Receives the same data as a gate, and allows every command."""
 
     def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
         return Verdict(asked, asked, "free", "")
 
 
 class _Base:
-    """Takes note of the newest twist."""
+    """Stores the newest twist."""
 
     listeners = 1
     newest = STILL
@@ -348,7 +351,7 @@ class _Base:
 
 
 class _NoTopics:
-    """Publishes velocities only."""
+    """Publishes no topics except velocities."""
 
     def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None: ...
 
@@ -397,9 +400,10 @@ class _NoRecords:
 
 
 def _drive_path() -> tuple[list[float], list[float]]:
-    """Microseconds of wall time from a stick position at the core to the twist at the base, with gate and without.
+    """Return times from a stick position at the core to the twist at the base, with gate and without, us.
 
-    Both in turn, 50 times a second of the robot's time, in a room of 700 points.
+    These are wall times. Both are measured in turn, 50 times per second of the robot's time, in a room of 700
+    points.
     """
     with_gate, without = (_Path(_Clutter(None, 700, 1.0, 6.0, kind)) for kind in (Gate, _OpenGate))
     for turn in range(DECISIONS):
@@ -409,7 +413,7 @@ def _drive_path() -> tuple[list[float], list[float]]:
 
 
 class _Path:
-    """A core with control granted, and its base, which does what is sent 0.1 s later."""
+    """A core with a grant, and its base, which carries out each twist 0.1 s later."""
 
     def __init__(self, clutter: _Clutter) -> None:
         self.spent_us: list[float] = []
@@ -435,7 +439,7 @@ class _Path:
         self._core.grant(Grant(1, 2.0 * DECISIONS, "session", "Ann", "ann", 1.0), 1, 0.0)
 
     def step(self, turn: int, now_s: float) -> None:
-        """Feed sensor data, then the stick: first the middle, then the most expensive positions."""
+        """Give sensor data to the core, then the stick: first neutral, then the most expensive positions."""
         self._core.odometry(now_s, now_s, moved(turn), self._on_its_way.popleft(), now_s)
         self._core.prepare(now_s)
         self._clutter.scan(turn, now_s)

@@ -1,9 +1,10 @@
 """Crashes of a simulated robot with the gate, compared with the cone method and nav2's collision monitor.
 
-MuJoCo decides what is a crash. One process per core, faster than real time; see `benchmarks.world`. The default takes
-five to ten minutes on two cores. FLEET_BENCH_REPEATS: seeds of each case (1; figures.md has 30).
-FLEET_BENCH_DRAWS: runs with drawn sensors (160; two of each object, way and start). FLEET_BENCH_METRES of random stick
-(100). FLEET_BENCH_PARTS names the parts to run. `decision` is `script/bench gate`: the cost of a decision.
+MuJoCo decides what is a crash. Each core has one process, which is faster than real time; see
+`benchmarks.world`. The default takes five to ten minutes on two cores. FLEET_BENCH_REPEATS: seeds of each
+case (default 1; figures.md uses 30). FLEET_BENCH_DRAWS: runs with drawn sensors (default 160: two of each
+object, way and start). FLEET_BENCH_METRES: metres of random stick (default 100). FLEET_BENCH_PARTS: the parts
+to run. The part `decision` is `script/bench gate`: the cost of a decision.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Programs that use the API beside a driver, in a process of their own: they would be other computers.
+"""Programs that use the API while somebody drives. They run in a separate process, like on other computers.
 
-In the driver's process they would delay the driver itself: they would share its interpreter.
+In the driver's process they would delay the driver itself, because they would share its interpreter.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ START_S, END_S = 20.0, 60.0
 
 @dataclass
 class Load:
-    """The programs' own figures, filled in when they have ended."""
+    """The measurements of the programs, filled in when they have ended."""
 
     reads_ms: list[float] = field(default_factory=list)
     seconds: float = 0.0
@@ -41,7 +41,10 @@ class Client:
         self._headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
 
     def ask(self, method: str, path: str, body: object = None) -> float:
-        """Ask, and return how long the answer took, ms. Raises if it is an error."""
+        """Send a request, and return the time to its answer in ms.
+
+        Raises `AssertionError`: the answer is an error.
+        """
         began_s = time.perf_counter()
         self._connection.request(
             method, f"/api/v1{path}", None if body is None else json.dumps(body), self._headers
@@ -55,7 +58,10 @@ class Client:
 
 @contextmanager
 def running(stack: Stack, token: str, paths: Sequence[str], auditor: str = "") -> Iterator[Load]:
-    """Read `READS_PER_S` times a second; with the token of an auditor, export the whole log again and again, too."""
+    """Context: programs read `READS_PER_S` times a second.
+
+    If `auditor` is a token, a program exports the log, too.
+    """
     load = Load()
     processes = multiprocessing.get_context("spawn")
     ours, theirs = processes.Pipe()
@@ -119,7 +125,7 @@ def _read(
 
 
 def _export(port: int, token: str, over: threading.Event, load: Load) -> None:
-    """Export the whole log, again and again, as one program with one connection."""
+    """Export the whole log again and again, as one program, with one connection at a time."""
     headers = {"Authorization": f"Bearer {token}"}
     while not over.is_set():
         connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30.0)

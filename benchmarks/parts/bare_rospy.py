@@ -13,7 +13,7 @@ PATIENCE_S = 60.0
 
 
 class BareRospy:
-    """Context: a publisher at 50 Hz that is paused between its turns; `observer` receives its messages."""
+    """Context: a publisher at 50 Hz that is paused between measurements. `observer` receives its messages."""
 
     def __init__(self, stack: Stack, robot: SimulatedRobot, observer: Observer) -> None:
         self._stack, self._observer = stack, observer

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from types import TracebackType
 
 SEGMENT_BYTES = 1400
-QUEUED_SEGMENTS = 32  # in each direction: a radio network's buffer; when it is full the sender waits
+QUEUED_SEGMENTS = (
+    32  # in each direction: buffer of a radio network; when the buffer is full, the sender waits
+)
 RETRANSMISSION_S = 0.2  # TCP's shortest time-out
 SOCKET_BUFFER_BYTES = 16 * 1024
 
@@ -111,12 +113,12 @@ class Cable:
 
     @property
     def port(self) -> int:
-        """Return the address on which it listens."""
+        """Return the port on which the cable listens."""
         number: int = self._server.sockets[0].getsockname()[1]
         return number
 
     def cut(self) -> None:
-        """Close every connection; new ones are accepted."""
+        """Close every connection; new connections are accepted."""
         for connection in list(self.connections):
             connection.close()
 
@@ -129,11 +131,11 @@ class Cable:
         self.thawed.set()
 
     def transmission_s(self, count: int) -> float:
-        """Return how long `count` bytes occupy the line, in seconds."""
+        """Return for how many seconds `count` bytes occupy the cable."""
         return count * 8 / (self.profile.kbit_s * 1000.0) if self.profile else 0.0
 
     def way_s(self) -> float:
-        """Return a segment's travel time in seconds; a lost one waits for its repetition."""
+        """Return a segment's travel time in seconds. A lost segment waits for its repetition."""
         if self.profile is None:
             return 0.0
         way_s = self.profile.round_trip_ms / 2000.0

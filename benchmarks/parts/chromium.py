@@ -13,7 +13,7 @@ from script.stack.stack import Stack
 
 CHROMIUM = "/usr/bin/chromium"
 
-# Sends and receives as the control page does, without drawing: the benchmark measures the network, not the page.
+# Sends and receives like the control page, without drawing: the benchmark measures the network, not the page.
 _OPEN = """
 (address) => new Promise((done, failed) => {
   const socket = new WebSocket(address);
@@ -96,7 +96,7 @@ async def signed_in(stack: Stack, cookie: str, mapped: Sequence[str] = ()) -> As
 
 
 async def clock_offset_s(page: Page) -> float:
-    """Return the start of performance.now(): the navigation's start, which DevTools reports on CLOCK_MONOTONIC."""
+    """Return the zero of performance.now(): the navigation's start, from DevTools, in CLOCK_MONOTONIC."""
     tools = await page.context.new_cdp_session(page)
     await tools.send("Performance.enable")
     answer = await tools.send("Performance.getMetrics")
@@ -139,6 +139,6 @@ class ChromiumPage:
         await self._closing.aclose()
 
     async def drive(self, turns: list[float], period_s: float, share: float) -> list[float]:
-        """Send these turns at this period; returns when each was sent, in seconds of CLOCK_MONOTONIC."""
+        """Send these turns at this period. Return when each turn was sent, in seconds of CLOCK_MONOTONIC."""
         sent_ms: list[float] = await self._page.evaluate(_DRIVE, [turns, 1000.0 * period_s, share])
         return [self._offset_s + ms / 1000.0 for ms in sent_ms]

@@ -2,11 +2,11 @@
 
     python -m benchmarks.parts.crowd HOST PORT SLUG ORIGIN COUNT [--camera NAME] [--stall]
 
-reads Cookie headers from a line of stdin (with tabs between them; pages take them in turn), opens COUNT control pages
-and acknowledges every view. It prints "ready", then for every view and viewer a line: viewer's number, arrival
-(monotonic ns), checksum of the view. With --camera it opens camera sockets instead and prints the pictures' numbers;
-lines "watch" and "end" of stdin begin and end watching. With --stall the last viewer says hello and then reads
-nothing at all.
+The process reads a line of Cookie headers from stdin (separated by tabs; pages use them in turn), opens COUNT
+control pages and acknowledges every view. It prints "ready", then for every view and viewer a line: viewer's
+number, arrival (monotonic ns), checksum of the view. With --camera it opens camera sockets instead and prints
+the pictures' numbers; lines "watch" and "end" of stdin begin and end watching. With --stall the last viewer
+sends its first message and then reads nothing at all.
 
 Fifty WebSockets of a library would keep this process busier than the measured console, so a page here does the
 minimum. It assumes that the console sends no fragments.
@@ -48,7 +48,7 @@ class Views:
         return frame(wire.encode(wire.Hello(secrets.token_urlsafe(24))))
 
     def seen(self, message: bytes) -> tuple[int, bytes] | None:
-        """Return what identifies this view, and the answer; None for other messages."""
+        """Return the view's checksum, and the answer; None for other messages."""
         return (zlib.crc32(message), self._acknowledge) if message.startswith(VIEW) else None
 
 
@@ -94,7 +94,7 @@ class Page(asyncio.Protocol):
         transport.write(self._request)
 
     def data_received(self, data: bytes) -> None:
-        """Handle complete messages."""
+        """Answer and print complete messages."""
         now_ns = time.monotonic_ns()
         self._received += data
         if not self.opened.done():
@@ -186,7 +186,7 @@ async def main() -> None:
 
 
 def obey(pages: list[Page], frames: dict[str, bytes]) -> None:
-    """Do what the next line of stdin says, on all pages."""
+    """Carry out the next line of stdin on all pages."""
     word = sys.stdin.readline().strip()
     for page in pages:
         page.send(frames[word])

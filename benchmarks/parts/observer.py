@@ -1,4 +1,4 @@
-"""Observing a robot from outside: receives the lines of `ros_side.py observe` on the event loop."""
+"""An observer of a robot from outside: it reads the lines of `ros_side.py observe` on the event loop."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Observer:
 
     @property
     def pid(self) -> int:
-        """Return its process id."""
+        """Return the observer's process id."""
         return self._process.pid
 
     async def cause(self, fault: str) -> None:
@@ -85,7 +85,7 @@ class Observer:
             seen.clear()
 
     async def until(self, condition: Callable[[], object], timeout_s: float = 10.0) -> None:
-        """Wait until `condition()` is true; checks it after every message."""
+        """Wait until `condition()` is true, which is checked after every message. Raises `TimeoutError`."""
         try:
             await asyncio.wait_for(self._become(condition), timeout_s)
         except asyncio.TimeoutError:  # Python 3.10 has two kinds
@@ -127,6 +127,6 @@ class Observer:
 
 
 def start_ros_side(stack: Stack, robot: SimulatedRobot, role: str) -> Child:
-    """Start one of the other roles of ros_side.py; it ends with the stack, or by `end_all`."""
+    """Start another role of ros_side.py. The process ends with the stack, or by `end_all`."""
     command = [SYSTEM_PYTHON, str(ROS_SIDE), role]
     return stack.start_child(f"bench-{role}-{time.monotonic_ns()}", command, robot.environment)

@@ -15,7 +15,10 @@ LIMIT_OF_UNIT = {"PYTHONPATH": str(Path(__file__).parent / "allowed")}
 
 
 def prefer_loops(stack: Stack) -> bool:
-    """Set the priority from outside, because processes here cannot raise their limit. False if it is not allowed."""
+    """Set the priority from outside, because processes here cannot raise their limit.
+
+    Return False: not allowed.
+    """
     bridges = [
         child
         for child in process_stats.children(stack.supervisor.pid)
@@ -31,13 +34,13 @@ def prefer_loops(stack: Stack) -> bool:
 
 
 def prefer_loops_or_say(stack: Stack) -> None:
-    """Set the priority; if it is not allowed, report that the figures are of ordinary priority."""
+    """Set the priority. If this is not allowed, report that the figures are for ordinary priority."""
     if not prefer_loops(stack):
         progress("Real-time priority is not allowed here: the limits apply to ordinary priority.")
 
 
 def prefer_witness(pid: int) -> None:
-    """Run this thread and the observer before attackers, because driver and robot would be other computers.
+    """Run this thread and the observer before attackers: driver and robot would be on other computers.
 
     Both get a lower real-time priority than the console's loops.
     """

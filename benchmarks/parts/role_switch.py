@@ -1,4 +1,4 @@
-"""Gives the observer's role on a robot and takes it away, in a process of its own."""
+"""Give the observer a role on a robot, and take it away, in a separate process."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Switch = Callable[[str], Awaitable[float]]
 
 @asynccontextmanager
 async def role_switch(stack: Stack, slug: str) -> AsyncIterator[Switch]:
-    """Context: a function that sets the observer's role ("": none) and returns when it was committed, monotonic."""
+    """Context: a function that sets the observer's role ("": none) and returns the time of the commit."""
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, "manage.py", "shell", "-c", _CODE.format(slug=slug)),
         cwd=REPOSITORY,

@@ -41,7 +41,7 @@ def say(line: str) -> None:
 
 
 def observe(*also: str) -> None:
-    """Report commands, and odometry and scans on request."""
+    """Print commands, and on request odometry, true motion, scans and goals."""
 
     def on_command(message: Twist) -> None:
         now_ns = time.monotonic_ns()
@@ -93,7 +93,9 @@ def publish() -> None:
     while not rospy.is_shutdown():
         message.linear.z = time.monotonic()
         publisher.publish(message)
-        due_s = max(due_s + 1.0 / RATE_HZ, time.monotonic())  # after a pause (SIGSTOP): no catching up
+        due_s = max(
+            due_s + 1.0 / RATE_HZ, time.monotonic()
+        )  # after a pause (SIGSTOP) missed messages are not sent
         time.sleep(max(0.0, due_s - time.monotonic()))
 
 
@@ -112,7 +114,7 @@ def publish_map() -> None:
 
 
 def watch_map() -> None:
-    """Subscribe to the map, so that its bytes flow."""
+    """Subscribe to the map, so that its bytes are sent."""
     rospy.Subscriber("/map", rospy.AnyMsg, lambda _message: None)
     rospy.spin()
 

@@ -1,4 +1,4 @@
-"""Starting a crowd of viewers and collecting the views that they got."""
+"""Start a crowd of viewers, and collect the views that they received."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ READY_S = 60.0
 class Crowd:
     """Async context: `count` viewers of `slug`. `seen`: view's checksum -> viewer's number -> arrival in seconds.
 
-    With several cookies, their pages are opened by these people in turn. With `camera` they watch that camera, and
-    `seen` has the pictures' numbers in place of checksums.
+    With several cookies, these people open the pages in turn. With `camera`, the viewers watch that camera,
+    and `seen` has the pictures' numbers in place of checksums.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Crowd:
         await self._process.stdin.drain()
 
     async def until_all_see(self) -> None:
-        """Wait until each viewer that reads has got something."""
+        """Wait until each viewer that reads has received a view or picture."""
 
         def viewers() -> set[int]:
             return {viewer for arrivals in self.seen.values() for viewer in arrivals}

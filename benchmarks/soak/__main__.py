@@ -38,7 +38,7 @@ from tests.script.servers import Postgresql, postgresql_installed, running_postg
 
 STANDSTILL_S = 1.0  # from the kill; includes the controller's own time-out and braking
 SETTLED_S = 2.0
-READY_S = 90.0  # a supervisor whose restart budget is spent rests for a minute
+READY_S = 90.0  # a fleet supervisor whose restart budget is used up pauses for a minute
 ROUNDS = {"motion": 100, "audit": 50}
 PARTS = ("web", "bridge", "supervisor", "master")
 
@@ -48,7 +48,7 @@ class RuleBrokenError(AssertionError):
 
 
 def main() -> int:
-    """Returns the exit status."""
+    """Return the exit status."""
     parser = argparse.ArgumentParser(
         prog="script/soak",
         description="Kill parts at random: nothing may move unheld, nothing may be missing in the audit log.",
@@ -117,7 +117,7 @@ async def round_of(stack: Stack, victims: list[str], pause_s: float) -> None:
 
 
 def kill(stack: Stack, scene: Scene, victim: str) -> None:
-    """kill -9."""
+    """Kill a part with SIGKILL."""
     match victim:
         case "web":
             stack.web.signal(signal.SIGKILL)
@@ -131,7 +131,7 @@ def kill(stack: Stack, scene: Scene, victim: str) -> None:
 
 
 def revive(stack: Stack, victims: list[str]) -> None:
-    """Start the parts that do not start themselves. The robot starts with its master, as a real one does."""
+    """Start the parts that do not start themselves. The robot starts with its master, like a real robot."""
     robot = stack.robots[ROBOT]
     if "master" in victims:
         stack.release(robot.master, robot.simulator)

@@ -30,7 +30,7 @@ from script.stack.client import Driver
 from script.stack.stack import Stack
 
 PARTS = ("web", "bridge", "database")
-EARLIEST_S, LATEST_S = 0.5, 2.5  # of the kill, after the start of a round's session
+EARLIEST_S, LATEST_S = 0.5, 2.5  # time of the kill, after the start of a round's session
 STILL_RUNS_S = 0.3  # the session continues after the kill, for the remaining processes
 READY_S = 90.0  # a supervisor with a used-up restart budget pauses for a minute
 SETTLED_S = 10.0
@@ -48,14 +48,14 @@ class Database(Protocol):
     writers_too: bool  # `kill` also kills web process and bridge
 
     def kill(self, stack: Stack) -> None:
-        """Kill it with kill -9, in the middle of its writes."""
+        """Kill the database with SIGKILL, in the middle of its writes."""
 
     def start(self, stack: Stack) -> None:
         """Start the processes that do not start themselves, except the web process."""
 
 
 class Embedded:
-    """SQLite, part of the processes that write: all of them are killed at once, and the file must be intact."""
+    """SQLite, a part of the processes that write: all are killed at once, and the file must be intact."""
 
     writers_too = True
 
@@ -128,7 +128,7 @@ class Witness:
 
 
 class Person:
-    """A person at a control page who repeats all kinds of tasks and continues after a break."""
+    """A person at a control page who repeats all kinds of tasks, and continues after an interruption."""
 
     def __init__(self, stack: Stack, cookie: str, seed: int = 0) -> None:
         self._stack = stack
@@ -158,7 +158,7 @@ class Person:
         return driver
 
     async def go_on(self, driver: Driver) -> None:
-        """Do step after step, until cancelled or the connection is lost."""
+        """Carry out step after step, until cancelled or the connection is lost."""
         with suppress(ConnectionClosed):
             for step in self._steps:
                 await step(driver)
@@ -208,7 +208,10 @@ class Rounds:
     witness: Witness
 
     async def one(self, *victims: str) -> Counter[str]:
-        """Run a session, kill, start again; return the messages to the robot by kind. Raises `LostError`."""
+        """Run a session, kill, start again.
+
+        Return the number of messages to the robot by kind. Raises `LostError`.
+        """
         before = counts(self.witness.received)
         killed_s = await self._until_killed(victims)
         everybody = "database" in victims and self.database.writers_too
@@ -222,7 +225,7 @@ class Rounds:
         return counts(self.witness.received) - before
 
     async def _until_killed(self, victims: tuple[str, ...]) -> float:
-        """Kill at a random time; return it, Unix time."""
+        """Kill at a random time of a session. Return this time, Unix time."""
         driver = await self.person.sit_down()
         session = asyncio.create_task(self.person.go_on(driver))
         try:
@@ -241,7 +244,7 @@ class Rounds:
                 await driver.__aexit__(None, None, None)
 
     def _kill(self, victims: tuple[str, ...]) -> None:
-        """Kill these with kill -9, one after the other."""
+        """Kill these parts with SIGKILL, one after the other."""
         for victim in victims:
             match victim:
                 case "web":
@@ -253,7 +256,10 @@ class Rounds:
                     self.database.kill(self.stack)
 
     async def _settled(self, before_s: float) -> None:
-        """Check that each message to the robot has a record, chains are intact, and each request has an outcome."""
+        """Check that messages to the robot have records, chains are intact, and requests have outcomes.
+
+        Only requests older than `before_s` need an outcome. Raises `LostError`.
+        """
         end_s = time.monotonic() + SETTLED_S
         while True:
             log = await asyncio.to_thread(read_log, self.stack)

@@ -12,7 +12,7 @@ from benchmarks.soak.reconciliation import Entry, Log
 
 
 def main() -> None:
-    """Print it."""
+    """Print the log."""
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
     django.setup()
     from fleet.audit.integrity.verify import verify_all

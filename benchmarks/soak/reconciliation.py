@@ -40,7 +40,7 @@ class Entry(Struct, frozen=True):
 
     @property
     def key(self) -> str:
-        """Return the messages that the robot receives for this request: see `Received`."""
+        """Return the key of the messages that the robot receives for this request: see `Received`."""
         match self.kind:
             case "speech.start":
                 return str(self.details["text"])
@@ -85,7 +85,10 @@ def counts(received: Iterable[Received]) -> Counter[str]:
 
 
 def _orders_without_record(received: Sequence[Received], log: Sequence[Entry]) -> list[str]:
-    """Match each message with an older record of its own; goals with an unknown key are only counted."""
+    """Match each message with a separate, older record; return in words the messages without one.
+
+    Goals with an unknown key are only counted.
+    """
     missing = []
     if len(received) > len(log):
         missing.append(f"{len(received)} {received[0].kind} reached the robot, {len(log)} are recorded")
@@ -105,7 +108,7 @@ def _orders_without_record(received: Sequence[Received], log: Sequence[Entry]) -
 
 
 def _velocities_without_drive(received: Sequence[Received], log: Sequence[Entry]) -> list[str]:
-    """Check that each velocity lies within a drive, and on a non-default topic after it was chosen."""
+    """Check that each velocity is within a drive, and that its topic, if not the default, was chosen before."""
     ends_s = {entry.of: entry.at_s for entry in log if entry.kind == "drive.end"}
     drives = [
         (entry.at_s, ends_s.get(entry.id, float("inf")) + ON_THEIR_WAY_S)

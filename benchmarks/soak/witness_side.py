@@ -1,6 +1,6 @@
-"""``python -m benchmarks.soak.witness_side``: prints each message that reaches the robot in ROS_MASTER_URI.
+"""``python -m benchmarks.soak.witness_side``: print each message that reaches the robot in ROS_MASTER_URI.
 
-Each line is a `Received`. A goal comes twice: when it is sent, and when the robot reports that it has it.
+Each line is a `Received`. A goal is printed twice: when it is sent, and when the robot reports its status.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def tell(kind: str, key: str, goal: str = "") -> None:
 
 
 def drives(topic: str) -> Callable[[Twist], None]:
-    """Reports velocities that are not zero."""
+    """Return a callback that prints velocities that are not zero."""
 
     def heard(twist: Twist) -> None:
         parts = (*_vector(twist.linear), *_vector(twist.angular))
@@ -50,12 +50,12 @@ def drives(topic: str) -> Callable[[Twist], None]:
 
 
 def goals(kind: str, key: Callable[[Any], str]) -> Callable[[Any], None]:
-    """Reports goals that are sent to the robot."""
+    """Return a callback that prints goals that are sent to the robot."""
     return lambda message: tell(kind, key(message.goal), message.goal_id.id)
 
 
 def statuses(kind: str) -> Callable[[GoalStatusArray], None]:
-    """Reports goals that the robot has."""
+    """Return a callback that prints goals whose status the robot reports, each once."""
     known: set[str] = set()
 
     def heard(message: GoalStatusArray) -> None:

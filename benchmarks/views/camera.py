@@ -1,8 +1,8 @@
 """Live camera: first picture, age on the page beside MJPEG, cost, slow network, stalled viewer, lost right, commands.
 
-The simulated head camera draws the time into its pictures; Chromium's page reads it from its canvas. A picture's age
-counts from the robot's stamp, so drawing and encoding in the simulator are part of it. `FLEET_BENCH_PARTS`,
-`FLEET_BENCH_SECONDS`, `FLEET_BENCH_SLOTS`: fewer parts, shorter ones.
+The simulated head camera draws the time into its pictures. Chromium's page reads this time from its canvas. A
+picture's age counts from the robot's stamp, so drawing and encoding in the simulator are part of the age.
+`FLEET_BENCH_PARTS`, `FLEET_BENCH_SECONDS`, `FLEET_BENCH_SLOTS`: fewer parts, shorter parts.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ PARTS = ("first", "glass", "slow", "stall", "rights", "cost", "commands")
 MEASURED_S = 20.0
 SETTLED_S = 3.0
 VIEWERS = 10
-SLOTS = 10  # with viewers and without, each, in turn
+SLOTS = 10  # each with viewers and without, in turn
 SLOW = Profile("500 kbit/s, 100 ms", 500, 100)
 ADAPTED_S = 12.0  # until the quality fits a slow network
-OPENINGS = 3  # of the page, while nothing runs for it, and again at once
+OPENINGS = 3  # of the page without a camera process; the page is opened again at once, with a camera process
 FIRST_S = 2.0
 AGE_P50_MS, AGE_P95_MS = 60.0, 120.0
 SLOW_HZ, SLOW_P95_MS = 8.0, 400.0
@@ -84,7 +84,7 @@ async def measure_on(stack: Stack) -> list[Figure]:
     """Return all figures, one part after the other."""
     parts = os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split()
     prefer_loops_or_say(stack)
-    # Several people: one may not begin so many viewings in a few minutes (each is a record).
+    # Several people, because one person may not begin so many viewings in a few minutes: each is a record.
     cookies = [await asyncio.to_thread(sign_in, stack, role) for role in ROLES]
     bench = Bench(stack, cookies)
     figures: list[Figure] = []
@@ -191,7 +191,10 @@ class Bench:
     # --- a slow network ----------------------------------------------------------------------------
 
     async def slow_network(self) -> list[Figure]:
-        """Measure age and rate over a slow network. Pages load over a fast one, which then becomes slow."""
+        """Measure age and rate over a slow network.
+
+        The network is fast while the page loads, then becomes slow.
+        """
         figures: list[Figure] = []
         async with self._mjpeg() as mjpeg:
             page = partial(mjpeg_page, self._stack, self._cookie)
@@ -217,10 +220,10 @@ class Bench:
     # --- one viewer stalls -------------------------------------------------------------------------
 
     async def one_stalls(self) -> list[Figure]:
-        """Let one of ten viewers read nothing; compare the pictures of the others with those of nine without it.
+        """Let one of ten viewers read nothing, and compare the others' pictures with nine viewers alone.
 
-        Pictures are counted for each viewer: their numbers also count the smaller pictures that the console makes for
-        the stalled viewer.
+        Pictures are counted for each viewer, because their numbers also count the smaller pictures that the
+        console makes for the stalled viewer.
         """
         progress("one viewer stalls ...")
         rates_hz = []
@@ -248,7 +251,7 @@ class Bench:
             return min(now - then for now, then in zip(crowd.seen[:-1], before, strict=False)) / spent_s
 
     async def _slowest_hz(self, crowd: Crowd) -> float:
-        """Return the pictures a second of the viewer with the fewest, of those who read."""
+        """Return the lowest number of pictures per second among the viewers that read."""
         crowd.seen.clear()
         began_s = time.monotonic()
         await asyncio.sleep(self._seconds)
@@ -259,14 +262,19 @@ class Bench:
     # --- rights ------------------------------------------------------------------------------------
 
     async def rights_lost(self) -> list[Figure]:
-        """Take the viewer's role away while it watches: seconds from the commit to the last picture."""
+        """Take the viewer's role away during viewing.
+
+        Measure the seconds from the commit to the last picture.
+        """
         progress("rights lost ...")
         lasted_s = []
         async with role_switch(self._stack, ROBOT) as switch:
             for number in range(RIGHTS_LOST):
                 async with Crowd(self._stack, ROBOT, self._cookie, 1, camera=CAMERA) as crowd:
                     await crowd.until_all_see()
-                    await asyncio.sleep(0.1 * number)  # at any time between two looks at rights
+                    await asyncio.sleep(
+                        0.1 * number
+                    )  # so the role ends at different times between two checks of rights
                     taken_s = await switch("")
                     await asyncio.sleep(2.0 * ENDS_S)
                     last_s = max(at_s for arrivals in crowd.seen.values() for at_s in arrivals.values())
@@ -277,7 +285,7 @@ class Bench:
     # --- cost --------------------------------------------------------------------------------------
 
     async def cost(self) -> list[Figure]:
-        """Measure the processor time that ten viewers of passed-through JPEG add."""
+        """Measure the processor time that ten viewers add when JPEG is passed through."""
         progress("cost ...")
         await asyncio.sleep(SETTLED_S)
         idle, _ = await self._used(0)
@@ -383,7 +391,7 @@ class Bench:
 def ages(
     name: str, measured: Measured, p50_ms: float | None = None, p95_ms: float | None = None
 ) -> list[Figure]:
-    """Return p50 and p95 of the pictures' ages on the page, and how many it showed."""
+    """Return p50 and p95 of the pictures' ages on the page, and the pictures shown per second."""
     return [
         Figure(f"{name}: age p50", measured.age_ms(0.50), "ms", p50_ms),
         Figure(f"{name}: age p95", measured.age_ms(0.95), "ms", p95_ms),

@@ -1,4 +1,4 @@
-"""Reads the clock code of camera pictures from a canvas in a real browser: how old each picture is when it is shown."""
+"""Read the clock code of camera pictures from a canvas in a real browser: the age of each shown picture."""
 
 from __future__ import annotations
 
@@ -55,7 +55,8 @@ _WATCH = """
 }
 """
 
-# The page gives its canvas the picture's size when it paints the first one; an image has the size of its own.
+# The page sets its canvas to the picture's size when it paints the first picture. An image has the picture's
+# size.
 _PAINTED = """
 ([selector, width]) => {
   const shown = document.querySelector(selector);
@@ -66,7 +67,7 @@ _PAINTED = """
 
 
 class Shown(NamedTuple):
-    """A picture: its age in seconds when the page first showed it, and that moment (CLOCK_MONOTONIC)."""
+    """A picture: its age in seconds when the page first showed it, and the time of this (CLOCK_MONOTONIC)."""
 
     age_s: float
     at_s: float
@@ -74,11 +75,11 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True)
 class Measured:
-    """All pictures of some seconds."""
+    """All pictures that were shown during a measurement."""
 
     pictures: list[Shown]
     seconds: float
-    video_share: float  # of the pictures that came, as H.264
+    video_share: float  # share of the received pictures that are H.264
 
     def age_ms(self, share: float) -> float:
         """Return a quantile of the ages, in milliseconds."""
@@ -96,10 +97,10 @@ class CameraPage:
     def __init__(self, page: Page, offset_s: float, formats: list[str]) -> None:
         self._page = page
         self._offset_s = offset_s
-        self._formats = formats  # of pictures that came over its WebSocket; it grows
+        self._formats = formats  # of the pictures received over the page's WebSocket; the list grows
 
     async def measure(self, seconds: float) -> Measured:
-        """Watch for some seconds."""
+        """Measure the pictures shown in this time."""
         await self._page.evaluate("window.benchSeen.length = 0")
         self._formats.clear()
         await asyncio.sleep(seconds)
@@ -123,7 +124,7 @@ async def _watching(page: Page, canvas: str, image: str | None, formats: list[st
 
 
 def _formats_of(page: Page) -> list[str]:
-    """Return the formats of all pictures that come over the page's WebSockets; the list grows."""
+    """Return a list to which the format of each picture is added that comes over the page's WebSockets."""
     formats: list[str] = []
 
     def received(frame: str | bytes) -> None:
@@ -138,9 +139,9 @@ def _formats_of(page: Page) -> list[str]:
 async def console_page(
     stack: Stack, slug: str, cookie: str, port: int | None = None, *, decodes_video: bool = True
 ) -> AsyncIterator[CameraPage]:
-    """Context: the robot's page, which shows its camera. `port` is that of a cable to the console.
+    """Context: the robot's page, which shows its camera. `port`: the port of a cable to the console.
 
-    Without `decodes_video` the browser is one that decodes no H.264.
+    Without `decodes_video` the browser cannot decode H.264.
     """
     rules = (f"MAP {stack.hosts[0]}:{stack.port} {stack.hosts[0]}:{port}",) if port else ()
     async with signed_in(stack, cookie, rules) as page:
@@ -152,7 +153,7 @@ async def console_page(
 
 
 async def first_picture_s(stack: Stack, cookie: str, address: str, element: str = CANVAS) -> float:
-    """Return the seconds from the navigation to an address until its canvas, or image, has a picture of the camera.
+    """Return the seconds from the navigation to an address until its canvas or image shows a camera picture.
 
     The browser is new: its cache is empty.
     """

@@ -2,8 +2,8 @@
 
     mjpeg.py PORT
 
-It passes JPEG on without decoding and sends each client the newest picture, which is more favourable than that
-server's queues. Run by the distribution's Python, on the master in ROS_MASTER_URI.
+The server passes JPEG on without decoding and sends each client the newest picture. This delays pictures less
+than web_video_server's queues. Run by the distribution's Python, on the master in ROS_MASTER_URI.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
 
     def do_GET(self) -> None:
-        """Answer one request; a stream goes on until the client leaves."""
+        """Answer one request. A stream continues until the client closes the connection."""
         self.send_response(200)
         if self.path != "/stream":
             self.send_header("Content-Type", "text/html")
@@ -68,7 +68,7 @@ class Handler(BaseHTTPRequestHandler):
             while True:
                 number, picture = self.newest.after(number)
                 head = b"Content-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % len(picture)
-                # The next boundary at once: browsers show a part when they see its end.
+                # Send the next boundary at once: a browser shows a part only when its end has come.
                 self.wfile.write(head + picture + b"\r\n" + BOUNDARY)
         except OSError:
             return

@@ -17,16 +17,16 @@ ROBOT = "tiago-1"
 POINTS = 20_000
 LINKS = 15
 MEASURED_S = 10.0
-SETTLED_S = 5.0  # until it has found how fine it may draw
+SETTLED_S = 5.0  # until the view has chosen how finely it draws
 OPENED_S = 30.0
 SIZES = ((1440, 900), (360, 640))
-LONGEST_MS = 34.0  # every second frame of a screen of 60 Hz, as often as the view draws
+LONGEST_MS = 34.0  # two frames of a screen of 60 Hz: the view draws every second frame
 
 _SCENE = "document.querySelector('[data-part=scene]').scene"
 _OPEN = "() => document.querySelector('[data-view=scene]').click()"
 _THERE = f"() => ({_SCENE}?.figures.links ?? 0) > {LINKS}"
 _FACTS = f"() => {_SCENE}.figures"
-# The view is turned by a key at each frame of the page; a picture is one that the view has drawn.
+# A key turns the view at each frame of the page. Only pictures that the view has drawn are counted.
 _TURN = f"""(seconds) => new Promise((done) => {{
   const canvas = document.querySelector(".scene-canvas");
   const scene = {_SCENE};
@@ -47,7 +47,7 @@ _TURN = f"""(seconds) => new Promise((done) => {{
 
 
 def measure() -> list[Figure]:
-    """Run one robot; an observer looks at it in 3D."""
+    """Run one robot, and let an observer look at it in 3D."""
     with temporary_stack(robots=PRACTICE_ROBOTS[:1]) as stack:
         return asyncio.run(measure_on(stack))
 

@@ -172,7 +172,10 @@ class Bench:
         ]
 
     async def stalled(self, count: int) -> list[Figure]:
-        """Let one viewer stop reading; check that the others still get all pictures and that memory does not grow."""
+        """Let one viewer stop reading.
+
+        Measure whether the others still get all pictures, and the growth of memory.
+        """
         crowd = Crowd(self._stack, ROBOT, self._cookie, count, one_stalls=True)
         async with crowd:
             await asyncio.sleep(SETTLED_S)
@@ -194,12 +197,13 @@ class Bench:
 
     @asynccontextmanager
     async def _link(self) -> AsyncIterator[dict[int, float]]:
-        """Record when each picture was drawn, on a second link to the bridge in parallel to the web process's."""
+        """Context: record when each picture was drawn, on a second link to the bridge."""
         drawn: dict[int, float] = {}
         path = self._stack.robots[ROBOT].link_path
         async with unix_connect(path, compression=None, ping_interval=None) as link:
             await link.send(wire.encode(wire.LinkHello(wire.PROTOCOL, "benchmark")), text=True)
-            # The same name as the viewers: the list of watchers, and so the picture, stays the same.
+            # The same name as the viewers, so that the list of watchers, and with it the picture, does not
+            # change.
             await link.send(
                 wire.encode(wire.Viewers([self._stack.accounts["observer"].username.capitalize()])),
                 text=True,
@@ -220,6 +224,6 @@ class Bench:
 
 
 def latest(times: list[float], until_s: float) -> float | None:
-    """The last of these ascending times that is not after `until_s`."""
+    """Return the last of these ascending times that is not after `until_s`; None: there is none."""
     index = bisect.bisect_right(times, until_s)
     return times[index - 1] if index else None

@@ -1,1 +1,1 @@
-"""Benchmarks of what pages and programs ask for besides driving: API, bookings, arm, topics."""
+"""Benchmarks of the requests of pages and programs except driving: API, bookings, arm, topics."""

@@ -1,7 +1,7 @@
 """The API: reads, speech, the stream of a token beside the page's, and driving beside 100 reads a second and an export.
 
-Load and driving share the machine. Beside the export, driver and observer have real-time priority: they would be other
-computers.
+Load and driving share the machine. During the export, driver and observer have real-time priority, because in
+reality they would be on other computers.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ OTHER = BARE_STICKS[1].slug  # speaks
 READS = 200
 TEXTS = 20
 VIEWERS = 10
-TURNS = 4  # of page and token each
+TURNS = 4  # with the page's session, and as many with the token
 ALONE_S = 15.0
 PATHS = ("/robots", f"/robots/{ROBOT}", f"/robots/{ROBOT}/phrases", f"/robots/{OTHER}/speech/history")
 

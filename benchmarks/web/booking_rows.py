@@ -1,7 +1,7 @@
-"""Fills a console's database, and measures control's rules in it. Runs in `manage.py shell`.
+"""Fill a console's database, and measure the rules of control in it. Runs in `manage.py shell`.
 
-Ten robots, one of them in service, on which the operator may drive, and bookings of one hour from a year ago on, with a
-gap now.
+The database gets ten robots that the operator may drive, one of them in service, and bookings of one hour,
+nine tenths of them in the past. The robot in service has no bookings in the next 48 hours.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def fill(rows: int) -> list[Robot]:
             name=f"Robot {number}",
             profile=profile,
             master_uri="http://127.0.0.1:9",
-            enabled=number == 0,  # the one that is booked: a robot that is switched off cannot be
+            enabled=number == 0,  # only this robot can be booked: the others are switched off
         )
         for number in range(ROBOTS)
     ]
@@ -68,7 +68,7 @@ def fill(rows: int) -> list[Robot]:
 
 
 def fill_one(slug: str, rows: int) -> None:
-    """Store one robot's bookings: the operator's slot began a minute ago, others' slots lie before and after it."""
+    """Store one robot's bookings: the operator's slot began a minute ago, others are before and after."""
     robot = Robot.objects.get(slug=slug)
     robot.bookings.all().delete()
     person, (others, _made) = (
@@ -96,7 +96,7 @@ def fill_one(slug: str, rows: int) -> None:
 
 
 def p95_ms(step: Callable[[], object]) -> float:
-    """Return the 95th percentile of a step's duration."""
+    """Return the 95th percentile of a step's duration, in ms."""
     spent = []
     for _ in range(REPEATS):
         began_s = time.perf_counter()
@@ -106,7 +106,7 @@ def p95_ms(step: Callable[[], object]) -> float:
 
 
 def rules(robot: Robot, person: User, read: Callable[[], Schedule]) -> Callable[[], object]:
-    """Return the rules of control as a step."""
+    """Return a step that checks the rules of control."""
 
     def step() -> object:
         role = role_on(person, robot)
@@ -116,10 +116,10 @@ def rules(robot: Robot, person: User, read: Callable[[], Schedule]) -> Callable[
 
 
 def main(rows: int) -> None:
-    """Fill, measure, and print JSON: p95 in ms of the rules of control with bookings and without."""
+    """Fill, measure, and print JSON: p95 in ms of the rules of control, with bookings and without."""
     robot = fill(rows)[1]
     with connection.cursor() as cursor:
-        # A database that was filled over months has its statistics, and nothing to tidy up just now.
+        # A database that was filled over months has statistics already, and no large clean-up to do.
         cursor.execute("VACUUM ANALYZE" if connection.vendor == "postgresql" else "ANALYZE")
     person = User.objects.get(username="operator")
     with_ms = p95_ms(rules(robot, person, lambda: schedule_of(robot, timezone.now())))

@@ -32,8 +32,8 @@ RACE_P95_MS = 500.0
 RULES_MS = 5.0
 STUDENTS = 500
 ENROL_S = 5.0
-TURNS = 4  # of driving with bookings and without
-DRIVING_TIMES = 1.1  # bookings add nothing: the rest is the noise between turns
+TURNS = 4  # of driving with bookings, and as many without
+DRIVING_TIMES = 1.1  # bookings should add no delay; the margin is for the noise between turns
 
 
 def measure() -> list[Figure]:
@@ -86,7 +86,7 @@ def _measure_on(stack: Stack, name: str) -> list[Figure]:
 
 
 def _stored(stack: Stack, step: str) -> str:
-    """Run a step of `booking_rows` in the console's database; return what it prints."""
+    """Run a step of `booking_rows` in the console's database, and return its output."""
     program = f"from benchmarks.web.booking_rows import *; {step}"
     done = subprocess.run(  # noqa: S603  # our own program
         [sys.executable, "manage.py", "shell", "--no-imports", "-c", program],
@@ -154,7 +154,7 @@ def _race(stack: Stack, cookie: str, number: int) -> list[_Answer]:
 
 
 def _enrol(stack: Stack) -> float:
-    """Make a course with new people by the form. Returns how long it took after the preview, seconds."""
+    """Make a course with new people by the form. Return the seconds that it took after the preview."""
     cookie = sign_in(stack, "staff")
     page = _ask(stack, cookie, "GET", "/courses/new/").body
     today = datetime.now(timezone.utc).date()

@@ -66,7 +66,7 @@ async def measure_on(stack: Stack) -> list[Figure]:
 
 
 async def play(driver: Driver, observer: Observer) -> list[Figure]:
-    """Measure from the message on the public WebSocket to the goal at another node, audit commit included."""
+    """Measure from the message on the public WebSocket to the goal at another node, with the audit commit."""
     await driver.take()
     await driver.until(lambda: driver.state and all(sensor.ok for sensor in driver.state.sensors))
     delays_s: list[float] = []
@@ -90,7 +90,7 @@ async def play(driver: Driver, observer: Observer) -> list[Figure]:
 
 
 async def look(stack: Stack, cookie: str) -> list[Figure]:
-    """Measure the cost of ten browsers that read one topic, next to one browser, and the decoded messages."""
+    """Measure the cost of no, one and ten browsers that read one topic, and the rate that each gets."""
     [supervised] = [
         child
         for child in process_stats.children(stack.supervisor.pid)
@@ -125,13 +125,13 @@ async def look(stack: Stack, cookie: str) -> list[Figure]:
 
 
 def inspector_cpu_s(bridge: int) -> float:
-    """Return the processor time of the inspector, which decodes messages; 0 while there is none."""
+    """Return the processor time of the inspector, which decodes messages; 0: there is no inspector."""
     return sum(process_stats.cpu_s(child) for child in process_stats.children(bridge))
 
 
 @asynccontextmanager
 async def looker(stack: Stack, cookie: str) -> AsyncIterator[count[int]]:
-    """A page that reads the live topic and counts the messages that it gets."""
+    """Context: a page that reads the live topic, and counts the messages that it gets."""
     address = f"{stack.url.replace('http', 'ws', 1)}/ws/robots/{ROBOT}/topics/"
     shown = count()
     async with connect(

@@ -1,4 +1,4 @@
-"""The world that judges the gate: scenes as data, a closed loop in one process, and what is made of its traces.
+"""The world that judges the gate: scenes as data, a closed loop in one process, and figures from its traces.
 
-MuJoCo decides what touches what. `python -m benchmarks.world --help` plays one case and prints its trace.
+MuJoCo decides which objects touch. `python -m benchmarks.world` plays one case and prints its trace.
 """

@@ -26,7 +26,7 @@ from benchmarks.world.witness import seen
 
 
 def main() -> int:
-    """Returns 1 if the robot touched something."""
+    """Return the exit status: 1 if the robot touched something."""
     parser = _parser()
     asked = parser.parse_args()
     if asked.record and asked.controller != "gate":

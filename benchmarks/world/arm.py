@@ -22,21 +22,21 @@ from robots.wire import Refusal
 REPORTED_EVERY_S = 0.1
 WATCHED_EVERY_S = 0.05  # as the bridge does
 SEEN_GROUP = 0  # of MuJoCo's geometries: rays hit it
-PATIENCE_S = 10.0  # after which a refused motion is given up
+PATIENCE_S = 10.0  # refused for so long, the motions are given up
 
 
 @dataclass(frozen=True)
 class ArmShow:
-    """Motions one after the other, and how many links at the arm's tip the robot's description lacks."""
+    """Motions in order, and the number of links at the arm's tip that the robot's description lacks."""
 
     motions: tuple[str, ...]
     lacks: int
 
 
 class MovingArm:
-    """Plays motions while the arm has room by the bridge's own rule, and reports the posture to the gate.
+    """Plays motions while the bridge's rule finds room for the arm, and reports the posture to the gate.
 
-    A motion that loses its room is cancelled and begun again, as by a person who tries once more.
+    A motion whose room is lost is cancelled and started again, like by a person who tries again.
     """
 
     def __init__(self, robot: Robot, controller: Ours, show: ArmShow) -> None:
@@ -45,11 +45,13 @@ class MovingArm:
         self._left = list(show.motions)
         self._run: Run | None = None
         self._name = ""
-        self._space: tuple[Disc, ...] = ()  # that the run sweeps
+        self._space: tuple[Disc, ...] = ()  # swept by the run
         self._reported_s = -REPORTED_EVERY_S
         self._watched_s = -WATCHED_EVERY_S
         self._now_s = 0.0
-        self.refused_s = 0.0  # seconds in which a motion was refused, or cancelled for want of room
+        self.refused_s = (
+            0.0  # seconds in which a motion was refused, or cancelled because the arm had no room
+        )
         self.posture = ArmPosture(tiago_arm())
         self.posture.describe(_described(show.lacks))
         model = SimpleNamespace(arm=lambda: self.posture.arm(self._now_s))
@@ -64,7 +66,7 @@ class MovingArm:
         return not self._left and (self._run is None or self._run.phase is not Phase.MOVING)
 
     def tick(self, now_s: float) -> None:
-        """Report the posture ten times a second; twenty times, watch the run, or begin the next motion."""
+        """Report the posture (10 Hz), and check the run or start the next motion (20 Hz)."""
         self._now_s = now_s
         if now_s - self._reported_s >= REPORTED_EVERY_S:
             self._reported_s = now_s
@@ -96,7 +98,7 @@ class MovingArm:
 
     def _refused(self, refusal: Refusal) -> None:
         if self._run is None and refusal.code == "not_watched":
-            return  # the sensors begin
+            return  # the sensors have only just started
         self.refused_s += WATCHED_EVERY_S
         if self.refused_s > PATIENCE_S:
             self._left.clear()

@@ -43,28 +43,28 @@ class Said(NamedTuple):
 
 
 class Controller(Protocol):
-    """Stamps are the robot's clock, arrivals and `now_s` the console's; seconds."""
+    """A controller. Stamps are of the robot's clock, arrivals and `now_s` of the console's clock; seconds."""
 
-    looks: bool  # at depth pictures: they are costly
+    looks: bool  # whether it uses depth pictures, which are costly
 
     def odometry(self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity) -> None:
-        """Odometry came."""
+        """Process an odometry message."""
 
     def scan(self, stamp_s: float, arrival_s: float, ranges: Ranges) -> None:
-        """A scan came."""
+        """Process a scan."""
 
     def sonar(self, frame: str, stamp_s: float, arrival_s: float, range_m: float) -> None:
-        """A sonar's range came."""
+        """Process a sonar's range."""
 
     def depth(self, stamp_s: float, arrival_s: float, metres: Ranges, to_base: Transform) -> None:
-        """A depth picture came, with the transform from the camera's optical frame."""
+        """Process a depth picture; `to_base` is the transform from the camera's optical frame."""
 
     def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
-        """Return the published part of `asked`."""
+        """Return the twist to publish in place of `asked`, with its reason."""
 
 
 class Ours:
-    """The gate, used as `robots.bridge.core.Core` uses it."""
+    """The gate, used in the same way as in `robots.bridge.core.Core`."""
 
     looks = True
 
@@ -148,7 +148,7 @@ class _LaserOnly:
         self._ranges = ranges[usable]
 
     def points(self) -> Floats:
-        """Return the points of the scan, base frame of the scan, (2, N)."""
+        """Return the points of the scan in the base frame at the time of the scan, (2, N)."""
         heading = self._angles + self._fan.pose.yaw
         return np.stack(
             (
@@ -159,7 +159,7 @@ class _LaserOnly:
 
 
 class Cone(_LaserOnly):
-    """The nearest laser ray around the heading slows down linearly between 1.5 m and 0.25 m."""
+    """Slows down by the nearest laser ray around the heading: linearly from 1.5 m to a stop at 0.25 m."""
 
     _HALF_ANGLE = math.radians(20.0)
     _FREE_M = 1.5
@@ -178,7 +178,7 @@ class Cone(_LaserOnly):
 
 
 class Monitor(_LaserOnly):
-    """Polygons as nav2's collision monitor has them: stop, slow down, and approach by time to collision."""
+    """Polygons as in nav2's collision monitor: stop, slow down, and approach by time to collision."""
 
     _MIN_POINTS = 4
     _STOP_M = 0.05  # the stop polygon, and the slow-down polygon: the hull grown by this
@@ -207,7 +207,7 @@ class Monitor(_LaserOnly):
         return int(inside.sum()) >= self._MIN_POINTS
 
     def _until_collision(self, points: Floats, asked: Velocity) -> float:
-        """Seconds until enough points are within the hull, played at constant speed; at most `_COLLISION_S`."""
+        """Return the seconds at constant speed until points are in the hull; at most `_COLLISION_S`."""
         x = y = yaw = 0.0
         for step in range(round(self._COLLISION_S / self._STEP_S)):
             inside = np.hypot(points[0] - x, points[1] - y) < self._radius_m

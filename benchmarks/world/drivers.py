@@ -14,7 +14,7 @@ FACES_RAD = 0.03
 
 
 class FullStick:
-    """Holds it fully, from some second on."""
+    """Holds the stick fully from `from_s` on."""
 
     def __init__(self, x: float, w: float, share: float, from_s: float = 0.0) -> None:
         self._stick = Stick(x, w, share)
@@ -25,7 +25,7 @@ class FullStick:
 
 
 class Approach:
-    """Comes to the origin, turns to heading 0, lets the stick rest a moment; from then on it is held fully."""
+    """Drives to the origin, turns to heading 0, lets the stick rest a moment, then holds it fully."""
 
     _SHARE = 0.3
     _REST_S = 0.6
@@ -51,7 +51,7 @@ class Approach:
 
 
 class TurnAndGo:
-    """Turns to a heading where it stands, lets the stick rest a moment, then holds it fully ahead."""
+    """Turns on the spot to a heading, lets the stick rest a moment, then holds it fully ahead."""
 
     _REST_S = 0.6
     _PATIENCE_S = 7.0  # time limit of the turn
@@ -72,10 +72,13 @@ class TurnAndGo:
 
 
 class Restless:
-    """Adversarial: any stick, often a full one, for a moment, half of its way in reverse; after a look around."""
+    """Adversarial: after a look around, holds random stick positions, often full ones, each for a moment.
+
+    Half of the way is in reverse.
+    """
 
     _LOOK_AROUND_S = 4.0
-    _REVERSE = 0.85  # of the time: reverse is slower, and this makes half of the way
+    _REVERSE = 0.85  # share of the time: reverse is slower, so this is half of the way
 
     def __init__(self, random: np.random.Generator, *, looks: bool = True) -> None:
         self._random = random
@@ -102,9 +105,9 @@ class Restless:
 
 
 class Follower:
-    """Competent: drives through points one after the other, sees where the robot was a moment ago."""
+    """Competent: drives through points one after the other, and sees the robot's pose with a short delay."""
 
-    _LAG_STEPS = 2  # of a decision's period
+    _LAG_STEPS = 2  # delay of the seen pose, in periods of decisions
     _NEAR_M = 0.15
 
     def __init__(self, points: list[tuple[float, float]], share: float) -> None:

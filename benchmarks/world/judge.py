@@ -15,44 +15,46 @@ from benchmarks.world.loop import PERIOD_S, Moment, Trace
 from benchmarks.world.truth import RADIUS_M, Truth
 from robots.bridge.gate.values import STILL, Limits, Parameters, Velocity
 
-FREE_M = 2.0  # of free way, in which the asked speed is expected
-FALSE_STOP = 0.3  # below this share of the reachable motion, a turn on the spot included
-REACHABLE = 0.3  # of the asked twist; before that, nothing is judged
+FREE_M = 2.0  # free way with which the asked speed is expected
+FALSE_STOP = 0.3  # below this share of the reachable motion, also of a turn on the spot
+REACHABLE = 0.3  # share of the asked twist: below it, nothing is judged
 LEAST_MPS, LEAST_RADPS = 0.05, 0.3  # of the asked twist
 STANDS_MPS, STANDS_RADPS = 0.02, 0.05
-LEAST_WAY_M = 0.3  # with less to go, nobody is stuck
+LEAST_WAY_M = 0.3  # with less free way, a robot at rest does not count as stuck
 EVERY = 4  # of the decisions are judged
-REVERSE_MPS = Parameters().between_sonars_mps  # no stick gets more where sonars alone look
+REVERSE_MPS = Parameters().between_sonars_mps  # most speed in directions that only sonars measure
 
 
 class Keeping(NamedTuple):
-    """Share of the stick that was left to the operator: sums over the moments that count."""
+    """How much of the asked motion was left to the operator: sums over the moments that count."""
 
     wide: int = 0  # moments with `FREE_M` free
-    wide_share: float = 0.0  # sum of published / reachable in them
-    back: int = 0  # of them, those in reverse, and their share of the sum
-    back_share: float = 0.0
-    given_share: float = 0.0  # the same, of no more than `REVERSE_MPS`
-    free: int = 0  # moments in which the way to stop in is free
+    wide_share: float = 0.0  # sum of published / reachable in these moments
+    back: int = 0  # number of these moments in reverse
+    back_share: float = 0.0  # their part of the sum
+    given_share: float = 0.0  # the same, with reachable limited to `REVERSE_MPS`
+    free: int = 0  # moments in which the stopping distance is free
     false_stops: int = 0
-    tried: int = 0  # moments in which the stick asked for something
-    stuck: int = 0  # of them, the robot stood and was held though there was a free way, or only a turn
-    stopped_by: Counter[str] = Counter()  # causes of the false stops, by what the gate said
+    tried: int = 0  # moments in which the stick asked for motion
+    stuck: int = (
+        0  # of `tried`: the robot stood and was held although the way was free, or only a turn was asked
+    )
+    stopped_by: Counter[str] = Counter()  # causes of the false stops, by the gate's text
     stuck_by: Counter[str] = Counter()
 
     @property
     def lost_percent(self) -> float:
-        """Lost share of the reachable speed with free space around, percent."""
+        """Lost part of the reachable speed with `FREE_M` free, in percent."""
         return 100.0 * (1.0 - self.wide_share / self.wide) if self.wide else math.nan
 
     @property
     def lost_ahead_percent(self) -> float:
-        """The same forward and turning."""
+        """The same for forward motion and turns."""
         return Keeping(self.wide - self.back, self.wide_share - self.back_share).lost_percent
 
     @property
     def lost_back_percent(self) -> float:
-        """In reverse, of `REVERSE_MPS`."""
+        """The same in reverse, relative to at most `REVERSE_MPS`."""
         return Keeping(self.back, self.given_share).lost_percent
 
     @property
@@ -67,15 +69,15 @@ class Keeping(NamedTuple):
 
 
 def together(parts: Iterable[Keeping]) -> Keeping:
-    """The sums of all."""
+    """Return the sums of all parts."""
     return Keeping(*(reduce(operator.add, column) for column in zip(Keeping(), *parts, strict=True)))
 
 
 def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
-    """Published against reachable speed, wherever the true way is free.
+    """Compare published and reachable speed wherever the true way is free, and return the sums.
 
-    Reachable is the share of the asked twist that a base with these limits can have been brought to: from what was
-    published before the way became free, at its own accelerations.
+    Reachable is the share of the asked twist that a base with these limits could have reached: it starts with
+    the twist published before the way became free, and accelerates at the base's limits.
     """
     moments: list[Keeping] = []
     reached, was_free = STILL, False
@@ -107,12 +109,12 @@ def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
 
 
 def is_stuck(moment: Moment, truth: Truth, limits: Limits) -> bool:
-    """Return whether a standing robot is held though it could go a little way, or turn as it is asked to."""
+    """Return whether a standing robot is held although it could drive a little way, or do the asked turn."""
     moves = abs(moment.moving.vx) > STANDS_MPS or abs(moment.moving.w) > STANDS_RADPS
     if moves or moment.sent != STILL:
         return False
     asked = moment.asked
-    if abs(asked.w) >= LEAST_RADPS:  # nothing is in the way of a disc that turns
+    if abs(asked.w) >= LEAST_RADPS:  # a disc that turns on the spot meets no obstacle
         return True
     needed_m = max(_needed_m(asked, limits), LEAST_WAY_M)
     return truth.free_m(moment.pose, asked, FREE_M, from_near=True) >= needed_m
@@ -128,7 +130,7 @@ def _causes(moment: Moment, counts: bool) -> Counter[str]:
 
 
 def _stepped(reached: Velocity, asked: Velocity, limits: Limits) -> Velocity:
-    """One period nearer to what is asked."""
+    """Return the velocity one period later, accelerated towards the asked velocity."""
     linear, angular = limits.linear_mps2 * PERIOD_S, limits.angular_radps2 * PERIOD_S
     return Velocity(
         min(max(asked.vx, reached.vx - linear), reached.vx + linear),
@@ -138,12 +140,12 @@ def _stepped(reached: Velocity, asked: Velocity, limits: Limits) -> Velocity:
 
 
 def _share(given: Velocity, asked: Velocity) -> float:
-    """Return how much of the asked twist this is: of its speed, or of its turning where nothing else is asked."""
+    """Return the given part of the asked speed; of the asked turn, if only a turn is asked."""
     return given.vx / asked.vx if asked.vx else given.w / asked.w if asked.w else 0.0
 
 
 def motion_mps(twist: Velocity) -> float:
-    """Return the speed of the fastest point of the hull. A robot that turns as it is asked to has not stopped."""
+    """Return the speed of the hull's fastest point, m/s: a robot that turns on the spot has not stopped."""
     return math.hypot(twist.vx, twist.vy) + RADIUS_M * abs(twist.w)
 
 
@@ -152,5 +154,5 @@ def _is_worth_judging(asked: Velocity) -> bool:
 
 
 def _needed_m(asked: Velocity, limits: Limits) -> float:
-    """The way in which anybody would stop from the asked speed, with half a second to react and 0.2 m to spare."""
+    """Return the stopping distance from the asked speed, with 0.5 s of reaction and 0.2 m to spare."""
     return min(abs(asked.vx) * 0.5 + asked.vx**2 / (2.0 * 0.6 * limits.linear_mps2) + 0.2, FREE_M)

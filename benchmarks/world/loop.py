@@ -1,7 +1,7 @@
 """The closed loop: simulated robot, delayed sensors, a driver, a controller, delayed commands. Faster than real time.
 
-The loop does not use the controllers' calculations. The console's clock and the robot's differ, messages take their
-time, and what is published passes the robot's own mux and base controller with their time-outs.
+The loop does not use the controllers' calculations. The clocks of console and robot differ, messages are
+delayed, and published twists pass the robot's own mux and base controller with their time-outs.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ ROBOT_CLOCK_S = 1.7e9  # the robot's clock is ahead by this
 WARM_UP_S = 0.4  # before the stick is touched
 PERIOD_S = 0.05  # of decisions
 SONAR_HZ = 5.0
-PHASES = 10  # ticks, of which a sensor begins with any
-GAP_EVERY = 4  # decisions; to measure the gap takes longer than to decide
-SLOWS = 0.2  # seconds a second
-GHOST_SHARE = 0.0005  # of beams: something single that is not there
-LOOKS_DOWN = -0.68  # tilt of the head, radians: as after "look ahead", towards the floor where the robot goes
+PHASES = 10  # each sensor begins with a random offset of less than this number of ticks
+GAP_EVERY = 4  # decisions between two measurements of the gap, which take longer than a decision
+SLOWS = 0.2  # growth of the link's delay, seconds per second
+GHOST_SHARE = 0.0005  # of beams that measure a single object that is not there
+LOOKS_DOWN = -0.68  # tilt of the head, radians, as after *Look ahead*: towards the floor ahead of the robot
 INPUT = "key_vel"
 
 
 class Jump(NamedTuple):
-    """From a moment on (seconds since the start), sensors or commands come later by `by_s`, all at once."""
+    """From `at_s` on (seconds since the start), sensors or commands suddenly come later by `by_s`."""
 
     at_s: float
     by_s: float
@@ -61,7 +61,7 @@ class Jump(NamedTuple):
 
 
 class Delays(NamedTuple):
-    """Seconds on the way; each message takes up to `jitter_s` longer."""
+    """Delays of messages in seconds. Each message takes up to `jitter_s` longer."""
 
     odometry_s: float
     scan_s: float
@@ -71,7 +71,7 @@ class Delays(NamedTuple):
 
     @classmethod
     def drawn(cls, random: np.random.Generator) -> Delays:
-        """As on a good local network; TIAGo's wheels then obey within 0.1 s."""
+        """Draw delays as in a good local network, where TIAGo's wheels obey within 0.1 s."""
         drawn = random.uniform((0.005, 0.02, 0.06, 0.02), (0.02, 0.06, 0.12, 0.08))
         odometry, scan, depth, command = drawn.tolist()
         return cls(odometry, scan, depth, command)
@@ -84,12 +84,12 @@ class Conditions:
     blanked: bool = False  # PAL's /scan: nothing within +-0.30 m of the base
     faults: tuple[tuple[float, Faults], ...] = ()  # from this second on
     late_s: float = 0.0  # commands come this much later
-    slows_to_s: float = 0.0  # messages and commands come later and later, up to this
+    slows_to_s: float = 0.0  # delays of messages and commands grow up to this
     jump: Jump | None = None
-    # when nothing passes either way, and for how long (s): it all comes at the end
+    # When no message passes in either direction, and for how long (s). The messages come at the end.
     hiccups: tuple[tuple[float, float], ...] = ()
     clock_s: float = 0.0  # the robot's clock is this far off
-    # where the head is turned to, and stays; else it follows the turn of the drive
+    # Fixed direction of the head; None: it follows the turns of the drive.
     head_pan: float | None = None
     sensors: Sensors = STANDARD
     drift: Drift = field(default_factory=Drift)
@@ -103,7 +103,7 @@ class Seen(NamedTuple):
 
 
 class Stick(NamedTuple):
-    """Stick position; `trying` marks what is judged."""
+    """Stick position. Only moments with `trying` are judged."""
 
     x: float
     w: float
@@ -118,7 +118,7 @@ class Driver(Protocol):
     """A driver: holds the stick."""
 
     def hold(self, seen: Seen) -> Stick | None:
-        """The stick now; None: done."""
+        """Return the stick position now; None: the drive is done."""
 
 
 class Moment(NamedTuple):
@@ -131,13 +131,13 @@ class Moment(NamedTuple):
     sent: Velocity
     code: str
     text: str
-    gap_m: float  # as it was at most `GAP_EVERY` decisions ago
+    gap_m: float  # measured at most `GAP_EVERY` decisions ago
     trying: bool
-    limits: tuple[SpeedLimit, ...] = ()  # that hold whatever is in the way
+    limits: tuple[SpeedLimit, ...] = ()  # that do not depend on obstacles
 
 
 class Touch(NamedTuple):
-    """The first moment of a contact; speeds before it."""
+    """The first moment of a contact. `robot`: the robot's speed before it."""
 
     time_s: float
     part: str
@@ -183,7 +183,10 @@ class Glance(NamedTuple):
 
 @dataclass(frozen=True)
 class Case:
-    """One thing to play. It is over `longest_s` after the start, `tries_s` after the first try, or after some rest."""
+    """A case to play.
+
+    It ends `longest_s` after the start, `tries_s` after the first try, or after `at_rest_s`.
+    """
 
     world: World
     start: Pose
@@ -196,7 +199,7 @@ class Case:
     person_starts_s: float | None = None  # when the person in the world begins to walk
     leaving: Leaving | None = None
     glance: Glance | None = None
-    arm: ArmShow | None = None  # before the stick is touched
+    arm: ArmShow | None = None  # motions before the stick is touched
 
 
 class Loop:
@@ -251,10 +254,10 @@ class Loop:
         self._pan, self._tilt = case.conditions.head_pan or 0.0, LOOKS_DOWN
         self._aim = Aim(self._pan, self._tilt, AHEAD_TAKES_S)
         self._turns_radps = FOLLOW_RADPS, FOLLOW_RADPS
-        self._head_turns = False  # so fast that its pictures are not used
+        self._head_turns = False  # True: it turns so fast that its pictures are not used
 
     def play(self) -> Trace:
-        """To the end."""
+        """Play the run to its end."""
         ticks = 0
         while not self._done:
             now_s = STARTS_S + ticks * TICK_S
@@ -317,7 +320,7 @@ class Loop:
             self._aim = aim
 
     def _look(self, now_s: float) -> None:
-        """Note contacts and distance driven."""
+        """Store contacts and the distance driven."""
         moving = self.robot.physics.velocity
         way_m = math.hypot(moving.vx, moving.vy) * TICK_S
         self.trace.way_m += way_m
@@ -336,7 +339,7 @@ class Loop:
     # --- from the robot --------------------------------------------------------------------------
 
     def _measure(self, now_s: float, ticks: int) -> None:
-        """Sensors measure now; their messages arrive later."""
+        """Let the sensors that are due measure now. Their messages arrive later."""
         stamp_s = now_s + ROBOT_CLOCK_S + self.case.conditions.clock_s
         faults = self.robot.faults
         scans, sonars, depths = self._phase_ticks
@@ -394,7 +397,7 @@ class Loop:
             )
 
     def joints(self, pan: float, tilt: float) -> dict[str, float]:
-        """The upper body's joints, with the head turned so."""
+        """Return the joints of the upper body, with this pan and tilt of the head."""
         return {**self.robot.player.positions, "head_1_joint": pan, "head_2_joint": tilt}
 
     def _tell_depth(self, stamp_s: float, now_s: float) -> None:
@@ -420,7 +423,7 @@ class Loop:
     # --- to the robot ----------------------------------------------------------------------------
 
     def _happen(self, now_s: float) -> None:
-        """Everything that is due, in order of time: arrivals and decisions."""
+        """Carry out all arrivals and decisions that are due, in order of time."""
         while self._decides_s <= now_s or (self._events and self._events[0][0] <= now_s):
             if self._events and self._events[0][0] <= self._decides_s:
                 at_s, _, event = heapq.heappop(self._events)
@@ -479,7 +482,7 @@ class Loop:
             self.robot.command(Twist(*velocity), now_s)
 
     def _end(self, now_s: float, trying: bool, sent: Velocity, moving: Twist) -> None:
-        """End the run when the robot has been brought to rest and stays so, or when enough was tried."""
+        """End the run when the robot has stood for `at_rest_s`, or `tries_s` after the first try."""
         if not trying:
             return
         if self._tries_since_s is None:
@@ -502,7 +505,7 @@ def _asked(stick: Stick, limits: Limits) -> Velocity:
 
 
 def _optical_frame(joints: dict[str, float]) -> Transform:
-    """From the camera's optical frame (right, down, ahead) to the base frame."""
+    """Return the transform from the camera's optical frame (right, down, ahead) to the base frame."""
     origin, axes = camera_pose(joints)
     forward, left, up = axes.T
     to_base = np.eye(4)

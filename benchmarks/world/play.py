@@ -21,7 +21,7 @@ SCAN = "/scan_raw"
 
 
 def at_most(crashes: int) -> float:
-    """The expected number that would give so few crashes with a probability of 5 % only: 3.0 for none (Poisson)."""
+    """Return the upper 95 % bound of the expected number of crashes (Poisson): 3.0 if there was none."""
     low, high = 0.0, 3.0 * crashes + 10.0
     while high - low > 1e-6:
         middle = (low + high) / 2.0
@@ -31,13 +31,13 @@ def at_most(crashes: int) -> float:
 
 
 def loop_of(case: Case, controller: str, seed: int) -> Loop:
-    """A run of `case`, ready to be played."""
+    """Return a run of `case`, ready to be played."""
     profile = case.conditions.sensors.profile(tiago_profile())
     return Loop(case, lambda fan: CONTROLLERS[controller](profile, fan), profile.limits, SCAN, seed)
 
 
 def recorded(loop: Loop, path: Path) -> Trace:
-    """Play a run of our gate and record its input and answers."""
+    """Play a run of our gate, and record its input and verdicts."""
     if not isinstance(loop.controller, Ours):
         raise ValueError("only our own gate can be recorded")
     with Recorder(path, loop.controller.gate.profile) as recorder:
@@ -46,7 +46,10 @@ def recorded(loop: Loop, path: Path) -> Trace:
 
 
 def played(name: str, jobs: Sequence[Job], play: Callable[[Job], Outcome]) -> Iterator[tuple[Job, Outcome]]:
-    """Each job with its outcome, in order. `play` must be importable: separate processes run it."""
+    """Yield each job with its outcome, in order.
+
+    `play` must be importable, because separate processes run it.
+    """
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     context = multiprocessing.get_context("spawn")

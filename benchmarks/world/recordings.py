@@ -31,7 +31,9 @@ from robots.simulator.robot import Robot
 
 Point = tuple[float, float]
 SEED = 2
-LOOKS = {"table_top"}  # with a depth camera; where the laser sees enough, its pictures only make large files
+LOOKS = {
+    "table_top"
+}  # cases with depth pictures; in the others the laser sees enough, and pictures make large files
 CASES: dict[str, Callable[[], Case]] = {
     "table_leg_at_45_degrees": lambda: replace(
         objects.build(objects.Full("gate", "table leg", 45, 1.0, SEED)), longest_s=3.2
@@ -45,7 +47,7 @@ CASES: dict[str, Callable[[], Case]] = {
 
 
 class Witnessed(msgspec.Struct, frozen=True):
-    """Objects of a recording, in the world's frame; metres and radians."""
+    """The truth of a recording, in the world's frame; metres and radians."""
 
     radius_m: float  # of the robot
     outline: list[Point]  # of all standing objects, every few centimetres
@@ -54,9 +56,10 @@ class Witnessed(msgspec.Struct, frozen=True):
 
 
 class Witness(Ours):
-    """Our gate with coarse sensors, which make small files, and somebody who knows the truth.
+    """Our gate with coarse sensors, which make small files. It also stores the truth.
 
-    The laser has steps of 1 mm; the depth camera those of structured light, one pixel of `_THIN` by `_THIN`.
+    The laser has steps of 1 mm. The depth camera has the steps of structured light, and keeps one of `_THIN`
+    by `_THIN` pixels.
     """
 
     robot: Robot
@@ -86,7 +89,7 @@ class Witness(Ours):
 
 
 def main() -> int:
-    """Write all of them. Returns 1 if a robot touched something: then it is no near miss."""
+    """Write all recordings. Return 1 if a robot touched something: then this is not a near miss."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.world.recordings", description=__doc__)
     parser.add_argument("directory", type=Path)
     directory: Path = parser.parse_args().directory
@@ -104,7 +107,7 @@ def _made(path: Path, case: Case) -> int:
     recording = path.with_suffix(".gate")
     outline = [] if case.world.people else Truth(loop.robot.physics).points.round(3).tolist()
     trace = recorded(loop, recording)
-    # Once more and small, without a date: the same drive is the same file.
+    # Compress again, smaller and without a date: the same drive gives the same file.
     recording.write_bytes(gzip.compress(gzip.decompress(recording.read_bytes()), 9, mtime=0))
     truth = Witnessed(RADIUS_M, outline, witness.poses, witness.people)
     path.with_suffix(".json").write_bytes(msgspec.json.encode(truth) + b"\n")

@@ -1,4 +1,4 @@
-"""The TIAGo of this bench, as the console knows it: its shipped profile, without a database."""
+"""The console's configuration of this bench's TIAGo: its shipped profile, without a database."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from robots.registry.configuration.robot_config import Effective
 
 
 def tiago_profile() -> GateProfile:
-    """Return the gate's parameters of a TIAGo without own entries."""
+    """Return the gate's parameters of a TIAGo without settings of its own."""
     return _config().gate
 
 
 def tiago_arm() -> ArmSource:
-    """Return its arm."""
+    """Return the arm of this TIAGo."""
     arm = _config().topics.arm
     if arm is None:
         raise RuntimeError("the shipped profile of a TIAGo has no arm")
@@ -26,7 +26,7 @@ def tiago_arm() -> ArmSource:
 
 
 def tiago_head() -> HeadSource:
-    """Return its head."""
+    """Return the head of this TIAGo."""
     head = _config().topics.head
     if head is None:
         raise RuntimeError("the shipped profile of a TIAGo has no head")

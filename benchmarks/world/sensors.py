@@ -1,7 +1,7 @@
-"""Sensors, delays, brakes and wheels of a run: those of a TIAGo, or others that a seed draws.
+"""Sensors of a run: those of a TIAGo, or others that a seed draws.
 
-The simulated floor has no friction; a slippery floor is drawn as wheel slip and weaker brakes. Descriptions that lack
-links are drawn in `benchmarks.world.cases.arm`.
+The simulated floor has no friction: a slippery floor is drawn as wheel slip and weaker brakes. Descriptions
+with missing links are drawn in `benchmarks.world.cases.arm`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from robots.simulator.sensors.body import TIAGO, Body
 from robots.simulator.sensors.depth import HEIGHT, NEAREST_M, WIDTH
 
 DEPTH_SIZES = ((80, 60), (96, 72), (160, 120), (320, 240), (640, 480))
-SLIPS = 3  # one draw in so many has wheels that slip
+SLIPS = 3  # one of this number of draws has wheels that slip
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Sensors:
     depth_holes: int = 0  # in each picture
 
     def body(self) -> Body:
-        """The TIAGo that has them."""
+        """Return a TIAGo's body with these sensors."""
         if self == STANDARD:
             return TIAGO
         rays = round(2.0 * self.laser_half / self.laser_step) + 1
@@ -49,12 +49,12 @@ class Sensors:
         )
 
     def profile(self, known: GateProfile) -> GateProfile:
-        """Return the console's knowledge of them: the width of the sonars' cones."""
+        """Return `known` with the only property that the console knows: the width of the sonars' cones."""
         return structs.replace(known, sonar_fov=dict.fromkeys(known.sonar_fov, self.sonar_fov))
 
     @classmethod
     def drawn(cls, random: np.random.Generator) -> Sensors:
-        """Any that a robot may have."""
+        """Draw sensors that a robot may have."""
         return cls(
             sonar_fov=math.radians(random.uniform(15.0, 60.0)),
             sonar_sigma_m=float(random.uniform(0.01, 0.05)),

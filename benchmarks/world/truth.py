@@ -1,7 +1,7 @@
 """The true geometry around the robot, from MuJoCo's model: how far the way of a twist is free.
 
-Independent of everything in `robots.bridge.gate`: poses are laid along the arc and their distance to the true
-outlines is taken.
+It does not use `robots.bridge.gate`: it computes poses along the arc, and their distances to the true
+outlines.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from robots.simulator.physics.mujoco_world import Physics, Pose
 from robots.simulator.physics.scene import ROBOT_GROUP
 
 RADIUS_M = 0.27
-ASIDE_M = 0.05  # a way that is nearer to something than this does not count as free
-TOP_M = 1.15  # of the robot
-_NEARER_M = 0.005  # what the way out of a narrow place may come nearer
+ASIDE_M = 0.05  # a way does not count as free if it is nearer to an object than this
+TOP_M = 1.15  # height of the robot
+_NEARER_M = 0.005  # a way out of a narrow place may come nearer by this
 _STEP_M = 0.03  # between points, and between poses
 Floats = NDArray[np.float64]
 
 
 class Truth:
-    """Points on the outline of everything that stands in a world without walkers, (N, 2)."""
+    """Points on the outlines of all objects in a world without walkers, (N, 2)."""
 
     def __init__(self, physics: Physics) -> None:
         model, data = physics.model, physics.data
@@ -39,9 +39,10 @@ class Truth:
         self.points: Floats = np.concatenate(outlines) if outlines else np.zeros((0, 2))
 
     def free_m(self, pose: Pose, twist: Velocity, longest_m: float, *, from_near: bool = False) -> float:
-        """Return how far the robot could go on with `twist` before it comes near something. A turn goes nowhere.
+        """Return how far the robot could drive with `twist` before it comes near an object.
 
-        With `from_near`, a way is free as well that begins near something and comes no nearer.
+        For a turn on the spot this is `longest_m`. With `from_near`, a way that begins near an object is also
+        free as long as it comes no nearer.
         """
         if not twist.vx or not len(self.points):
             return longest_m
@@ -68,7 +69,7 @@ def _is_low(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> bool:
 
 
 def outline(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
-    """Points around one upright box or cylinder."""
+    """Return points around one upright box or cylinder, (N, 2)."""
     size, at = model.geom_size[geom], data.geom_xpos[geom][:2]
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER:
         angles = np.linspace(0.0, math.tau, max(8, math.ceil(math.tau * size[0] / _STEP_M)), endpoint=False)

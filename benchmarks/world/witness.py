@@ -1,11 +1,12 @@
-"""Decides whether a sensor could see a touched object, by true geometry and independent of the gate.
+"""Decide whether a sensor could see a touched object, from the true geometry and independently of the gate.
 
-It checks the touched point and all points of the same object within 0.3 m of it, at any height below the robot's top.
-The object was seen if one of these points was in the field of view, range and height of a working sensor, not hidden,
-at two measurements before the contact. A sonar's echo shows no object behind it, and a lost echo shows none. The depth
-camera counts up to 4 m and above 5 cm: beyond and below, no method can separate obstacles from the floor. The laser
-also counts up to 4 m: farther away a leg is thinner than the gap between its beams. Objects that were seen for less
-than 0.5 s are counted separately: a leg between the cones of two sonars is heard only when it is next to one.
+It checks the touched point and all points of the same object within 0.3 m of it, at any height below the
+robot's top. The object was seen if one of these points was in the field of view, range and height of a
+working sensor, not hidden, at two measurements before the contact. A sonar's echo shows no object behind it,
+and a lost echo shows no object. The depth camera counts up to 4 m and above 5 cm: beyond and below, no method
+can separate obstacles from the floor. The laser also counts up to 4 m: farther away a leg is thinner than the
+gap between its beams. Objects that were seen for less than 0.5 s are counted separately: a sonar measures a
+leg between two cones only when the leg is beside the sonar.
 """
 
 from __future__ import annotations
@@ -33,11 +34,11 @@ LASER, DEPTH = "laser", "depth"
 NEAR_M = 0.30  # from the contact
 REACH_M = 4.0
 FLOOR_M = 0.05
-LEVEL_M = 0.05  # between heights that are looked at
-SAME_M = 0.03  # what a ray meets so near to a point is that point
+LEVEL_M = 0.05  # between the heights that are checked
+SAME_M = 0.03  # a ray that ends within this distance of a point has reached the point
 ECHO_M = 0.05  # an echo that is at most this much shorter than a point's distance may come from it
-LOOKS = 2  # at which a point must have been in view
-IN_TIME_S = 0.5  # before the contact: what is seen later leaves no time to stop
+LOOKS = 2  # measurements in which the object must have been in view
+IN_TIME_S = 0.5  # before the contact: an object that is seen later leaves no time to stop
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +57,7 @@ class Look(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """By which sensors a thing was seen, and how long before the contact first."""
+    """The sensors that saw an object, and how long before the contact the first of them saw it."""
 
     sensors: tuple[str, ...]
     before_s: float
@@ -71,7 +72,7 @@ class Seen(NamedTuple):
 
 
 def seen(loop: Loop, touch: Touch) -> Seen | None:
-    """Earlier sight of the thing that `touch` touched; None if no sensor can have seen it."""
+    """Return how the object of `touch` was seen before; None: no sensor can have seen it."""
     reader = WorldReader(loop.robot.physics)
     reader.follow(loop.robot.physics.snapshot())
     root, local = _touched(reader, touch)
@@ -87,11 +88,11 @@ def seen(loop: Loop, touch: Touch) -> Seen | None:
 
 
 def _touched(reader: WorldReader, touch: Touch) -> tuple[int, Floats]:
-    """The body that was touched, and points of it near the contact, in its own frame."""
+    """Return the touched body, and its points near the contact, in its own frame."""
     model, data = reader.model, reader.data
     geom = model.geom(touch.other).id
     root = int(model.body_rootid[model.geom_bodyid[geom]])
-    # Walls and boxes all hang at the world itself: there a thing is one geometry.
+    # All walls and boxes belong to the world's body: for them, an object is one geometry.
     mine = [geom] if root == 0 else np.flatnonzero(model.body_rootid[model.geom_bodyid] == root).tolist()
     points = np.concatenate([_surface(model, data, each) for each in mine])
     near = np.hypot(*(points[:, :2] - touch.at).T) < NEAR_M
@@ -100,7 +101,7 @@ def _touched(reader: WorldReader, touch: Touch) -> tuple[int, Floats]:
 
 
 def _surface(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
-    """Points on the sides of an upright box or cylinder, at many heights up to the robot's top, (N, 3)."""
+    """Return points on the sides of an upright box or cylinder, up to the robot's height, (N, 3)."""
     around = outline(model, data, geom)
     is_round = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER
     upright = float(model.geom_size[geom][1 if is_round else 2])
@@ -113,7 +114,7 @@ def _surface(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
 
 
 def _in_view(loop: Loop, reader: WorldReader, look: Look, points: Floats) -> bool:
-    """Return whether the sensor had any of the points before it."""
+    """Return whether the sensor could see any of the points."""
     if look.sensor == LASER:
         origin, shown = _before_laser(loop, reader, points)
     elif look.sensor == DEPTH:
@@ -176,7 +177,7 @@ def _before_camera(loop: Loop, reader: WorldReader, look: Look, points: Floats) 
 
 
 class Contact(NamedTuple):
-    """The first of a run: part and thing, how fast, and how the thing was seen before."""
+    """The first contact of a run: part and object, the robot's speed, and how the object was seen before."""
 
     what: str
     mps: float
@@ -188,20 +189,20 @@ class Contact(NamedTuple):
 
 
 class Count(NamedTuple):
-    """Contacts by what was known of the thing beforehand."""
+    """Numbers of contacts, by how the object was seen before."""
 
-    known: int  # in time
+    known: int  # seen in time
     late: int
     unseen: int
 
 
 def known_in_time(contact: Contact | None) -> bool:
-    """Return whether there was a contact with what a sensor had seen in time."""
+    """Return whether there was a contact with an object that a sensor had seen in time."""
     return contact is not None and contact.seen is not None and contact.seen.in_time
 
 
 def count(contacts: Iterable[Contact | None]) -> Count:
-    """Return how many there were."""
+    """Count contacts."""
     met = [contact for contact in contacts if contact]
     known = sum(known_in_time(contact) for contact in met)
     unseen = sum(contact.seen is None for contact in met)
@@ -209,7 +210,7 @@ def count(contacts: Iterable[Contact | None]) -> Count:
 
 
 def first_contact(loop: Loop) -> Contact | None:
-    """End of a run that was played; None: without a contact."""
+    """Return the first contact of a run that was played; None: no contact."""
     if not loop.trace.touches:
         return None
     touch = loop.trace.touches[0]
@@ -218,5 +219,5 @@ def first_contact(loop: Loop) -> Contact | None:
 
 
 def worst_first(contact: Contact) -> tuple[bool, bool, float]:
-    """To sort by: seen in time, then late, then not at all; the fastest first."""
+    """Return a sort key: seen in time first, then seen late, then not seen; the fastest first."""
     return not known_in_time(contact), contact.seen is None, -contact.mps

@@ -37,7 +37,7 @@ HOUR = timedelta(hours=1)
 
 _STAFF_ONLY = Refusal("permission_denied", "Metrics are for staff and their service accounts.", "account")
 
-disable_created_metrics()  # type: ignore[no-untyped-call]  # times that nobody asks for, one for each series
+disable_created_metrics()  # type: ignore[no-untyped-call]  # nobody needs the creation time of each series
 _own = CollectorRegistry()  # of this process
 _seconds = Histogram(
     "fleet_http_request_seconds",
@@ -51,7 +51,7 @@ _seconds = Histogram(
 def measured(
     get_response: Callable[[HttpRequest], HttpResponseBase],
 ) -> Callable[[HttpRequest], HttpResponseBase]:
-    """Middleware: measure each request by its route, whose number is limited."""
+    """Middleware: measure the time of each request by route. The number of routes is limited."""
 
     def middleware(request: HttpRequest) -> HttpResponseBase:
         began_s = time.perf_counter()
@@ -69,7 +69,7 @@ def measured(
 
 
 class RobotCollector(Collector):
-    """Reads bridges and database at each scrape."""
+    """The figures of all robots: each scrape reads the bridges and the database."""
 
     def collect(self) -> Iterator[Metric]:
         """Yield the figures of each robot in service."""

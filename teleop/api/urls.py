@@ -9,7 +9,7 @@ from teleop.stop import views as stop_views
 
 urlpatterns = [
     path("v1/", include("teleop.api.v1.urls")),
-    # Programs of version 0.1 stop robots here.
+    # Programs that were written for version 0.1 stop robots at these addresses.
     path("robots/<slug:slug>/stop/", stop_views.rest_stop),
     path("robots/<slug:slug>/stop", stop_views.rest_stop),
     path("stop/", stop_views.rest_stop_all),

@@ -1,6 +1,7 @@
 """Metrics of the other processes: web processes, and the pages processes of other web processes.
 
-Each listens on a Unix socket of this account in `FLEET_RUN_DIR`, whose name has the number of the web process.
+Each process listens on a Unix socket of this account in `FLEET_RUN_DIR`. The socket's name contains the
+process number of the web process.
 """
 
 from __future__ import annotations
@@ -36,9 +37,10 @@ class _UnixConnection(HTTPConnection):
 
 
 def of_others(host: str, authorization: str) -> Iterator[Metric]:
-    """Yield the metrics of every process but this one, and which web processes answered.
+    """Yield the metrics of all other processes, and which web processes answered.
 
-    Pages processes ask again who may know: `host` and `authorization` are the headers of the scrape.
+    `host` and `authorization` are headers of the scrape: the other pages processes check the right to read
+    again.
     """
     run: Path = settings.FLEET_RUN_DIR
     own = f"web-{os.getppid()}.sock"  # the web process started this one
@@ -61,7 +63,7 @@ def _scraped(path: Path, target: str, host: str, authorization: str) -> str | No
         answer = connection.getresponse()
         return answer.read().decode() if answer.status == 200 else None
     except (OSError, HTTPException):
-        return None  # it is just ending, or hangs: the others are still of use
+        return None  # the process is ending or hangs: the metrics of the others are still useful
     finally:
         connection.close()
 

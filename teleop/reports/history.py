@@ -47,7 +47,7 @@ WHERE r.kind = 'speech.end' AND r.of_id IN ({starts}) ORDER BY r.id DESC
 def speech_history(robot_id: UUID, person_id: UUID | None, *, before: int, limit: int) -> SpeechHistory:
     """Return at most `limit` texts with numbers below `before` that a person (None: anybody) had the robot speak.
 
-    The queries are hand-written, because programs with dashboards poll it.
+    The queries are hand-written SQL, because programs with dashboards poll this history.
     """
     by_person = "" if person_id is None else "AND r.actor_id = %s"
     people = [] if person_id is None else [str(person_id)]

@@ -30,7 +30,7 @@ from teleop.models import ControlSession
 SESSIONS = 20  # per page
 RECORDS = 30
 CHUNK = 500  # records by others in memory at once
-TRIES = 5000  # failed sign-ins, of all people, that the page reads at most
+TRIES = 5000  # failed sign-ins of all people; the page reads only the newest
 
 _TRIED = "account.sign_in_failed"
 
@@ -76,7 +76,7 @@ def own_records(user: User, *, before: int | None, after: int | None) -> Page:
 
 
 def records_visible_to(user: User, wanted: Wanted) -> Wanted | None:
-    """Return which of the wanted records `user` may read: staff all, others their own; None: those of others only."""
+    """Limit a filter to records that `user` may read: staff all, others their own; None: no such record."""
     if user.is_staff:
         return wanted
     return replace(wanted, person=str(user.pk)) if wanted.person in ("", str(user.pk)) else None
@@ -184,12 +184,13 @@ def _numbers_about(user: User, before: int | None, limit: int, tries_since: int 
         ),
     ]
     others = Record.objects.exclude(actor=person).exclude(real_actor=person).order_by("-pk")
-    # Only first records. Coalesce keeps SQLite from the index of outcomes, with which it would read half of the log.
+    # Only records that are not outcomes. Without Coalesce, SQLite would use the index of outcomes and read
+    # half of the log.
     others = others.alias(request=Coalesce("of_id", 0)).filter(request=0)
     if before is not None:
         others = others.filter(pk__lt=before)
     found = [others.filter(source).values_list("pk", flat=True)[:limit] for source in sources]
-    merged = dict.fromkeys(heapq.merge(*found, reverse=True))  # some come from two sources
+    merged = dict.fromkeys(heapq.merge(*found, reverse=True))  # a number can come from two sources
     return list(islice(merged, limit))
 
 

@@ -1,6 +1,6 @@
 """The paths of drives as a picture: lines coloured by speed, on the robot's map and a grid in metres; x right, y up.
 
-Pure functions: poses in, numbers for an SVG out. Poses are [x, y, yaw] in metres and radians, samples
+Pure functions from poses to numbers for an SVG. Poses are [x, y, yaw] in metres and radians, samples are
 [t_s, x, y, yaw, speed].
 """
 
@@ -15,7 +15,7 @@ from msgspec import Struct
 WIDTH, HEIGHT = 800, 600  # of the picture, in SVG units
 MARGIN = 40  # units around the drawing
 SMALLEST_M = 2.0  # smallest width shown, so that a tiny movement is not magnified
-AROUND_M = 3.0  # of the map around the path: enough to recognise the room
+AROUND_M = 3.0  # shown of the map around the path: enough to recognise the room
 MOST_LINES = 14  # grid lines across the picture
 STEPS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 SPEEDS_MPS = (0.1, 0.2, 0.4, 0.7)  # limits between two colours
@@ -24,7 +24,7 @@ Numbers = Sequence[float]
 
 
 class DrivePath(Struct, frozen=True):
-    """The path of one drive. `frame` is the pose of its odometry frame in the map's frame, if known."""
+    """The path of one drive. `frame`: the pose of its odometry frame in the map's frame, if known."""
 
     begins_s: float  # since the start of the control session
     samples: Sequence[Numbers]
@@ -83,7 +83,10 @@ def plot_drives(
     marks: Sequence[tuple[Numbers, Numbers | None]],
     map_image: MapImage | None = None,
 ) -> Plot | None:
-    """Draw drives and `marks`: poses where the gate intervened, each with its frame. None without any path."""
+    """Draw drives and `marks`: poses where the gate intervened, each with its frame.
+
+    Return None without any path.
+    """
     drives = [drive for drive in drives if drive.samples]
     if not drives:
         return None
@@ -173,7 +176,7 @@ def _fit_scale(poses: Sequence[Numbers]) -> _Scale:
 
 
 def _lines(drive: DrivePath, path: Sequence[Numbers], scale: _Scale) -> Iterator[Line]:
-    """Join neighbouring steps of one colour to one line, so that it bends smoothly."""
+    """Join neighbouring steps of the same colour into one line, so that it bends smoothly."""
     steps = [
         (pace_of(math.dist(here[:2], there[:2]) / max(later[0] - sooner[0], 1e-3)), here, there)
         for (sooner, here), (later, there) in pairwise(zip(drive.samples, path, strict=True))

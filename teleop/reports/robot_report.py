@@ -1,6 +1,6 @@
 """The use of a robot over some days: hours, distance, times of day, faults. Read from the audit log.
 
-Each figure is one query for one kind of records of this robot, by the index for these, however long the log is.
+Each figure is one query for one kind of records of this robot. An index makes it fast even in a long log.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from robots.registry.models import Robot
 from teleop.reports.durations import duration_text
 
 PERIODS_DAYS = (7, 30, 90, 365)
-FAULTS = 10  # the newest, and as many parts that got worse
-CHANGES = 100  # of health that are looked through for these
-REASONS = 10  # the most frequent
+FAULTS = 10  # the newest faults, and as many parts that got worse
+CHANGES = 100  # records of health that are searched for these parts
+REASONS = 10  # the most frequent reasons
 
 
 class Reason(Struct, frozen=True):
@@ -113,7 +113,7 @@ def report_of(robot: Robot, days: int, now: datetime) -> RobotReport:
 
 
 def _of_days(robot: Robot, since: date, until: date) -> QuerySet[Record]:
-    """Select the records of these days; none of the future, because a clock may have been ahead."""
+    """Select the records of these days, without records of the future: a clock may have been ahead."""
     zone = zones.viewers()
     starts, ends = zones.start_of(since, zone), zones.end_of(until, zone)
     records = Record.objects.filter(robot_id=robot.pk, day__range=(starts.date(), ends.date()))
@@ -121,7 +121,7 @@ def _of_days(robot: Robot, since: date, until: date) -> QuerySet[Record]:
 
 
 def _stops(robot: Robot, since: date, until: date) -> int:
-    """Count stop presses: one record may stand for several."""
+    """Count the presses of stop: one record may count several presses."""
     pressed = _of_days(robot, since, until).filter(kind="stop.press", of=None)
     times = Coalesce(_number("times", "parameters"), 1.0)
     return int(pressed.aggregate(pressed=Sum(times))["pressed"] or 0)
@@ -181,7 +181,10 @@ def _reasons(rows: list[Any]) -> list[Reason]:
 
 
 def _faults(robot: Robot, since: date, until: date) -> list[Fault]:
-    """The newest faults, and of each part that got worse the last time: one that flaps hides nothing else."""
+    """Return the newest faults, and for each part only the last time it got worse.
+
+    So a part that often changes between good and bad does not hide the others.
+    """
     wanted = Wanted(robot=robot.pk, since=since, until=until, zone=zones.viewers().key)
     found = [row.record for row in Selection(wanted, ["fault"]).page(size=FAULTS).rows]
     last: dict[str, Record] = {}
@@ -194,9 +197,9 @@ def _faults(robot: Robot, since: date, until: date) -> list[Fault]:
 
 def _what(record: Record) -> str:
     said = wording.subject(record) or wording.outcome(record.outcome)
-    return said or "{part}: {to}".format_map(record.parameters)  # of a part, whose words have expired
+    return said or "{part}: {to}".format_map(record.parameters)  # a part's health, if the words have expired
 
 
 def day_start_s(day: date) -> int:
-    """Return the start of that day in UTC, in seconds since 1970: a name for the day, whatever the zone."""
+    """Return the start of the day in UTC, in seconds since 1970: the same number in every time zone."""
     return int(datetime.combine(day, time(), timezone.utc).timestamp())

@@ -1,4 +1,4 @@
-"""Selects the map to show with a control session, and removes maps that no session needs any more."""
+"""Select the map to show with a control session, and remove maps that no session needs any more."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def maps_of(session: ControlSession) -> QuerySet[RobotMap]:
 def remove_unneeded(now: datetime) -> Iterator[None]:
     """Remove maps that belong to no control session whose paths are kept. One step per robot.
 
-    Of a map that has places the newest row stays.
+    If a map has places, its newest row is kept.
     """
     for robot_id in Robot.objects.filter(maps__isnull=False).distinct().values_list("pk", flat=True):
         RobotMap.objects.filter(pk__in=_unneeded(robot_id, now)).delete()

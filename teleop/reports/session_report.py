@@ -27,7 +27,7 @@ from teleop.reports.today import supervised_by
 MOST_ENTRIES = 1000  # of a timeline; older ones are not shown
 _CHUNK = 250
 LINE_BEFORE = timedelta(hours=1)  # the wait for control that is shown with a session
-_MOST_ROBOT_EVENTS = 50  # of each group of these
+_MOST_ROBOT_EVENTS = 50  # of each group of `_ROBOT_EVENTS`
 # Events of the robot that do not depend on control and may name no control session.
 _ROBOT_EVENTS = (("fault", "stop.press", "stop.latch"), ("health.worse", "health.better"))
 
@@ -62,7 +62,7 @@ class BookingLife(Struct, frozen=True):
     id: UUID | None  # None: control was taken in free time
     starts_at: datetime | None
     ends_at: datetime | None
-    person: str  # whose booking it is, if not that of the session's person
+    person: str  # the person of the booking; "": the session's person
     purpose: str
     entries: list[TimelineEntry]
 
@@ -88,7 +88,7 @@ def session_visible_to(user: User, session_id: UUID) -> ControlSession | None:
 
 
 def sessions_visible_to(user: User) -> QuerySet[ControlSession]:
-    """Return the control sessions that `session_visible_to` gives."""
+    """Return the control sessions that `session_visible_to` would return to this person."""
     sessions = ControlSession.objects.select_related("robot", "user")
     return sessions if user.is_staff else sessions.filter(Q(user=user) | Q(robot__in=supervised_by(user)))
 
@@ -111,7 +111,7 @@ def report_of(session: ControlSession) -> SessionReport:
 
 
 def _with_robot_events(rows: list[Row], session: ControlSession) -> list[Row]:
-    """Add the robot's own events of that time. Sorted, oldest first."""
+    """Add the robot's events during the session that name no session. Return all rows, oldest first."""
     if not rows:
         return rows
     meanwhile = Record.objects.filter(
@@ -133,13 +133,15 @@ def _with_robot_events(rows: list[Row], session: ControlSession) -> list[Row]:
 
 
 def booking_life(session: ControlSession) -> BookingLife | None:
-    """Return the booking of a session, with its records and those of the line in which its person waited."""
+    """Return the booking of a session, with its records and the records of its person's wait in line."""
     ended = session.ended_at or timezone.now()
     slots = Booking.objects.filter(
         robot=session.robot, starts_at__lt=ended, held_until__gt=session.started_at
     )
-    slots = slots.exclude(held_until=F("starts_at"))  # cancelled before it began
-    of_another = Case(When(person=session.user, then=0), default=1)  # taken over in it, or handed over since
+    slots = slots.exclude(held_until=F("starts_at"))  # without bookings that were cancelled before they began
+    of_another = Case(
+        When(person=session.user, then=0), default=1
+    )  # another person's: taken over in it, or handed over since
     booking = slots.select_related("person").order_by(of_another, "starts_at").first()
     of_robot = Record.objects.filter(robot_id=session.robot_id, of=None)
     line = of_robot.filter(

@@ -1,4 +1,7 @@
-"""One day of many robots: booked, driven, by whom, refused, stopped. Read from sessions, bookings and the audit log."""
+"""One day of many robots: who booked and drove, refusals and stops.
+
+Read from sessions, bookings and the audit log.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +26,12 @@ from robots.registry.models import Robot, Role
 from teleop.models import ControlSession
 from teleop.reports.durations import duration_text
 
-MOST_RECORDS = 3000  # of the day, so that a page is never long in the making
-_LEAST_PERCENT = 0.4  # of the day's width: what is shorter could not be seen
+MOST_RECORDS = 3000  # of the day, so that the page is never slow
+_LEAST_PERCENT = 0.4  # of the day's width: a shorter mark would be invisible
 
 
 class Mark(Struct, frozen=True):
-    """Something in the picture of a robot's day; places in percent of the day."""
+    """A mark in the picture of a robot's day; `left` and `width` in percent of the day."""
 
     kind: str  # "booked", "held", "driven", "refused", "stopped"
     left: str
@@ -38,10 +41,10 @@ class Mark(Struct, frozen=True):
 
 
 class Stretch(Struct, frozen=True):
-    """A line of a robot's list, in words."""
+    """One line of a robot's list: a time, and its facts in words."""
 
     at: datetime
-    until: datetime | None  # None: it goes on, or it has no length
+    until: datetime | None  # None: it has not ended, or has no length
     kind: str
     who: str
     facts: list[str]
@@ -70,12 +73,12 @@ class Day(Struct, frozen=True):
     day: date
     hours: list[Hour]
     robots: list[RobotDay]
-    now: str  # its place; "" on other days
+    now: str  # position of the present time; "" on other days
     truncated: bool
 
 
 def supervised_by(user: User) -> list[Robot]:
-    """Return the robots of which `user` is supervisor; staff are of all."""
+    """Return the robots that `user` supervises; staff supervise all."""
     robots = list(robots_visible_to(user))
     roles = roles_of(user, robots)
     return [
@@ -129,11 +132,11 @@ class _Scale(Struct, frozen=True):
     ends: datetime
 
     def place(self, at: datetime) -> str:
-        """Return where a moment is; percent."""
+        """Return the position of a moment, in percent of the day."""
         return f"{self._share(at):.2f}%"
 
     def width(self, begins: datetime, ends: datetime) -> str:
-        """Return how wide a time is; percent."""
+        """Return the width of a period, in percent of the day."""
         return f"{max(self._share(ends) - self._share(begins), _LEAST_PERCENT):.2f}%"
 
     def _share(self, at: datetime) -> float:
@@ -235,7 +238,7 @@ def _facts(records: list[Record]) -> list[str]:
 
 
 def _times(records: list[Record], kind: str) -> int:
-    """Count records of a kind; one may stand for several."""
+    """Count events of a kind: one record may count several."""
     return sum(int(record.parameters.get("times") or 1) for record in records if record.kind == kind)
 
 

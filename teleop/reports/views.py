@@ -40,7 +40,7 @@ _AUTHORS = {
     own_data.Author.UNKNOWN: gettext_lazy("by a person who failed to sign in"),
 }
 ONE_DAY = timedelta(days=1)
-MAP_CACHED_S = 60 * 60  # in the browser; the picture of a number never changes
+MAP_CACHED_S = 60 * 60  # in the browser; the picture with this number never changes
 
 
 class RecordLine(Struct, frozen=True):
@@ -201,8 +201,8 @@ def _line_about(row: Row, person: User) -> RecordLine:
 
 
 def _facts_about(details: dict[str, Any], person: User) -> Iterator[str]:
-    """Return facts in words, without the person themselves: "full name Olga → Olga Operator", "to supervisor"."""
-    to_last = sorted(details.items(), key=lambda fact: fact[0] == "to")  # PostgreSQL keeps short names first
+    """Yield facts in words, without the person: "full name Olga → Olga Operator", "to supervisor"."""
+    to_last = sorted(details.items(), key=lambda fact: fact[0] == "to")  # PostgreSQL sorts short names first
     for name, value in to_last:
         if name == "changes":
             for change in value:

@@ -1,7 +1,7 @@
-"""Allowed addresses of webhooks: none of this computer or a private network, unless `FLEET_WEBHOOK_ALLOW` has it.
+"""Allowed addresses of webhooks: no private network or this computer, unless in `FLEET_WEBHOOK_ALLOW`.
 
-A name is resolved for each request, and the request goes to an address that was checked here: a second resolution
-could give another one.
+A name is resolved once for each request, and the request goes to an address that was checked here: a second
+resolution could return another address.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from robots.wire import NotDone, Refusal
 LONGEST = 500  # characters
 _PRINTED = re.compile(r"[\x21-\x7e]+")
 _NAT64 = ip_network("64:ff9b::/96")
-# Not global either, and not known as such by every Python that we run with.
+# These networks are not global either, but not every Python version that we support knows this.
 _RESERVED: tuple[IPv4Network | IPv6Network, ...] = tuple(
     ip_network(network)
     for network in (
@@ -36,14 +36,14 @@ _RESERVED: tuple[IPv4Network | IPv6Network, ...] = tuple(
 
 
 class AddressRefused(NotDone):
-    """A webhook may not lead there."""
+    """A webhook may not have this address."""
 
     def __init__(self, code: str, text: str) -> None:
         super().__init__(Refusal(code, text, "wire"))
 
 
 class Target(NamedTuple):
-    """A webhook's address, taken apart."""
+    """The parts of a webhook's address."""
 
     tls: bool
     host: str
@@ -60,7 +60,10 @@ class Endpoint(NamedTuple):
 
 
 def target_of(address: str) -> Target:
-    """Take an address apart. Raises `AddressRefused` for one that no webhook may have, whatever its name means now."""
+    """Split an address into its parts. The name is not resolved.
+
+    Raises `AddressRefused` for an address that no webhook may have.
+    """
     if not _PRINTED.fullmatch(address) or len(address) > LONGEST:
         raise AddressRefused(
             "bad_address",
@@ -114,7 +117,7 @@ def resolved(target: Target) -> list[Endpoint]:
 
 
 def is_public(address: IPv4Address | IPv6Address) -> bool:
-    """Return whether an address is one of the internet, also if it only wraps another one."""
+    """Return whether an address belongs to the internet. If it contains an IPv4 address, that one decides."""
     if isinstance(address, IPv6Address):
         wrapped = address.ipv4_mapped or address.sixtofour
         if wrapped is None and address in _NAT64:
@@ -153,7 +156,7 @@ def _require_allowed(host: str, address: IPv4Address | IPv6Address, *, tls: bool
 
 
 def _may_be_allowed(host: str) -> bool:
-    """Return whether the allow-list has this host, or may have what it resolves to."""
+    """Return whether the allow-list contains this host, or could contain its IP address."""
     allow = _allow()
     return host in allow.hosts or bool(allow.networks)
 

@@ -1,7 +1,7 @@
-"""Sending deliveries. Several processes may send: one claims a delivery before it sends it.
+"""Send deliveries. Several processes may send: a process claims a delivery before it sends it.
 
-A delivery that waits has the time of its next attempt. A process claims it by moving this time ahead, so that
-another process tries again if the first one dies. Then an event may arrive twice; it has the same identifier.
+A waiting delivery has the time of its next attempt. A process claims it by setting this time later, so that
+another process tries again if the first one dies. Then an event may arrive twice, with the same identifier.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ def active_webhooks() -> QuerySet[Webhook]:
 
 
 def due(webhook_id: UUID, now: datetime) -> QuerySet[WebhookDelivery]:
-    """Return what is to be sent now, the oldest first."""
+    """Return the deliveries that must be sent now, oldest first."""
     waiting = WebhookDelivery.objects.filter(webhook=webhook_id, state=State.WAITING)
     # A due time later than the longest pause means that the clock was set back: send now.
     return waiting.filter(Q(due_at__lte=now) | Q(due_at__gt=now + PAUSES[-1])).order_by("due_at", "pk")
 
 
 def send_due(webhook_id: UUID) -> int:
-    """Send what is due, until the receiver fails. Returns how many deliveries were tried."""
+    """Send the due deliveries, until the receiver fails. Return how many deliveries were tried."""
     for tried in range(BATCH_SIZE):
         webhook = active_webhooks().select_related("owner").filter(pk=webhook_id).first()
         delivery = webhook and _claim_next(webhook.pk, timezone.now())
@@ -80,7 +80,7 @@ def _claim_next(webhook_id: UUID, now: datetime) -> WebhookDelivery | None:
 
 
 def _attempt(webhook: Webhook, delivery: WebhookDelivery) -> dict[str, Any]:
-    """Send a delivery. Returns what the log of deliveries keeps."""
+    """Send a delivery. Return the entry for the log of deliveries."""
     begun_s = time.monotonic()
     kept: dict[str, Any] = {"at": rfc3339(timezone.now()), "status": None, "good": False}
     try:
@@ -116,7 +116,7 @@ def _send(webhook: Webhook, delivery: WebhookDelivery) -> dict[str, Any]:
 
 
 def _note(delivery: WebhookDelivery, answer: dict[str, Any], now: datetime) -> None:
-    """Store the answer and the time of the next attempt, unless another process has claimed this delivery since."""
+    """Store the answer and the time of the next attempt, unless another process has claimed the delivery."""
     answers = [*delivery.answers, answer]
     state, due_at = State.WAITING, delivery.due_at
     if answer["good"]:
@@ -131,7 +131,7 @@ def _note(delivery: WebhookDelivery, answer: dict[str, Any], now: datetime) -> N
 
 
 def remove_old_deliveries(now: datetime) -> bool:
-    """Remove some deliveries older than `KEPT`. Returns whether there may be more."""
+    """Remove some deliveries older than `KEPT`. Return whether there may be more."""
     old = WebhookDelivery.objects.filter(made_at__lt=now - KEPT).values_list("pk", flat=True)
     some = list(old[:REMOVED_BATCH_SIZE])
     WebhookDelivery.objects.filter(pk__in=some).delete()

@@ -1,4 +1,7 @@
-"""Records of the audit log become deliveries. A webhook has the number of the last record that was read for it."""
+"""Make deliveries from records of the audit log.
+
+A webhook stores the number of the last record read for it.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +20,8 @@ from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks.events import is_event
 
 BATCH_SIZE = 500  # records of one round
-NOTED_AFTER = 500  # records without an event
-OLDEST = timedelta(days=7)  # events after a long pause
+NOTED_AFTER = 500  # records without an event, until the number read is stored
+OLDEST = timedelta(days=7)  # after a long pause, older events are not sent
 
 
 class Line(NamedTuple):
@@ -31,22 +34,23 @@ class Line(NamedTuple):
 
 
 def newest_record() -> int:
-    """Return the last order number of the log."""
+    """Return the highest record number of the log; 0: the log is empty."""
     return rows.read("SELECT MAX(id) FROM audit_record", [])[0][0] or 0
 
 
 class EventReader:
     """Reads the log for all webhooks of one process.
 
-    Events and the number of the last record that was read are stored in one transaction. Without events the number is
-    stored seldom: the audit log of the robots is in the same database, and a write here would delay theirs.
+    Events and the number of the last record read are stored in one transaction. Without events, the number is
+    stored only every `NOTED_AFTER` records: a write here would delay the audit log of the robots, which is in
+    the same database.
     """
 
     def __init__(self) -> None:
         self._read_to: dict[UUID, int] = {}
 
     def read(self, webhook: Webhook) -> int:
-        """Store the deliveries of the records since the last time. Returns how many records were read."""
+        """Store the deliveries of the records since the last call. Return how many records were read."""
         start = max(webhook.read_to, self._read_to.get(webhook.pk, 0))
         lines = lines_after(start)
         if not lines:
@@ -65,7 +69,10 @@ class EventReader:
 
 
 def lines_after(start: int) -> list[Line]:
-    """Return the next records, without a gap that a writer may still fill: numbers are given before the commit."""
+    """Return the next records, without gaps that a writer may still fill.
+
+    Gaps are possible because a record gets its number before it is committed.
+    """
     later = Record.objects.filter(pk__gt=start).order_by("pk")
     lines = _lines(later[:BATCH_SIZE])
     if lines and lines[-1].pk - start > len(lines):
@@ -79,7 +86,7 @@ def _lines(records: QuerySet[Record]) -> list[Line]:
 
 
 def _store(webhook: Webhook, events: list[Line], end: int) -> bool:
-    """Store deliveries and the number; False if the webhook was paused or deleted meanwhile."""
+    """Store deliveries and the number `end`. Return False if the webhook was paused or deleted since."""
     now = timezone.now()
     young = set(
         Record.objects.filter(pk__in=[line.pk for line in events], at__gt=now - OLDEST).values_list(

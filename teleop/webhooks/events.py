@@ -1,4 +1,4 @@
-"""Records of the audit log as events: which records are events, and the text that is sent."""
+"""Records of the audit log as events: which records are events, and the JSON that is sent."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from robots.registry.models import Robot
 from teleop.models import WebhookDelivery
 
 TEST = "webhook.test"
-_PRIVATE = {"booking.feed", "booking.feed_end"}  # somebody's calendar address
-_REQUESTS_ONLY = {"stop.press"}  # `stop.latch` is what came of it
+_PRIVATE = {"booking.feed", "booking.feed_end"}  # about a person's calendar address
+_REQUESTS_ONLY = {"stop.press"}  # the outcome is the event `stop.latch`
 _OUTCOMES_ONLY = {"stop.clear", "drive.by"}
 
 
@@ -46,19 +46,22 @@ EVENT_CATEGORIES = {
 
 
 def is_event(kind: str, of: int | None, chosen: list[str]) -> bool:
-    """Return whether a record is an event for a webhook. `of`: the request whose outcome it is."""
+    """Return whether a record is an event for a webhook. `of`: the request, if the record is an outcome."""
     if (kind in _REQUESTS_ONLY and of is not None) or (kind in _OUTCOMES_ONLY and of is None):
         return False
     return any(kind in EVENT_CATEGORIES[name].kinds for name in chosen if name in EVENT_CATEGORIES)
 
 
 def event_id(delivery: WebhookDelivery) -> str:
-    """Return the same identifier for every attempt, and for every webhook that gets this record."""
+    """Return the event's identifier: the same for every attempt and every webhook that gets this record."""
     return f"test_{delivery.pk}" if delivery.record is None else f"rec_{delivery.record}"
 
 
 def body_of(delivery: WebhookDelivery, texts: bool) -> bytes | None:
-    """Return the event as JSON; None if its record expired. `texts`: with what people wrote and robots said."""
+    """Return the event as JSON; None if its record expired.
+
+    `texts`: with texts that people wrote or robots spoke.
+    """
     if delivery.record is None:
         event = _event(delivery, delivery.made_at, {"note": "A test of this webhook."})
     else:
@@ -85,7 +88,7 @@ def data_of(record: Record, texts: bool) -> dict[str, Any]:
         "person": record.actor_name or None,
         "session": str(record.session_id) if record.session_id else None,
         "outcome": record.outcome or None,
-        # A request says which motion or language; its outcome how long it took.
+        # The request has for example the motion or the language, the outcome has the duration.
         "figures": _with_names({**(request.parameters if request else {}), **record.parameters}),
     }
     if record.real_actor is not None and record.real_actor_id != record.actor_id:
@@ -97,7 +100,7 @@ def data_of(record: Record, texts: bool) -> dict[str, Any]:
 
 
 def _with_names(figures: Mapping[str, Any]) -> dict[str, Any]:
-    """Put names in place of identifiers of people, who are kept by identifier in the log."""
+    """Replace the identifiers of people by their names. The log stores only identifiers."""
     found = {identifier for value in figures.values() for identifier in _identifiers(value)}
     people = User.objects.in_bulk(list(found)) if found else {}
     names = {str(key): person.display_name for key, person in people.items()}

@@ -1,4 +1,7 @@
-"""One POST to a webhook's address: limited in time and in what is read of the answer; redirects are not followed."""
+"""One POST to a webhook's address.
+
+Its time and the bytes read of the answer are limited; no redirect is followed.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +18,14 @@ from django.utils.translation import gettext as _
 from robots.wire import NotDone, Refusal
 from teleop.webhooks.addresses import Endpoint, Target, resolved
 
-STEP_S = 5.0  # to connect, and between two parts of an answer
-WHOLE_S = 10.0  # for a receiver that sends an answer letter by letter
+STEP_S = 5.0  # at most to connect, and between two parts of an answer
+WHOLE_S = 10.0  # at most in total, because a receiver may send its answer letter by letter
 ANSWER_BYTES = 2048
 MOST_ENDPOINTS = 2  # addresses of one name: one of each family
 
 
 class NotSent(NotDone):
-    """There is no answer."""
+    """The receiver did not answer."""
 
     def __init__(self, code: str, text: str) -> None:
         super().__init__(Refusal(code, text, "wire"))
@@ -42,7 +45,7 @@ class Answer(NamedTuple):
 
 
 def post(target: Target, headers: Mapping[str, str], body: bytes) -> Answer:
-    """Send a body. Raises `NotSent` or `AddressRefused`."""
+    """Send a body, and return the answer. Raises `NotSent` or `AddressRefused`."""
     endpoints = resolved(target)
     try:
         with _connected(target, endpoints) as connection:
@@ -64,14 +67,14 @@ def post(target: Target, headers: Mapping[str, str], body: bytes) -> Answer:
 
 
 class _TooLong(Exception):
-    """The whole took longer than `WHOLE_S`."""
+    """The request took longer than `WHOLE_S`."""
 
 
 @contextmanager
 def _connected(target: Target, endpoints: list[Endpoint]) -> Iterator[http.client.HTTPConnection]:
-    """Connect to one of these addresses, and to no other. After `WHOLE_S` the connection is shut down."""
+    """Connect to one of these addresses only. Shut the connection down after `WHOLE_S`."""
     sock = _first_that_answers(endpoints)
-    line = sock.dup()  # survives the wrapping in TLS
+    line = sock.dup()  # a duplicate, because TLS takes over the original socket
     late = threading.Event()
 
     def end() -> None:
@@ -86,7 +89,7 @@ def _connected(target: Target, endpoints: list[Endpoint]) -> Iterator[http.clien
         if target.tls:
             sock = ssl.create_default_context().wrap_socket(sock, server_hostname=target.host)
         connection = http.client.HTTPConnection(target.host, target.port)
-        connection.auto_open = 0  # it would resolve the name again
+        connection.auto_open = 0  # opening again would resolve the name again
         connection.sock = sock
         yield connection
     except (OSError, http.client.HTTPException) as error:
@@ -118,7 +121,7 @@ def _first_that_answers(endpoints: list[Endpoint]) -> socket.socket:
 
 
 def _beginning(response: http.client.HTTPResponse) -> str:
-    """Return the beginning of the answer's text. The status has decided: a broken text does not matter."""
+    """Return the beginning of the answer's text. Errors are ignored: only the status matters."""
     read = b""
     with suppress(OSError, http.client.HTTPException):
         while len(read) < ANSWER_BYTES and (part := response.read1(ANSWER_BYTES - len(read))):

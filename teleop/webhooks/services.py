@@ -1,4 +1,4 @@
-"""All changes of webhooks, each with its audit record."""
+"""All changes of webhooks. Each change writes an audit record."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def webhook_make(
     texts: bool = False,
     actor: User,
 ) -> tuple[Webhook, str]:
-    """Make a webhook for events from now on; no robots: all. Returns it with its secret, which nothing shows again.
+    """Make a webhook for events from now on; no robots: all. Return it with its secret.
 
-    Raises `AddressRefused` or `WebhookRefused`.
+    The secret is shown only once. Raises `AddressRefused` or `WebhookRefused`.
     """
     _require_staff(actor)
     target_of(address)
@@ -72,7 +72,7 @@ def webhook_make(
 
 
 def webhook_pause(*, webhook: Webhook, actor: User) -> None:
-    """Send nothing until it is resumed."""
+    """Pause a webhook: it sends nothing until it is resumed."""
     _require_staff(actor)
     with transaction.atomic():
         if Webhook.objects.filter(pk=webhook.pk, paused_at=None).update(paused_at=timezone.now()):
@@ -80,7 +80,7 @@ def webhook_pause(*, webhook: Webhook, actor: User) -> None:
 
 
 def webhook_resume(*, webhook: Webhook, actor: User) -> None:
-    """Go on after a pause, or after its owner left: the person who resumes it is its owner then."""
+    """Resume a webhook after a pause, or after its owner left. `actor` becomes its owner."""
     _require_staff(actor)
     with transaction.atomic():
         if Webhook.objects.filter(pk=webhook.pk).update(paused_at=None, owner=actor):
@@ -96,7 +96,7 @@ def webhook_delete(*, webhook: Webhook, actor: User) -> None:
 
 
 def webhook_test(*, webhook: Webhook, actor: User) -> None:
-    """Send a test with the next round of housekeeping."""
+    """Make a test delivery: the next round of housekeeping sends it."""
     _require_staff(actor)
     if webhook.paused_at or webhook.orphaned:
         raise WebhookRefused("paused", _("Resume it first: a paused webhook sends nothing."))
@@ -105,7 +105,7 @@ def webhook_test(*, webhook: Webhook, actor: User) -> None:
 
 
 def webhook_again(*, webhook: Webhook, actor: User) -> int:
-    """Try again what was given up. Returns how many deliveries that are."""
+    """Try the deliveries again that were given up. Return their number."""
     _require_staff(actor)
     given_up = webhook.deliveries.filter(state=WebhookDelivery.State.GIVEN_UP)
     return given_up.update(state=WebhookDelivery.State.WAITING, due_at=timezone.now(), answers=[])
@@ -117,7 +117,7 @@ def _require_staff(actor: User) -> None:
 
 
 def _record(kind: str, webhook: Webhook, actor: User, **facts: Any) -> None:
-    # Of the address only the host: the rest may be a secret of the receiver.
+    # Only the host of the address is recorded: the rest may be a secret of the receiver.
     private = {"name": webhook.name, "host": urlsplit(webhook.address).hostname}
     parameters = {"webhook": str(webhook.pk), **facts}
     record(kind, actor=actor, parameters=parameters, private=private)

@@ -1,4 +1,4 @@
-"""Secrets and signatures as the Standard Webhooks specification has them."""
+"""Secrets and signatures, as in the Standard Webhooks specification."""
 
 from __future__ import annotations
 

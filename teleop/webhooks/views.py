@@ -1,4 +1,4 @@
-"""The pages of webhooks, for staff: list, new, and the log of one with its actions."""
+"""The pages of webhooks, for staff: the list, a new webhook, and one webhook with its log and actions."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ State = WebhookDelivery.State
 @never_cache
 @require_safe
 def webhooks(request: HttpRequest) -> HttpResponse:
-    """List all webhooks with how they are doing."""
+    """List all webhooks with the counts of their deliveries."""
     _staff(request)
     found = Webhook.objects.select_related("owner").annotate(
         waiting=Count("deliveries", filter=Q(deliveries__state=State.WAITING)),
@@ -90,7 +90,7 @@ def webhook(request: HttpRequest, webhook_id: UUID) -> HttpResponse:
 
 
 def _done(action: str, webhook: Webhook, staff: User) -> str:
-    """Do what a button asks for. Returns the sentence for its person."""
+    """Carry out the action of a button. Return the sentence to show."""
     match action:
         case "test":
             services.webhook_test(webhook=webhook, actor=staff)

@@ -1,4 +1,4 @@
-"""The threads of webhooks in a housekeeping process: one reads the log, and each webhook sends in its own.
+"""The threads of webhooks in a housekeeping process: one reads the log, and each webhook has one to send.
 
 So a receiver that hangs delays neither housekeeping nor another receiver.
 """
@@ -34,7 +34,7 @@ class WebhookWorker:
         self._busy: dict[UUID, Future[None]] = {}
 
     def step(self) -> None:
-        """Begin a round, unless the last one still lasts. Returns at once."""
+        """Start a round in the thread that reads, unless the last round still runs."""
         if self._round is None or self._round.done():
             self._round = self._reading.submit(_logged, self._work)
 
@@ -57,4 +57,4 @@ def _logged(work: Callable[[], object]) -> None:
     except Exception:
         log.exception("A webhook failed and is tried again.")
     finally:
-        connection.close()  # a thread that waits keeps none
+        connection.close()  # an idle thread must not keep a database connection

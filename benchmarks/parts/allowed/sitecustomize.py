@@ -7,12 +7,12 @@ _allowed = (10, 10)
 
 
 def getrlimit(which: int) -> tuple[int, int]:
-    """Return the limit of the service unit for real-time priority, otherwise the real one."""
+    """Return the service unit's limit for real-time priority; for all other resources the real limit."""
     return _allowed if which == resource.RLIMIT_RTPRIO else _getrlimit(which)
 
 
 def setrlimit(which: int, limits: tuple[int, int]) -> None:
-    """Set a limit."""
+    """Set a limit; the limit of real-time priority is only stored here."""
     global _allowed
     if which == resource.RLIMIT_RTPRIO:
         _allowed = limits

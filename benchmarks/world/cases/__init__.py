@@ -1,1 +1,1 @@
-"""Cases that judge the gate: a world, a robot, a driver, and the figures that are made of many runs."""
+"""Cases that judge the gate: a world, a robot, a driver, and the figures of many runs."""

@@ -1,7 +1,7 @@
-"""The arm moves in the camera's view and folds again; then the robot drives ahead, in an empty hall.
+"""The arm moves in the camera's view and folds again. Then the robot drives ahead, in an empty hall.
 
-The description lacks as many links at the arm's tip as the seed says: the bridge cannot know where those are. Nothing
-stands in the hall, so that whatever refuses a motion or holds the robot is its own arm.
+In the description some links at the arm's tip are missing; the seed chooses how many. The bridge cannot know
+where these links are. The hall is empty, so only the robot's own arm can cause a refusal or hold the robot.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ WORST = 3
 
 
 class End(NamedTuple):
-    """Seconds in which a motion was refused, and until the robot drove once the arm was home (`TRIES_S`: never)."""
+    """Seconds of refused motions, and from the arm at home until the robot drove (`TRIES_S`: never)."""
 
     refused_s: float
     held_s: float
 
 
 def measure(repeats: int) -> list[Figure]:
-    """Longest refusal and longest hold, by the number of missing links."""
+    """Return the longest refusal and the longest hold, by the number of missing links."""
     seeds = range(len(MOTIONS) * (MOST_LACKING + 1) * repeats)
     done = list(played("arm", seeds, play))
     for seed, end in sorted(done, key=lambda pair: -max(pair[1]))[:WORST]:
@@ -52,7 +52,7 @@ def measure(repeats: int) -> list[Figure]:
 
 
 def play(seed: int) -> End:
-    """Play one."""
+    """Play the case of a seed."""
     loop = loop_of(build(seed), "gate", seed)
     trying = [moment for moment in loop.play().moments if moment.trying]
     drives = (moment.time_s for moment in trying if moment.sent.vx >= DRIVES_MPS)

@@ -1,7 +1,7 @@
-"""Minutes of adversarial stick in clutter, half of it in reverse: walls, legs, tables, chairs, people who stand.
+"""Minutes of adversarial stick in clutter: walls, legs, tables, chairs, standing people. Half is in reverse.
 
 Every second minute begins cold: without a look around. FLEET_BENCH_METRES are driven with the gate, and a
-quarter of that with drawn sensors, delays, brakes, slip and drift.
+quarter of this distance again with drawn sensors, delays, brakes, slip and drift.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from robots.simulator.worlds import Box, Chair, Person, Table, Wall, World
 
 MINUTE_S = 60.0
 HALF_M = 3.5
-CLEAR_M = 0.9  # about where the robot begins
+CLEAR_M = 0.9  # radius without objects around the robot's start
 METRES = float(os.environ.get("FLEET_BENCH_METRES", "100"))  # 10000: some two hours on two cores
-DRAWN_SHARE = 0.25  # of the metres, driven once more
-A_MINUTE_M = 7.0  # about what is driven in one
+DRAWN_SHARE = 0.25  # of the metres, driven again with drawn conditions
+A_MINUTE_M = 7.0  # about the way of one minute
 OTHERS = 3  # minutes of the other methods, for each repeat
 WORST = 10
-AT_MOST, ENOUGH_M = 0.05, 6000.0  # crashes per 100 m: fewer metres cannot show so few
+AT_MOST, ENOUGH_M = 0.05, 6000.0  # crashes per 100 m, and the metres needed to show such a low rate
 CONTROLLERS = ("gate", "cone", "monitor")
 
 
@@ -50,12 +50,15 @@ class Outcome(NamedTuple):
 
     contact: Contact | None
     way_m: float
-    reverse_m: float  # of it
+    reverse_m: float  # part of the way
     kept: Keeping
 
 
 def measure(repeats: int) -> list[Figure]:
-    """Crashes, the way driven, and what is left of the stick where the way is free. A crash ends its minute."""
+    """Return crashes, the way driven, and how much of the asked speed is left where the way is free.
+
+    A crash ends its minute.
+    """
     figures = _figures("gate", _driven_far(METRES))
     figures += _figures("gate, drawn", _driven_far(DRAWN_SHARE * METRES, drawn=True))
     others = [Minute(name, seed) for name in CONTROLLERS[1:] for seed in range(OTHERS * repeats)]
@@ -66,7 +69,10 @@ def measure(repeats: int) -> list[Figure]:
 
 
 def _driven_far(metres: float, *, drawn: bool = False) -> list[tuple[Minute, Outcome]]:
-    """As many minutes as make up the metres; fewer metres if the robot hardly moves."""
+    """Play minutes until these metres are driven. Return each minute with its outcome.
+
+    If the robot hardly moves, the way is shorter.
+    """
     done: list[tuple[Minute, Outcome]] = []
     while (left_m := metres - sum(outcome.way_m for _, outcome in done)) > 0.0 and len(done) <= metres:
         first, more = len(done), math.ceil(left_m / A_MINUTE_M)
@@ -109,7 +115,9 @@ def _figures(name: str, done: list[tuple[Minute, Outcome]]) -> list[Figure]:
     return [
         *figures,
         Figure(f"{where}: false stops", sums.false_stop_percent, "%", 1.0 if ours else None),
-        Figure(f"{where}: speed lost with 2 m free", sums.lost_percent, "%"),  # reverse is held to 0.1 m/s
+        Figure(
+            f"{where}: speed lost with 2 m free", sums.lost_percent, "%"
+        ),  # the gate limits reverse to 0.1 m/s
         Figure(
             f"{where}: speed lost with 2 m free ahead", sums.lost_ahead_percent, "%", 10.0 if ours else None
         ),
@@ -127,7 +135,7 @@ def _bound(contacts: int, way_m: float) -> float:
 
 
 def _name_worst(done: list[tuple[Minute, Outcome]]) -> None:
-    """Say which minutes ended in contact, and how they are played again."""
+    """Print the worst minutes that ended in contact, with the commands that play them again."""
     met = [(outcome.contact, minute) for minute, outcome in done if outcome.contact]
     for contact, minute in sorted(met, key=lambda pair: worst_first(pair[0]))[:WORST]:
         drawn = " --drawn" if minute.drawn else ""
@@ -135,13 +143,13 @@ def _name_worst(done: list[tuple[Minute, Outcome]]) -> None:
 
 
 def _name_causes(title: str, causes: Counter[str]) -> None:
-    """Say what held the robot, most often first."""
+    """Print what held the robot, the most frequent cause first."""
     for cause, times in causes.most_common(WORST):
         progress(f"{title}: {100.0 * times / causes.total():3.0f} % {cause}")
 
 
 def play(minute: Minute) -> Outcome:
-    """Play one."""
+    """Play one minute."""
     loop = loop_of(build(minute.seed, drawn=minute.drawn), minute.controller, minute.seed)
     truth = Truth(loop.robot.physics)
     trace = loop.play()
@@ -150,7 +158,7 @@ def play(minute: Minute) -> Outcome:
 
 
 def build(seed: int, *, drawn: bool = False) -> Case:
-    """The case."""
+    """Build the case of a seed."""
     random = np.random.default_rng([seed, 21])
     return Case(
         _room(random),
@@ -163,7 +171,7 @@ def build(seed: int, *, drawn: bool = False) -> Case:
 
 
 def _driver(seed: int) -> Callable[[np.random.Generator], Restless]:
-    """Even seeds look around first."""
+    """Return the driver of a seed: with even seeds it looks around first."""
     return lambda random: Restless(random, looks=seed % 2 == 0)
 
 
@@ -192,7 +200,7 @@ def _room(random: np.random.Generator) -> World:
 
 
 def _place(random: np.random.Generator, reach_m: float = 0.3) -> tuple[float, float]:
-    """Somewhere in the room, with what reaches so far clear of where the robot begins."""
+    """Draw a place in the room for an object of this radius, clear of the robot's start."""
     while True:
         x, y = random.uniform(-HALF_M + 0.3, HALF_M - 0.3, 2).tolist()
         if math.hypot(x, y) > CLEAR_M + reach_m - 0.3:

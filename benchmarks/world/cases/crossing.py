@@ -30,7 +30,10 @@ class Crossing(NamedTuple):
 
 
 def measure(repeats: int) -> list[Figure]:
-    """Contacts in the cases in which there is one without any gate: while the robot moves, while it stands, none."""
+    """Count ends with each controller: contact while the robot moves, contact at rest, no contact.
+
+    Only the cases count in which a moving robot without gate has a contact.
+    """
     jobs = [
         Crossing(name, share, seed) for name in CONTROLLERS for share in SHARES for seed in range(2 * repeats)
     ]
@@ -47,7 +50,7 @@ def measure(repeats: int) -> list[Figure]:
 
 
 def play(crossing: Crossing) -> str:
-    """Play one: how it ends."""
+    """Play one case. Return how it ends: "moving", "at rest" or "none"."""
     loop = loop_of(build(crossing.share, crossing.seed), crossing.controller, crossing.seed)
     trace = loop.play()
     if not trace.touches:
@@ -57,7 +60,7 @@ def play(crossing: Crossing) -> str:
 
 
 def build(share: float, seed: int) -> Case:
-    """The case: who crosses reaches the robot's way when the robot, undisturbed, would be there."""
+    """Build the case: the person reaches the robot's way when a robot that nothing slows would be there."""
     random = np.random.default_rng([seed, 45])
     way_m = float(random.uniform(1.5, 3.0))
     meets_s = WARM_UP_S + way_m / share + share / 2.0  # it accelerates with 1 m/s^2

@@ -1,4 +1,4 @@
-"""Doors: time that a competent driver loses by the gate."""
+"""Doors: the time that a competent driver loses because of the gate."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from robots.simulator.worlds import Wall, World
 
 AT_M = 2.0
 LONGEST_S = 40.0
-# Width in metres: the share of the speed at which a competent driver takes it, and the ratio of times allowed.
+# By width in metres: the share of the speed at which a competent driver passes, and the allowed ratio of
+# times.
 DOORS = {0.90: (0.5, 1.02), 0.80: (0.5, 1.02), 0.70: (0.4, 1.03), 0.64: (0.3, 1.10)}
-WIDE_M = 0.70  # nobody is stuck in so wide a door, whatever is drawn
+WIDE_M = 0.70  # in a door of at least this width nobody may be stuck, whatever conditions are drawn
 RATES_HZ = (5.0, 10.0, 15.0, 30.0)  # of depth pictures
 CONTROLLERS = ("none", "gate", "cone", "monitor")
 
@@ -31,7 +32,7 @@ class Passage(NamedTuple):
     controller: str
     width_m: float
     seed: int
-    size: tuple[int, int] = STANDARD.depth_size  # of depth pictures, which other controllers do not look at
+    size: tuple[int, int] = STANDARD.depth_size  # of depth pictures, which other controllers do not use
     drawn: bool = False  # sensors, delays, brakes, slip and drift, by the seed
 
 
@@ -44,7 +45,10 @@ class Outcome(NamedTuple):
 
 
 def measure(repeats: int) -> list[Figure]:
-    """Time with the gate by time without it, over the courses that are driven without a contact when nobody helps."""
+    """Return the time with each controller divided by the time without, and how many did not get through.
+
+    Only the courses count that are driven without contact when there is no controller.
+    """
     seeds = range(max(repeats, 3))
     jobs = [
         Passage(name, width, seed, size)
@@ -75,7 +79,7 @@ def measure(repeats: int) -> list[Figure]:
 
 
 def _drawn_figures(width: float, done: dict[Passage, Outcome]) -> list[Figure]:
-    """Figures of what a seed draws, where a driver gets through alone."""
+    """Return the figures with drawn conditions, of the courses that a driver passes without gate."""
     alone = [job for job, end in done.items() if job.drawn and job[:2] == ("none", width) and _good(end)]
     ends = [done[job._replace(controller="gate")] for job in alone]
     where = f"door of {width:.2f} m, gate, drawn"
@@ -98,7 +102,7 @@ def _drawn_figures(width: float, done: dict[Passage, Outcome]) -> list[Figure]:
 def _figures(
     name: str, width: float, by_size: dict[tuple[int, int], list[Outcome]], alone_s: float
 ) -> list[Figure]:
-    """The time with each size of depth pictures, and how many were stuck with any."""
+    """Return the time with each size of depth pictures, and how many did not get through, over all sizes."""
     ours, where = name == "gate", f"door of {width:.2f} m, {name}"
     figures = []
     for (columns, rows), ends in by_size.items():
@@ -115,7 +119,7 @@ def _good(outcome: Outcome) -> bool:
 
 
 def play(passage: Passage) -> Outcome:
-    """Play one."""
+    """Play one passage."""
     case = build(passage.width_m, passage.seed, passage.size, drawn=passage.drawn)
     trace = loop_of(case, passage.controller, passage.seed).play()
     return Outcome(bool(trace.touches), trace.arrived, trace.time_s)
@@ -124,7 +128,10 @@ def play(passage: Passage) -> Outcome:
 def build(
     width_m: float, seed: int, size: tuple[int, int] = STANDARD.depth_size, *, drawn: bool = False
 ) -> Case:
-    """The case: from one side, a little off, through the middle of the door. The camera's rate goes with the seed."""
+    """Build the case: from one side, a little off the middle, through the door.
+
+    The seed chooses the camera's rate.
+    """
     random = np.random.default_rng([seed, 33])
     share, _ = DOORS[width_m]
     half = width_m / 2.0

@@ -1,7 +1,8 @@
-"""Cold starts, and sensors, delays, brakes and wheels that a seed draws and the gate does not know.
+"""Cold starts, and sensors, delays, brakes and wheels that a seed draws and that the gate does not know.
 
-Contacts with what a sensor has seen or heard are the gate's own; those with what none can have seen are counted apart
-(see `witness`). The worst runs are named with the command that plays them again.
+The gate is to blame for contacts with objects that a sensor has seen or heard. Contacts with objects that no
+sensor can have seen are counted separately (see `witness`). The worst runs are printed with the command that
+plays them again.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from robots.simulator.faults import Faults
 from robots.simulator.sensors.odometry import Drift
 
 DRAWS = int(os.environ.get("FLEET_BENCH_DRAWS", "160"))
-FIRST = int(os.environ.get("FLEET_BENCH_FIRST", "0"))  # seed, to go on where another run ended
-WORST = int(os.environ.get("FLEET_BENCH_WORST", "10"))  # runs that are named
+FIRST = int(os.environ.get("FLEET_BENCH_FIRST", "0"))  # first seed, to continue where another run ended
+WORST = int(os.environ.get("FLEET_BENCH_WORST", "10"))  # runs that are printed
 WAYS = {0: "ahead", 45: "on an arc", 90: "turning", 135: "on an arc in reverse", 180: "in reverse"}
 LATEST_S = 0.4
 MOST_SLIP = 0.3
@@ -43,7 +44,7 @@ class End(NamedTuple):
 
 
 def measure_cold(repeats: int) -> list[Figure]:
-    """The robot was parked, with its own sensors: contacts by way and by object."""
+    """Return contacts by way and by object, for a parked robot with standard sensors."""
     jobs = [full._replace(cold=True) for full in objects.cases("gate", repeats)]
     ends = [
         End(_cold_command(full), full, "", outcome) for full, outcome in played("cold", jobs, objects.play)
@@ -52,7 +53,7 @@ def measure_cold(repeats: int) -> list[Figure]:
 
 
 def measure_drawn(_: int) -> list[Figure]:
-    """Half of the robots were parked, all have drawn sensors."""
+    """Return contacts by way and by object, for robots with drawn sensors. Half of the robots were parked."""
     ends = []
     for seed, outcome in played("drawn", range(FIRST, FIRST + DRAWS), play):
         ends.append(End(f"drawn {seed}", full_of(seed), words_of(seed), outcome))
@@ -62,7 +63,10 @@ def measure_drawn(_: int) -> list[Figure]:
 
 
 def full_of(seed: int) -> Full:
-    """Return which object stands where: each kind, way and start comes as often, one after the other."""
+    """Return the case of a seed.
+
+    Successive seeds go through all kinds, ways and starts, each equally often.
+    """
     kind, rest = seed % len(objects.OBJECTS), seed // len(objects.OBJECTS)
     way, rest = rest % len(objects.ANGLES), rest // len(objects.ANGLES)
     share = objects.SHARES[rest // 2 % 2]
@@ -70,7 +74,7 @@ def full_of(seed: int) -> Full:
 
 
 def conditions_of(seed: int) -> Conditions:
-    """One drawn run."""
+    """Draw the conditions of a seed's run."""
     random = np.random.default_rng([seed, 13])
     sensors = Sensors.drawn(random)
     brake, late_s = float(random.uniform(*BRAKES)), float(random.uniform(0.0, LATEST_S))
@@ -85,7 +89,7 @@ def conditions_of(seed: int) -> Conditions:
 
 
 def words_of(seed: int) -> str:
-    """The same in words."""
+    """Return the drawn conditions of a seed in words."""
     drawn = conditions_of(seed)
     faults = drawn.faults[0][1]
     return (
@@ -96,18 +100,18 @@ def words_of(seed: int) -> str:
 
 
 def build(seed: int) -> Case:
-    """The case."""
+    """Build the case of a seed."""
     return replace(objects.build(full_of(seed)), conditions=conditions_of(seed))
 
 
 def play(seed: int) -> Outcome:
-    """Play one."""
+    """Play the case of a seed."""
     full = full_of(seed)
     return objects.outcome(build(seed), full.controller, full.seed)
 
 
 def figures(where: str, ends: Sequence[End]) -> list[Figure]:
-    """Contacts with seen objects, by way and by object, with their bound; unseen ones apart."""
+    """Return contacts with seen objects by way and by object, with a bound; unseen objects separately."""
     if not ends:
         return []
     shown = []

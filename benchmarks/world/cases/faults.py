@@ -1,4 +1,7 @@
-"""Faults: full stick at something while a sensor, the robot or its network fails. No crash, and a reason."""
+"""Faults: full stick at an object while a sensor, the robot or its network fails.
+
+The robot must not crash, and the page must show a reason.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ THINGS = ("wall", "table leg", "table top")
 
 
 class Fault(NamedTuple):
-    """A fault; the codes of verdicts or speed limits that may name it; the stick's angle."""
+    """A fault, the codes of verdicts and speed limits that may report it, and the stick's angle."""
 
     conditions: Conditions
     codes: frozenset[str]
@@ -24,7 +27,7 @@ class Fault(NamedTuple):
     angle: int = 0
 
     def is_reported_by(self, moment: Moment) -> bool:
-        """Return whether this is what the page shows at that moment."""
+        """Return whether the page shows this fault at that moment."""
         return moment.code in self.codes or any(self.limit == limit.code for limit in moment.limits)
 
 
@@ -42,7 +45,7 @@ FAULTS: dict[str, Fault] = {
     "laser nothing but NaN": Fault(_at(laser_nan=True), SCAN | {"blind_direction"}),
     "odometry dead": Fault(_at(odom_dead=True), ODOMETRY),
     "odometry's stamps frozen": Fault(_at(odom_frozen=True), ODOMETRY),
-    "100 ms later": Fault(Conditions(late_s=0.1), LATE | HELD),  # that is about what is assumed
+    "100 ms later": Fault(Conditions(late_s=0.1), LATE | HELD),  # about the delay that the gate assumes
     **{
         f"{ms} ms later": Fault(Conditions(late_s=ms / 1000.0), LATE, "robot_late")
         for ms in (200, 300, 400, 500)
@@ -60,7 +63,7 @@ FAULTS: dict[str, Fault] = {
     ),
     "robot's clock an hour off": Fault(Conditions(clock_s=3600.0), HELD),
 }
-UNSEEN = {"head away", "depth dead"}  # table tops cannot be seen then: what is promised is the blind speed
+UNSEEN = {"head away", "depth dead"}  # then table tops cannot be seen: only the blind speed is promised
 
 
 class Failing(NamedTuple):
@@ -80,7 +83,7 @@ class Outcome(NamedTuple):
 
 
 def measure(repeats: int) -> list[Figure]:
-    """Crashes and silent runs, fault by fault, and the bound over all."""
+    """Return crashes, and runs without a shown reason, fault by fault."""
     seeds = max(repeats // 3, 2)
     jobs = [
         Failing(name, thing, share, seed)
@@ -102,7 +105,7 @@ def measure(repeats: int) -> list[Figure]:
 
 
 def play(failing: Failing) -> Outcome:
-    """Play one."""
+    """Play one case."""
     trace = loop_of(build(failing), "gate", failing.seed).play()
     fault = FAULTS[failing.name]
     reported = any(fault.is_reported_by(moment) for moment in trace.moments if moment.trying)
@@ -110,7 +113,7 @@ def play(failing: Failing) -> Outcome:
 
 
 def build(failing: Failing) -> Case:
-    """The case, straight ahead or in reverse."""
+    """Build the case, straight ahead or in reverse."""
     fault = FAULTS[failing.name]
     whole = objects.build(objects.Full("gate", failing.thing, fault.angle, failing.share, failing.seed))
     return replace(whole, conditions=fault.conditions)

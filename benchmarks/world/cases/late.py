@@ -1,4 +1,4 @@
-"""Robots that answer late: from the first command on, or from one moment to the next. Full stick at a wall."""
+"""Robots that react late: from the first command on, or suddenly later. Full stick at a wall."""
 
 from __future__ import annotations
 
@@ -25,27 +25,31 @@ from robots.simulator.worlds import Wall, World
 FIRST_LATE_S = 0.48
 FIRST_WALL_M = (0.6, 1.2)  # from the hull
 JUMPS_MS = (200, 300, 400)
+# Whether the delay of sensors jumps, and whether the delay of commands jumps.
 WAYS = {
     "link": (True, True),
     "sensors": (True, False),
     "commands": (False, True),
-}  # what jumps: sensors, commands
+}
 WALL_M = (2.4, 3.2)  # from the hull
-# When the delay jumps, before or after the robot would begin to brake, seconds
+# When the delay jumps, in seconds after the robot would begin to brake (negative: before).
 JUMP_WITHIN_S = (-0.4, 0.3)
 HICCUP_S = (0.06, 0.10)
 HICCUP_EVERY_S = 2.0  # on average
 SPARE_S = Parameters().latency_spare_s
-SPARES_S = (0.2, 0.3)  # of the setting that trades speed for it
-SEEDS = 12  # at least: a share of one run is no share
-# Share of the runs at 1 m/s, by ms: none at +200; at +300 and +400 half of the former gate, which waited for a silence
-# of 0.2 s. Slower runs have none.
+SPARES_S = (
+    0.2,
+    0.3,
+)  # other values of `latency_spare_s`: a larger one costs speed, and should prevent crashes
+SEEDS = 12  # at least, because a share needs several runs
+# Share of the runs at 1 m/s that may crash, by ms: none at +200; at +300 and +400 half as many as with the
+# former gate, which waited for a silence of 0.2 s. Slower runs may not crash.
 MOST_SHARE = {200: 0.0, 300: 0.25, 400: 1.0 / 3.0}
-STICK_S = 0.5  # after the start, the wheels begin to obey
+STICK_S = 0.5  # from the start until the wheels begin to obey
 
 
 class Late(NamedTuple):
-    """One case: a way of `WAYS`, or "first"; how much later, in ms; share of the robot's speed."""
+    """One case: a way of `WAYS`, or "first"; the additional delay in ms; the share of the robot's speed."""
 
     way: str
     ms: int
@@ -63,7 +67,7 @@ class Outcome(NamedTuple):
 
 
 def jobs(repeats: int) -> list[Late]:
-    """All cases."""
+    """Return all cases."""
     first = [Late("first", round(1000 * FIRST_LATE_S), 1.0, seed) for seed in range(repeats)]
     jumps = [
         Late(way, ms, share, seed)
@@ -79,7 +83,7 @@ def jobs(repeats: int) -> list[Late]:
 
 
 def measure(repeats: int) -> list[Figure]:
-    """Crashes, kind by kind."""
+    """Return the crashes, kind by kind."""
     done = list(played("late", jobs(max(repeats, SEEDS)), play))
     figures = []
     for way, ms, share, spare_s in dict.fromkeys(_kind(job) for job, _ in done):
@@ -103,7 +107,7 @@ def _hiccups(repeats: int) -> list[Figure]:
 
 
 def play_hiccups(full: objects.Full) -> Keeping:
-    """One of the objects' cases."""
+    """Play a case of `objects` with short gaps of the link."""
     random = np.random.default_rng([full.seed, full.angle])
     times = np.cumsum(random.exponential(HICCUP_EVERY_S, 30))
     hiccups = tuple(zip(times.tolist(), random.uniform(*HICCUP_S, 30).tolist(), strict=True))
@@ -119,7 +123,7 @@ def _kind(late: Late) -> tuple[str, int, float, float]:
 
 
 def play(late: Late) -> Outcome:
-    """Play one."""
+    """Play one case."""
     profile = tiago_profile()
     parameters = structs.replace(profile.parameters, latency_spare_s=late.spare_s)
     profile = structs.replace(profile, parameters=parameters)
@@ -130,7 +134,7 @@ def play(late: Late) -> Outcome:
 
 
 def build(late: Late) -> Case:
-    """The case."""
+    """Build the case."""
     random = np.random.default_rng([late.seed, late.ms, round(10 * late.share)])
     nearest, farthest = FIRST_WALL_M if late.way == "first" else WALL_M
     gap_m = float(random.uniform(nearest, farthest))
@@ -138,9 +142,8 @@ def build(late: Late) -> Case:
     if late.way == "first":
         return replace(case, conditions=Conditions(late_s=late.ms / 1000.0))
     v = late.share
-    way_m = (
-        (0.2 + late.spare_s) * v + v**2 / (2.0 * 0.65) + 0.08
-    )  # the gate's braking distance, for a robot of 0.2 s
+    # The gate's braking distance, for a robot with a delay of 0.2 s.
+    way_m = (0.2 + late.spare_s) * v + v**2 / (2.0 * 0.65) + 0.08
     brakes_s = STICK_S + v / 2.0 + (gap_m - way_m) / v
     at_s = brakes_s + float(random.uniform(*JUMP_WITHIN_S))
     sensors, commands = WAYS[late.way]

@@ -3,13 +3,14 @@
 The time counts from the moment when no object is nearer to the hull than 0.5 m. Runs in which the robot was not held,
 or touched an object before, do not count.
 
-Behind the robot no sensor looks as high as laser and camera did before, and a sonar loses a leg that leaves its cone at
-the rim, although it still stands there. So there is no time limit for seen objects behind the robot, and objects that
-were only heard do not keep the limit in every run. Away from the object the robot must drive at once: the same cases
-are played with a stick that goes ahead in the end, and with one that turns around before, to the place.
+Behind the robot no sensor looks as high as laser and camera did before. And if a leg leaves a sonar's cone at
+the rim, the sonar does not measure it any more, although the leg still stands there. So there is no time
+limit for seen objects behind the robot, and with objects that were only heard some runs exceed the limit.
+Away from the object the robot must drive at once: the same cases are played with a stick that goes ahead in
+the end. They are also played with a driver that turns around before, and then drives to the place.
 
-In `GLANCED` the head is turned aside before the object goes, so that no sensor sees the whole place, until somebody
-presses *Look ahead*: the time counts from then on.
+In `GLANCED` the head is turned aside before the object goes, so that no sensor sees the whole place. Later
+somebody presses *Look ahead*: the time counts from this moment.
 """
 
 from __future__ import annotations
@@ -29,22 +30,22 @@ from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.worlds import Chair, Person, Table
 
 GONE_M = 0.5  # from the hull
-PATIENCE_S = 20.0  # after it began to go
+PATIENCE_S = 20.0  # after the object began to go
 AWAY_M = 3.0
 AGAIN_S = 1.0
-DRIVES_MPS = 0.1  # or this share of what is asked
+DRIVES_MPS = 0.1  # at this speed, or at `DRIVES_SHARE` of the asked speed, the robot drives
 DRIVES_SHARE = 0.3
 TURNING, AWAY = Stick(0.0, 1.0, 0.5, trying=False), Stick(1.0, 0.0, 0.5, trying=False)
 OFF_M = (
-    0.5  # so far away from the place it turns around: from there the whole place is in the camera's picture
+    0.5  # the robot turns around this far from the place: there the whole place is in the camera's picture
 )
-AROUND_RAD = 0.3  # before half a turn is over: the base goes on for as long
-HELD_S = 3.0  # after what stands behind began to go, the stick rests; it goes ahead
-RESTS_S = 0.5  # later
+AROUND_RAD = 0.3  # the turn ends this much before half a turn, because the base turns on by about as much
+HELD_S = 3.0  # from the departure of the object behind the robot until the stick rests
+RESTS_S = 0.5  # rest of the stick, before it goes ahead
 
 
 class Kind(NamedTuple):
-    """A leaving obstacle: its kind, its direction, the time of its departure, and how it was seen before."""
+    """A leaving obstacle: kind, direction and time of departure, and whether the robot was parked there."""
 
     thing: str
     angle: int
@@ -67,10 +68,10 @@ GLANCED = {
     "table pulled away, head aside": Kind("table top", 0, 8.0, cold=True),
 }
 THERE_M = 0.2
-AROUND_S = 10.0  # half a metre away, half a turn and 0.7 m back take 6 s of it
-LOOK_AHEAD_S = 5.0  # within which it drives again
+AROUND_S = 10.0  # of these, half a metre away, half a turn and 0.7 m back take 6 s
+LOOK_AHEAD_S = 5.0  # the robot must drive again within this time after *Look ahead*
 ASIDE_RAD = 1.2
-ASIDE_S, PRESSED_S = 2.0, 8.0  # before the thing begins to go, and after it
+ASIDE_S, PRESSED_S = 2.0, 8.0  # head aside before the object begins to go; *Look ahead* after it
 
 
 class Left(NamedTuple):
@@ -78,12 +79,12 @@ class Left(NamedTuple):
 
     kind: str
     seed: int
-    ahead: bool = False  # the stick, in the end
-    turns: bool = False  # around before that, to see the place and drive there
+    ahead: bool = False  # in the end the stick goes ahead
+    turns: bool = False  # before, the robot turns around, to see the place and drive there
 
 
 class Ahead:
-    """Holds the stick as another does; rests from some second on, and then goes ahead."""
+    """Holds the stick like another driver until `from_s`, then rests, then goes ahead."""
 
     def __init__(self, first: Driver, from_s: float, share: float) -> None:
         self._first = first
@@ -97,11 +98,11 @@ class Ahead:
 
 
 class Around(Ahead):
-    """Goes a little away and turns around before it goes ahead: to where it was held."""
+    """Drives a little away and turns around before it goes ahead: so it drives to where it was held."""
 
     def __init__(self, first: Driver, from_s: float, share: float) -> None:
         super().__init__(first, from_s, share)
-        self._stood: Pose | None = None  # before that
+        self._stood: Pose | None = None  # pose before it drives away
         self._turns = True
 
     def hold(self, seen: Seen) -> Stick | None:
@@ -118,14 +119,17 @@ class Around(Ahead):
 
 
 class Outcome(NamedTuple):
-    """Seconds until it drives again: infinite if it does not, None if it was not held; and what held it."""
+    """Seconds until the robot drives again, and what held it.
+
+    Infinite: it does not; None: the run does not count.
+    """
 
     again_s: float | None
     held_by: str = ""
 
 
 def measure(repeats: int) -> list[Figure]:
-    """The longest and the median by kind, and how many robots never drove again."""
+    """Return the longest and the median time by kind, and how many robots did not drive again."""
     seeds = 3 * repeats
     jobs = [Left(kind, seed) for kind in (CROSSED, *KINDS, *GLANCED) for seed in range(seeds)]
     done = list(played("leaving", jobs, play))
@@ -159,7 +163,10 @@ def measure(repeats: int) -> list[Figure]:
 
 
 def _turned_to(seeds: int) -> list[Figure]:
-    """With *Turn around and look*, how long until the robot drives to where something stood behind it and was heard."""
+    """Return the longest time until the robot drives to the place of an object behind it that was only heard.
+
+    The robot first turns around and looks.
+    """
     figures = []
     for kind in (kind for kind, about in KINDS.items() if about.angle == 180 and about.cold):
         jobs = [Left(kind, seed, turns=True) for seed in range(seeds)]
@@ -184,7 +191,7 @@ def _name_worst(done: list[tuple[Left, Outcome]]) -> None:
 
 
 def play(left: Left) -> Outcome:
-    """Play one."""
+    """Play one case."""
     case = build(left.kind, left.seed, ahead=left.ahead, turns=left.turns)
     trace = loop_of(case, "gate", left.seed).play()
     since_s = case.glance.ahead_s if case.glance else case.leaving.since_s if case.leaving else 0.0
@@ -193,7 +200,7 @@ def play(left: Left) -> Outcome:
 
 
 def until_there(trace: Trace, since_s: float) -> Outcome:
-    """Return after how long the robot has driven `THERE_M` into the place behind where it stood at `since_s`."""
+    """Return the time from `since_s` until the robot has driven `THERE_M` to the place that was behind it."""
     stood: Pose | None = None
     text = ""
     for moment in trace.moments:
@@ -208,7 +215,7 @@ def until_there(trace: Trace, since_s: float) -> Outcome:
 
 
 def until_again(trace: Trace, since_s: float) -> Outcome:
-    """Return how long the robot was held after the way was free. `since_s` is when what is in the way began to go."""
+    """Return how long the robot was held after the way was free. `since_s`: when the obstacle began to go."""
     if trace.touches:
         return Outcome(None)
     gone_s, was_held = math.inf, False

@@ -1,8 +1,9 @@
-"""The robot drives itself to places, and the gate watches: by its own good navigation, and by planners that are blind.
+"""Navigation drives the robot to goals, and the gate watches: good navigation, and planners that are blind.
 
-A blind planner drives at full speed straight at each goal, whatever stands there: ahead, backwards, or ahead while
-somebody else turns the head aside on each way. As in the bridge, the head is sent ahead again and again; the watch
-judges with each odometry message, takes the base and cancels the goal; the next goal follows when the robot has stood.
+A blind planner drives at full speed straight at each goal, whatever stands there: ahead, backwards, or ahead
+while somebody else turns the head aside during each drive. As in the bridge, the head is sent ahead again and
+again. The watch judges with each odometry message. If it intervenes, it takes the base and cancels the goal.
+The next goal follows when the robot has stood.
 """
 
 from __future__ import annotations
@@ -38,10 +39,10 @@ GOALS, BLIND_GOALS = 6, 12
 LONGEST_S = 240.0
 LONGEST_GOAL_S, THERE_M = 60.0, 0.3
 HELD_S = 1.5  # the base is held this long after an intervention
-AT_MOST, ENOUGH_M = 1.0, 300.0  # false interventions per 100 m; fewer metres say nothing
+AT_MOST, ENOUGH_M = 1.0, 300.0  # false interventions per 100 m, and the metres needed to measure this
 WORST = 10
 ASIDE_RAD = 1.2
-ASIDE_FROM_S, ASIDE_FOR_S = (0.5, 3.0), (1.0, 8.0)  # after the begin of each way
+ASIDE_FROM_S, ASIDE_FOR_S = (0.5, 3.0), (1.0, 8.0)  # after the start of each drive, and for how long
 Kind = Literal["good", "blind", "backs", "aside"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 FAULTS = {
@@ -90,14 +91,13 @@ class NavigationLoop(Loop):
         self._watched: Watched
         self._watch = navigation_watch.Watch()
         self._turns = np.random.default_rng([seed, 37]) if aside else None
-        self._aside: tuple[float, float, Aim] | None = (
-            None  # from when to when somebody turns the head, and where to
-        )
+        # From when to when somebody turns the head, and in which direction.
+        self._aside: tuple[float, float, Aim] | None = None
         super().__init__(case, lambda fan: self._watched_by(profile, fan), profile.limits, SCAN, seed)
         self._navigator = Navigator(self.robot)
         self._goals = goals
         self._held_until_s = self._goal_s = -math.inf
-        self._commanded: Velocity | None = None  # by navigation, as the bridge hears it
+        self._commanded: Velocity | None = None  # by navigation, as the bridge receives it
         self.interventions: list[str] = []
         self.arrived = 0
         self.closest_m = math.inf
@@ -108,7 +108,7 @@ class NavigationLoop(Loop):
         return self._watched
 
     def judge(self, now_s: float) -> None:
-        """Judge the measured velocity; take the base where it must brake."""
+        """Judge the measured velocity, and take the base if it must brake."""
         drive = self._navigator.drive
         if drive is None or drive.phase is not Phase.DRIVING or now_s < self._held_until_s:
             return
@@ -149,9 +149,8 @@ class NavigationLoop(Loop):
         self._navigator.cancel()
         if now_s - STARTS_S < WARM_UP_S:
             return
-        if (
-            not self._goals or navigation_watch.spare_m(gate, now_s) < LEAST_SPARE_M
-        ):  # then a person must drive it away
+        # With too little room, a person would have to drive the robot away.
+        if not self._goals or navigation_watch.spare_m(gate, now_s) < LEAST_SPARE_M:
             self._done = True
             return
         if not gate.looks_ahead(now_s):
@@ -179,7 +178,7 @@ class NavigationLoop(Loop):
         self._commanded = commanded
 
     def _is_enough(self, drive: GoalDrive, now_s: float) -> bool:
-        """Return whether the next goal is due: a blind planner never notices that it is there."""
+        """Return whether the next goal is due. A blind planner never notices that the robot has arrived."""
         pose = self.robot.physics.pose
         there = self.robot.faults.navigation_blind and math.dist(pose[:2], drive.goal[:2]) < THERE_M
         return there or now_s - self._goal_s > LONGEST_GOAL_S
@@ -194,7 +193,7 @@ class NavigationLoop(Loop):
 
 
 def measure(repeats: int) -> list[Figure]:
-    """Contacts with blind planners; interventions with good navigation, all of which are false."""
+    """Return contacts with blind planners, and interventions with good navigation, which are all false."""
     jobs = [Way(seed, kind) for kind in KINDS for seed in range(repeats)]
     done = list(played("navigation", jobs, play))
     good = [outcome for way, outcome in done if way.kind == "good"]
@@ -230,7 +229,7 @@ def _blind(kind: Kind, outcomes: list[Outcome]) -> list[Figure]:
 
 
 def _name_worst(done: list[tuple[Way, Outcome]]) -> None:
-    """Say which runs had a contact or a false intervention, and how they are played again."""
+    """Print the runs with a contact or a false intervention, with the commands that play them again."""
     for way, outcome in done:
         if outcome.contact or (way.kind == "good" and outcome.interventions):
             why = outcome.contact or "; ".join(outcome.interventions[:WORST])
@@ -238,7 +237,7 @@ def _name_worst(done: list[tuple[Way, Outcome]]) -> None:
 
 
 def play(way: Way) -> Outcome:
-    """Play one."""
+    """Play one run."""
     loop = loop_of(way.seed, way.kind)
     goals = len(loop._goals)
     trace = loop.play()
@@ -246,7 +245,7 @@ def play(way: Way) -> Outcome:
 
 
 def loop_of(seed: int, kind: Kind = "good") -> NavigationLoop:
-    """A run, ready to be played."""
+    """Return a run, ready to be played."""
     random = np.random.default_rng([seed, 31])
     case = Case(
         load_world("office"),
@@ -260,7 +259,7 @@ def loop_of(seed: int, kind: Kind = "good") -> NavigationLoop:
 
 
 class _Nobody:
-    """A stick at rest: navigation drives."""
+    """A driver who never holds the stick: navigation drives."""
 
     def hold(self, _seen: object) -> None:
         return None

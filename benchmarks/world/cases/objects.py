@@ -1,7 +1,7 @@
 """Full stick at one object, by kind of object, stick angle, speed and seed.
 
 The stick's angle is its direction: 0 is full ahead, 45 ahead and left, 90 a turn on the spot, 180 reverse. A case
-begins with the path that the base takes with that stick, and puts the object where the hull will meet it.
+computes the path of the base with this stick position, and puts the object where the hull will meet it.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ TURN_RADPS = 2.0944
 ROOM_M = 8.0
 NEAREST_M = 0.05  # between the hull and the object, when the run begins
 MOST_DRAWS = 200
-ARC_TRIES_S = 5.0  # of stick on an arc: by then the object was met, or passed
-PARKED_S = (0.5, 5.0)  # from when on its sensors work until a cold run's stick is pushed
-COMES_FROM_M = (
-    1.0  # from so far the robot comes to where it begins to reverse, and sees what is not for its laser
-)
-# How far the base's disc would reach into what stands beside it, if nobody stopped it: at the height of a table the
-# robot is narrower.
+ARC_TRIES_S = 5.0  # of stick on an arc: after this time the object was met or passed
+PARKED_S = (0.5, 5.0)  # from the start of the sensors until a cold run's stick is pushed
+# The robot comes from this far to the place where it begins to reverse. On the way its camera sees objects
+# that the laser cannot see.
+COMES_FROM_M = 1.0
+# How far the base's disc would overlap an object beside it, if nothing stopped the robot: at the height of a
+# table the robot is narrower.
 OVERLAP_M = {"chair": 0.03, "desk without legs": 0.11, "table top": 0.11}
 
 
@@ -51,7 +51,7 @@ class Spot(NamedTuple):
     heading: float
 
     def ahead(self, distance_m: float, aside_m: float = 0.0) -> tuple[float, float]:
-        """A point, as seen from here."""
+        """Return the point this far ahead of the spot and to its left, metres."""
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return self.x + cos * distance_m - sin * aside_m, self.y + sin * distance_m + cos * aside_m
 
@@ -75,7 +75,8 @@ def _person(spot: Spot, random: Random) -> World:
     aside = float(random.uniform(-0.25, 0.25))
     x, y = spot.ahead(RADIUS_M + 0.15, aside)
     toes = float(random.uniform(0.0, math.tau))
-    # A person's yaw is the way they walk; here one who stands turns by a path that is never walked.
+    # A person's yaw is the direction of the path. This person stands: the path only sets the yaw and is never
+    # walked.
     return _world(people=[Person(name="person", at=(x, y), path=[(x + math.cos(toes), y + math.sin(toes))])])
 
 
@@ -110,7 +111,7 @@ def _desk(spot: Spot, random: Random) -> World:
 
 
 def _table(spot: Spot, random: Random) -> World:
-    """Between its legs: only the top is in the way."""
+    """Put the spot between the table's legs: only the top is in the way."""
     at = spot.ahead(RADIUS_M + 0.4, float(random.uniform(-0.3, 0.3)))
     yaw = math.degrees(spot.heading) + float(random.uniform(-10.0, 10.0))
     return _world(tables=[Table(name="table", at=at, size=(0.8, 1.8), yaw=yaw)])
@@ -127,7 +128,7 @@ OBJECTS: dict[str, Put] = {
     "table top": _table,
 }
 UNSEEN = {"desk without legs", "table top"}  # by the laser
-ABOVE_LASER = UNSEEN | {"chair"}  # the laser sees these not at all, or only in part
+ABOVE_LASER = UNSEEN | {"chair"}  # the laser does not see these, or sees only a part
 
 
 class Full(NamedTuple):
@@ -139,7 +140,7 @@ class Full(NamedTuple):
     share: float
     seed: int
     blanked: bool = False
-    cold: bool = False  # the robot was parked there: it has not come, looked or turned before
+    cold: bool = False  # the robot was parked there: it has not moved or looked around before
 
 
 class Outcome(NamedTuple):
@@ -152,7 +153,7 @@ class Outcome(NamedTuple):
 
 
 def measure(repeats: int) -> list[Figure]:
-    """Crashes by object for each controller, with bounds; and what the gate leaves of the stick."""
+    """Return crashes by object for each controller, with bounds, and how much of the asked speed is left."""
     jobs = [*cases("gate", repeats), *cases("gate", repeats, blanked=True)]
     jobs += [*cases("cone", repeats), *cases("monitor", repeats), *cases("none", min(repeats, 2))]
     done = list(played("objects", jobs, play))
@@ -195,12 +196,12 @@ def _figures(name: str, done: list[tuple[Full, Outcome]], *, ours: bool) -> list
 
 
 def play(full: Full) -> Outcome:
-    """Play one."""
+    """Play one case."""
     return outcome(build(full), full.controller, full.seed)
 
 
 def outcome(case: Case, controller: str, seed: int) -> Outcome:
-    """Play a case that has one object."""
+    """Play a case that has one object, and return its outcome."""
     loop = loop_of(case, controller, seed)
     truth = Truth(loop.robot.physics)
     trace = loop.play()
@@ -209,7 +210,7 @@ def outcome(case: Case, controller: str, seed: int) -> Outcome:
 
 
 def cases(controller: str, seeds: int, blanked: bool = False) -> list[Full]:
-    """All of them. In reverse both shares mean the robot's own limit, so that is one case.
+    """Return all cases. In reverse both shares mean the robot's own limit, so they are one case.
 
     For objects that the laser cannot see, a blanked scan makes no difference.
     """
@@ -252,7 +253,7 @@ def _drawn(full: Full, random: Random) -> Case:
 
 
 def _stick(full: Full, random: Random) -> tuple[float, float]:
-    """Position of the stick."""
+    """Return the stick's position: x, w."""
     if full.angle == 90:
         return 0.0, 1.0
     angle = math.radians(full.angle)
@@ -262,8 +263,8 @@ def _stick(full: Full, random: Random) -> tuple[float, float]:
 
 
 def _spot(x: float, w: float, full: Full, random: Random) -> Spot:
-    """On the way of a stick at (x, w), from the origin with heading 0."""
-    if x == 0.0:  # the disc stays; the object stands next to it
+    """Draw a spot on the way of a stick at (x, w), from the origin with heading 0."""
+    if x == 0.0:  # the disc turns on the spot; the object stands next to it
         heading = float(random.uniform(-math.pi, math.pi) if full.cold else random.uniform(-1.6, 1.6))
         gap = float(random.uniform(NEAREST_M, 0.10))
         return Spot(gap * math.cos(heading), gap * math.sin(heading), heading)
@@ -281,7 +282,10 @@ def _spot(x: float, w: float, full: Full, random: Random) -> Spot:
 
 
 def _outwards(radius_m: float, overlap_m: float, turned: float) -> Spot:
-    """Next to a tight arc, where the hull is farthest from its start: an object there could be seen before."""
+    """Return a spot next to a tight arc, where the hull is farthest from its start.
+
+    The robot could see an object there before.
+    """
     sin, cos = math.sin(turned), math.cos(turned)
     inwards_m = abs(radius_m) - overlap_m
     out = math.copysign(1.0, radius_m)
@@ -290,7 +294,10 @@ def _outwards(radius_m: float, overlap_m: float, turned: float) -> Spot:
 
 
 def _turned(radius_m: float, random: Random) -> float:
-    """Return how far round the arc the object is met, radians: a tight arc must not begin at the object."""
+    """Draw the angle on the arc at which the robot meets the object, radians.
+
+    On a tight arc the angle is large, so that the arc does not begin at the object.
+    """
     if radius_m > 1.0:
         return float(random.uniform(1.2, 2.2)) / radius_m
     return float(random.uniform(1.3, 1.9))

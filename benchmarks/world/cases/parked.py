@@ -1,6 +1,6 @@
-"""A robot that was parked close to something turns to it, or nearly, and drives off: its camera is blind so near.
+"""A robot that was parked close to an object turns to it, or nearly, and drives off.
 
-The camera sees nothing within half a metre, as an Xtion: the edge of a table that has no legs is in nobody's view.
+Like an Xtion, the camera sees nothing within half a metre: no sensor sees the edge of a table without legs.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from robots.simulator.sensors.body import TIAGO
 
 GAPS_M = (0.04, 0.10)  # between hull and object
 BLIND_M = 0.5
-OFF_RAD = 0.4  # how far from straight at the object the robot drives off
+OFF_RAD = 0.4  # largest angle between the robot's way and the direction to the object
 WORST = 3
 
 
@@ -35,7 +35,7 @@ class Parked(NamedTuple):
 
 
 def measure(repeats: int) -> list[Figure]:
-    """Contacts by what was known of the thing, and the fastest."""
+    """Return contacts by how the object was seen before, and the fastest contact."""
     jobs = [Parked(thing, seed) for thing in objects.OBJECTS for seed in range(2 * repeats)]
     done = list(played("parked", jobs, play))
     met = [(contact, parked) for parked, contact in done if contact]
@@ -52,14 +52,14 @@ def measure(repeats: int) -> list[Figure]:
 
 
 def play(parked: Parked) -> Contact | None:
-    """Play one."""
+    """Play one case."""
     loop = loop_of(build(parked.thing, parked.seed), "gate", parked.seed)
     loop.play()
     return first_contact(loop)
 
 
 def build(thing: str, seed: int) -> Case:
-    """Build the case. An object that would begin too near is drawn again."""
+    """Build the case. An object that would be too near at the start is drawn again."""
     random = np.random.default_rng([seed, 71, list(objects.OBJECTS).index(thing)])
     start = Pose(0.0, 0.0, 0.0)
     for _ in range(objects.MOST_DRAWS):

@@ -1,4 +1,7 @@
-"""Bookings: free slots, the list, one booking and its changes, the waiting list. All rules are those of the pages."""
+"""Bookings: free slots, the list, one booking and its changes, the waiting list.
+
+The rules are those of the pages.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem, ProblemDetails
 from teleop.api.v1.framework.versions import etag_of, version_seen
 
-ME = "me"  # as a person: whose token or session it is
+ME = "me"  # as value of `person`: the person of the token or session
 
 StageName = Literal[
     "awaiting", "offered", "booked", "due", "in_use", "over", "finished", "no_show", "cancelled"
@@ -66,7 +69,7 @@ class BookingEntry(Struct, frozen=True):
     course: str | None  # for which it counts; of your own bookings, and of those that you manage
     starts_at: Time
     ends_at: Time
-    held_until: Time  # others can book from here on
+    held_until: Time  # others can book from this time on
     stage: StageName
     purpose: str
     offer_until: Time | None
@@ -202,7 +205,7 @@ class BookingsBase(ApiView):
         return Booking.objects.filter(robot__in=self.robots()).select_related("robot", "person", "course")
 
     def one(self, booking_id: UUID) -> Booking:
-        """Return one of them. Raises `Problem`: not found."""
+        """Return one of these bookings. Raises `Problem`: not found."""
         found = self.seen().filter(pk=booking_id).first()
         if found is None:
             raise Problem(NOT_FOUND)
@@ -242,7 +245,7 @@ class BookingsBase(ApiView):
         return entries
 
     def answer(self, booking_id: UUID, status: int = 200) -> Response:
-        """Answer a booking with its ETag."""
+        """Return a response with the booking and its ETag."""
         booking = Booking.objects.select_related("robot", "person", "course").get(pk=booking_id)
         [entry] = self.entries([booking])
         headers = {"ETag": etag_of(booking.version)}
@@ -251,7 +254,7 @@ class BookingsBase(ApiView):
         return Response(msgspec.to_builtins(entry), status, headers=headers)
 
     def change(self, request: Request, booking_id: UUID, step: Callable[..., Any], **facts: Any) -> Response:
-        """Change a booking that is as the client saw it."""
+        """Change a booking if the client has seen its newest version (If-Match)."""
         version = version_seen(request)
         self.one(booking_id)
         step(booking_id=booking_id, version=version, actor=self.person, now=timezone.now(), **facts)
@@ -428,7 +431,7 @@ class WaitingView(BookingsBase):
         return Response(msgspec.to_builtins(_waiting(made)), 201, headers=headers)
 
     def waiting(self) -> QuerySet[Waiting]:
-        """Return the person's places in line for slots; those for control now are at the robot's own address."""
+        """Return the slots for which the person waits. The line for control now is at the robot's address."""
         mine = Waiting.objects.filter(person=self.person, robot__in=self.robots())
         return mine.exclude(starts_at=None).exclude(ends_at=None).select_related("robot")
 
@@ -449,7 +452,7 @@ class WaitingOneView(WaitingView):
 
 @contextmanager
 def _alternatives() -> Iterator[None]:
-    """Let a refusal name free slots."""
+    """Add free slots to the refusal of a booking."""
     try:
         yield
     except BookingRefused as error:

@@ -1,4 +1,4 @@
-"""Courses and their members, for those who manage them; others find nothing at these addresses."""
+"""Courses and their members, for people who manage them. Other people get the answer "not found"."""
 
 from __future__ import annotations
 
@@ -132,14 +132,13 @@ class WrongLine(Struct, frozen=True):
 class EnrolAnswer(Struct, frozen=True):
     """The effect of a list."""
 
-    enrolled: int  # people; 0 of a preview
+    enrolled: int  # number of people; 0 for a preview
     known: list[str]  # user names of accounts that are enrolled
-    new: list[ListedPerson]  # who get an account
-    undisclosed: list[
-        ListedPerson
-    ]  # enrolled by a supervisor, who does not learn whether they had an account
-    already: list[str]  # user names of those who were in the course before
-    wrong: list[WrongLine]  # left out
+    new: list[ListedPerson]  # people who get an account
+    # Enrolled by a supervisor: supervisors do not learn whether these people had an account.
+    undisclosed: list[ListedPerson]
+    already: list[str]  # user names of people who were in the course before
+    wrong: list[WrongLine]  # lines that were left out
     notes: list[str]
 
 
@@ -208,7 +207,7 @@ class CoursesBase(SetupView):
     """Base of the views of courses."""
 
     def detail(self, course: Course) -> CourseDetail:
-        """Return a course with what it gives."""
+        """Return a course with its robots, supervisors, quotas and qualifications."""
         return CourseDetail(
             **_entry(course),
             robots=[robot.slug for robot in robots_of(course)],
@@ -219,7 +218,7 @@ class CoursesBase(SetupView):
         )
 
     def save(self, course: Course, body: CourseRequest | CourseChange) -> None:
-        """Save a course with what was given. Raises `Problem`."""
+        """Save a course with the fields of the request. Raises `Problem`."""
         new = course._state.adding
         lists: dict[str, Any] = {
             "robots": [] if new else list(course.robots.all()),
@@ -245,13 +244,13 @@ class CoursesBase(SetupView):
             services.course_save(course=course, actor=self.staff(), **lists)
 
     def courses(self) -> list[Course]:
-        """Return the courses that the person manages, and of which the token serves every robot."""
+        """Return the courses that the person manages, if the token serves every robot of the course."""
         token = self.token
         found = courses_managed_by(self.person).annotate(people=Count("enrolments", distinct=True))
         return [course for course in found if token is None or self.serves(robots_of(course))]
 
     def course(self, slug: str) -> Course:
-        """Return one of them. Raises `Problem`: not found."""
+        """Return one of these courses. Raises `Problem`: not found."""
         found = courses_managed_by(self.person).filter(slug=slug).annotate(people=Count("enrolments"))
         course: Course | None = found.first()
         if course is None or not self.serves(robots_of(course)):
@@ -259,7 +258,10 @@ class CoursesBase(SetupView):
         return course
 
     def qualifications(self, course: Course) -> list[Qualification]:
-        """Return what the course's robots demand; of a bound token, what no other robot demands."""
+        """Return the qualifications that the course's robots demand.
+
+        For a token that is bound to robots: only qualifications that no other robot demands.
+        """
         return [
             one
             for one in demanded_in(course)
@@ -352,7 +354,7 @@ class CourseView(CoursesBase):
         staff = self.staff()
         with transaction.atomic():
             course = self.course(slug)
-            list(Course.objects.select_for_update().filter(pk=course.pk))  # nobody changes it in between
+            list(Course.objects.select_for_update().filter(pk=course.pk))  # locked between check and save
             require_unchanged(request, self.detail(course))
             self.save(course, body)
             if isinstance(body.archived, bool):

@@ -1,4 +1,4 @@
-"""Events of robots as server-sent events, from the audit log: a client that comes back misses nothing."""
+"""Events of robots as server-sent events, from the audit log. A client that connects again misses nothing."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ from teleop.background.database import in_database
 from teleop.webhooks.event_reader import lines_after, newest_record
 from teleop.webhooks.events import EVENT_CATEGORIES, data_of, is_event, rfc3339
 
-CHECK_S = 0.7  # a stream ends within a second of its token
-REST_S = 0.1  # between two parts of a long way to the newest record
-QUIET_S = 15.0  # then a comment shows that the stream is alive
-LONGEST_S = 600.0  # then the client connects again: what it has not read is not kept for ever
+CHECK_S = 0.7  # between two reads of the log: a stream ends within a second after its token ends
+REST_S = 0.1  # between two reads while older records remain to be read
+QUIET_S = 15.0  # after this time without events, a comment shows that the stream is alive
+LONGEST_S = 600.0  # then the stream ends and the client connects again: unread bytes are not kept for ever
 MOST_STREAMS = 50  # of this process
 MOST_OF_PERSON = 10
 
 _FULL = Refusal("busy", "Too many event streams are open: try again later.", "wire")
 _FULL_OF_YOURS = Refusal("busy", f"You have {MOST_OF_PERSON} event streams open: close one first.", "wire")
-_open: dict[object, UUID] = {}  # streams, with their persons
+_open: dict[object, UUID] = {}  # the person of each open stream
 
 
 class EventStream(BaseRenderer):
-    """Lets clients that accept event streams in."""
+    """Accept requests whose header Accept names event streams."""
 
     media_type = "text/event-stream"
     format = "events"
 
 
 class Reader(Struct, frozen=True):
-    """The reader of a stream, and the robots that it is about."""
+    """The person who reads a stream, and the robots of the stream."""
 
     user: User
     key: str  # of the token, or of the session
@@ -105,13 +105,13 @@ class EventsView(ApiView):
 
 
 def _last_event(request: Request, query: EventsAsked) -> int | None:
-    """Return the number of the event that the client read last; None: it read none, or says none of ours."""
+    """Return the number of the event that the client read last; None: the client gives no valid number."""
     said = request.headers.get("Last-Event-ID", "")
     return int(said) if said.isascii() and said.isdigit() and len(said) < 20 else query.after
 
 
 async def _stream(reader: Reader, start: int) -> AsyncIterator[bytes]:
-    """Yield the events after a record, until the reader's right ends or `LONGEST_S`."""
+    """Yield the events after record `start`, until the reader's sign-in ends, or for `LONGEST_S`."""
     place = object()
     _open[place] = reader.user.pk
     try:
@@ -149,7 +149,7 @@ def _robots_of(reader: Reader) -> set[UUID] | None:
 
 
 def _events(robots: Collection[UUID], start: int) -> tuple[int, list[bytes]]:
-    """Return the number of the last record that was read, and the events among them."""
+    """Read records after `start`. Return the number of the last record read, and the events of the robots."""
     lines = lines_after(start)
     chosen = [
         line.pk

@@ -1,4 +1,4 @@
-"""Control sessions and the audit log, as the pages show them: staff read all, others what is theirs."""
+"""Control sessions and the audit log, as on the pages: staff read all, other people only their part."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from teleop.reports.own_data import records_visible_to
 from teleop.reports.session_report import report_of, session_visible_to, sessions_visible_to
 
 ME = "me"
-NONE = "none"  # as a robot: records without robot
+NONE = "none"  # as value of `robot`: records without robot
 
 _NAME_A_ROBOT = Refusal(
     "robot_needed", "This token is for some robots only: name one of them as `robot`.", "wire"
@@ -186,12 +186,18 @@ class RecordsBase(ApiView):
     """Base of the views of records."""
 
     def serves(self, robot_id: UUID | None) -> bool:
-        """Return whether the token may be used for this robot; a bound one not for records without robot."""
+        """Return whether the token may be used for this robot.
+
+        A token that is bound to robots may not be used for records without robot.
+        """
         token = self.token
         return token is None or not token.robots or (robot_id is not None and token.serves(robot_id))
 
     def wanted(self, asked: RecordsAsked) -> Wanted:
-        """Return the records that were asked for, as far as the person may read them. Raises `Problem`."""
+        """Return the filters of the request, limited to records that the person may read.
+
+        Raises `Problem`.
+        """
         wanted = records_visible_to(
             self.person,
             Wanted(
@@ -210,7 +216,10 @@ class RecordsBase(ApiView):
         return wanted
 
     def _robot(self, slug: str | None) -> UUID | None:
-        """A robot that the person has lost may be named, too: their records of it stay theirs."""
+        """Return the robot of the filter; None: all robots. Raises `Problem`.
+
+        People may also name a robot that they may no longer see: they can still read their own records of it.
+        """
         token = self.token
         if slug is None:
             if token is None or not token.robots:
@@ -339,7 +348,7 @@ class ExportView(RecordsBase):
 
 
 def _actor(name: str | None, person: User) -> str:
-    """Return an actor’s id in the log; blank: anybody. Raises `Problem`: nobody is called so."""
+    """Return an actor’s id in the log; blank: anybody. Raises `Problem`: nobody has this name."""
     if name is None:
         return ""
     if name == ME:

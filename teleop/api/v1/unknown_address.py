@@ -29,7 +29,7 @@ class UnknownAddress(ApiView):
         raise Problem(_NO_ADDRESS)
 
     def dispatch(self, request: Any, *args: Any, **kwargs: Any) -> Any:
-        """Lead to the address without slash."""
+        """Redirect to the address without its last slash."""
         if request.path.endswith("/") and kwargs["address"].strip("/"):
             query = request.META.get("QUERY_STRING", "")
             return SameMethod(request.path.rstrip("/") + (f"?{query}" if query else ""))

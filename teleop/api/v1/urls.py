@@ -1,4 +1,7 @@
-"""Addresses of the API, under /api/v1/. None ends with a slash; with one, they lead to the address without it."""
+"""Addresses of the API, under /api/v1/.
+
+No address ends with a slash: with a slash, the client is redirected.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ from teleop.api.v1.setup import (
 from teleop.stop import views as stop_views
 
 urlpatterns = [
-    # First, because programs ask these most.
+    # First, because programs use these addresses most.
     path("robots", robots.RobotsView.as_view(), name="api-robots"),
     path("robots/<slug:slug>", robots.RobotView.as_view(), name="api-robot"),
     path("robots/<slug:slug>/phrases", robots.PhrasesView.as_view(), name="api-phrases"),
@@ -119,7 +122,7 @@ urlpatterns = [
     path("audit", records.AuditView.as_view()),
     path("audit/export", records.ExportView.as_view()),
     path("audit/<int:number>", records.RecordView.as_view()),
-    # A stop is not led elsewhere because of a slash.
+    # A stop is carried out also with a last slash, without redirect.
     path("robots/<slug:slug>/stop/", stop_views.rest_stop),
     path("stop/", stop_views.rest_stop_all),
     re_path(r"^(?P<address>[\s\S]*)$", unknown_address.UnknownAddress.as_view(schema=None)),

@@ -18,19 +18,19 @@ import teleop.api.v1.framework.schema  # noqa: F401  # extends the description
 @csp_update({"img-src": ["data:"]})  # the library's icons
 @require_safe
 def reference(request: HttpRequest) -> HttpResponse:
-    """Show every operation, and try it as the person who is signed in."""
+    """Show the page with every operation. There the signed-in person can try them."""
     return render(request, "api/reference.html")
 
 
 @login_not_required
 @require_safe
 def schema(_request: HttpRequest) -> HttpResponse:
-    """Answer the OpenAPI schema, to anybody."""
+    """Return the OpenAPI schema, to anybody."""
     return HttpResponse(_schema(), content_type=OpenApiJsonRenderer.media_type)
 
 
 @cache
 def _schema() -> bytes:
-    # Not for each request: that takes longer than a page, and strangers may ask.
+    # Not built for each request: this takes longer than a page, and strangers may request it.
     described = SchemaGenerator().get_schema(request=None, public=True)  # type: ignore[no-untyped-call]
     return bytes(OpenApiJsonRenderer().render(described, renderer_context={}))

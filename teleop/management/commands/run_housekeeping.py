@@ -1,7 +1,8 @@
 """``manage.py run_housekeeping``: work that depends on the clock. Every second, in small transactions.
 
-Several of these may run in parallel: each step is a conditional change, so the second process finds nothing to do.
-It ends on SIGTERM, SIGINT, and when its standard input closes: then the supervisor that started it is gone.
+Several of these processes may run in parallel: each step is a conditional change, so the second process finds
+nothing to do. The process ends on SIGTERM, on SIGINT, and when its standard input closes, because then the
+fleet supervisor that started it has ended.
 """
 
 from __future__ import annotations
@@ -41,11 +42,13 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 1.0
 END_S = 4.0  # from the signal to the end of the process, even while the database hangs
-RIGHTS_S = 5 * 60.0  # between two looks for bookings of people without the right to them, and unused ones
+RIGHTS_S = (
+    5 * 60.0
+)  # between two searches for unused bookings, and bookings of people without the right to book
 DAY_S = 24 * 60 * 60.0
 AGAIN_S = 60 * 60.0  # pause after the daily work failed
 SET_S = 60 * 60.0  # a change of the clock by more than this starts the daily work again
-CHORES_S = 0.2  # per round, so that leases end in time
+CHORES_S = 0.2  # of daily work per round, so that leases end in time
 
 
 class Command(BaseCommand):
@@ -78,7 +81,9 @@ class Command(BaseCommand):
         while not over.wait(EVERY_S):
             try:
                 end_lapsed()
-                if time.monotonic() - looked_s > RIGHTS_S:  # a process may have died before it freed them
+                if (
+                    time.monotonic() - looked_s > RIGHTS_S
+                ):  # a process may have died before it freed the bookings
                     lost_rights.bookings_free_lost(None, timezone.now())
                     store_no_shows(timezone.now())
                     looked_s = time.monotonic()
@@ -106,7 +111,10 @@ def _send_notifications() -> int:
 
 
 class DailyWork:
-    """The daily work: begun at the start, every day, and when the clock was set; a little in each round."""
+    """The daily work: it starts with the process, every day, and when the clock was set.
+
+    Each round does a part.
+    """
 
     def __init__(self) -> None:
         self._due_s = time.monotonic()
@@ -151,7 +159,7 @@ def daily_steps() -> Iterator[None]:
 
 
 def end_lapsed() -> None:
-    """End all leases that are over now, and close places in line whose pages are gone."""
+    """End all leases that are over now, and remove from the lines people whose pages are closed."""
     now = timezone.now()
     for robot_id, lease in held_leases():
         if lease_checks.lapse_reason(lease, now) is not None:

@@ -26,7 +26,7 @@ from teleop.models import ControlSession, EndReason
 
 HOUR = timedelta(hours=1)
 DAYS = 7  # of past use
-BEGIN_H, STEP_H = 9, 2  # of a past day: every second hour from nine
+BEGIN_H, STEP_H = 9, 2  # slots of a past day: every second hour from nine
 WEEK_MIN = 600  # a person's quota per robot: enough on a Sunday night, when the whole past week counts
 
 
@@ -73,7 +73,7 @@ def seed_student(student: Student) -> User:
 
 
 def seed_course(people: list[User], robots: list[Robot], now: datetime) -> None:
-    """Create a course until the end of term.
+    """Create a course that lasts 90 more days.
 
     The last of several robots demands a qualification that all people but the last student hold.
     """
@@ -127,9 +127,8 @@ def seed_past(people: list[User], robots: list[Robot], now: datetime) -> None:
                     ControlSession.objects.create(
                         robot=robot,
                         user=person,
-                        fence=-next(
-                            past
-                        ),  # a bridge without state file stops a robot that had a fence above zero
+                        # Below zero: a bridge without state file stops a robot that had a fence above zero.
+                        fence=-next(past),
                         started_at=starts + timedelta(minutes=2),
                         ended_at=ends,
                         end_reason=EndReason.SLOT if ends == starts + HOUR else EndReason.RELEASED,
@@ -137,7 +136,10 @@ def seed_past(people: list[User], robots: list[Robot], now: datetime) -> None:
 
 
 def seed_bookings(people: list[User], robots: list[Robot], now: datetime) -> None:
-    """Book slots around now, so that no two meet if there is only one robot: one is in a slot, others are free."""
+    """Book slots from now on that do not overlap, even with only one robot.
+
+    Only one robot is in a slot now.
+    """
     hour = now.replace(minute=0, second=0, microsecond=0) + HOUR
     first, second, last = robots[0], robots[1 % len(robots)], robots[-1]
     anna, ben, cleo, dana = people

@@ -17,7 +17,10 @@ SCHEME = "bearer"
 
 
 class TokenAuthentication(BaseAuthentication):
-    """`Authorization: Bearer TOKEN`. A request that also has a session cookie is held to its origin, too."""
+    """`Authorization: Bearer TOKEN`.
+
+    If the request also has a session cookie, its CSRF token is checked, too.
+    """
 
     def authenticate(self, request: Request) -> tuple[User, Token] | None:
         """Return person and token; None: the request has no token."""

@@ -37,7 +37,7 @@ def decoded(cursor: str, *kinds: type) -> list[Any]:
 def page_by_time(
     found: QuerySet[M], field: str, cursor: str | None, limit: int
 ) -> tuple[list[M], str | None]:
-    """Return the newest rows by `field`, from the cursor on, and the cursor of those that follow."""
+    """Return the newest rows by `field`, from the cursor on, and the next cursor; None: no next page."""
     if cursor:
         at, key = decoded(cursor, str, str)
         try:

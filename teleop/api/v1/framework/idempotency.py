@@ -1,8 +1,8 @@
-"""Idempotency-Key: a request that is sent again is answered again, and its work is done once.
+"""Idempotency-Key: a request that is sent again gets the same answer again, and its work is done only once.
 
-A key belongs to a token, or to a browser's session. The first request claims it before its work begins; another one at
-the same moment waits for that answer. A claim without answer is that of a process which ended in between: nobody knows
-whether its work was done, so it is never repeated.
+A key belongs to a token, or to a browser's session. The first request claims the key before its work begins.
+The same request, if it comes during the work, waits for that answer. If a claim never gets an answer, its
+process ended during the work: nobody knows whether the work was done, so it is never repeated.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ HEADER = "Idempotency-Key"
 KEPT = timedelta(hours=24)
 WAIT_S = 10.0
 CHECK_S = 0.05
-LONGEST_WORK_S = 60.0  # after that, a claim without answer is that of a process which ended
-MOST_WAITING = 4  # others are told at once that it goes on
+LONGEST_WORK_S = 60.0  # if a claim has no answer after this time, its process has ended
+MOST_WAITING = 4  # further requests get the answer "in progress" at once
 KEPT_HEADERS = ("Location", "ETag")
 KEY_PARAMETER = OpenApiParameter(
     HEADER,
@@ -48,8 +48,8 @@ KEY_PARAMETER = OpenApiParameter(
 )
 
 _waiting = threading.BoundedSemaphore(MOST_WAITING)
-_NOT_KEPT = (401, 429)  # nothing was done: the same key may try again
-_MAY_BE_DONE = ("no_answer", "connection_lost", "not_recorded")  # it was sent
+_NOT_KEPT = (401, 429)  # nothing was done: the same key may be used again
+_MAY_BE_DONE = ("no_answer", "connection_lost", "not_recorded")  # the request had been sent to the robot
 _WRONG_KEY = Refusal("invalid", f"{HEADER} has 1 to 100 visible ASCII characters.", "wire")
 _REUSED = Refusal(
     "key_reused",
@@ -76,7 +76,7 @@ class Caller(Struct, frozen=True):
 
 
 def once(request: Request, caller: Caller, work: Callable[[], HttpResponseBase]) -> HttpResponseBase:
-    """Do `work` and keep its answer; or return the kept one. Without a key: just do it."""
+    """Do `work` and keep its answer, or return the kept answer. Without a key: only do `work`."""
     if (key := request.headers.get(HEADER)) is None:
         return work()
     if not re.fullmatch(r"[\x21-\x7e](?:[\x20-\x7e]{0,98}[\x21-\x7e])?", key):
@@ -94,7 +94,7 @@ def once(request: Request, caller: Caller, work: Callable[[], HttpResponseBase])
 
 
 def remove_old_answers(now: datetime) -> None:
-    """Forget the keys of requests that are older than `KEPT`."""
+    """Delete the keys and answers of requests that are older than `KEPT`."""
     KeyedRequest.objects.filter(made_at__lt=now - KEPT).delete()
 
 
@@ -116,7 +116,7 @@ def _worked(claim: KeyedRequest, work: Callable[[], HttpResponseBase]) -> HttpRe
         problem = problem_of(error)
         if problem is not None and problem.refusal.code in _MAY_BE_DONE:
             _keep(claim, 409, body_of(Problem(_UNKNOWN, 409)), {})
-        elif problem is not None:  # else it is a fault of the console, of which nobody knows how far it came
+        elif problem is not None:  # else it is a fault of the console: nobody knows what was done
             _keep(claim, problem.status, body_of(problem), {})
         raise
     if isinstance(response, Response):
@@ -132,12 +132,12 @@ def _keep(claim: KeyedRequest, status: int, body: Any, headers: dict[str, str]) 
             return
         claim.status, claim.body, claim.headers = status, body, headers
         claim.save(update_fields=["status", "body", "headers"])
-    except DatabaseError as error:  # the work is done, and its answer goes out
+    except DatabaseError as error:  # the work is done, so its answer is sent
         log.error("The answer of a request with a key is not kept: %s", error)
 
 
 def _kept(claim: KeyedRequest) -> Response:
-    """Return the kept answer, as soon as there is one. Raises `Problem`."""
+    """Wait for the answer of the first request, and return it. Raises `Problem`."""
     until_s = time.monotonic() + WAIT_S
     may_wait = _waiting.acquire(blocking=False)
     try:
@@ -149,7 +149,7 @@ def _kept(claim: KeyedRequest) -> Response:
             time.sleep(CHECK_S)
             try:
                 claim.refresh_from_db()
-            except KeyedRequest.DoesNotExist as error:  # nothing was done
+            except KeyedRequest.DoesNotExist as error:  # the first request did nothing
                 raise Problem(_GOES_ON, 409) from error
     finally:
         if may_wait:

@@ -1,4 +1,4 @@
-"""Answers that wait on the event loop: hundreds of clients may wait for news, and none of them holds a thread."""
+"""Answers that wait on the event loop: hundreds of clients may wait for a change without holding threads."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from django.http import HttpResponse
 
 
 class LongPoll(HttpResponse):
-    """The answer as it is now. `fleet.site.handler` awaits `wait` on the loop, then calls `renew` in a thread.
+    """The current answer, which is renewed after a wait.
 
-    Another server answers at once: a client that waits asks again.
+    `fleet.site.handler` awaits `wait` on the event loop, then calls `renew` in a thread. Another server sends
+    the current answer at once, and the client asks again.
     """
 
     def __init__(self, now: Any, wait: Callable[[], Awaitable[None]], read: Callable[[], Any]) -> None:
@@ -21,6 +22,6 @@ class LongPoll(HttpResponse):
         self._read = read
 
     def renew(self) -> None:
-        """Take what is true by now."""
+        """Replace the content by the answer of now."""
         self.content = msgspec.json.encode(self._read())
         self["Content-Length"] = str(len(self.content))

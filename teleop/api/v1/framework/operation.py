@@ -1,4 +1,4 @@
-"""One operation of the API: its scope, body and answer are said once, for the view and for the schema."""
+"""One operation of the API: its scope, body and answer are declared once, for the view and for the schema."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ class ApiView(APIView):
     login_required = False  # in Django's middleware; REST framework requires it
 
     def setup(self, request: HttpRequest, *args: Any, **kwargs: Any) -> None:
-        """Note when the request came: before it is carried out it may wait."""
+        """Store when the request came: it may wait before it is carried out."""
         super().setup(request, *args, **kwargs)
         self.came_s = time.monotonic()
 
     def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:
-        """Sign in, and refuse those who ask too often."""
+        """Sign the client in, and refuse clients that send too many requests."""
         super().initial(request, *args, **kwargs)
         token = self.token
         if asks_too_often(key_of(token) if token else request.session.session_key or ""):
@@ -82,7 +82,7 @@ class ApiView(APIView):
         return self.request.auth if isinstance(self.request.auth, Token) else None
 
     def accepted(self, entry: Struct, address: str) -> Response:
-        """Answer 202: it goes on, and its status is at this address."""
+        """Return the answer 202: the work goes on, and its status is at this address."""
         return Response(msgspec.to_builtins(entry), status=202, headers={"Location": address})
 
     seen_by: Callable[[User], QuerySet[Robot]] = staticmethod(robots_visible_to)
@@ -92,11 +92,14 @@ class ApiView(APIView):
         return [robot for robot in self.seen_by(self.person) if self.token_serves(robot.id)]
 
     def token_serves(self, robot_id: UUID) -> bool:
-        """Return whether the request's token serves the robot. A person's session serves all."""
+        """Return whether the request's token may be used for the robot.
+
+        A session may be used for all robots.
+        """
         return self.token is None or self.token.serves(robot_id)
 
     def robot(self, slug: str) -> Robot:
-        """Return one of them. Raises `Problem`: not found."""
+        """Return one of these robots. Raises `Problem`: not found."""
         try:
             found = self.seen_by(self.person).get(slug=slug)
         except Robot.DoesNotExist:
@@ -106,7 +109,10 @@ class ApiView(APIView):
         return found
 
     def known_robot(self, slug: str) -> tuple[KnownRobot, Role]:
-        """Return one of them, for reading only, and the person's role on it. Takes a third of the time of `robot`."""
+        """Return one of these robots, for reading only, and the person's role on it.
+
+        Takes a third of the time of `robot`. Raises `Problem`: not found.
+        """
         known = known_robot_at(slug)
         role = role_on(self.person, known.robot) if known else None
         if known is None or role is None or not self.token_serves(known.robot.id):
@@ -118,28 +124,28 @@ class ApiView(APIView):
 class Operation:
     """A decorator that makes a method of an `ApiView` an operation: `@operation("stop_clear", "Clear the stop", ...)`.
 
-    Operations of one shape share a `partial(operation, ...)`. The method's docstring is the description. A method that
-    returns a response, such as one with headers, answers with that.
+    Similar operations share a `partial(operation, ...)`. The method's docstring is the description in the
+    schema. If a method returns a response, for example with headers, then this response is sent.
     """
 
     name: str
     summary: str
     _: KW_ONLY
-    scope: Scope | tuple[Scope, ...] | None  # that a token needs, or of which it needs one; None: any token
+    scope: Scope | tuple[Scope, ...] | None  # a token needs this scope, or one of these; None: any token
     body: type[Struct] | None = None  # decoded, and passed as the argument `body`
     query: type[Struct] | None = None  # of the query parameters, passed as `query`
-    answer: type[Struct] | None = None  # of which the method returns one; None: it returns nothing
+    answer: type[Struct] | None = None  # the type that the method returns; None: it returns nothing
     status: int | None = None  # of the answer; None: 200, or 204 without an answer
-    content_type: str = ""  # of an answer that is no JSON, or several with spaces between
+    content_type: str = ""  # of an answer that is not JSON; spaces separate several types
     refuses: tuple[int, ...] = ()  # further statuses of problems
     problem: type[Struct] = ProblemDetails  # the struct of problems
-    keyed: bool = False  # it takes an Idempotency-Key
+    keyed: bool = False  # the operation accepts an Idempotency-Key
     tag: str = "robots"
-    parameters: Sequence[OpenApiParameter] = ()  # further ones: of the path, headers
+    parameters: Sequence[OpenApiParameter] = ()  # further parameters: of the path, headers
     examples: Sequence[OpenApiExample] = ()
 
     def __call__(self, method: View) -> View:
-        """Return the method behind checks of scope, body and rate, documented."""
+        """Return the method with checks of scope, body and query before it, and with its schema."""
 
         @functools.wraps(method)
         def call(view: ApiView, request: Request, *args: Any, **kwargs: Any) -> HttpResponseBase:
@@ -163,7 +169,7 @@ class Operation:
             raise Problem(scope_missing(self._scopes))
 
     def _asked(self, request: Request) -> dict[str, Any]:
-        """Return body and query as the method's arguments. Nothing that was asked for is ignored."""
+        """Return body and query as the method's arguments. Unknown fields and parameters are refused."""
         asked = {}
         if self.body is not None:
             asked["body"] = decoded(request, self.body)
@@ -187,7 +193,7 @@ class Operation:
         return Response(None if self.answer is None else msgspec.to_builtins(result), status=self._status)
 
     def _schema(self, method: Callable[..., Any]) -> Callable[..., Any]:
-        """Return the decorator of the schema."""
+        """Return the decorator that adds the schema."""
         names = ", ".join(f"`{scope.value}`" for scope in self._scopes)
         one_of = "one of " if len(self._scopes) > 1 else ""
         needs = f"Scope: {one_of}{names}." if names else "Any token."
@@ -219,7 +225,7 @@ class Operation:
         return answers | {self._status: OpenApiResponse(self.answer, self.summary)}
 
 
-operation = Operation  # as it reads above a method
+operation = Operation  # lower case, because it is used as a decorator
 
 
 def _kind_of(content_type: str) -> Any:

@@ -1,4 +1,4 @@
-"""Query parameters, and what several operations ask for."""
+"""Query parameters, and the types that several operations use."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rest_framework.request import Request
 from robots.wire import Refusal
 from teleop.api.v1.framework.problems import Problem
 
-YEARS = range(2000, 2200)  # that people may mean, as on the pages
+YEARS = range(2000, 2200)  # another year is probably a typing error; the same years as on the pages
 
 Moment = Annotated[
     datetime, Meta(tz=True, description="RFC 3339, with its offset, such as 2026-03-02T14:30:00Z.")
@@ -45,7 +45,7 @@ def query_of(request: Request, struct: type[Struct]) -> Any:
         given[name] = values[0]
     for field in msgspec.structs.fields(struct):
         text = given.get(field.encode_name)
-        # Without this a number would count as the seconds since 1970.
+        # Without this check, a number would be read as seconds since 1970.
         if text is not None and "datetime" in str(field.type) and not re.match("[0-9]{4}-", text):
             raise _invalid(f"{field.encode_name} is not a time such as 2026-03-02T14:30:00Z")
     try:
@@ -68,7 +68,7 @@ def parameters_of(struct: type[Struct]) -> list[OpenApiParameter]:
     required = found.get("required", ())
     parameters = []
     for name, schema in found["properties"].items():
-        # A parameter that is left out is not null.
+        # A query parameter can be left out, but it is never null.
         kinds = [kind for kind in schema.get("anyOf", [schema]) if kind.get("type") != "null"]
         plain = {key: value for key, value in kinds[0].items() if key not in ("description", "default")}
         if schema.get("default") is not None:
@@ -79,7 +79,7 @@ def parameters_of(struct: type[Struct]) -> list[OpenApiParameter]:
 
 
 def utc(moment: datetime) -> datetime:
-    """Return a moment in UTC. Raises `Problem`: its year cannot be meant."""
+    """Return a moment in UTC. Raises `Problem`: its year is not in `YEARS`."""
     if moment.year not in YEARS:
         text = f"Look at the year of {moment.isoformat()}: it is before 2000 or after 2199."
         raise Problem(Refusal("wrong_year", text, "wire"))

@@ -1,4 +1,4 @@
-"""Bodies stay bytes until their operation decodes them."""
+"""Bodies of requests: they are read as bytes, and the operation decodes them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Nothing(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Unparsed(BaseParser):
-    """Take a JSON body as bytes."""
+    """Read a JSON body as bytes."""
 
     media_type = "application/json"
 
@@ -57,9 +57,8 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, value in pairs:
         if name in found:
-            shown = (
-                name[:100].encode(errors="replace").decode()
-            )  # half of a surrogate pair cannot be answered
+            # Half of a surrogate pair cannot be sent in the answer.
+            shown = name[:100].encode(errors="replace").decode()
             raise Problem(Refusal("duplicate_field", f"The body has the field “{shown}” twice.", "wire"))
         found[name] = value
     return found

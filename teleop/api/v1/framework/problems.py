@@ -1,4 +1,4 @@
-"""Errors as problem details (RFC 9457), which carry the refusal of the chain."""
+"""Errors as problem details (RFC 9457), which contain the refusal."""
 
 from __future__ import annotations
 
@@ -67,9 +67,9 @@ class ProblemDetails(Struct, frozen=True):
     status: int
     detail: str  # for people: one sentence, with what to do
     code: str  # for programs: stable
-    rule: Rule  # the link of the chain that refused
+    rule: Rule  # the check that refused
     figures: Mapping[str, float | int | str | None]
-    refusals: list[Refusal]  # all, where several rules refuse
+    refusals: list[Refusal]  # all refusals, if several rules refuse
     type: str = "about:blank"
 
 
@@ -97,7 +97,7 @@ def status_of(refusal: Refusal) -> int:
 
 
 def problem_of(error: Exception) -> Problem | None:
-    """Return an error as a problem; None: it is a fault of the console."""
+    """Return the problem of an error; None: the error is a fault of the console."""
     if isinstance(error, Problem):
         return error
     if isinstance(error, NotDone):
@@ -123,7 +123,7 @@ def problem_of(error: Exception) -> Problem | None:
 
 
 def response_of(error: Exception, context: dict[str, Any]) -> Response | None:
-    """Answer an error (DRF's exception handler)."""
+    """Return the response to an error; None: a fault of the console. This is DRF's exception handler."""
     problem = problem_of(error)
     if problem is None:
         return None

@@ -1,4 +1,4 @@
-"""Rates at which one program or browser may ask this process."""
+"""The rate of requests that one program or browser may send to this process."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from collections import OrderedDict
 from robots.bridge.server.flood_limits import TokenBucket
 from robots.wire import Refusal
 
-PER_S = 200.0  # on average; a dashboard of a lab asks for a tenth of that
+PER_S = 200.0  # on average; a lab's dashboard sends a tenth of that
 BURST = 400.0
-MOST = 10_000  # programs that are remembered, those that asked last
+MOST = 10_000  # programs and browsers that are counted: those with the latest requests
 
 TOO_OFTEN = Refusal(
     "too_often", f"At most {PER_S:.0f} requests a second are taken: wait a moment.", "wire", {"per_s": PER_S}
@@ -19,7 +19,7 @@ _buckets: OrderedDict[str, TokenBucket] = OrderedDict()
 
 
 def asks_too_often(key: str) -> bool:
-    """Count a request of a token or session, and return whether it is one too many."""
+    """Count a request of a token or session, and return whether it exceeds the rate."""
     bucket = _buckets.setdefault(key, TokenBucket(PER_S, BURST))
     _buckets.move_to_end(key)
     while len(_buckets) > MOST:

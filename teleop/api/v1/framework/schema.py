@@ -1,4 +1,4 @@
-"""OpenAPI of what REST framework does not know: our structs, and the sign-in by token."""
+"""The parts of the OpenAPI schema that the library cannot derive: our structs, the sign-in, the stops."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from msgspec import Struct
 
 from teleop.api.v1.framework.problems import CONTENT_TYPE, ProblemDetails
 
-_SLUG = {"type": "string", "pattern": "^[-a-zA-Z0-9_]+$"}  # as the library says it of `<slug:...>`
+_SLUG = {"type": "string", "pattern": "^[-a-zA-Z0-9_]+$"}  # as the library describes `<slug:...>`
 REFERENCE = "#/components/schemas/{name}"
 
 
 class StructSchema(OpenApiSerializerExtension):  # type: ignore[no-untyped-call]
-    """The schema of a msgspec struct, and of those that it names: JSON Schema as OpenAPI 3.1 takes it."""
+    """The schema of a msgspec struct and of the structs in its fields: JSON Schema, as in OpenAPI 3.1."""
 
     target_class = "msgspec.Struct"
     match_subclasses = True
@@ -26,7 +26,7 @@ class StructSchema(OpenApiSerializerExtension):  # type: ignore[no-untyped-call]
         return str(self.target.__name__)
 
     def map_serializer(self, auto_schema: Any, direction: Any) -> Any:
-        """Return its schema; others become components of their own."""
+        """Return the struct's schema. The structs in its fields become components of their own."""
         _, found = msgspec.json.schema_components([self.target], ref_template=REFERENCE)
         own = found.pop(self.target.__name__)
         structs = _structs_in(msgspec.inspect.type_info(self.target))
@@ -39,7 +39,7 @@ class StructSchema(OpenApiSerializerExtension):  # type: ignore[no-untyped-call]
 
 
 def _structs_in(info: Any, found: dict[str, type] | None = None) -> dict[str, type]:
-    """Return the structs that a type names, by their names: the schema knows them as these classes."""
+    """Return the structs that a type contains, by their names: the schema registers them by class."""
     found = {} if found is None else found
     if isinstance(info, msgspec.inspect.StructType) and info.cls.__name__ not in found:
         found[info.cls.__name__] = info.cls
@@ -65,7 +65,10 @@ class TokenScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-ca
 
 
 class SessionScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-call]
-    """The cookie of a browser. Its real name has a suffix: several consoles of one host do not disturb each other."""
+    """The cookie of a browser's session.
+
+    Its real name has a suffix, so that several consoles can share a host.
+    """
 
     target_class = "rest_framework.authentication.SessionAuthentication"
     name = "session"
@@ -83,7 +86,7 @@ class StopResults(Struct, frozen=True):
 
 
 def with_stops(result: dict[str, Any], generator: Any, **_options: Any) -> dict[str, Any]:
-    """Add the stops, which REST framework does not serve: nothing but sign-in and origin may refuse them."""
+    """Add the stops. REST framework does not serve them: only sign-in and origin may refuse a stop."""
     _, found = msgspec.json.schema_components([StopResults, ProblemDetails], ref_template=REFERENCE)
     result["components"]["schemas"] |= found
     one = {"name": "slug", "in": "path", "required": True, "schema": _SLUG}
@@ -117,7 +120,10 @@ def with_stops(result: dict[str, Any], generator: Any, **_options: Any) -> dict[
 
 
 def _plain_tuples(schema: Any) -> None:
-    """Describe a tuple of equal types as an array of fixed length: generators of clients know no `items: false`."""
+    """Describe a tuple of equal types as an array of fixed length, for client generators.
+
+    Client generators do not support `items: false`.
+    """
     if isinstance(schema, dict):
         if schema.get("items") is False:
             first, *others = schema.pop("prefixItems")

@@ -1,4 +1,4 @@
-"""ETag, If-Match, If-None-Match: nobody overwrites a change that they have not seen, or reads again what they have."""
+"""ETag, If-Match, If-None-Match: no client overwrites an unseen change, or loads a version twice."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def etag_of(version: int) -> str:
 
 
 def version_seen(request: Request) -> int:
-    """Return the version that the client read; -1 for a tag that is none of ours. Raises `Problem`: none given."""
+    """Return the version that the client read; -1: not a tag of ours. Raises `Problem`: no tag was sent."""
     given = request.headers.get("If-Match", "").strip()
     if not given or given == "*":
         raise Problem(_MISSING)
@@ -33,9 +33,9 @@ def version_seen(request: Request) -> int:
 
 
 def unchanged(request: Request, tag: str) -> HttpResponseBase | None:
-    """Return the answer to a client that has the version with this tag already (If-None-Match); None: it has not.
+    """Return the answer 304 if the client already has the version with this tag (If-None-Match); else None.
 
-    A proxy that compresses makes the tag a weak one: that counts, too.
+    A weak tag is accepted, too: a proxy that compresses makes tags weak.
     """
     wanted = parse_etags(request.headers.get("If-None-Match", ""))
     if "*" not in wanted and tag.removeprefix("W/") not in (one.removeprefix("W/") for one in wanted):

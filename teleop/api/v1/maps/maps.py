@@ -48,7 +48,9 @@ class MapDetail(Struct, frozen=True):
     The origin is the lower left corner, in the frame of the map: metres, radians.
     """
 
-    map: str  # made from its content: the same for all robots that have this map, another after each new mapping
+    # Computed from the map's content: the same for all robots with this map, different after each new
+    # mapping.
+    map: str
     name: str  # that people gave it; empty: none
     robots: list[str]  # slugs of those that have it now
     earlier: list[str]  # of those that had it before, and have another now
@@ -92,14 +94,14 @@ class MapsBase(SetupView):
         return found
 
     def changeable_map(self, digest: str) -> MapOfRobots:
-        """Return it for people who may change its places. Raises `Problem`."""
+        """Return a map whose name and places the person may change. Raises `Problem`."""
         found = self.seen_map(digest)
         if not selectors.may_change(self.person, [*found.robots, *found.earlier]):
             raise Problem(_NOT_YOURS)
         return found
 
     def described(self, found: list[MapOfRobots]) -> list[MapDetail]:
-        """Return what these maps are. Three queries."""
+        """Return the entries of these maps, with three queries."""
         digests = [one.digest for one in found]
         names, places = selectors.names_of(digests), selectors.places_of(digests)
         roles = roles_of(self.person, {robot for one in found for robot in [*one.robots, *one.earlier]})
@@ -124,7 +126,10 @@ class MapsBase(SetupView):
         ]
 
     def map_answer(self, found: MapOfRobots) -> Response:
-        """Answer a map; its ETag is that of its name, the only thing that people change here."""
+        """Return the response for a map.
+
+        Its ETag depends on the name only: here people change only the name.
+        """
         [detail] = self.described([found])
         return Response(msgspec.to_builtins(detail), headers={"ETag": etag_of(mark_of(MapName(detail.name)))})
 

@@ -112,7 +112,7 @@ class PlaceView(PlacesBase):
         """For staff and supervisors of a robot that has the map."""
         self.changeable_map(digest)
         with transaction.atomic():
-            services.map_hold(digest)  # first, as all who change places do
+            services.map_hold(digest)  # locked first, as in every change of places
             place = locked(self.place(digest, number))
             require_unchanged(request, detail_of(place))
             asked = {name: value for name, value in structs.asdict(body).items() if value is not UNSET}

@@ -1,5 +1,5 @@
-"""Control by programs: REST requests become messages of the robot page's protocol, on a WebSocket of their own.
+"""Control by programs: REST requests become messages of the page's protocol, on a WebSocket per program.
 
-So control, the dead-man, tasks and their records are those of pages. The WebSockets live in the pages process, and
-lead to the web process of the same web server.
+So control, the dead-man, tasks and their records work as for pages. The pages process opens the WebSockets,
+to the web process of the same web server.
 """

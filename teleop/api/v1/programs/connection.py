@@ -24,15 +24,14 @@ from robots.wire import Accepted, Booked, Control, NotDone, Offers, Refusal, Ref
 
 log = logging.getLogger(__name__)
 
-ANSWER_S = 6.0  # a bridge answers within 5 s, or is silent
+ANSWER_S = 6.0  # a bridge that has not answered after 5 s counts as silent
 OPEN_S = 5.0
 PING_S = 0.5
-PRESENT_S = (
-    10.0  # after its last request a program counts as present so long; a drive by distance ends without it
-)
+# A program counts as present for this time after its last request. Without it, a drive by a distance ends.
+PRESENT_S = 10.0
 REFUSED_AT_ONCE_S = 0.2
 REPEAT_S = 0.05  # between two drive messages
-NEUTRAL_S = 0.15  # of standing still, where the bridge asks for it
+NEUTRAL_S = 0.15  # pause after a zero velocity, when the bridge demands neutral first
 
 GONE = Refusal("connection_lost", "The connection to the robot's control ended: take control again.", "lease")
 NOT_CONNECTED = Refusal("not_connected", "The robot's control was not reached: try again.", "lease")
@@ -41,7 +40,7 @@ _NOT_YOURS = Refusal("no_lease", "This program does not have control: take it fi
 
 Wanted = Callable[[Any], bool]
 
-# By which `Control` shows that a request was carried out: others' requests change it, too.
+# Which `Control` shows that a request was carried out. Requests of others also cause `Control` messages.
 _CARRIED_OUT: dict[type, Callable[[Control], bool]] = {
     **dict.fromkeys((wire.Take, wire.TakeOver, wire.Renew), lambda control: control.state == "yours"),
     **dict.fromkeys((wire.Release, wire.HandOver), lambda control: control.state != "yours"),
@@ -51,7 +50,7 @@ _CARRIED_OUT: dict[type, Callable[[Control], bool]] = {
 
 
 class Caller(Struct, frozen=True):
-    """Sign-in of a program, passed on as it came: the headers of its request."""
+    """The sign-in of a program: the headers of its request, which are passed on unchanged."""
 
     key: str  # of the token, or of the session
     person: UUID
@@ -61,7 +60,7 @@ class Caller(Struct, frozen=True):
 
 
 class Velocity(Struct, frozen=True):
-    """A velocity as drive messages carry it: parts of the robot's limits."""
+    """A velocity as in drive messages: fractions of the robot's limits."""
 
     x: float
     y: float
@@ -70,19 +69,19 @@ class Velocity(Struct, frozen=True):
 
 
 class ProgramConnection:
-    """A WebSocket as that of a robot page, held by this process for a program."""
+    """A WebSocket like that of a robot page, which this process keeps open for a program."""
 
     def __init__(self, socket: ClientConnection) -> None:
         self._control: Control | None = None
-        self._control_s = 0.0  # when it was heard
+        self._control_s = 0.0  # when it was received
         self.welcome: Welcome | None = None
         self.offers: Offers | None = None
-        self.used_s = time.monotonic()  # by its program
+        self.used_s = time.monotonic()  # time of the program's last request
         self.starting: dict[str, threading.Lock] = {}  # by kind of task, held until its record is found
-        self.cancelled_s: dict[str, float] = {}  # by kind of task, or limb: when its newest cancel came
+        self.cancelled_s: dict[str, float] = {}  # time of the newest cancel, by kind of task or limb
         self._socket = socket
         self._numbers = count(1)
-        self._count = 0  # of messages heard
+        self._count = 0  # of messages received
         self._heard: deque[tuple[int, Any]] = deque(maxlen=200)
         self._news = asyncio.Condition()
         self._newest_drive = 0
@@ -116,7 +115,7 @@ class ProgramConnection:
 
     @property
     def control(self) -> Control | None:
-        """Return control as it was heard last, with the seconds that remain now; None: not heard yet."""
+        """Return control as received last, with the seconds that remain now; None: nothing received yet."""
         control, age_s = self._control, time.monotonic() - self._control_s
         if control is None:
             return None
@@ -131,7 +130,7 @@ class ProgramConnection:
 
     @property
     def open_now(self) -> bool:
-        """Return whether it can be used."""
+        """Return whether the connection is open."""
         return not self._closed
 
     @property
@@ -141,13 +140,16 @@ class ProgramConnection:
         return control.fence if self.open_now and control and control.state == "yours" else None
 
     async def change(self, message: Any) -> Control:
-        """Ask for a change of control. Returns control after it. Raises `NotDone`."""
+        """Request a change of control, and return control after the change. Raises `NotDone`."""
         carried_out = _CARRIED_OUT[type(message)]
         control: Control = await self._ask(message, lambda one: isinstance(one, Control) and carried_out(one))
         return control
 
     async def request(self, make: Callable[[int, int], Any]) -> None:
-        """Send a task, made with fence and sequence number. Returns when it was taken; else `NotDone`."""
+        """Send the task that `make` builds from fence and sequence number, and wait until it is accepted.
+
+        Raises `NotDone`: refused, or no answer in time.
+        """
         fence = self.fence
         if fence is None:
             raise NotDone(_NOT_YOURS)
@@ -173,7 +175,10 @@ class ProgramConnection:
         return heard
 
     async def tell(self, message: Any) -> Refusal | None:
-        """Send a message that is answered only by a refusal. Returns it, or None if none comes at once."""
+        """Send a message whose only possible answer is a refusal.
+
+        Return the refusal; None: none came at once.
+        """
         mark = await self._say(message)
         kind = kind_of(message)
         try:
@@ -186,15 +191,16 @@ class ProgramConnection:
         return refusal
 
     async def offered(self) -> Offers:
-        """Return what the robot offers. Raises `NotDone`: it is not known in time."""
+        """Return the offers of the robot. Raises `NotDone`: they did not come in time."""
         if self.offers is None:
             await self._until(lambda one: isinstance(one, Offers), 0, ANSWER_S)
         return self.offers or Offers()
 
     async def drive(self, velocity: Velocity, seconds: float) -> float:
-        """Drive so long, then stand. A newer call takes the place of this one: a velocity that waited would be old.
+        """Drive with a velocity for these seconds, then send zero. A newer call replaces this one at once.
 
-        Returns the seconds for which it was sent. Raises `NotDone`: refused.
+        Calls do not wait for each other, because a velocity that waited would be old. Return the seconds for
+        which the velocity was sent. Raises `NotDone`: refused.
         """
         fence = self.fence
         if fence is None:
@@ -246,18 +252,17 @@ class ProgramConnection:
         return found if isinstance(found, Refused) else None
 
     async def close(self) -> None:
-        """Leave: control ends as that of a page that is closed."""
+        """Close the connection: control ends as when a page is closed."""
         with suppress(OSError, ConnectionClosed):
             await self._socket.close()
         self._reading.cancel()
         self._pinging.cancel()
 
     async def _say(self, message: Any) -> int:
-        """Send a message. Returns the mark after which its answer is heard. Raises `NotDone`."""
+        """Send a message. Return its mark: its answer has a higher number. Raises `NotDone`."""
         raw = wire.encode(message)
-        wire.browser_message(
-            raw
-        )  # one that does not fit is refused here: a very large one would end the connection
+        # A message that is not valid is refused here: a very large one would end the connection.
+        wire.browser_message(raw)
         mark = self._count
         try:
             await self._socket.send(raw.decode())
@@ -266,7 +271,7 @@ class ProgramConnection:
         return mark
 
     async def _until(self, wanted: Wanted, mark: int, within_s: float) -> Any:
-        """Return the first message after the mark that is wanted. Raises `NotDone`: none came in time."""
+        """Return the first wanted message after the mark. Raises `NotDone`: none came in time."""
 
         def found() -> Any:
             return next((one for number, one in self._heard if number > mark and wanted(one)), None)
@@ -288,7 +293,7 @@ class ProgramConnection:
         return Refusal(GONE.code, f"{GONE.text} ({self._socket.close_reason})", GONE.rule) if code else GONE
 
     async def _ping(self) -> None:
-        """Be heard while the program is present."""
+        """Send pings while the program is present."""
         with suppress(NotDone):
             while True:
                 await asyncio.sleep(PING_S)
@@ -310,7 +315,7 @@ class ProgramConnection:
         try:
             message = wire.browser_report(raw)
         except msgspec.DecodeError:
-            return  # a view of the robot, or other news that programs do not need
+            return  # a view of the robot, or another message that programs do not need
         if isinstance(message, Control):
             self._control, self._control_s = message, time.monotonic()
         elif isinstance(message, Welcome):

@@ -1,4 +1,7 @@
-"""Waits for the outcomes of tasks. One look at the log, several times a second, is for all who wait."""
+"""Wait for the outcomes of tasks.
+
+One query of the log, several times a second, serves all requests that wait.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +16,21 @@ from fleet.audit.models import Record
 from teleop.background.database import in_database
 
 CHECK_S = 0.2
-MOST = 150  # that wait at once: others are answered at once. A process takes 400 requests, 200 of one address
+# Requests that wait at the same time; further ones are answered at once. A process takes 400 requests, 200 of
+# one address.
+MOST = 150
 HEARD_EVERY_S = 1.0
 
 
 class Outcomes:
-    """The tasks that somebody waits for, by the numbers of their requests. Used on the event loop."""
+    """The tasks for whose outcomes requests wait, by their record numbers. Used on the event loop."""
 
     def __init__(self) -> None:
         self._waiting: defaultdict[int, set[asyncio.Event]] = defaultdict(set)
         self._looking: asyncio.Task[None] | None = None
 
     async def wait(self, number: int, seconds: float, heard: Callable[[], object]) -> None:
-        """Return when the task has an outcome, or after this time. `heard` is called while it waits."""
+        """Wait until the task has an outcome, or for this time. Call `heard` every second during the wait."""
         if sum(map(len, self._waiting.values())) >= MOST:
             return
         over = asyncio.Event()
@@ -52,14 +57,14 @@ class Outcomes:
             try:
                 over = await in_database(_over, list(self._waiting))
             except DatabaseError:
-                continue  # those who wait are answered in time, with what can be read then
+                continue  # the requests are answered when their time is over, with the facts readable then
             for number in over:
                 for event in self._waiting.get(number, ()):
                     event.set()
 
 
 def _over(numbers: Collection[int]) -> list[int]:
-    """Return the requests whose outcome is on record."""
+    """Return the tasks whose outcome is in the log."""
     return list(Record.objects.filter(of__in=numbers).values_list("of_id", flat=True))
 
 

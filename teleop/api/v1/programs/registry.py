@@ -10,7 +10,7 @@ from uuid import UUID
 from robots.wire import NotDone, Refusal
 from teleop.api.v1.programs.connection import Caller, ProgramConnection
 
-SOCKET = "FLEET_PROGRAMS_SOCKET"  # where the web process listens for us; `fleet.server.pages_process` sets it
+SOCKET = "FLEET_PROGRAMS_SOCKET"  # where the web process listens; set by `fleet.server.pages_process`
 UNUSED_S = 30.0  # without a request, a program's connection closes, and control ends
 CHECK_S = 1.0
 MOST = 100
@@ -33,7 +33,7 @@ class _Entry:
     def __init__(self, person: UUID) -> None:
         self.person = person
         self.opening = asyncio.Lock()
-        self.users = 0  # requests that open it, or wait for that
+        self.users = 0  # requests that open the connection, or wait for it
         self.connection: ProgramConnection | None = None
 
     @property
@@ -74,7 +74,7 @@ class Programs:
         return found
 
     def found(self, slug: str, caller: Caller) -> ProgramConnection | None:
-        """Return the connection if there is one; None: the program has asked for nothing yet."""
+        """Return the program's open connection to a robot; None: there is none."""
         entry = self._entries.get((caller.key, slug))
         found = entry.open_connection if entry else None
         if found is not None:
@@ -82,7 +82,7 @@ class Programs:
         return found
 
     def path(self) -> str:
-        """Return where the web process listens. Raises `NotDone`."""
+        """Return the path of the socket of the web process. Raises `NotDone`."""
         path = os.environ.get(SOCKET)
         if not path:
             raise NotDone(_NO_SERVER)
@@ -95,7 +95,7 @@ class Programs:
             raise NotDone(_FULL_OF_YOURS)
 
     async def _clean(self) -> None:
-        """Close what is unused, all at once: one that does not answer delays no other."""
+        """Close unused connections, all at the same time: one that does not answer delays no other."""
         while self._entries:
             await asyncio.sleep(CHECK_S)
             now_s = time.monotonic()

@@ -24,7 +24,7 @@ _NO_MESSAGE = Refusal("no_message", "No message came on this topic within 6 s.",
 
 
 async def ask(path: str, slug: str, caller: Caller, query: TopicQuery, answer: type[T]) -> T:
-    """Ask one question. Raises `NotDone`."""
+    """Send one query, and return its answer. Raises `NotDone`."""
     found = await _exchange(path, slug, caller, structs.replace(query, seq=1), answer, ANSWER_S, _SILENT)
     assert isinstance(found, answer)  # noqa: S101 - `_exchange` waits for this type
     return found
@@ -43,7 +43,7 @@ async def _exchange(
     path: str, slug: str, caller: Caller, message: Any, answer: type[Struct], within_s: float, late: Refusal
 ) -> Any:
     raw = wire.encode(message)
-    wire.topics_message(raw)  # one that does not fit is refused here
+    wire.topics_message(raw)  # a message that is not valid is refused here
     until_s = time.monotonic() + within_s
     connecting = unix_connect(
         path,
@@ -67,7 +67,7 @@ async def _exchange(
             if isinstance(heard, Refused) and heard.of == kind_of(message):
                 raise NotDone(heard.refusal)
             if isinstance(heard, Sample) and heard.refusal is None and not heard.number:
-                await socket.send(wire.encode(wire.Ack()).decode())  # none came yet
+                await socket.send(wire.encode(wire.Ack()).decode())  # no message came on the topic yet
             elif isinstance(heard, answer):
                 return heard
     except asyncio.TimeoutError as error:

@@ -1,1 +1,1 @@
-"""One robot by REST: its state and description, control, and all that a program in control asks of it."""
+"""One robot by REST: its state and description, control, and the requests of a program in control."""

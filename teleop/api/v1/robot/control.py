@@ -42,18 +42,17 @@ _ELSEWHERE = Refusal(
 class ControlEntry(Struct, frozen=True):
     """The holder of control of a robot, as this program sees it."""
 
-    state: (
-        ControlState | Literal["unknown"]
-    )  # "yours": this program's; "unknown": it has asked for nothing yet
+    # "yours": this program has control; "unknown": this program has no connection to the robot yet
+    state: ControlState | Literal["unknown"]
     holder: str | None = None
-    fence: int | None = None  # of one's own control
+    fence: int | None = None  # only if this program has control
     session: UUID | None = None  # control session, as in the log
     term_s: float | None = None  # until control ends, unless it is renewed
-    unused_s: float | None = None  # control ends, too, when the program asks for nothing so long
-    requests: list[wire.Request] = []  # people who wait in line, in order: to the holder and to supervisors
+    unused_s: float | None = None  # control also ends after this time without a request of the program
+    requests: list[wire.Request] = []  # people in line, in order; shown to the holder and to supervisors
     ahead: int | None = None  # programs and people in line before this one; null: not in line
-    offer_s: float | None = None  # so long control is this program's to take, and nobody else's
-    refusal: Refusal | None = None  # why it would be refused now
+    offer_s: float | None = None  # for this time only this program can take control
+    refusal: Refusal | None = None  # why taking control would be refused now
     booked: Booked | None = None
     next_booked: Booked | None = None
     out_s: float | None = None  # until an out-of-service period ends this program's control; null: not soon
@@ -92,7 +91,7 @@ _control = partial(operation, scope=ACTING, refuses=(404, 409), tag="control")
 
 
 class ProgramView(ApiView):
-    """Base of the views that act through a program's connection, and change nothing of the robot's entry."""
+    """Base of the views that act through a program's connection, and do not change the robot's row."""
 
     def robot(self, slug: str) -> Robot:
         """Return one of the robots that the person may see, for reading only. Raises `Problem`: not found."""
@@ -127,7 +126,10 @@ class ProgramView(ApiView):
         return found
 
     def holds_elsewhere(self, robot: Robot) -> bool:
-        """Return whether this program has control, by no connection of this process."""
+        """Return whether the lease is this program's.
+
+        Callers first look at the connections of this process.
+        """
         lease = lease_of(robot.id)
         if lease is None or lease_checks.lapse_reason(lease, timezone.now()) is not None:
             return False

@@ -38,13 +38,13 @@ class LimbView(TasksBase):
     limb: Limb
 
     def move(self, slug: str, to_m: float) -> Response:
-        """Ask for a move; answer 202 with its status and its address."""
+        """Request a move of the limb. Return the answer 202 with the task's status and address."""
         return self.start(
             self.robot(slug), lambda fence, seq: wire.MoveLimb(fence, self.limb, to_m, seq), "limb", self.limb
         )
 
     def stay(self, slug: str) -> None:
-        """End the move."""
+        """End the limb's move."""
         self.cancel(slug, self.limb, lambda fence, seq: wire.LimbCancel(fence, self.limb, seq))
 
 
@@ -73,7 +73,7 @@ class GripperView(LimbView):
             return self.move(slug, body.width_m)
         ends = robot_facts(self.robot(slug)).limbs.get(self.limb)
         if ends is None:
-            return self.move(slug, 0.0)  # the bridge says that there is none
+            return self.move(slug, 0.0)  # the bridge refuses: there is no gripper
         return self.move(slug, ends.most_m if body.to == "open" else ends.least_m)
 
     @operation("gripper_cancel", "End the gripper’s move", scope=Scope.DRIVE, refuses=(404, 409), tag="tasks")

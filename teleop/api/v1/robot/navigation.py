@@ -1,4 +1,4 @@
-"""The robot's map, and driving to a place of it, by a program."""
+"""For programs: the robot's map, and driving to a place on it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class GoRequest(Struct, frozen=True, forbid_unknown_fields=True):
     place: Annotated[str, Meta(min_length=1, max_length=LONGEST_NAME)] | None = None
     x: Coordinate | None = None
     y: Coordinate | None = None
-    heading: Heading | None = None  # null: that of the named place, or 0
+    heading: Heading | None = None  # null: the heading of the named place, or 0
 
 
 class PoseRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -164,7 +164,7 @@ class MapPictureView(ProgramView):
 
 
 def _asked(robot: Robot, body: GoRequest) -> wire.Go:
-    """Return where the robot shall drive, without fence. Raises `NotDone` or `Problem`."""
+    """Return the message with the goal, still without fence. Raises `NotDone` or `Problem`."""
     if body.place is not None and body.x is None and body.y is None:
         place = place_of_robot(robot.id, body.place)
         heading = place.heading_rad if body.heading is None else body.heading

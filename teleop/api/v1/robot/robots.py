@@ -53,7 +53,7 @@ class RobotDetail(RobotEntry, frozen=True):
     facts: RobotFacts
     holder: str | None  # of control
     state: State | None
-    seen_at: Time | None  # when the robot was last heard
+    seen_at: Time | None  # when the robot's last message came
     refusal: Refusal | None
     pending_stop: PendingStop | None
 
@@ -158,7 +158,7 @@ class SpeechHistoryView(ApiView):
 
 
 def _seen_at(state: State | None) -> datetime | None:
-    """Return when the robot was last heard, as far as its bridge knows; REST has no link of its own that knows more."""
+    """Return when the robot's last message came, as its bridge reports it; None: unknown."""
     if state is None or state.unseen_s is None:
         return None
     return timezone.now() - timedelta(seconds=state.unseen_s)

@@ -1,4 +1,4 @@
-"""Speech, motions and other tasks by a program, and what came of them."""
+"""Speech, motions and other tasks by a program, and the outcomes of tasks."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ LONGEST_WAIT_S = 30
 CHECK_S = 0.2
 CLEARED_S = 3.0
 
-# The kinds of records of a task's request, by what programs call it, and that of its outcome.
+# For each kind of task: the kind of the record of its request, and of the record of its outcome.
 _KINDS = {
     "speech": ("speech.start", "speech.end"),
     "motion": ("motion.start", "motion.end"),
@@ -56,7 +56,7 @@ class SayRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
     text: Annotated[str, Meta(min_length=1, max_length=500)]
     language: Annotated[str, Meta(min_length=2, max_length=35)]  # BCP 47, such as en-GB
-    topic: Annotated[str, Meta(max_length=255)] | None = None  # null: where speech goes now
+    topic: Annotated[str, Meta(max_length=255)] | None = None  # null: the topic that is chosen for speech now
 
 
 class ClearRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -75,7 +75,7 @@ class TaskEntry(Struct, frozen=True):
     asked_at: Time
     outcome: str | None
     ended_at: Time | None
-    text: str  # why it ended so, or the robot's own words
+    text: str  # why the task ended in this way, or the robot's own words
 
 
 class MotionList(Struct, frozen=True):
@@ -85,7 +85,9 @@ class MotionList(Struct, frozen=True):
     text: str
 
 
-MOST_LISTING = 6  # at once: each waits in a thread for a robot that may not answer, and pages need some, too
+# Requests that list motions at the same time. Each waits in a thread, perhaps for a robot that does not
+# answer, and pages need threads, too.
+MOST_LISTING = 6
 
 _listing = threading.BoundedSemaphore(MOST_LISTING)
 _BUSY = Refusal("busy", "Motions of too many robots are asked for at once: try again in a moment.", "robot")
@@ -96,13 +98,18 @@ _start = partial(_task, keyed=True, answer=TaskEntry, status=202)
 
 
 class TasksBase(ProgramView):
-    """Base of the views that ask for tasks."""
+    """Base of the views that request tasks."""
 
     def start(self, robot: Robot, make: Callable[[int, int], Any], kind: str, part: str = "") -> Response:
-        """Ask for a task, of a part of the robot if several have that kind. Answers 202 with its status and address."""
+        """Request a task, and return the answer 202 with its status and address.
+
+        `part`: the part of the robot that the task moves, if several parts have tasks of this kind. Raises
+        `Problem` or `NotDone`.
+        """
         connection = self.connected(robot)
 
-        # A robot that starts late surprises people: a task waits for no other one, and not past its own cancel.
+        # A robot that starts late surprises people. So a task does not wait for another one, and does not
+        # start if its cancel came first.
         def in_time(fence: int, seq: int) -> Any:
             if connection.cancelled_s.get(part or kind, -math.inf) > self.came_s:
                 raise NotDone(_OVERTAKEN)
@@ -125,7 +132,10 @@ class TasksBase(ProgramView):
         return self.accepted(_entry(found, robot), address)
 
     def cancel(self, slug: str, what: str, make: Callable[[int, int], Any]) -> None:
-        """End the task of this kind, or of this part; one that came before, and waits to be sent, does not start."""
+        """End the task of this kind or part.
+
+        A task that was requested earlier, but not sent yet, does not start.
+        """
         connection = self.connected(self.robot(slug))
 
         def noted(fence: int, seq: int) -> Any:

@@ -1,4 +1,4 @@
-"""A robot's topics, services and parameters, from the allow-lists; where input goes."""
+"""A robot's topics, services and parameters, from the allow-lists, and the topics to which input goes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from teleop.api.v1.programs import topic_queries
 from teleop.api.v1.programs.registry import programs
 from teleop.api.v1.robot.control import ProgramView
 
-MOST_ASKING = 6  # questions at once: each keeps a thread, and pages need some, too
+MOST_ASKING = 6  # queries at the same time: each occupies a thread, and pages need threads, too
 
 _asking = threading.BoundedSemaphore(MOST_ASKING)
 _BUSY = Refusal("busy", "Too many questions about topics are asked at once: try again in a moment.", "robot")
@@ -101,7 +101,7 @@ class TopicsBase(ProgramView):
     """Base of the views below."""
 
     def ask(self, slug: str, query: Any, answer: Any) -> Any:
-        """Ask one question. Raises `Problem` or `NotDone`."""
+        """Send one query, and return its answer. Raises `Problem` or `NotDone`."""
         return self._answer(slug, topic_queries.ask, query, answer)
 
     def message(self, slug: str, topic: str) -> Any:

@@ -1,4 +1,4 @@
-"""Base of the views of this folder: operations of one shape, staff only, robots of a token, entity tags."""
+"""Base of the views in this folder: kinds of operations, checks of staff and of a token's robots, ETags."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ IF_MATCH = OpenApiParameter(
     "If-Match", str, OpenApiParameter.HEADER, required=True, description="The ETag as you read it."
 )
 Entry = TypeVar("Entry", bound=Model)
-# The shapes of most operations here: a list has no 404.
+# The kinds of most operations here. Lists set `refuses=()`: they have no 404.
 reads = partial(operation, scope=Scope.READ, refuses=(404,))
 manages = partial(operation, scope=Scope.MANAGE, refuses=(404,))
 makes = partial(manages, status=201)
@@ -46,7 +46,7 @@ class SetupView(ApiView):
     """Base of these views."""
 
     def staff(self) -> User:
-        """Return the person. Raises `Problem`: they are no staff."""
+        """Return the person. Raises `Problem`: the person is not staff."""
         if not self.person.is_staff:
             raise Problem(_STAFF_ONLY)
         return self.person
@@ -54,7 +54,8 @@ class SetupView(ApiView):
     def serves(self, robots: Iterable[Robot]) -> bool:
         """Return whether the token may be used for all these robots.
 
-        One that is bound to robots may not be used for what has no robot: others may come to it later.
+        A token that is bound to robots may not be used for an entry without robots: other robots may be added
+        to the entry later.
         """
         token = self.token
         if token is None or not token.robots:
@@ -68,7 +69,7 @@ class SetupView(ApiView):
             raise Problem(_OF_ALL_ROBOTS)
 
     def require_all_robots(self) -> None:
-        """Raise `Problem` if the token is bound to robots: what is asked for concerns all."""
+        """Raise `Problem` if the token is bound to robots: the request concerns all robots."""
         if self.token is not None and self.token.robots:
             raise Problem(_OF_ALL_ROBOTS)
 
@@ -77,12 +78,12 @@ class SetupView(ApiView):
         return [self.robot(slug) for slug in dict.fromkeys(slugs)]
 
     def tagged(self, entry: Struct, status: int = 200, location: str = "") -> Response:
-        """Answer an entry with its ETag."""
+        """Return the response with an entry and its ETag."""
         headers = {"ETag": etag_of(mark_of(entry))} | ({"Location": location} if location else {})
         return Response(msgspec.to_builtins(entry), status, headers=headers)
 
     def shown_once(self, entry: Struct, location: str = "") -> Response:
-        """Answer a new entry with its secret, which nothing keeps."""
+        """Return the response with a new entry and its secret. Caches must not store this response."""
         headers = {"Cache-Control": "no-store"} | ({"Location": location} if location else {})
         return Response(msgspec.to_builtins(entry), 201, headers=headers)
 
@@ -95,7 +96,7 @@ class SetupView(ApiView):
 
 
 def locked(entry: Entry) -> Entry:
-    """Return the entry as it is stored now; nobody changes it until the transaction ends."""
+    """Return the entry as it is stored now, locked: nobody else can change it until the transaction ends."""
     return type(entry)._default_manager.select_for_update(no_key=True).get(pk=entry.pk)
 
 
@@ -113,14 +114,14 @@ def mark_of(entry: Struct) -> int:
 
 
 def require_unchanged(request: Request, entry: Struct) -> None:
-    """Raise `Problem` if the client did not read the entry as it is now."""
+    """Raise `Problem` if the entry was changed after the client read it."""
     if version_seen(request) != mark_of(entry):
         raise Problem(_CHANGED)
 
 
 @contextmanager
 def faults_named() -> Iterator[None]:
-    """Answer a model's or form's faults as one problem that names the fields."""
+    """Turn the faults that a model or a form finds into one `Problem` that names the fields."""
     try:
         yield
     except ValidationError as error:

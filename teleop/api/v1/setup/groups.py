@@ -95,7 +95,10 @@ class QualificationRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class GroupsBase(SetupView):
-    """Base of the views of robot groups. A bound token sees and changes those whose robots it serves, all of them."""
+    """Base of the views of robot groups.
+
+    A token sees and changes only groups of which it serves all robots.
+    """
 
     def save_group(self, group: RobotGroup, body: GroupRequest) -> None:
         """Save a group. Raises `Problem`."""
@@ -200,7 +203,7 @@ class QualificationsBase(SetupView):
     """Base of the views of qualifications: as for groups."""
 
     def qualification(self, slug: str) -> Qualification:
-        """Return one of them. Raises `Problem`: not found."""
+        """Return a qualification. Raises `Problem`: not found, not staff, or not served by the token."""
         self.staff()
         found = Qualification.objects.filter(slug=slug).first()
         if found is None:
@@ -283,7 +286,7 @@ def account_named(username: str) -> User:
 
 
 def _demanding(entry: Qualification) -> list[Robot]:
-    """Return the robots that demand it, themselves or by a group."""
+    """Return the robots that demand a qualification, directly or by a group."""
     return [*entry.robots.all(), *(robot for group in entry.groups.all() for robot in group.robots.all())]
 
 
@@ -293,7 +296,7 @@ def _group(group: RobotGroup) -> GroupEntry:
         group.slug,
         group.name,
         sorted(robot.slug for robot in group.robots.all()),
-        [Holder(one.user.username, one.role) for one in roles],  # type: ignore[arg-type]  # those that are given
+        [Holder(one.user.username, one.role) for one in roles],  # type: ignore[arg-type]  # only these roles are given
     )
 
 

@@ -50,8 +50,8 @@ class Rules(Struct, frozen=True, forbid_unknown_fields=True):
     day_min: Quota | None  # per person
     week_min: Quota | None
     at_once: Quota | None  # bookings to come per person
-    robots_at_once: Annotated[int, Meta(ge=1, le=100)]  # that one person books for the same time
-    grace_min: Minutes  # a slot that is not used for so long is free again
+    robots_at_once: Annotated[int, Meta(ge=1, le=100)]  # that one person may book for the same time
+    grace_min: Minutes  # a slot whose person does not come within this time is free again
     needs_approval: bool
     free_time: bool  # time that nobody has booked is free to take
 
@@ -108,18 +108,18 @@ class PoliciesBase(SetupView):
     """Base of the views of policies."""
 
     def managed(self) -> list[Robot]:
-        """Return the robots that the person manages, and the token serves."""
+        """Return the robots that the person manages and that the token serves."""
         return [robot for robot in robots_managed_by(self.person) if self.serves([robot])]
 
     def managed_robot(self, slug: str) -> Robot:
-        """Return one of them. Raises `Problem`: not found, or not managed."""
+        """Return one of these robots. Raises `Problem`: not found, or not managed."""
         robot = self.robot(slug)
         if robot not in self.managed():
             raise Problem(_NOT_MANAGED)
         return robot
 
     def entry(self, robot: Robot | None = None, group: RobotGroup | None = None) -> PolicyEntry:
-        """Return the policy that is followed there."""
+        """Return the policy that a robot or a group follows; without either, the policy of all robots."""
         stored = Policy.objects.filter(robot=robot, group=group).first()
         followed = stored or (policies_of({robot})[robot.id] if robot else _common())
         return PolicyEntry(
@@ -127,11 +127,11 @@ class PoliciesBase(SetupView):
         )
 
     def changed(self, request: Request, body: Rules, **of: Any) -> Response:
-        """Set a policy that is as the client saw it."""
+        """Set a policy, if nobody changed it after the client read it. Raises `Problem`."""
         values = msgspec.to_builtins(body)
         with transaction.atomic():
             place = Policy.objects.filter(robot=of.get("robot"), group=of.get("group"))
-            place.select_for_update(of=("self",)).first()  # nobody changes it in between
+            place.select_for_update(of=("self",)).first()  # locked between check and change
             require_unchanged(request, self.entry(**of))
             with faults_named():
                 policy_changes.policy_set(values=values, actor=self.person, **of)

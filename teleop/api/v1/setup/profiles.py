@@ -52,7 +52,7 @@ class ProfileDetail(ProfileEntry, frozen=True):
     turn_radps: float
     linear_mps2: float
     angular_radps2: float
-    blind_mps: float  # where no sensor watches
+    blind_mps: float  # in directions that no sensor sees
     default_share: float
     reverse_steering: str
     drive_topic: str
@@ -124,7 +124,7 @@ class ProfilesBase(SetupView):
         return found
 
     def changeable(self, slug: str) -> RobotProfile:
-        """Return it for staff whose token serves all its robots. Raises `Problem`."""
+        """Return a profile, for staff whose token serves all its robots. Raises `Problem`."""
         self.staff()
         found = self.profile(slug)
         self.require_served(found.robots.all())
@@ -156,7 +156,7 @@ class PhrasesBase(ProfilesBase):
     """Base of the views of phrases."""
 
     def replaced(self, request: Request, owner: RobotProfile | Robot, body: PhraseTexts) -> Response:
-        """Replace phrases that are as the client saw them."""
+        """Replace phrases, if nobody changed them after the client read them. Raises `Problem`."""
         with transaction.atomic():
             locked(owner)
             require_unchanged(request, _phrases(owner))
@@ -211,7 +211,7 @@ class RobotPhrasesView(PhrasesBase):
 
 
 def _lines(body: PhraseTexts) -> list[Line]:
-    """Return phrases as the services take them. Raises `Problem`, which names the first that is wrong."""
+    """Return the phrases as lines for the services. Raises `Problem`, which names the first wrong phrase."""
     lines = []
     for number, one in enumerate(body.phrases, start=1):
         tags = tuple(one.tags)

@@ -1,4 +1,4 @@
-"""Robots as staff register them."""
+"""The registration of robots, for staff."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Registration(Struct, frozen=True):
     name: str
     profile: str
     master_uri: str
-    advertised_address: str  # of this computer, as the robot reaches it; empty: found by itself
+    advertised_address: str  # address at which the robot reaches this computer; empty: the console finds it
     enabled: bool
     practice: bool
     default_share: float | None  # null: the profile's
@@ -72,7 +72,7 @@ class RegistryView(SetupView):
     """Base of the views of registrations."""
 
     def answer(self, robot: Robot, status: int = 200) -> Response:
-        """Answer a registration with its ETag."""
+        """Return the response with a registration and its ETag."""
         return self.tagged(_entry(robot), status)
 
 
@@ -83,7 +83,7 @@ class RegisterView(RegistryView):
     def post(self, _request: Request, body: RegisterRequest) -> Response:
         """For staff. A bridge is started for it; `GET /robots/{slug}` says how it is."""
         staff = self.staff()
-        self.require_all_robots()  # the new one is not among those that the token serves
+        self.require_all_robots()  # a token that is bound to robots does not serve the new one
         profile = RobotProfile.objects.filter(slug=body.profile).first()
         if profile is None:
             raise Problem(_NO_PROFILE)

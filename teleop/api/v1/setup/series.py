@@ -1,4 +1,4 @@
-"""Weekly series of bookings: what would be booked, and the bookings."""
+"""Weekly series of bookings: a preview, and the bookings."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class SeriesRequest(Struct, frozen=True, forbid_unknown_fields=True):
     weeks: Annotated[int, Meta(ge=1, le=MOST_WEEKS)]
     purpose: Annotated[str, Meta(min_length=1, max_length=120)]
     without: Annotated[list[date], Meta(max_length=MOST_WEEKS)] = []  # days that are left out
-    zone: Annotated[str, Meta(max_length=64)] | None = None  # null: yours
-    course: Annotated[str, Meta(max_length=100)] | None = None  # slug: these are its lessons
+    zone: Annotated[str, Meta(max_length=64)] | None = None  # null: your time zone
+    course: Annotated[str, Meta(max_length=100)] | None = None  # slug: the slots are lessons of this course
     override: Annotated[str, Meta(max_length=200)] = ""  # why against the policy, for managers of the robot
     preview: bool = False
 

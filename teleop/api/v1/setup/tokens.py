@@ -1,4 +1,4 @@
-"""Tokens and service accounts: a token makes no token that could do more, or live longer, than itself."""
+"""Tokens and service accounts. A token cannot make a token that may do more, or that is valid longer."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ class TokenEntry(Struct, frozen=True):
     id: UUID
     name: str
     scopes: list[ScopeName]
-    robots: list[str] | None  # slugs of those that you may see
+    robots: list[str] | None  # slugs of the robots that you may see
     made_at: Time
     expires_at: Time
     expired: bool
     used_at: Time | None
     used_from: str
-    made_with: UUID | None  # the token that made it, and whose end ends it
+    made_with: UUID | None  # the token that made it; when that token ends, this one ends, too
     current: bool  # the token of this request
 
 
@@ -112,7 +112,7 @@ class TokensBase(SetupView):
         return TokenList([self.entry(token, owner) for token in tokens_of(owner)])
 
     def entry(self, token: Token, owner: User) -> TokenEntry:
-        """Return a token as it is shown to this person."""
+        """Return a token as it is shown to its owner."""
         slugs = {str(robot.pk): robot.slug for robot in robots_visible_to(owner)}
         return TokenEntry(
             id=token.pk,
@@ -154,7 +154,7 @@ class TokensBase(SetupView):
         return self.shown_once(TokenMade(**structs.asdict(self.entry(made, owner)), token=text))
 
     def _robots(self, owner: User, body: TokenRequest) -> list[Robot]:
-        """Return the robots to which the new token is bound; none: all."""
+        """Return the robots to which the new token is bound; an empty list: all robots. Raises `Problem`."""
         seen = list(robots_visible_to(owner))
         if body.robots is None:
             own = self.token.robots if self.token else []
@@ -172,7 +172,7 @@ class TokensBase(SetupView):
         return self.token.expires_at if self.token else timezone.now() + USUAL
 
     def _require_no_more(self, body: TokenRequest, robots: list[Robot]) -> None:
-        """Raise `Problem` if the new token could do more than the token of this request; all reasons are named."""
+        """Raise `Problem` with all reasons, if the new token could do more than the token of this request."""
         own = self.token
         if own is None:
             return

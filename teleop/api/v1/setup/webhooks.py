@@ -1,4 +1,4 @@
-"""Webhooks: made, paused, resumed, tested and deleted by staff, with the log of their deliveries."""
+"""Webhooks, for staff: make, pause, resume, test and delete them, and read the log of their deliveries."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class WebhookEntry(Struct, frozen=True):
     robots: list[str]
     texts: bool  # with spoken sentences and reasons
     paused: bool
-    owner: str | None  # user name; of a webhook whose owner is no longer staff nothing is sent
+    owner: str | None  # user name; if the owner is no longer staff, the webhook sends nothing
     sends: bool  # it is not paused, and its owner is staff
     made_at: Time
     waiting: int  # deliveries that are tried again
@@ -112,7 +112,7 @@ class WebhooksBase(SetupView):
     """Base of the views of webhooks."""
 
     def seen(self) -> list[Webhook]:
-        """Return the webhooks about robots that the token serves."""
+        """Return the webhooks whose robots the token serves. Raises `Problem`: not staff."""
         self.staff()
         found = Webhook.objects.select_related("owner").prefetch_related("robots")
         found = found.annotate(
@@ -122,7 +122,7 @@ class WebhooksBase(SetupView):
         return [one for one in found if self.serves(one.robots.all())]
 
     def one(self, webhook_id: UUID) -> Webhook:
-        """Return one of them. Raises `Problem`: not found."""
+        """Return one of these webhooks. Raises `Problem`: not found."""
         found = next((one for one in self.seen() if one.pk == webhook_id), None)
         if found is None:
             raise Problem(NOT_FOUND)
@@ -163,7 +163,9 @@ class WebhooksView(WebhooksBase):
         staff, robots = self.staff(), self.named_robots(body.robots)
         self.require_served(robots)
         if self.token is not None and not self.token.opens(Scope.READ):
-            raise Problem(scope_missing((Scope.READ,)))  # it would be sent what it may not read
+            raise Problem(
+                scope_missing((Scope.READ,))
+            )  # the webhook would send data that the token may not read
         made, secret = services.webhook_make(
             name=body.name,
             address=body.address,
