@@ -1,1 +1,1 @@
-"""The Django project: settings and what every page needs."""
+"""The Django project: settings and parts that every page needs."""

@@ -5,18 +5,18 @@ from django.contrib.staticfiles.apps import StaticFilesConfig
 
 
 class FleetConfig(AppConfig):
-    """Registers the checks."""
+    """The app. It registers the checks."""
 
     name = "fleet"
-    default = True  # of the two configurations in this module
+    default = True  # this module has two configurations
 
     def ready(self) -> None:
-        """Importing registers."""
+        """Register the checks, by importing them."""
         from fleet import checks  # noqa: F401
 
 
 class StaticFiles(StaticFilesConfig):
-    """Leaves out what pages do not load."""
+    """Static files, without files that no page loads."""
 
     ignore_patterns = [
         *StaticFilesConfig.ignore_patterns,

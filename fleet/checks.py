@@ -1,4 +1,4 @@
-"""System checks of `manage.py check`: does everything exist that the pages need?"""
+"""System checks of `manage.py check`: whether everything exists that the pages need."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from django.db.migrations.loader import MigrationLoader
 
 @register(Tags.staticfiles)
 def npm_packages_installed(**_: Any) -> list[CheckMessage]:
-    """The browser libraries come from npm."""
+    """Check that the browser libraries, which come from npm, are installed."""
     return [
         Warning(
             f"The browser library for /static/{prefix}/ is not installed: there is no {folder}.",
@@ -27,7 +27,7 @@ def npm_packages_installed(**_: Any) -> list[CheckMessage]:
 
 @register(Tags.staticfiles, deploy=True)
 def static_files_collected(**_: Any) -> list[CheckMessage]:
-    """Production serves collected files only."""
+    """Check that static files are collected: production serves only collected files."""
     if settings.DEBUG or (settings.STATIC_ROOT / "staticfiles.json").is_file():
         return []
     return [
@@ -41,7 +41,7 @@ def static_files_collected(**_: Any) -> list[CheckMessage]:
 
 @register(Tags.security, deploy=True)
 def tls_is_on(**_: Any) -> list[CheckMessage]:
-    """Without it passwords can be read on their way."""
+    """Check that TLS is on: without it, others on the network can read passwords."""
     if settings.DEBUG or settings.FLEET_TLS:
         return []
     return [
@@ -56,7 +56,10 @@ def tls_is_on(**_: Any) -> list[CheckMessage]:
 
 @register(Tags.database)
 def squashed_migrations_are_whole(databases: Iterable[str] | None = None, **_: Any) -> list[CheckMessage]:
-    """Refuse a database with a part of the migrations that one replaces: Django would silently skip the others."""
+    """Refuse a database with only a part of the migrations that a squashed migration replaces.
+
+    Django would silently skip the other ones.
+    """
     loaders = [MigrationLoader(connections[alias]) for alias in databases or ()]
     return [
         Error(

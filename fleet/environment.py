@@ -1,6 +1,6 @@
-"""Reading settings from environment variables: typed, and loud about what is missing or wrong.
+"""Read settings from environment variables, with their types, and refuse missing or wrong ones.
 
-Every problem is an `ImproperlyConfigured` that begins with the variable's name and says what to do.
+Every error is an `ImproperlyConfigured` that begins with the variable's name and explains what to do.
 """
 
 from __future__ import annotations
@@ -21,56 +21,57 @@ FALSE = {"0", "false", "no", "off", ""}
 MOST_DAYS = 100 * 365
 
 SQLITE_OPTIONS = {
-    "timeout": 5,  # seconds that a writer waits for another one
-    # A transaction that reads first and writes later would fail at once when another one wrote between.
+    "timeout": 5,  # seconds that a writer waits for another writer
+    # A transaction that reads first and writes later would fail at once if another one wrote between the two.
     "transaction_mode": "IMMEDIATE",
-    # FULL: what the audit log has committed survives a power cut. secure_delete: what was erased is not left behind.
+    # FULL: committed records survive a power cut. secure_delete: erased data does not stay in the file.
     "init_command": "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA secure_delete=ON",
 }
 POSTGRESQL_OPTIONS = {
     "connect_timeout": "3",
     "options": "-c lock_timeout=5s",
-    # A server whose network is gone says nothing: without these a writer would wait for hours, and robots stand.
+    # If the network to the database breaks, the server sends nothing: without these timeouts, a writer would
+    # wait for hours, and robots could not move.
     "tcp_user_timeout": "10000",  # ms
     "keepalives_idle": "5",
     "keepalives_interval": "2",
     "keepalives_count": "3",
 }
-LONGEST_QUERY_S = 30  # of a web process
+LONGEST_QUERY_S = 30  # only for web processes
 _HOST = re.compile(r"[a-z0-9_]([a-z0-9_.-]*[a-z0-9])?", re.IGNORECASE)
-_NUMBERS = re.compile(r"[0-9.]+")  # an address with a mistake
+_NUMBERS = re.compile(r"[0-9.]+")  # a wrong IP address, not a host name
 
 
 class Environment:
-    """The variables, read by kind."""
+    """The environment variables, with a method for each type."""
 
     def __init__(self, variables: Mapping[str, str]) -> None:
         self._variables = variables
 
     def text(self, name: str) -> str | None:
-        """The variable, None if it is unset or blank."""
+        """Return the variable's text; None if it is unset or blank."""
         return self._variables.get(name, "").strip() or None
 
     def required(self, name: str, why: str) -> str:
-        """The variable, which must be there."""
+        """Return the variable's text; it must be set."""
         value = self.text(name)
         if value is None:
             raise ImproperlyConfigured(f"{name} is not set. {why}")
         return value
 
     def flag(self, name: str) -> bool:
-        """A switch, off unless set."""
+        """Return whether a switch is on; off unless set."""
         value = (self.text(name) or "").lower()
         if value not in TRUE | FALSE:
             raise ImproperlyConfigured(f"{name} is {value!r}; use 1 or 0.")
         return value in TRUE
 
     def names(self, name: str) -> list[str]:
-        """A comma-separated list; empty items are dropped."""
+        """Return the items of a comma-separated list; empty items are left out."""
         return [item.strip() for item in (self.text(name) or "").split(",") if item.strip()]
 
     def seconds(self, name: str, default: float, *, least: float) -> float:
-        """A duration, at least `least`."""
+        """Return a number of seconds, at least `least`."""
         value = self.text(name)
         try:
             seconds = default if value is None else float(value)
@@ -81,7 +82,7 @@ class Environment:
         return seconds
 
     def days(self, name: str, default: int, *, least: int = 1) -> int:
-        """A whole number of days, at least `least`."""
+        """Return a whole number of days, at least `least`."""
         value = self.text(name) or str(default)
         if not value.isdecimal() or not least <= int(value) <= MOST_DAYS:
             raise ImproperlyConfigured(
@@ -90,7 +91,7 @@ class Environment:
         return int(value)
 
     def folders(self, name: str, otherwise: str) -> list[Path]:
-        """Absolute folders, separated by colons, of this variable or else of `otherwise`."""
+        """Return absolute folders, separated by colons, from this variable or else from `otherwise`."""
         named = self.text(name) or self.text(otherwise) or ""
         folders = [Path(folder).expanduser() for folder in named.split(":") if folder]
         if self.text(name):
@@ -102,9 +103,11 @@ class Environment:
         return folders
 
     def directory(self, name: str, default: Path) -> Path:
-        """A directory for its owner only: who reads the database in it may be anybody, by their session keys.
+        """Return a directory that only its owner may open. Make it if it is missing.
 
-        Our own default is closed to others; one that somebody named may serve others too, and is left as it is.
+        A person who could read the database in it could sign in as anybody, by the session keys. The default
+        directory is closed to other accounts. A directory that somebody chose may have other uses: its mode
+        is not changed, and it is refused if others may open it.
         """
         named = self.text(name)
         path = Path(named or default).expanduser().absolute()
@@ -123,7 +126,7 @@ class Environment:
         return path
 
     def file(self, name: str) -> str | None:
-        """The path of a file, which must be there if the variable is set."""
+        """Return the path of a file; None if the variable is not set. The file must exist."""
         value = self.text(name)
         if value is not None and not Path(value).is_file():
             raise ImproperlyConfigured(f"{name}: there is no file {value}.")
@@ -131,7 +134,7 @@ class Environment:
 
 
 def hosts(env: Environment, *, debug: bool) -> list[str]:
-    """`FLEET_HOSTS`: the names under which the console may be reached."""
+    """Return `FLEET_HOSTS`: the host names under which browsers may reach the console."""
     names = env.names("FLEET_HOSTS")
     if any("*" in name for name in names):
         raise ImproperlyConfigured(
@@ -146,7 +149,7 @@ def hosts(env: Environment, *, debug: bool) -> list[str]:
 
 
 def origins(env: Environment) -> list[str]:
-    """`FLEET_ORIGINS`: trusted origins in addition to the console's own, such as https://fleet.lab.example:8443."""
+    """Return `FLEET_ORIGINS`: further trusted origins, such as https://fleet.lab.example:8443."""
     values = env.names("FLEET_ORIGINS")
     for value in values:
         parts = urlsplit(value)
@@ -162,7 +165,7 @@ def origins(env: Environment) -> list[str]:
 
 
 def secret_key(env: Environment) -> str:
-    """`FLEET_SECRET_KEY`: long and random, or sign-in cookies can be forged."""
+    """Return `FLEET_SECRET_KEY`. It must be long and random: else attackers can forge sign-in cookies."""
     key = env.required(
         "FLEET_SECRET_KEY",
         "Make one with: python3 -c 'import secrets; print(secrets.token_urlsafe(50))', and keep it.",
@@ -173,7 +176,10 @@ def secret_key(env: Environment) -> str:
 
 
 def link_secret(env: Environment) -> str | None:
-    """`FLEET_LINK_SECRET`: shared by web processes and bridges on other hosts. Needed by the rest of the TLS link."""
+    """Return `FLEET_LINK_SECRET`, which web processes and bridges on other hosts share; None if not set.
+
+    The other settings of a TLS link need it.
+    """
     secret = env.text("FLEET_LINK_SECRET")
     if secret is not None and len(secret) < 32:
         raise ImproperlyConfigured(f"FLEET_LINK_SECRET has {len(secret)} characters; it needs 32 or more.")
@@ -188,14 +194,14 @@ def link_secret(env: Environment) -> str | None:
 
 
 class WebhookAllow(NamedTuple):
-    """Private networks and hosts to which webhooks may lead."""
+    """Private networks and hosts to which webhooks may send."""
 
     networks: tuple[IPv4Network | IPv6Network, ...] = ()
     hosts: frozenset[str] = frozenset()
 
 
 def webhook_allow(env: Environment) -> WebhookAllow:
-    """`FLEET_WEBHOOK_ALLOW`: networks and hosts, such as `10.1.0.0/16,ci.lab.example`."""
+    """Return `FLEET_WEBHOOK_ALLOW`: networks and hosts, such as `10.1.0.0/16,ci.lab.example`."""
     networks, hosts = [], set()
     for name in env.names("FLEET_WEBHOOK_ALLOW"):
         try:
@@ -210,7 +216,7 @@ def webhook_allow(env: Environment) -> WebhookAllow:
 
 
 def redis_url(env: Environment) -> str | None:
-    """`FLEET_REDIS_URL`: the channel layer of several web processes."""
+    """Return `FLEET_REDIS_URL`: the channel layer, for several web processes; None if not set."""
     url = env.text("FLEET_REDIS_URL")
     if url is not None and urlsplit(url).scheme not in ("redis", "rediss", "unix"):
         raise ImproperlyConfigured(
@@ -220,7 +226,7 @@ def redis_url(env: Environment) -> str | None:
 
 
 def time_zone(env: Environment) -> str:
-    """`FLEET_TIME_ZONE`: the lab's time zone by its IANA name, such as Europe/Madrid."""
+    """Return `FLEET_TIME_ZONE`: the lab's time zone by its IANA name, such as Europe/Madrid."""
     name = env.text("FLEET_TIME_ZONE") or "UTC"
     if name not in available_timezones():
         raise ImproperlyConfigured(
@@ -230,10 +236,12 @@ def time_zone(env: Environment) -> str:
 
 
 def email(env: Environment) -> dict[str, Any]:
-    """`FLEET_EMAIL_URL`: how e-mails leave, such as `smtp://user:password@host:587` (STARTTLS) or `smtps://` (TLS).
-    `smtp://host:25` without a user is a relay in one's own network: no TLS.
+    """Return Django's settings for `FLEET_EMAIL_URL`, the mail server.
 
-    Without it they are written to the log of the process that sends them.
+    Examples: `smtp://user:password@host:587` (STARTTLS), `smtps://host:465` (TLS), or `smtp://host:25`: a
+    relay in one's own network, without user and without TLS.
+
+    Without the variable, e-mails are written to the log of the process that sends them.
     """
     url = env.text("FLEET_EMAIL_URL")
     if url is None:
@@ -260,9 +268,10 @@ def email(env: Environment) -> dict[str, Any]:
 
 
 def single_sign_on(env: Environment) -> dict[str, Any]:
-    """`FLEET_OIDC_URL`, `FLEET_OIDC_CLIENT_ID`, `FLEET_OIDC_SECRET`, `FLEET_OIDC_NAME`: an OpenID Connect provider.
+    """Return django-allauth's settings for an OpenID Connect provider; empty without `FLEET_OIDC_URL`.
 
-    The URL is that of the issuer, such as https://login.example.org/realms/lab. None set: no single sign-on.
+    Variables: `FLEET_OIDC_URL`, `FLEET_OIDC_CLIENT_ID`, `FLEET_OIDC_SECRET`, `FLEET_OIDC_NAME`. The URL is
+    that of the issuer, such as https://login.example.org/realms/lab.
     """
     url = env.text("FLEET_OIDC_URL")
     if url is None:
@@ -284,10 +293,10 @@ def single_sign_on(env: Environment) -> dict[str, Any]:
 
 
 def database(url: str) -> dict[str, Any]:
-    """A `DATABASES` entry from `FLEET_DATABASE_URL`.
+    """Return a `DATABASES` entry for `FLEET_DATABASE_URL`.
 
-    `sqlite:////var/lib/fleet/fleet.sqlite3` (absolute: four slashes) or
-    `postgresql://user:password@host:5432/name?sslmode=require`; the query goes to the driver.
+    Examples: `sqlite:////var/lib/fleet/fleet.sqlite3` (an absolute path has four slashes) or
+    `postgresql://user:password@host:5432/name?sslmode=require`; the part after `?` goes to the driver.
     """
     try:
         parts = urlsplit(url)
@@ -313,9 +322,10 @@ def database(url: str) -> dict[str, Any]:
 
 
 def limit_queries(database: dict[str, Any]) -> None:
-    """Let PostgreSQL end a query that takes too long, in a web process: its threads are few, and people wait.
+    """Let PostgreSQL end long queries of a web process: it has few threads, and people wait.
 
-    Commands are not: to verify or to migrate takes as long as it takes. The URL has precedence, for all of them.
+    Queries of commands are not limited: verifying or migrating may take long. Options in the URL have
+    precedence, also for commands.
     """
     if database["ENGINE"].endswith("postgresql"):
         options = database["OPTIONS"]

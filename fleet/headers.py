@@ -1,4 +1,4 @@
-"""Response headers that Django has no setting for."""
+"""Response headers for which Django has no setting."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 from django.http import HttpRequest, HttpResponseBase
 
-# The control page uses a gamepad and keeps the screen awake; nothing here needs more of the device.
+# The control page uses a gamepad and keeps the screen awake. No page needs other functions of the device.
 PERMISSIONS_POLICY = "gamepad=(self), screen-wake-lock=(self), camera=(), microphone=(), geolocation=()"
 
 
 def permissions_policy(
     get_response: Callable[[HttpRequest], HttpResponseBase],
 ) -> Callable[[HttpRequest], HttpResponseBase]:
-    """Middleware: what pages may use of the browser's device."""
+    """Middleware: limit the functions of the device that pages may use."""
 
     def middleware(request: HttpRequest) -> HttpResponseBase:
         response = get_response(request)

@@ -1,4 +1,4 @@
-"""Log sentences in the administrator's words."""
+"""Log messages with the names that the administrator knows."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import logging
 
 
 def unknown_host(record: logging.LogRecord) -> bool:
-    """A filter: one line for a request under a name that is not in `FLEET_HOSTS`; anybody can cause many."""
+    """Shorten the log of a request to a host that is not in `FLEET_HOSTS` to one line without traceback.
+
+    Anybody can send many such requests.
+    """
     record.msg = record.getMessage().replace("ALLOWED_HOSTS", "FLEET_HOSTS")
     record.args = None
     record.exc_info = None

@@ -1,6 +1,7 @@
-"""Values of hand-written SQL, as SQLite and PostgreSQL store and return them.
+"""Run hand-written SQL, and convert its values between Python and SQLite or PostgreSQL.
 
-Queries that run many times a second are written by hand: Django builds a query far longer than a database answers it.
+Queries that run many times a second are written by hand: building a query takes Django far longer than
+answering it takes the database.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ M = TypeVar("M", bound=Model)
 
 
 def marks(values: Collection[object]) -> str:
-    """Return the placeholders of that many values, for `IN (...)`."""
+    """Return placeholders for these values, for `IN (...)`."""
     return ", ".join(["%s"] * len(values))
 
 
 def read(query: str, values: Sequence[object]) -> list[tuple[Any, ...]]:
-    """Return the rows of a query. `values`: of its placeholders; also keys, moments and dates."""
+    """Return the rows of a query. `values` are for its placeholders; they may be UUIDs, moments and dates."""
     with connection.cursor() as cursor:
         cursor.execute(query, [_stored(value) for value in values])
         found: list[tuple[Any, ...]] = cursor.fetchall()
@@ -32,7 +33,10 @@ def read(query: str, values: Sequence[object]) -> list[tuple[Any, ...]]:
 
 
 def models(kind: type[M], query: str, values: Sequence[object]) -> list[M]:
-    """Return the models that a query selects with all their columns; further columns become attributes."""
+    """Return models for the rows of a query.
+
+    It selects all columns of the model; others become attributes.
+    """
     with connection.cursor() as cursor:
         cursor.execute(query, [_stored(value) for value in values])
         build = _builder(kind, tuple(column[0] for column in cursor.description))
@@ -40,14 +44,15 @@ def models(kind: type[M], query: str, values: Sequence[object]) -> list[M]:
 
 
 def key(stored: UUID | str) -> UUID:
-    """Return a key that a query returned."""
+    """Return a key, as a query returned it, as a UUID."""
     return stored if isinstance(stored, UUID) else UUID(hex=stored)
 
 
 def moment(stored: datetime | str) -> datetime:
-    """Return a moment that a query returned; SQLite's driver knows the type of some columns, and no zone.
+    """Return a moment, as a query returned it, as a datetime with zone.
 
-    PostgreSQL's text ends in "+00", which `datetime.fromisoformat` reads from Python 3.11 on only.
+    SQLite's driver returns a datetime for some columns and a text for others, without a zone. PostgreSQL's
+    text ends in "+00", which `datetime.fromisoformat` reads only from Python 3.11 on.
     """
     found = parse_datetime(stored) if isinstance(stored, str) else stored
     if found is None:

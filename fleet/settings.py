@@ -1,7 +1,7 @@
 """Settings, from environment variables that begin with FLEET_ (docs/settings.md lists them).
 
-Without FLEET_DEBUG everything is as strict as in production, and what is missing or wrong stops the start
-with the variable's name.
+Without FLEET_DEBUG everything is as strict as in production. If a variable is missing or wrong, the start
+fails with the variable's name.
 """
 
 import hashlib
@@ -15,13 +15,13 @@ from django.core.management.utils import get_random_secret_key
 from fleet import environment, languages, logs
 from fleet.environment import Environment
 
-os.umask(0o077)  # what our processes write is for their own account: the database holds session keys
+os.umask(0o077)  # other accounts cannot read files of the console: the database contains session keys
 
 BASE_DIR = Path(__file__).resolve().parent.parent
 _env = Environment(os.environ)
 
 DEBUG = _env.flag("FLEET_DEBUG")
-FLEET_TLS = _env.flag("FLEET_TLS")  # browsers reach the console by https, here or at a proxy before it
+FLEET_TLS = _env.flag("FLEET_TLS")  # browsers reach the console by https, directly or through a proxy
 FLEET_VAR = _env.directory("FLEET_VAR", BASE_DIR / "var")
 FLEET_RUN_DIR = _env.directory("FLEET_RUN_DIR", FLEET_VAR / "run")
 FLEET_ORIGINS = environment.origins(_env)
@@ -30,12 +30,12 @@ FLEET_LINK_CA = _env.file("FLEET_LINK_CA")
 FLEET_LINK_CERT = _env.file("FLEET_LINK_CERT")
 FLEET_LINK_KEY = _env.file("FLEET_LINK_KEY")
 
-# Folders of ROS packages with the meshes of robots' descriptions.
+# Folders of ROS packages that contain the meshes of robots' descriptions.
 FLEET_MESHES = _env.folders("FLEET_MESHES", otherwise="ROS_PACKAGE_PATH")
 
-FLEET_CONTROL_TERM_S = _env.seconds("FLEET_CONTROL_TERM_S", 900, least=10)  # control without renewing it
+FLEET_CONTROL_TERM_S = _env.seconds("FLEET_CONTROL_TERM_S", 900, least=10)  # control ends unless renewed
 
-# Days that the audit log keeps what may expire, by the classes of fleet.audit.kinds, and whole records.
+# Days that the audit log keeps contents, by the retention classes of fleet.audit.kinds, and whole records.
 FLEET_AUDIT_KEEP_DAYS = {
     "speech": _env.days("FLEET_AUDIT_KEEP_SPEECH_DAYS", 90),
     "driving": _env.days("FLEET_AUDIT_KEEP_DRIVING_DAYS", 365),
@@ -43,7 +43,7 @@ FLEET_AUDIT_KEEP_DAYS = {
 }
 FLEET_AUDIT_KEEP_RECORDS_DAYS = _env.days("FLEET_AUDIT_KEEP_RECORDS_DAYS", 5 * 366, least=365)
 
-# In debug a key for this process alone: sign-ins end with it.
+# In debug, the default is a key for this process only: sign-ins end with the process.
 SECRET_KEY = (
     get_random_secret_key() if DEBUG and not _env.text("FLEET_SECRET_KEY") else environment.secret_key(_env)
 )
@@ -76,7 +76,7 @@ INSTALLED_APPS = [
     "teleop",
 ]
 if DEBUG:
-    INSTALLED_APPS.insert(0, "daphne")  # `manage.py runserver` then serves WebSockets too
+    INSTALLED_APPS.insert(0, "daphne")  # so that `manage.py runserver` serves WebSockets, too
 
 MIDDLEWARE = [
     "teleop.api.metrics.measured",
@@ -126,7 +126,7 @@ DATABASES: dict[str, dict[str, Any]] = {
         _env.text("FLEET_DATABASE_URL") or f"sqlite:///{FLEET_VAR / 'fleet.sqlite3'}"
     )
 }
-# Second-factor codes that were used, and counts of allauth: web processes share them.
+# For used second-factor codes and allauth's counts, which all web processes share.
 CACHES = {"default": {"BACKEND": "django.core.cache.backends.db.DatabaseCache", "LOCATION": "fleet_cache"}}
 DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
 
@@ -165,13 +165,13 @@ LOGIN_URL = "sign-in"
 LOGIN_REDIRECT_URL = "fleet"
 LOGOUT_REDIRECT_URL = "sign-in"
 
-# Sign-in by django-allauth. Our own limits of failed sign-ins count (fleet.accounts.sign_in.throttle): allauth's would
-# lock a class out that sits behind one address. Its limits of e-mails to one address hold.
+# Sign-in by django-allauth. Failed sign-ins are limited by fleet.accounts.sign_in.throttle: allauth's own
+# limits would lock out a class that shares one address. Allauth limits the e-mails to one e-mail address.
 FLEET_STAFF_TWO_FACTOR = _env.flag("FLEET_STAFF_TWO_FACTOR")
 ACCOUNT_ADAPTER = "fleet.accounts.sign_in.adapters.AccountAdapter"
 ACCOUNT_LOGIN_METHODS = {"username", "email"}
-ACCOUNT_SIGNUP_FIELDS = ["username*", "email", "password1*", "password2*"]  # of single sign-on alone
-ACCOUNT_EMAIL_VERIFICATION = "none"  # of addresses that staff entered; a change by its person is verified
+ACCOUNT_SIGNUP_FIELDS = ["username*", "email", "password1*", "password2*"]  # only for single sign-on
+ACCOUNT_EMAIL_VERIFICATION = "none"  # for addresses that staff enter; a change by the person is verified
 ACCOUNT_CHANGE_EMAIL = True
 ACCOUNT_REAUTHENTICATION_REQUIRED = True  # before a change of the address or of the second factor
 ACCOUNT_EMAIL_UNKNOWN_ACCOUNTS = False
@@ -194,19 +194,20 @@ MFA_FORMS = {
     "reauthenticate": "fleet.accounts.sign_in.second_factor.CodeAgainForm",
 }
 SOCIALACCOUNT_ADAPTER = "fleet.accounts.sign_in.adapters.SingleSignOnAdapter"
-SOCIALACCOUNT_LOGIN_ON_GET = True  # a link: the content security policy lets no form lead to another host
+SOCIALACCOUNT_LOGIN_ON_GET = True  # by a link: the content security policy forbids forms to another host
 SOCIALACCOUNT_PROVIDERS = environment.single_sign_on(_env)
 
 SESSION_ENGINE = "fleet.accounts.sign_in.sessions"
-SESSION_COOKIE_AGE = 12 * 60 * 60  # seconds without a page opened: a working day
+SESSION_COOKIE_AGE = 12 * 60 * 60  # seconds since the last page was opened: a working day
 SESSION_COOKIE_SECURE = CSRF_COOKIE_SECURE = FLEET_TLS
-# Cookies know hosts, not ports: two consoles on one host would sign each other's people out.
+# Cookies belong to hosts, not to ports: with equal names, two consoles on a host would end each other's
+# sign-ins.
 _console = hashlib.sha256(SECRET_KEY.encode()).hexdigest()[:8]
 SESSION_COOKIE_NAME = f"fleet_session_{_console}"
 CSRF_COOKIE_NAME = f"fleet_csrf_{_console}"
 SESSION_COOKIE_SAMESITE = CSRF_COOKIE_SAMESITE = "Lax"
 SESSION_COOKIE_HTTPONLY = True
-# In the session: a separate cookie would be a third one.
+# Messages are stored in the session, so that the console needs no third cookie.
 MESSAGE_STORAGE = "django.contrib.messages.storage.session.SessionStorage"
 
 REST_FRAMEWORK = {
@@ -215,7 +216,7 @@ REST_FRAMEWORK = {
     "DEFAULT_RENDERER_CLASSES": ["rest_framework.renderers.JSONRenderer"],
     "DEFAULT_PARSER_CLASSES": ["rest_framework.parsers.JSONParser"],
     "DEFAULT_SCHEMA_CLASS": "drf_spectacular.openapi.AutoSchema",
-    "URL_FORMAT_OVERRIDE": None,  # `format` is a parameter of ours
+    "URL_FORMAT_OVERRIDE": None,  # the API itself has a parameter `format`
     "EXCEPTION_HANDLER": "teleop.api.v1.framework.problems.response_of",
 }
 SPECTACULAR_SETTINGS = {
@@ -239,7 +240,7 @@ CONTENT_SECURITY_POLICY = {
         "style-src": [SELF],
         "img-src": [SELF],
         "manifest-src": [SELF],
-        "connect-src": [SELF],  # browsers count the same host's ws: and wss: as 'self'
+        "connect-src": [SELF],  # for browsers, ws: and wss: of the same host are 'self', too
         "form-action": [SELF],
         "base-uri": [NONE],
         "frame-ancestors": [NONE],
@@ -247,17 +248,17 @@ CONTENT_SECURITY_POLICY = {
 }
 X_FRAME_OPTIONS = "DENY"
 SECURE_REFERRER_POLICY = "same-origin"
-# Browsers ignore it, with an error in their console, on plain http from another host.
+# On plain http from another host, browsers ignore this header and write an error to their console.
 SECURE_CROSS_ORIGIN_OPENER_POLICY = "same-origin" if FLEET_TLS else None
 SECURE_HSTS_SECONDS = 365 * 24 * 60 * 60 if FLEET_TLS else 0
 
-# FLEET_TLS decides these together; fleet.W003 reports it. The console cannot know whether its host name also has http
-# services or subdomains.
+# These checks are about settings that FLEET_TLS switches together; fleet.W003 reports it. Others are about
+# subdomains; the console cannot know whether its host name has subdomains or other http services.
 SILENCED_SYSTEM_CHECKS = [f"security.W{number}" for number in ("004", "005", "008", "012", "016", "021")]
 
 # --- static files -----------------------------------------------------------------------------
 
-# Where npm puts the browser libraries that pages load, by the folder under /static/ that they appear in.
+# The browser libraries of the pages: the folder under /static/, and the folder into which npm installs them.
 NPM_DISTRIBUTIONS = [
     ("vendor/event-calendar", BASE_DIR / "node_modules/@event-calendar/build/dist"),
     ("vendor/scene", BASE_DIR / "node_modules/.scene"),  # made by npm: see script/scene_library.js
@@ -283,11 +284,11 @@ WHITENOISE_USE_FINDERS = WHITENOISE_AUTOREFRESH = DEBUG
 
 # --- language, time, logging ------------------------------------------------------------------
 
-LANGUAGE_CODE = "en-gb"  # of the source; a browser may ask for another that is there
+LANGUAGE_CODE = "en-gb"  # the language of the source; a browser may ask for another language in LANGUAGES
 LOCALE_PATHS = [BASE_DIR / "fleet/locale"]
 LANGUAGES = languages.spoken(LANGUAGE_CODE, LOCALE_PATHS[0])
 FORMAT_MODULE_PATH = "fleet.formats"
-TIME_ZONE = environment.time_zone(_env)  # of the lab; the database keeps UTC
+TIME_ZONE = environment.time_zone(_env)  # the lab's zone; the database stores UTC
 USE_TZ = True
 
 LOGGING = {
@@ -300,12 +301,12 @@ LOGGING = {
     "loggers": {
         "django": {"handlers": ["stderr"], "level": "INFO", "propagate": False},
         "django.security.DisallowedHost": {"filters": ["unknown_host"]},
-        # One line for each request says nothing that the audit log does not say better.
+        # No line for each request: the audit log has better information.
         "django.channels.server": {"level": "WARNING"},
         "daphne": {"level": "WARNING"},
-        "uvicorn": {"level": "ERROR"},  # it warns of each request that cannot be read, and of its own end
+        "uvicorn": {"level": "ERROR"},  # no warnings about each unreadable request and about its own end
         "websockets": {
             "level": "WARNING"
-        },  # links come and go; robots.link.client and the bridge say what matters
+        },  # links often connect and disconnect; robots.link.client and the bridge log important events
     },
 }

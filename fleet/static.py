@@ -1,4 +1,4 @@
-"""Static files as production serves them."""
+"""Static files for production."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from django.core.exceptions import ImproperlyConfigured
 from django.core.files.storage import FileSystemStorage
 from whitenoise.storage import CompressedManifestStaticFilesStorage
 
-# The files that templates load, as templates write them; then our own modules and style sheets among them. A module
-# that a page loads only when it needs it stands in an attribute data-…-module.
+# _LOADED finds all files that templates load; _JOINED finds the console's own modules and style sheets among
+# them. If a page loads a module only when needed, the module is in an attribute data-…-module.
 _LOADED = re.compile(r"{% static '([^']+)' %}")
 _JOINED = re.compile(
     r"""(?:type="module" src|rel="stylesheet" href|data-[a-z]+-module)="{% static '((?:js|css)/[^']+)' %}">"""
@@ -25,16 +25,18 @@ _JOINED = re.compile(
 
 
 class HashedStaticFiles(CompressedManifestStaticFilesStorage):  # type: ignore[misc]  # WhiteNoise is untyped
-    """Hashed names, compressed; each script and style sheet of a page is one small file with all that it imports.
+    """Static files with hashed names, compressed.
 
-    A browser asks for a module only when it has read the one that imports it: one by one, those of the control page
-    took a second. In debug, and in tests of scripts, pages load the plain files.
+    Each script and style sheet is joined with its imports in one file.
+
+    A browser requests a module only after it has read the module that imports it. One after the other, the
+    modules of the control page took a second. In debug, and in tests of scripts, pages load the plain files.
     """
 
     def post_process(
         self, paths: MutableMapping[str, Any], dry_run: bool = False, **options: Any
     ) -> Iterator[Any]:
-        """Join what pages load with what it imports, then hash all files."""
+        """Join scripts and style sheets with their imports, then hash all files."""
         if dry_run:
             return
         with tempfile.TemporaryDirectory() as directory:
@@ -56,16 +58,19 @@ class HashedStaticFiles(CompressedManifestStaticFilesStorage):  # type: ignore[m
 
 
 def _templates() -> str:
-    """Return all templates' text."""
+    """Return the text of all templates."""
     folders: Any = settings.TEMPLATES[0]["DIRS"]
     return "".join(file.read_text() for folder in folders for file in Path(folder).rglob("*.html"))
 
 
 def _join(sources: Path, into: Path, entries: set[str]) -> set[str]:
-    """Write each entry and all that it imports as one file, with a source map; return the names of all files read."""
+    """Write each entry with its imports as one file, with a source map.
+
+    Return the names of all files that were read.
+    """
     programs = list(
         settings.BASE_DIR.glob("node_modules/@esbuild/*/bin/esbuild")
-    )  # npm installs the one that fits
+    )  # npm installs the program for this kind of computer
     if not programs:
         raise ImproperlyConfigured("esbuild is not installed. Run: script/setup web")
     facts = sources / "facts"

@@ -1,4 +1,4 @@
-"""A database that is locked, full or away is said in words: 503, a page for people, JSON for scripts."""
+"""Answer with 503 if the database is locked, full or does not answer: a page for people, JSON for scripts."""
 
 from __future__ import annotations
 
@@ -21,27 +21,30 @@ RETRY_AFTER_S = 5
 
 
 class UnavailableInWords:
-    """Middleware: pages that fail because the database does."""
+    """Middleware: answer requests that fail because of the database."""
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponseBase]) -> None:
         self._get_response = get_response
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:
-        """Does nothing unless the page fails."""
+        """Return the response unchanged; `process_exception` handles errors."""
         return self._get_response(request)
 
     def process_exception(self, request: HttpRequest, error: Exception) -> HttpResponse | None:
-        """503 and why, or None for every other error."""
+        """Return a 503 with the reason; None for every other error."""
         return answer(request, error)
 
 
 def error_page(request: HttpRequest) -> HttpResponse:
-    """Django's handler of uncaught errors: what fails between the pages, such as the loading of a session."""
+    """Handle errors outside of the views, such as while loading a session.
+
+    Django calls it for uncaught errors.
+    """
     return answer(request, sys.exc_info()[1]) or server_error(request)
 
 
 def answer(request: HttpRequest, error: BaseException | None) -> HttpResponse | None:
-    """The answer to a request that the database has let down."""
+    """Return the response for an error of the database, the audit log or hashing; None for other errors."""
     match error:
         case AuditUnavailable() | HashingBusy():
             refusal = {"code": error.code, "text": error.text, "rule": error.rule}

@@ -1,6 +1,6 @@
-"""Time zones: moments are stored in UTC, people read them in their own zone, or in the lab's.
+"""Time zones: moments are stored in UTC and shown in the person's own zone, or in the lab's.
 
-The zone of the person whose request runs is Django's current one (`fleet.accounts.middleware.ViewersZone`).
+During a request, Django's current zone is that of the person (`fleet.accounts.middleware.ViewersZone`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _REGIONS = (
 
 @cache
 def names() -> frozenset[str]:
-    """The names that this computer knows, such as "Europe/Madrid"."""
+    """Return the names of the zones that this computer has, such as "Europe/Madrid"."""
     return frozenset(available_timezones())
 
 
@@ -39,17 +39,17 @@ def zone_of(name: str) -> ZoneInfo:
 
 
 def viewers() -> ZoneInfo:
-    """The zone of the person whose request runs."""
+    """Return the zone of the person whose request runs."""
     return ZoneInfo(get_current_timezone_name())
 
 
 def day_of(moment: datetime, zone: ZoneInfo | None = None) -> date:
-    """Return the day of a moment in a zone; in the viewer's if none is given."""
+    """Return the day of a moment in a zone; without a zone, in the viewer's."""
     return localtime(moment, zone or viewers()).date()
 
 
 def start_of(day: date, zone: ZoneInfo) -> datetime:
-    """Return the first moment of a day, in UTC. Where the clock skips midnight, the day begins after the gap."""
+    """Return the first moment of a day, in UTC. If the clock skips midnight, the day begins after the gap."""
     try:
         return datetime.combine(day, time(), zone).astimezone(timezone.utc)
     except OverflowError:  # the first or the last day of the calendar
@@ -64,7 +64,7 @@ def end_of(day: date, zone: ZoneInfo) -> datetime:
 
 
 def choices() -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return zones to choose from, by region: name, and words such as "Madrid"."""
+    """Return the zones to choose from, by region: name, and text such as "Madrid"."""
     regions: dict[str, list[tuple[str, str]]] = {region: [] for region in _REGIONS}
     for name in sorted(names()):
         region, _slash, place = name.partition("/")

@@ -1,1 +1,1 @@
-"""People: accounts, signing in and out, where somebody is signed in."""
+"""People: accounts, signing in and out, the list of a person's sign-ins."""

@@ -29,20 +29,22 @@ from fleet.accounts.sign_in import second_factor
 from fleet.audit.admin import ReadOnly
 from fleet.audit.recorded_admin import RecordedAdmin
 
-# Roles are given robot by robot, and staff may do everything: groups would be a second truth. The other tables are
-# django-allauth's: people change their own second factor and address, and settings name the single sign-on.
+# Django's groups are not used: people have roles on single robots, and staff may do everything. The other
+# tables belong to django-allauth: people change their own second factor and address, and the settings name
+# the single sign-on.
 admin.site.unregister([Group, EmailAddress, Authenticator, SocialAccount, SocialApp, SocialToken])
 
 
 class ListedLookups(RecordedAdmin):
-    """Lists that an address can filter only by the offered filters.
+    """Lists that a URL can filter only by the offered filters.
 
-    Django lets them filter by every column and by the keys of what refers to it, also by their beginning: who may
-    see a list could find out other people's session keys character by character.
+    Django allows filters by every column and by columns of related tables, also by the first characters of a
+    value. With them, a person who may see a list could find out other people's session keys character by
+    character.
     """
 
     def lookup_allowed(self, lookup: str, value: str, request: HttpRequest | None = None) -> bool:
-        """Return whether an address may filter by this."""
+        """Return whether a URL may filter by this column."""
         return lookup in {f"{name}__exact" for name in self.list_filter}
 
 
@@ -67,7 +69,7 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
 
     @admin.display(description=_("Roles on robots"))
     def roles(self, user: User) -> str:
-        """A link to the person's roles."""
+        """Return a link to the person's roles."""
         query = urlencode({"user__id__exact": str(user.pk)})
         url = reverse("admin:robots_robotrole_changelist")
         return format_html('<a href="{}?{}">{}</a>', url, query, _("Show"))
@@ -84,7 +86,7 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
         self.message_user(request, _("Second factors removed: %d.") % count, messages.SUCCESS)
 
     def formfield_for_dbfield(self, db_field: Any, request: HttpRequest, **options: Any) -> Any:
-        """A time zone is chosen from the known ones."""
+        """Return the form field of a column. The time zone is a choice from the known zones."""
         if db_field.name == "time_zone":
             options["widget"] = Select(
                 choices=[("", _("the lab's")), (zones.UTC, zones.UTC), *zones.choices()]
@@ -92,22 +94,22 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
         return super().formfield_for_dbfield(db_field, request, **options)
 
     def get_object(self, request: HttpRequest, object_id: str, from_field: str | None = None) -> User | None:
-        """An account to look at or to change, and who would change it."""
+        """Return the account to show or change. Its `changed_by` is the signed-in person."""
         person = super().get_object(request, object_id, from_field)
         if person is not None:
             person.changed_by = person_of(request)
         return person
 
     def save_model(self, request: HttpRequest, obj: User, form: ModelForm[User], change: bool) -> None:
-        """Save, as the person who is signed in; also a new account."""
+        """Save a new or changed account. The record names the signed-in person as the actor."""
         obj.changed_by = person_of(request)
         super().save_model(request, obj, form, change)
 
     def user_change_password(self, request: HttpRequest, id: str, form_url: str = "") -> HttpResponse:
         """Change a person's password: their sign-ins and tokens end.
 
-        A person who changes their own password stays signed in here. A service account gets none: it signs in by
-        tokens only.
+        A person who changes their own password stays signed in in this browser and keeps the tokens. A
+        service account gets no password: it signs in by tokens only.
         """
         with transaction.atomic():
             before = self.get_object(request, unquote(id))
@@ -121,7 +123,7 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
             if before and after and before.password != after.password:
                 if before == request.user:
                     services.own_password_changed(request, after)
-                else:  # signals ended them; Django gave this session a new key
+                else:  # a signal ended the person's sign-ins; Django gave this admin's session a new key
                     services.sign_in_begun(request, person_of(request))
                     notice = _(
                         "The person is signed out everywhere, and the tokens of their programs are ended."
@@ -130,13 +132,13 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
         return response
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        """Accounts are closed, not deleted."""
+        """Return False: accounts are closed, not deleted."""
         return False
 
 
 @admin.register(SignIn)
 class SignInAdmin(ListedLookups, ReadOnly):
-    """Present sign-ins and their origin, read only. Closing an account ends its sign-ins."""
+    """Current sign-ins and where they come from, read only. Closing an account ends its sign-ins."""
 
     list_display = ["user", "address", "device", "started_at", "seen_at"]
     fields = ["user", "address", "user_agent", "started_at", "seen_at"]
@@ -145,5 +147,5 @@ class SignInAdmin(ListedLookups, ReadOnly):
 
     @admin.display(description=_("browser"))
     def device(self, sign_in: SignIn) -> str:
-        """The browser's own description, in plain words."""
+        """Return the browser and its system in plain words."""
         return sign_in.device

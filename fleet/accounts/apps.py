@@ -5,11 +5,11 @@ from django.utils.translation import gettext_lazy as _
 
 
 class AccountsConfig(AppConfig):
-    """Records sign-ins and sign-outs of every interface."""
+    """The app. It records sign-ins and sign-outs of every interface."""
 
     name = "fleet.accounts"
     verbose_name = _("People")
 
     def ready(self) -> None:
-        """Importing connects the receivers."""
+        """Connect the receivers of signals, by importing them."""
         from fleet.accounts import signals  # noqa: F401

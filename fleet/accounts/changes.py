@@ -1,4 +1,4 @@
-"""Record changes of accounts: by the admin, by the owner's pages, from the command line."""
+"""Record changes of accounts, which come from the admin, from the owner's pages or from the command line."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from fleet.audit.command_line import SystemAccount, here
 from fleet.audit.services import Said, actor_renamed, record, record_all
 
 SHOWN = ("username", "full_name", "email", "time_zone", "project", "is_active", "is_staff", "is_superuser")
-RECORDED = (*SHOWN, "password")  # a password's change, without the password
+RECORDED = (*SHOWN, "password")  # the record says that the password changed, and does not contain it
 RIGHTS = (
     "is_active",
     "is_staff",
     "is_superuser",
-)  # kept as long as the record; the other fields are personal data
+)  # their values are kept as long as the record; values of the other fields are personal data and expire
 
 
-# user, actor: somebody else set the password of this account, or took it away; sent in the transaction.
+# Arguments: user, actor. Sent when somebody else sets or removes an account's password, in that transaction.
 password_set_by_another = Signal()
 
 
@@ -36,23 +36,23 @@ class RecordedUser(AbstractUser):
     def save(self, **options: Any) -> None:
         """Save, and record the changes."""
         fields = options.get("update_fields") or RECORDED
-        if set(fields).isdisjoint(RECORDED):  # a sign-in notes its time
+        if set(fields).isdisjoint(RECORDED):  # such as the time of the last sign-in
             super().save(**options)
             return
         with transaction.atomic():
             new = self._state.adding
-            # no_key: others may still store what refers to this account, such as a booking, and need not wait
+            # no_key: others may store rows that refer to this account, such as a booking, without waiting
             before = (
                 type(self)() if new else type(self).objects.select_for_update(no_key=True).get(pk=self.pk)
             )
             changes = _changes(before, self, fields)
             super().save(**options)
             if new:
-                _record("account.create", self, changes)  # differences from a blank account
+                _record("account.create", self, changes)  # the differences from a blank account
             elif changes:
                 _record("account.change", self, changes)
                 changed = {change["field"] for change in changes}
-                if "email" in changed:  # allauth's list has what is verified of it
+                if "email" in changed:  # allauth keeps its own list of addresses, with "verified"
                     self.emailaddress_set.exclude(email=self.email).delete()  # type: ignore[attr-defined]
                 if {"username", "full_name"} & changed:
                     actor_renamed(self)
@@ -61,18 +61,18 @@ class RecordedUser(AbstractUser):
                     password_set_by_another.send(sender=type(self), user=self, actor=actor)
 
     def record_deletion(self) -> None:
-        """Record that the account is deleted. The admin deletes none; a program may."""
+        """Record that the account is deleted. The admin site deletes no accounts; Python code can."""
         _record("account.delete", self, [])
 
 
 def record_creations(people: Sequence[RecordedUser], actor: AbstractUser | SystemAccount | None) -> None:
-    """Record new accounts that were stored together, not by `save`."""
+    """Record new accounts that were stored together in bulk, without `save`."""
     said = [_said(person, _changes(type(person)(), person, RECORDED)) for person in people]
     record_all("account.create", said, actor=actor or here())
 
 
 def _changes(before: AbstractUser, person: AbstractUser, fields: Collection[str]) -> list[dict[str, Any]]:
-    """Return the changes of those of these fields whose values differ from before."""
+    """Return the changes among these fields: name, old value, new value. A password has no values."""
     changes: list[dict[str, Any]] = [
         {"field": name, "from": getattr(before, name), "to": getattr(person, name)}
         for name in SHOWN
@@ -84,10 +84,10 @@ def _changes(before: AbstractUser, person: AbstractUser, fields: Collection[str]
 
 
 def _password_changed(before: AbstractUser, person: AbstractUser) -> bool:
-    """Return whether the password changed. At sign-in Django may only write a newer hash of the same password."""
+    """Return whether the password changed. A new hash is not enough: at sign-in Django may renew it."""
     if person.password == before.password:
         return False
-    typed = person._password is not None  # type: ignore[attr-defined]  # from `set_password` until it is saved
+    typed = person._password is not None  # type: ignore[attr-defined]  # set from `set_password` until `save`
     return typed or not person.has_usable_password() or not before.has_usable_password()
 
 
@@ -102,7 +102,10 @@ def _record(kind: str, person: RecordedUser, changes: list[dict[str, Any]]) -> N
 
 
 def _said(person: RecordedUser, changes: list[dict[str, Any]]) -> Said:
-    """Return a change for the log. Field names and values of rights are kept for ever; names and addresses are not."""
+    """Return a change for the log.
+
+    Field names and values of rights stay in the record; other values expire.
+    """
     kept = [change if change["field"] in RIGHTS else {"field": change["field"]} for change in changes]
     change_parameters: dict[str, Any] = {"changes": kept} if changes else {}
     whole: dict[str, Any] = {"changes": changes} if kept != changes else {}

@@ -1,4 +1,4 @@
-"""E-mails that leave at once, outside of the request: a slow mail server delays nobody."""
+"""Send e-mails in a background thread: a slow mail server delays no request."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from django.db import transaction
 log = logging.getLogger(__name__)
 
 SERVER_TIMEOUT_S = 20.0
-AGAIN_S = (60.0, 300.0, 1800.0, 7200.0)  # after the first try, the second, and so on
+AGAIN_S = (60.0, 300.0, 1800.0, 7200.0)  # pauses after the first try, the second, and so on
 
 
 def send_later(messages: Sequence[EmailMessage]) -> None:
@@ -46,7 +46,7 @@ def _send(waiting: list[EmailMessage]) -> None:
 
 
 def _try_to_send(waiting: list[EmailMessage]) -> None:
-    """Send the messages, and take those that are settled from the list."""
+    """Send the messages. Remove sent and refused messages from the list; the others wait for the next try."""
     with get_connection(timeout=SERVER_TIMEOUT_S) as connection:
         for message in list(waiting):
             message.connection = connection

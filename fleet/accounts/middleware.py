@@ -1,4 +1,4 @@
-"""Middleware of every request: require a sign-in, show times in the person's zone, note who was last seen."""
+"""Middleware of every request: require a sign-in, set the person's time zone, note the use of a sign-in."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ logger = logging.getLogger(__name__)
 
 
 class SignInRequired(LoginRequiredMiddleware):
-    """Every page needs a signed-in person unless it says otherwise."""
+    """Require a signed-in person for every page, except views that are marked with `login_not_required`."""
 
     def handle_no_permission(  # type: ignore[override]  # the stubs allow redirects only
         self, request: HttpRequest, view_func: Callable[..., Any]
@@ -34,18 +34,18 @@ class SignInRequired(LoginRequiredMiddleware):
 
 
 class ViewersZone:
-    """Times on pages are those of the signed-in person's zone, or of the lab's."""
+    """Show times on pages in the time zone of the signed-in person, else of the lab."""
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponseBase]) -> None:
         self._get_response = get_response
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:
-        """Answer; the zone that `process_view` sets ends with the request."""
+        """Answer the request in the lab's zone. The zone that `process_view` sets ends with the request."""
         with timezone.override(settings.TIME_ZONE):
             return self._get_response(request)
 
     def process_view(self, request: HttpRequest, view: Callable[..., Any], *_arguments: Any) -> None:
-        """Set the zone. Pages without sign-in are not made to read the account."""
+        """Set the zone. Pages that need no sign-in do not read the account."""
         if getattr(view, "login_required", True) and isinstance(request.user, User):
             timezone.activate(zones.zone_of(request.user.time_zone))
 
@@ -60,7 +60,7 @@ def sign_in_seen(
         if isinstance(request.user, User):
             try:
                 services.sign_in_seen(request)
-            except (OperationalError, InterfaceError) as error:  # a stop must not fail because a disk is full
+            except (OperationalError, InterfaceError) as error:  # a stop must not fail when the disk is full
                 logger.warning("The list of sign-ins could not be brought up to date: %s", error)
         return response
 

@@ -16,7 +16,10 @@ from fleet.accounts.sign_in.devices import device_of
 
 
 class User(RecordedUser):
-    """A person. `is_staff` makes them staff on every robot; other roles are given robot by robot."""
+    """A person.
+
+    `is_staff` makes them staff on every robot; every other role is for one robot or group of robots.
+    """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     first_name = None  # type: ignore[assignment]
@@ -25,7 +28,7 @@ class User(RecordedUser):
     time_zone = models.CharField(
         _("time zone"), max_length=64, blank=True, help_text=_("In which pages show times. Blank: the lab's.")
     )
-    # The arrangement of the control page and the hints that were read: `PageChoicesForm`. Pages alone read it.
+    # Panels of the control page, and whether hints were read; see `PageChoicesForm`. Only pages read this.
     page_choices = models.JSONField(default=dict, blank=True, editable=False)
     project = models.CharField(
         _("project"),
@@ -49,38 +52,39 @@ class User(RecordedUser):
         return self.display_name
 
     def save(self, **options: Any) -> None:
-        """Save, with the e-mail address in lower case, as it is compared."""
+        """Save the account. The e-mail address is stored in lower case, because addresses are compared so."""
         self.email = self.email.lower()
         super().save(**options)
 
     @property
     def display_name(self) -> str:
-        """The name to show: the full name, or the user name if there is none."""
+        """Return the name to show: the full name, or the user name if there is none."""
         return self.full_name or self.username
 
     @property
     def supervised_robots(self) -> bool:
-        """Return whether the person is supervisor of a robot by a role of their own; for the menu."""
-        tables = (getattr(self, name, None) for name in ("robot_roles", "group_roles"))  # of apps above
+        """Return whether the person has a supervisor role on a robot or group; for the menu."""
+        # The two tables belong to apps above.
+        tables = (getattr(self, name, None) for name in ("robot_roles", "group_roles"))
         return any(roles is not None and roles.filter(role="supervisor").exists() for roles in tables)
 
     def get_full_name(self) -> str:
-        """The full name; may be blank."""
+        """Return the full name; it may be blank."""
         return self.full_name
 
     def get_short_name(self) -> str:
-        """The name to show."""
+        """Return the name to show."""
         return self.display_name
 
 
 class SignIn(models.Model):
-    """One sign-in session as its owner sees it: the place of the sign-in and the time of the last use.
+    """One sign-in session as its owner sees it: address and browser, and the time of the last use.
 
-    It lives and dies with Django's session. `auth_hash` is the account's session hash at sign-in: it no
-    longer matches once the password was changed, by whatever door.
+    It is deleted with Django's session. `auth_hash` is the account's session hash at sign-in: it does not
+    match any more after a change of the password, wherever the password was changed.
     """
 
-    # Pages name a sign-in by this, never by its session key: that one is as good as the cookie.
+    # Pages refer to a sign-in by this id, never by its session key, which is the secret in the cookie.
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     session = models.OneToOneField(Session, on_delete=models.CASCADE, related_name="sign_in", editable=False)
     user = models.ForeignKey(
@@ -105,12 +109,12 @@ class SignIn(models.Model):
 
     @property
     def device(self) -> str:
-        """The browser and system in plain words."""
+        """Return the browser and its system in plain words."""
         return device_of(self.user_agent)
 
 
 class SignInAttempt(models.Model):
-    """A password that is being looked at. It counts as a failure until it was found right; see `throttle`."""
+    """A password that is being checked. It counts as a failure until the check succeeds; see `throttle`."""
 
     at = models.DateTimeField(default=timezone.now)
     name_digest = models.CharField(max_length=32)

@@ -9,12 +9,12 @@ from fleet.accounts.models import User
 
 
 def person_of(request: HttpRequest) -> User:
-    """The signed-in person. Every page requires one unless it says otherwise."""
+    """Return the signed-in person. Every page requires one, except views with `login_not_required`."""
     if not isinstance(request.user, User):
         raise PermissionDenied("Sign in first.")
     return request.user
 
 
 def wants_json(request: HttpRequest) -> bool:
-    """Return whether a script asks: browsers name HTML, scripts anything else or nothing."""
+    """Return whether a script sent the request: browsers ask for HTML, scripts for JSON or no type."""
     return request.get_preferred_type(["application/json", "text/html"]) == "application/json"

@@ -1,4 +1,4 @@
-"""Questions about people and their sign-ins."""
+"""Read people and their sign-ins."""
 
 from __future__ import annotations
 
@@ -22,9 +22,11 @@ WHERE s.session_id IN ({keys}) AND d.expire_date > %s AND u.is_active
 
 
 def signed_in(people: Collection[tuple[UUID, str]]) -> dict[tuple[UUID, str], User]:
-    """People of those sign-ins (user, session key) that are still valid. One query for all, one more for tokens.
+    """Return the people of those sign-ins (user, session key) that are still valid.
 
-    By a hand-written query: it is asked twice a second about everybody who has a robot's page open.
+    One query; two more for tokens.
+
+    The query is hand-written for speed: it runs twice a second for all people who have a robot's page open.
     """
     asked = set(people)
     keys = {key for _user, key in asked}
@@ -40,14 +42,15 @@ def signed_in(people: Collection[tuple[UUID, str]]) -> dict[tuple[UUID, str], Us
 
 
 def sign_ins_of(user_id: UUID) -> QuerySet[SignIn]:
-    """A person's sign-ins that have not expired, newest use first."""
+    """Return a person's sign-ins that have not expired, last used first."""
     return SignIn.objects.filter(user_id=user_id, session__expire_date__gt=timezone.now())
 
 
 def username_of(typed: str) -> str:
-    """Return the user name of the person who signs in by it or by their e-mail address; unknown: as typed.
+    """Return the user name for a typed user name or e-mail address; an unknown address is returned as typed.
 
-    The address comes first: a user name that is another person's address must not lock that person out.
+    Addresses are looked up first: somebody's user name may be another person's address, and must not lock
+    that person out.
     """
     if "@" not in typed:
         return typed

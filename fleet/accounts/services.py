@@ -28,15 +28,16 @@ from fleet.audit.person_erasure import erase, pseudonym
 from fleet.audit.services import record
 
 FROM_THE_LIST = "ended from the session list"
-NAMES = ("username", "full_name", "email")  # the fields of an account that say who it is
+NAMES = ("username", "full_name", "email")  # the fields of an account that identify the person
 SEEN_EVERY = timedelta(minutes=1)
-_NOTED = "seen_at"  # in the session: when its use was noted last, seconds since 1970
+_NOTED = "seen_at"  # key in the session's data: the time when its use was noted last, seconds since 1970
 
-erased = Signal()  # user: their account is erased; sent in the transaction, so that other apps forget with it
+# Argument: user. Sent when an account is erased, in the same transaction: other apps erase their data, too.
+erased = Signal()
 
 
 def sign_in_begun(request: HttpRequest, user: User) -> SignIn:
-    """List the session of this request among the person's sign-ins, and clear away those that have expired."""
+    """Add the session of this request to the person's sign-ins, and delete those that have expired."""
     Session.objects.filter(sign_in__user=user, expire_date__lt=timezone.now()).delete()
     if request.session.session_key is None:
         request.session.save()
@@ -56,18 +57,18 @@ def sign_in_begun(request: HttpRequest, user: User) -> SignIn:
 
 
 def sign_in_seen(request: HttpRequest) -> None:
-    """Note that the session of this request was used, at most once a minute; its expiry moves along.
+    """Note that the session of this request was used, at most once a minute. This also extends the session.
 
     A session that was ended elsewhere while the request was under way stays ended.
     """
     key = request.session.session_key
-    if key is None:  # a program, or nobody
+    if key is None:  # a program, or nobody is signed in
         return
     now = timezone.now()
-    # The session is read for every page anyhow: so a page in between asks the database nothing.
+    # Every page reads the session's data anyway, so this check needs no query.
     if abs(now.timestamp() - request.session.get(_NOTED, 0.0)) <= SEEN_EVERY.total_seconds():
         return
-    # Not if another request was faster: a save of this one's session would undo its changes.
+    # Not if another request was faster: saving this request's copy of the session would undo its changes.
     if SignIn.objects.filter(session_id=key, seen_at__lt=now - SEEN_EVERY).update(seen_at=now):
         request.session[_NOTED] = now.timestamp()
 
@@ -78,19 +79,19 @@ def sign_in_end(*, user: User, sign_in_id: UUID) -> bool:
 
 
 def sign_ins_end_others(*, user: User, session_key: str, why: str = FROM_THE_LIST) -> int:
-    """End all of the person's sign-ins but this one; how many there were."""
+    """End all of the person's sign-ins except this one. Return their number."""
     return _end(user, sign_ins_of(user.pk).exclude(session_id=session_key), why)
 
 
 def own_password_changed(request: HttpRequest, user: User) -> None:
-    """Only the sign-in of this request goes on, under the new key that Django gave its session."""
+    """End all sign-ins of the person except that of this request, whose session has a new key from Django."""
     sign_in = sign_in_begun(request, user)
     sign_ins_end_others(user=user, session_key=sign_in.session_id, why="password changed")
 
 
 @transaction.atomic
 def password_reset(*, user: User, actor: User | SystemAccount, why: str, tokens: bool) -> int:
-    """End every sign-in of the person, and their tokens if so asked. Returns how many tokens were valid."""
+    """End every sign-in of the person and, with `tokens`, their tokens. Return how many tokens were valid."""
     sign_ins_end_others(user=user, session_key="", why=why)
     return tokens_end(user=user, actor=actor) if tokens else 0
 
@@ -110,7 +111,7 @@ def _end(user: User, sign_ins: QuerySet[SignIn], why: str = FROM_THE_LIST) -> in
 
 
 def time_zone_choose(*, user: User, name: str) -> None:
-    """Show times to this person in this zone; blank: in the lab's. Recorded like every change of an account."""
+    """Set the person's time zone; blank: that of the lab. Recorded like every change of an account."""
     user.time_zone = name
     user.changed_by = user
     user.save(update_fields=["time_zone"])
@@ -118,13 +119,16 @@ def time_zone_choose(*, user: User, name: str) -> None:
 
 @transaction.atomic
 def page_choices_keep(*, user: User, kept: dict[str, Any]) -> None:
-    """Keep these choices of a person beside the others. Nobody else is concerned: they are not recorded."""
+    """Store these choices of a person and keep the others.
+
+    They are not recorded: they concern nobody else.
+    """
     account = User.objects.select_for_update(no_key=True).get(pk=user.pk)
     User.objects.filter(pk=user.pk).update(page_choices={**account.page_choices, **kept})
 
 
 def service_account_make(*, name: str, project: str, actor: User) -> User:
-    """Make an account that belongs to a project: without address and password, for programs with tokens only."""
+    """Make a service account of a project. It has no address and no password: programs use it with tokens."""
     account = User(username=_free_username(name), full_name=name, project=project)
     account.set_unusable_password()
     account.changed_by = actor
@@ -133,7 +137,7 @@ def service_account_make(*, name: str, project: str, actor: User) -> User:
 
 
 def _free_username(name: str) -> str:
-    """Return a user name like this name that no account has, in capitals or not."""
+    """Return a user name similar to this name that no account has; case is ignored."""
     wanted = slugify(name)[:40] or "service"
     taken = {name.lower() for name in User.objects.values_list("username", flat=True)}
     names = (wanted, *(f"{wanted}-{number}" for number in range(2, len(taken) + 3)))
@@ -141,9 +145,9 @@ def _free_username(name: str) -> str:
 
 
 def account_close(*, user: User) -> None:
-    """Close an account for good, so that nothing more is recorded of its person.
+    """Close an account for good, so that nothing more is recorded about its person.
 
-    The changes are not recorded field by field, which would keep what is to be forgotten.
+    The changes are not recorded field by field: such records would contain data that must be erased.
     """
     _end(user, sign_ins_of(user.pk), "account erased")
     for table in (EmailAddress, Authenticator, SocialAccount, Token):
@@ -156,7 +160,10 @@ def account_close(*, user: User) -> None:
 
 
 def account_erase(*, user: User, actor: User | SystemAccount) -> Record:
-    """Close an account, and forget who it was. Interrupted, it is repeated by the user name, or by the new one."""
+    """Close an account and erase the person's names.
+
+    After an interruption, repeat it with the old or new user name.
+    """
     account_close(user=user)
     account = User.objects.filter(pk=user.pk)
     nobody = {"username": f"erased-{user.pk}", "full_name": pseudonym(str(user.pk)), "email": ""}
@@ -174,7 +181,7 @@ def account_erase(*, user: User, actor: User | SystemAccount) -> Record:
 
 
 def _names_of(user: User) -> set[str]:
-    """Return the person's present names, and earlier ones that are still recorded."""
+    """Return the person's current names, and earlier names that are still recorded."""
     names = {user.username, user.full_name, user.email}
     accounts = Record.objects.filter(kind__in=["account.create", "account.change"], content__isnull=False)
     for data in accounts.filter(parameters__user=str(user.pk)).values_list("content__data", flat=True):

@@ -1,4 +1,4 @@
-"""Records sign-ins, sign-outs and failures, deleted accounts, and changes of the ways to sign in."""
+"""Record sign-ins, sign-outs, failed sign-ins, deleted accounts, and changes of the ways to sign in."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _single_sign_on_parted(*, instance: SocialAccount, **_: Any) -> None:
 
 
 def _second_factor_recorded(factor: Authenticator, outcome: str) -> None:
-    """Record a change in its transaction: one that cannot be recorded is not made."""
+    """Record a change in its transaction: a change that cannot be recorded is not made."""
     parameters = {"user": str(factor.user_id), "factor": str(factor.type)}
     record("account.second_factor", actor=_actor(factor.user), outcome=outcome, parameters=parameters)
 
@@ -94,7 +94,10 @@ def _single_sign_on_recorded(account: SocialAccount, outcome: str) -> None:
 
 
 def _actor(owner: User) -> User | SystemAccount:
-    """Return the signed-in person, else who signs in at this moment; at the command line, its account."""
+    """Return the signed-in person, else the owner, who is just signing in.
+
+    At the command line, return the computer account.
+    """
     if context.request is None:
         return here()
     return context.request.user if isinstance(context.request.user, User) else owner
@@ -102,7 +105,7 @@ def _actor(owner: User) -> User | SystemAccount:
 
 @receiver(password_set_by_another)
 def _password_set_by_another(*, user: User, actor: User | SystemAccount, **_: Any) -> None:
-    """Somebody set it who need not know what the person's programs hold: as after a forgotten one, all ends."""
+    """End sign-ins and tokens, as after a forgotten password: the other person may not know of the tokens."""
     services.password_reset(user=user, actor=actor, why="password set by another person", tokens=True)
 
 

@@ -1,4 +1,5 @@
-"""The audit log: persons, their actions with robots, and outcomes. Append-only, chained by digests.
+"""The audit log: people, their actions with robots, and outcomes. Append-only, chained by digests.
 
-`services.record` is the only way in. A robot is known here by its UUID, and nothing is imported from the apps above.
+Records are added only by `services.record` and `record_all`. This app refers to robots by their UUIDs, and
+imports nothing from the apps above.
 """

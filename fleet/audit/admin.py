@@ -1,4 +1,4 @@
-"""The audit log in the admin: lists to read, page by page, and each record by itself; never to change."""
+"""The audit log in the admin: lists, page by page, and a page for each record. Read only."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ LISTS = {
 
 
 class ReadOnly(RecordedAdmin):
-    """Records cannot be added or changed by hand."""
+    """Rows that nobody can add, change or delete by hand."""
 
     def has_add_permission(self, request: HttpRequest) -> bool:
         """Refuse everybody."""
@@ -56,7 +56,7 @@ class ReadOnly(RecordedAdmin):
         return False
 
 
-SUGGESTED = 20  # names of people
+SUGGESTED = 20  # names of people at most that the filter suggests
 
 
 class Line(Struct, frozen=True):
@@ -75,12 +75,12 @@ class Line(Struct, frozen=True):
 
 
 class ListAdmin(ReadOnly):
-    """A list that replaces the admin's own, which would count and sort all rows."""
+    """A list that replaces the admin's own list, which would count and sort all rows."""
 
     outcomes_are: str | Promise = gettext_lazy("Outcome")
 
     def get_urls(self) -> list[URLPattern]:
-        """The list and its export."""
+        """Return the URLs of the list and of its export."""
         wrap = self.admin_site.admin_view
         return [
             path("", wrap(require_safe(self.changelist_view)), name=f"{self._name}_changelist"),
@@ -88,14 +88,14 @@ class ListAdmin(ReadOnly):
         ]
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
-        """One page of it."""
+        """Show one page of the list."""
         self._look(request)
         form = self.form_for(request)
         context = {
             **self.admin_site.each_context(request),
             **(extra_context or {}),
             "title": capfirst(self.opts.verbose_name_plural),
-            "is_nav_sidebar_enabled": False,  # the lists have a row of their own
+            "is_nav_sidebar_enabled": False,  # the page has a row of links to the lists
             "opts": self.opts,
             "lists": lists(self._name),
             "clock_is_doubted": is_doubt_on_record(now().date()),
@@ -109,11 +109,11 @@ class ListAdmin(ReadOnly):
         return TemplateResponse(request, "admin/audit/list.html", context)
 
     def form_for(self, request: HttpRequest) -> FilterForm:
-        """Filters of the list."""
+        """Return the form with the list's filters."""
         raise NotImplementedError
 
     def found(self, request: HttpRequest, form: FilterForm) -> dict[str, Any]:
-        """For the template: `days` with their `Line`s (`by_day`), `count`, links to other pages (`beside`)."""
+        """Return the template's data: `days` with `Line`s (`by_day`), `count`, links to pages (`beside`)."""
         raise NotImplementedError
 
     def export_view(self, request: HttpRequest) -> HttpResponseBase:
@@ -129,7 +129,7 @@ class ListAdmin(ReadOnly):
         return self.exported(request, form, format_)
 
     def exported(self, request: HttpRequest, form: FilterForm, format_: exports.Format) -> HttpResponseBase:
-        """The answer with the file."""
+        """Return the response with the file."""
         raise NotImplementedError
 
     @property
@@ -145,21 +145,21 @@ class RecordsAdmin(ListAdmin):
     """A list of records."""
 
     listing: Listing | None = None  # None: everything
-    without: Sequence[str] = ()  # filters of no use here
+    without: Sequence[str] = ()  # filters that this list does not show
 
     def get_urls(self) -> list[URLPattern]:
-        """The list, its export, and each record."""
+        """Return the URLs of the list, of its export, and of each record."""
         view = self.admin_site.admin_view(require_safe(self.record_view))
         return [*super().get_urls(), path("<int:object_id>/change/", view, name=f"{self._name}_change")]
 
     def form_for(self, request: HttpRequest) -> FilterForm:
-        """Filters that fit the list's kinds."""
+        """Return the form with the filters for the list's kinds."""
         return FilterForm(
             request.GET, kinds=self._kinds(), without=self.without, outcomes_are=self.outcomes_are
         )
 
     def found(self, request: HttpRequest, form: FilterForm) -> dict[str, Any]:
-        """Each request with what came of it."""
+        """Return the template's data: each request with its outcome."""
         selection = Selection(form.wanted(), self._kinds())
         page = selection.page(before=number(request, "before"), after=number(request, "after"))
         return {
@@ -176,7 +176,7 @@ class RecordsAdmin(ListAdmin):
         }
 
     def exported(self, request: HttpRequest, form: FilterForm, format_: exports.Format) -> HttpResponseBase:
-        """Each request with what came of it."""
+        """Return the response with the file: each request with its outcome."""
         return exports.response(
             Selection(form.wanted(), self._kinds()),
             form.wanted(),
@@ -186,7 +186,7 @@ class RecordsAdmin(ListAdmin):
         )
 
     def record_view(self, request: HttpRequest, object_id: int) -> HttpResponse:
-        """One record with all its data."""
+        """Show one record with all its data."""
         self._look(request)
         record = Record.objects.select_related("actor", "real_actor", "content").filter(pk=object_id).first()
         if record is None:
@@ -242,15 +242,15 @@ class RefusalAdmin(RecordsAdmin):
 
 @admin.register(Record)
 class EverythingAdmin(RecordsAdmin):
-    """All there is."""
+    """All records."""
 
     def get_urls(self) -> list[URLPattern]:
-        """Also the names that the person filter suggests."""
+        """Add the URL of the names that the person filter suggests."""
         view = self.admin_site.admin_view(require_safe(self.people_view))
         return [path("people/", view, name="audit_people"), *super().get_urls()]
 
     def people_view(self, request: HttpRequest) -> HttpResponse:
-        """Some names that contain what was typed."""
+        """Return some names that contain the typed text."""
         self._look(request)
         part = request.GET.get("q", "").strip()[:100]
         names = dict.fromkeys(name for _pk, name in people_named(part, SUGGESTED))
@@ -260,7 +260,7 @@ class EverythingAdmin(RecordsAdmin):
 
 
 def lists(current: str) -> list[Link]:
-    """Links between the lists of the log."""
+    """Return the links to the lists of the log."""
     return [Link(text, reverse(f"admin:{name}_changelist"), name == current) for name, text in LISTS.items()]
 
 
@@ -284,7 +284,7 @@ def _line(row: Row) -> Line:
 
 
 def _related(record: Record) -> list[tuple[str, Record, str]]:
-    """The record's request, outcomes and parts, oldest first: word, record, address."""
+    """Return the record's request, outcomes and parts, oldest first: label, record, URL."""
     beside = Record.objects.filter(Q(pk=record.of_id) | Q(of=record)).order_by("pk")
     return [(wording.label(other.kind), other, _url(other)) for other in beside]
 
@@ -297,7 +297,7 @@ def _url(record: Record) -> str:
 
 
 def count_of(count: int | None) -> str:
-    """In words; blank if nobody counted."""
+    """Return the number of records as text; blank if it is not known."""
     if count is None:
         return ""
     return _("more than %s") % f"{COUNTED:,}" if count > COUNTED else f"{count:,}"

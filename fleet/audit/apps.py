@@ -5,7 +5,7 @@ from django.utils.translation import gettext_lazy as _
 
 
 class AuditConfig(AppConfig):
-    """Must not import from the apps above."""
+    """The app. It must not import from the apps above."""
 
     name = "fleet.audit"
     verbose_name = _("Audit log")

@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 
 class SystemAccount(NamedTuple):
-    """A person at the command line of this computer, who has no other name."""
+    """A person at the command line of this computer, known only by the computer account."""
 
     name: str
 
 
 def here() -> SystemAccount:
-    """The account that runs this process."""
+    """Return the computer account that runs this process."""
     try:
         return SystemAccount(pwd.getpwuid(os.getuid()).pw_name)
-    except KeyError:  # a container's number without a name
+    except KeyError:  # in a container, a user number may have no name
         return SystemAccount(str(os.getuid()))

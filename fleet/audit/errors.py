@@ -1,10 +1,11 @@
-"""Errors of the database, and so of the audit log."""
+"""Errors of the audit log, most of them from the database."""
 
 from __future__ import annotations
 
 from typing import Final
 
-# Words of SQLite's and PostgreSQL's messages, and their meaning for the reader. First match counts.
+# Words in error messages of SQLite and PostgreSQL, with a code and a cause for people. The first match
+# counts.
 CAUSES = [
     ("locked", "locked", "another process keeps the database locked"),
     ("lock timeout", "locked", "another process keeps the database locked"),
@@ -20,7 +21,7 @@ CAUSES = [
 class AuditUnavailable(Exception):
     """The audit log cannot be written, so the action must not be done.
 
-    `code` and `text` are those of the refusal to answer with; its rule is "audit".
+    `code`, `text` and `rule` ("audit") are the parts of the refusal that the requester gets.
     """
 
     rule: Final = "audit"
@@ -32,13 +33,13 @@ class AuditUnavailable(Exception):
 
     @classmethod
     def because(cls, error: Exception) -> AuditUnavailable:
-        """The refusal that explains a database error."""
+        """Return the refusal that explains a database error."""
         code, cause = cause_of(error)
         return cls(f"audit_{code}", f"Not done, because it could not be recorded: {cause}.")
 
 
 def cause_of(error: BaseException) -> tuple[str, str]:
-    """A database error in a word for programs and in words for people."""
+    """Return the cause of a database error: a code for programs and a text for people."""
     said = str(error).lower()
     return next(
         ((code, cause) for words, code, cause in CAUSES if words in said),
@@ -63,7 +64,7 @@ class NotPlain(ValueError):
 
 
 class UnknownKind(ValueError):
-    """A record of a kind that does not stand in `fleet.audit.kinds`."""
+    """A record of a kind that is not listed in `fleet.audit.kinds`."""
 
     def __init__(self, kind: str) -> None:
         super().__init__(f"{kind!r} is no kind of record: add it to fleet/audit/kinds.py.")

@@ -1,4 +1,4 @@
-"""All kinds of records, each with its words, retention and list."""
+"""All kinds of records, each with its label, retention class and list."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Kind(Struct, frozen=True):
     label: str | Promise
     kept: Kept = Kept.OTHER
     listing: Listing = Listing.OTHER
-    former: bool = False  # nothing records it any more, and old logs have it
+    former: bool = False  # no longer recorded; old logs contain such records
 
 
 def _speech(label: str | Promise) -> Kind:
@@ -169,7 +169,7 @@ KINDS: dict[str, Kind] = {
 }
 
 
-# Subjects of kinds, for a filter that is read group by group: by the first part of a kind's name.
+# Groups of kinds in the filter, by the first part of a kind's name.
 _GROUPS: tuple[tuple[str | Promise, tuple[str, ...]], ...] = (
     (_("Speech"), ("speech",)),
     (_("Driving and motions"), ("drive", "go", "limb", "pose", "motion", "head", "memory")),
@@ -187,7 +187,7 @@ _GROUPS: tuple[tuple[str | Promise, tuple[str, ...]], ...] = (
 
 
 def grouped(kinds: Iterable[str]) -> list[tuple[str | Promise, list[str]]]:
-    """The kinds by their subject, each group with its name. A group without kinds is left out."""
+    """Return the kinds in groups, each group with its name. A group without kinds is left out."""
     kinds = list(kinds)
     groups = [
         (name, [kind for kind in kinds if kind.split(".")[0] in subjects]) for name, subjects in _GROUPS
@@ -196,5 +196,5 @@ def grouped(kinds: Iterable[str]) -> list[tuple[str | Promise, list[str]]]:
 
 
 def kinds_listed(listing: Listing) -> list[str]:
-    """The kinds that a list shows."""
+    """Return the kinds that a list shows."""
     return [name for name, kind in KINDS.items() if kind.listing == listing]

@@ -11,13 +11,13 @@ from django.utils.translation import gettext_lazy as _
 
 from fleet.audit.errors import AppendOnly
 
-_BESIDES = ["day", "of"]  # in the indexes of records
+_BESIDES = ["day", "of"]  # further columns of most indexes of records
 
 
 class Actor(models.Model):
     """Somebody who did something: an account, by its identifier, or a person at the computer's command line.
 
-    The only table of the log in which anything changes: the name, while the person is not erased.
+    The name may change until the person is erased.
     """
 
     id = models.CharField(primary_key=True, max_length=64)  # the account's UUID, or "system:NAME"
@@ -32,30 +32,31 @@ class Chain(models.Model):
     """A robot with records; the nil UUID stands for no robot. Appending to a chain locks its row."""
 
     id = models.UUIDField(primary_key=True)
-    name = models.CharField(max_length=200, blank=True)  # the robot's, as last heard
+    name = models.CharField(max_length=200, blank=True)  # the robot's name in its latest record
 
     def __str__(self) -> str:
         return self.name or str(self.pk)
 
 
 class Records(models.QuerySet["Record"]):
-    """Records to read."""
+    """Records. They can only be read."""
 
     def update(self, **_fields: Any) -> NoReturn:
-        """Refused: the table is append-only."""
+        """Raise `AppendOnly`: the table is append-only."""
         raise AppendOnly
 
     def delete(self) -> NoReturn:
-        """Refused: the table is append-only."""
+        """Raise `AppendOnly`: the table is append-only."""
         raise AppendOnly
 
 
 class Record(models.Model):
     """One action or its outcome. Never changed.
 
-    `id` is the order number over all, `seq` the place in the chain of the robot (or of no robot), `digest` what ties
-    the record to the one before. Robots are kept by identifier and by the name they had then, without foreign key: a
-    record outlives them, and what it is the outcome of. Triggers in the database refuse what the methods here refuse.
+    `id` is the order number over all chains. `seq` is the place in the chain of the robot (or of no robot).
+    `digest` also covers the record before. The robot is stored by its identifier and its name at that time,
+    without a foreign key: a record is kept longer than the robot, or than the request whose outcome it is.
+    Triggers in the database refuse the same changes as the methods here.
     """
 
     id = models.BigAutoField("order number", primary_key=True)
@@ -65,7 +66,7 @@ class Record(models.Model):
     actor = models.ForeignKey(  # None: the console itself
         Actor, null=True, blank=True, on_delete=models.PROTECT, related_name="records", db_index=False
     )
-    real_actor = models.ForeignKey(  # who really did it, where that is somebody else
+    real_actor = models.ForeignKey(  # the person who really did it, if that is another person
         Actor, null=True, blank=True, on_delete=models.PROTECT, related_name="+", db_index=False
     )
     robot_id = models.UUIDField("robot's id", null=True, blank=True)
@@ -81,11 +82,11 @@ class Record(models.Model):
         on_delete=models.DO_NOTHING,
         related_name="outcomes",
         db_constraint=False,
-        db_index=False,  # `audit_of` is
+        db_index=False,  # the index `audit_of` is used
     )
     outcome = models.CharField(max_length=200, blank=True)
     parameters = models.JSONField(default=dict, blank=True)
-    # "": there never was content
+    # blank: the record never had content
     content_digest = models.CharField(max_length=64, blank=True, editable=False)
     seq = models.BigIntegerField("place in its chain", editable=False)
     digest = models.CharField(max_length=64, editable=False)
@@ -106,7 +107,8 @@ class Record(models.Model):
             models.Index(fields=["kind", "at"], name="audit_kind_at"),
             models.Index(fields=["kind", "id"], name="audit_kind"),
             models.Index(fields=["day", "id"], name="audit_day"),
-            # The columns after the number are other filters of the lists, so that no filter has to read the table.
+            # The columns after `id` serve other filters of the lists, so that no filter has to read the
+            # table.
             models.Index(fields=["robot_id", "id", *_BESIDES, "actor", "kind"], name="audit_robot"),
             models.Index(fields=["actor", "id", *_BESIDES, "robot_id", "kind"], name="audit_by_actor"),
             models.Index(
@@ -124,11 +126,11 @@ class Record(models.Model):
                 name="audit_real_actor",
             ),
             models.Index(fields=["session_id", "id", "of", "actor", "real_actor"], name="audit_session"),
-            # With kind and outcome, or SQLite would rather take an index that begins with these.
+            # With kind and outcome: else SQLite would choose an index that begins with these.
             models.Index(
                 fields=["of", "kind", "outcome"], condition=models.Q(of__isnull=False), name="audit_of"
             ),
-            # For records without actor or robot: PostgreSQL does not use the other indexes in order for NULL.
+            # For records without actor or robot: PostgreSQL does not read other indexes in order for NULL.
             models.Index(
                 fields=["id", "kind", *_BESIDES, "robot_id", "outcome"],
                 condition=models.Q(actor=None),
@@ -145,23 +147,23 @@ class Record(models.Model):
         return f"#{self.pk} {self.kind}"
 
     def save(self, **options: Any) -> None:
-        """Insert; anything else is refused."""
+        """Insert the record. Raises `AppendOnly` for a change."""
         if not self._state.adding:
             raise AppendOnly
         super().save(**options | {"force_insert": True})
 
     def delete(self, using: Any = None, keep_parents: bool = False) -> NoReturn:
-        """Refused: the table is append-only."""
+        """Raise `AppendOnly`: the table is append-only."""
         raise AppendOnly
 
     @property
     def actor_name(self) -> str:
-        """The present name of who did it; blank for the console itself."""
+        """Return the actor's current name; blank for the console itself."""
         return self.actor.name if self.actor else ""
 
     @property
     def details(self) -> dict[str, Any]:
-        """The parameters, and the parts of the rest that are still kept; `text` has words of a person or robot."""
+        """Return the parameters with the content that is still kept; `text`: words of a person or robot."""
         content = self.content_kept
         if content is None:
             return dict(self.parameters)
@@ -170,7 +172,7 @@ class Record(models.Model):
 
     @property
     def content_kept(self) -> Content | None:
-        """Content of this record that may expire, if it is still there."""
+        """Return the content of this record that may expire, if it is still kept."""
         try:
             return self.content
         except Content.DoesNotExist:
@@ -180,7 +182,7 @@ class Record(models.Model):
 class Content(models.Model):
     """Content that may expire or be erased: texts, names, addresses. Inserted and deleted, never changed.
 
-    The record keeps a digest of it, so that its chain verifies with and without.
+    The record keeps a digest of it, so the chain can be verified with the content or without it.
     """
 
     record = models.OneToOneField(Record, primary_key=True, on_delete=models.PROTECT, related_name="content")
@@ -192,14 +194,14 @@ class Content(models.Model):
         return f"content of #{self.pk}"
 
     def save(self, **options: Any) -> None:
-        """Insert; anything else is refused."""
+        """Insert the content. Raises `AppendOnly` for a change."""
         if not self._state.adding:
             raise AppendOnly
         super().save(**options | {"force_insert": True})
 
 
 class ContentSearch(models.Model):
-    """The texts of contents in an index of trigrams: a virtual table of SQLite. See `integrity.triggers`."""
+    """The search index of the texts (trigrams): a virtual table of SQLite. See `integrity.triggers`."""
 
     rowid = models.BigIntegerField(primary_key=True)  # the record's number
     text = models.TextField()
@@ -212,7 +214,7 @@ class ContentSearch(models.Model):
         return f"text of #{self.pk}"
 
 
-# --- what the admin lists -------------------------------------------------------------------------
+# --- lists of the admin ---------------------------------------------------------------------------
 
 
 class SpeechRecord(Record):

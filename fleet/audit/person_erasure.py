@@ -1,4 +1,4 @@
-"""Erase a person: their records stay under a pseudonym, without their texts and names."""
+"""Erase a person: the records stay under a pseudonym, without the person's texts and names."""
 
 from __future__ import annotations
 
@@ -21,11 +21,14 @@ from fleet.audit.models import Actor, Content, Record
 from fleet.audit.retention import empty_wal, take_out
 from fleet.audit.services import record, wait_for_writers
 
-PAUSE_S = 0.02  # between two steps: other writers come in
+PAUSE_S = 0.02  # between two steps, so that others can write
 
 
 def pseudonym(person_id: str) -> str:
-    """The name of somebody who was erased; by the identifier that stands in their records anyway."""
+    """Return the name of an erased person.
+
+    It is made from the identifier, which stays in the records anyway.
+    """
     return f"Person {person_id[:4]}"
 
 
@@ -36,18 +39,18 @@ def erase(
     actor: AbstractUser | SystemAccount | None,
     forget: Callable[[], object],
 ) -> Record:
-    """Erase the person with this identifier, whom the log may also know by `names`; `actor` is who does it.
+    """Erase the person with this identifier and these `names` from the log; `actor` is who does it.
 
-    `forget` removes the names from other tables, in the transaction of the erasure's record. After an interruption
-    before this transaction, repeat the call with the names. After a later one no names are needed: the record lists the
-    contents to remove. Verification of the chain reads there why they are missing. The caller ensures that the person
-    does nothing more.
+    `forget` removes the names from other tables, in the transaction that records the erasure. If the call is
+    interrupted before this transaction, repeat it with the names. If it is interrupted later, repeat it
+    without names: the record lists the contents to remove. Verification of the chain uses this list, too:
+    these contents may be missing. The caller ensures that the person does nothing more.
     """
     newest = Content.objects.aggregate(newest=Max("pk"))["newest"] or 0
-    wait_for_writers()  # numbers below the newest may have been given to some of them
+    wait_for_writers()  # some of them may have numbers below the newest, and have not committed yet
     numbers = _by_or_about(person_id, names, Content.objects.filter(pk__lte=newest))
     with transaction.atomic():
-        numbers |= _by_or_about(person_id, names, Content.objects.filter(pk__gt=newest))  # put in meanwhile
+        numbers |= _by_or_about(person_id, names, Content.objects.filter(pk__gt=newest))  # added since then
         erased = record(
             "audit.erase", actor=actor, parameters={"person": person_id, "records": sorted(numbers)}
         )
@@ -61,7 +64,7 @@ def erase(
 
 
 def _on_record(person_id: str) -> list[int]:
-    """Return the numbers of all records whose contents go with this person, also of interrupted erasures."""
+    """Return the numbers of all records that this person's erasures list, also interrupted erasures."""
     erasures = Record.objects.filter(kind="audit.erase", parameters__person=person_id)
     return sorted(
         {number for erased in erasures.values_list("parameters", flat=True) for number in erased["records"]}
@@ -69,7 +72,7 @@ def _on_record(person_id: str) -> list[int]:
 
 
 def _by_or_about(person_id: str, names: Collection[str], contents: QuerySet[Content]) -> set[int]:
-    """The numbers of those contents that are the person's, or name their identifier or one of their names."""
+    """Return the numbers of the person's contents, and of contents with the person's identifier or a name."""
     readable = contents.annotate(
         facts=Cast("record__parameters", TextField()), details=Cast("data", TextField())
     )
@@ -79,14 +82,14 @@ def _by_or_about(person_id: str, names: Collection[str], contents: QuerySet[Cont
 
 
 def _naming(names: Collection[str], readable: QuerySet[Content]) -> Iterator[int]:
-    """Return the numbers of contents that contain one of the names as a whole word, in the same letters."""
+    """Return the numbers of contents that contain one of the names as a whole word, with the same case."""
     known = {form for name in names if name.strip() for form in (name, unicodedata.normalize("NFC", name))}
     if not known:
         return
     might = Q()
     for name in known:
         might |= Q(text__contains=name)
-        for ascii_only in (True, False):  # JSON as SQLite keeps it, and as PostgreSQL does
+        for ascii_only in (True, False):  # JSON as SQLite stores it, and as PostgreSQL stores it
             might |= Q(details__contains=json.dumps(name, ensure_ascii=ascii_only)[1:-1])
     named = re.compile("|".join(rf"(?<!\w){re.escape(name)}(?!\w)" for name in known))
     for number, text, data in readable.filter(might).values_list("pk", "text", "data").iterator():
@@ -95,7 +98,7 @@ def _naming(names: Collection[str], readable: QuerySet[Content]) -> Iterator[int
 
 
 def _words(value: Any) -> Iterator[str]:
-    """All texts within a JSON value, also keys: the sender of a message names its fields."""
+    """Return all texts in a JSON value, also keys: the sender of a message chooses its field names."""
     match value:
         case str():
             yield value

@@ -12,9 +12,10 @@ from django.urls import reverse
 
 
 class RecordedAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
-    """Changes in this admin are recorded in the audit log, with their actor.
+    """An admin page whose changes are recorded in the audit log, not in Django's own log of the admin.
 
-    The admin's own log would keep people's names for ever: its entries do not expire and survive a person's erasure.
+    Django's log would keep people's names for ever: its entries do not expire, and erasing a person leaves
+    them.
     """
 
     def log_addition(self, request: HttpRequest, obj: Any, message: Any) -> None:  # type: ignore[override]
@@ -28,5 +29,5 @@ class RecordedAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscrip
         return []
 
     def history_view(self, request: HttpRequest, object_id: str, extra_context: Any = None) -> HttpResponse:
-        """The audit log has it."""
+        """Redirect to the audit log."""
         return HttpResponseRedirect(reverse("admin:audit_record_changelist"))

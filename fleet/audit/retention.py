@@ -1,7 +1,8 @@
-"""Retention: deletes texts and records whose time is over. Texts go by their class, whole records by checkpoints.
+"""Retention: delete contents and records that are too old.
 
-Each step is recorded, and is a small transaction, because bridges have records to write meanwhile. The functions are
-iterators that do one step at each `next`.
+Contents expire by their retention class. Whole records are removed up to a checkpoint. Removals are recorded.
+Each step is a small transaction, because bridges write records at the same time. The functions are iterators
+that do one step at each `next`.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from fleet.audit.kinds import KINDS
 from fleet.audit.models import Chain, Content, Record
 from fleet.audit.services import lock_chain, record
 
-# For all settings: verification believes no other checkpoint.
+# The least for all settings: verification accepts no checkpoint that removed younger records.
 RECORDS_KEPT_AT_LEAST = timedelta(days=365)
-# Clocks differ by no more: a record of a later day was made by a wrong clock.
+# The largest allowed difference of clocks: a record of a later day was made with a wrong clock.
 CLOCKS_DIFFER = timedelta(days=1)
-# From one record to the next; after a longer gap the clock may be wrong.
+# The longest gap between two records; after a longer gap the clock may be wrong.
 SILENCE = timedelta(days=40)
 CONTENTS_AT_ONCE = 500
 RECORDS_AT_ONCE = 2000
@@ -38,7 +39,7 @@ log = logging.getLogger(__name__)
 
 
 def remove_expired(now: datetime) -> Iterator[None]:
-    """Remove expired data, unless the clock is doubted: removed data cannot come back.
+    """Remove expired data, unless the clock may be wrong: removed data cannot be restored.
 
     A second call removes nothing.
     """
@@ -56,11 +57,12 @@ def remove_expired(now: datetime) -> Iterator[None]:
 
 
 def clock_is_doubted(today: date) -> bool:
-    """Return whether the log's days leapt less than `SILENCE` ago and nobody has confirmed the clock.
+    """Return whether the clock may be wrong: the log had a gap over `SILENCE`, less than `SILENCE` ago.
 
-    For a clock that is years ahead, everything looks old. A laboratory that was closed looks the same. So wait until
-    the log has continued for `SILENCE` (the doubt is recorded each day), or until somebody confirms the clock. Records
-    are compared by number, so that records between two faults of a clock also count.
+    With a clock that is years ahead, everything looks too old. After a time when the laboratory was closed,
+    the log looks the same. So nothing is removed until the log has continued for `SILENCE` (the doubt is
+    recorded each day), or until somebody confirms the clock. Records are compared in the order of their
+    numbers, so that records between two faults of a clock also count.
     """
     old = Record.objects.filter(day__lte=today - SILENCE).order_by("-pk").values_list("pk", "day").first()
     if old is None:
@@ -74,13 +76,13 @@ def clock_is_doubted(today: date) -> bool:
 
 
 def is_doubt_on_record(today: date) -> bool:
-    """Return whether housekeeping doubts the clock at present, by its last record."""
+    """Return whether housekeeping now doubts the clock, according to its last record."""
     said = Record.objects.filter(kind="audit.clock").order_by("-pk").values_list("outcome", "day").first()
     return said is not None and said[0] == "doubted" and abs(today - said[1]) <= CLOCKS_DIFFER
 
 
 def confirm_clock(actor: AbstractUser | SystemAccount) -> None:
-    """Record that an admin confirmed the clock: data that is too old by it may expire."""
+    """Record that an admin confirmed the clock: data that is too old by this clock may expire."""
     record("audit.clock", actor=actor, outcome="confirmed")
 
 
@@ -96,7 +98,10 @@ def _record_clock_doubt(today: date) -> None:
 
 
 def _record_clock_set_back(today: date) -> None:
-    """Record that the clock was ahead; without other records, its own would be the only ones."""
+    """Record that the clock was ahead.
+
+    This record gives the log a record of today, even if there is no other.
+    """
     newest = Record.objects.order_by("-pk").values_list("day", flat=True).first()
     if newest is not None and newest > today + CLOCKS_DIFFER:
         record("audit.clock", outcome="set_back")
@@ -106,7 +111,7 @@ def _record_clock_set_back(today: date) -> None:
 
 
 def expire_contents(today: date) -> Iterator[None]:
-    """Take out contents whose time is over; the record that says so comes first."""
+    """Record which contents expire, then remove them."""
     due = _misdated(today)
     beside = {"misdated": list(due)} if due else {}
     expired = {}
@@ -122,7 +127,7 @@ def expire_contents(today: date) -> Iterator[None]:
 
 
 def take_out(numbers: Sequence[int]) -> Iterator[None]:
-    """Take out the contents of these records, and their words out of the search."""
+    """Remove the contents of these records, also from the search index."""
     for start in range(0, len(numbers), CONTENTS_AT_ONCE):
         Content.objects.filter(pk__in=numbers[start : start + CONTENTS_AT_ONCE]).delete()
         yield
@@ -135,16 +140,16 @@ def _kept_since(kind: str, today: date) -> date:
 
 
 def _due(kind: str, since: date) -> list[int]:
-    """The numbers of records of that kind, of earlier days, that have content."""
+    """Return the numbers of records of this kind that are older than this day and have content."""
     midnight = datetime(since.year, since.month, since.day, tzinfo=timezone.utc)
     contents = Content.objects.filter(record__kind=kind, record__at__lt=midnight)
     return list(contents.values_list("pk", flat=True))
 
 
 def _misdated(today: date) -> list[int]:
-    """The numbers of records of days to come that have content, and after which something is recorded that is due.
+    """Return the numbers of records with future days whose contents are due, because a later record is due.
 
-    The clock was ahead when they were recorded; by their own day they would be kept until then.
+    The clock was ahead when they were recorded. By their own day they would be kept too long.
     """
     contents = Content.objects.filter(record__day__gt=today + CLOCKS_DIFFER)
     kinds = dict(contents.values_list("pk", "record__kind"))
@@ -153,35 +158,37 @@ def _misdated(today: date) -> list[int]:
 
 
 def _last_before(day: date) -> int:
-    """The highest number of the records of earlier days."""
+    """Return the highest number of the records that are older than this day."""
     return Record.objects.filter(day__lt=day).aggregate(last=Max("pk"))["last"] or 0
 
 
 def _tidy_search() -> Iterator[None]:
-    """Merge the pages of SQLite's index: it keeps removed words until then."""
+    """Merge the pages of SQLite's search index: until then, it keeps removed words."""
     if connection.vendor != "sqlite":
         return
-    pages = -INDEX_PAGES_AT_ONCE  # below zero: begin a merge of everything
+    pages = -INDEX_PAGES_AT_ONCE  # a negative number starts a merge of the whole index
     while _merge(pages):
         pages = INDEX_PAGES_AT_ONCE
         yield
 
 
 def _merge(pages: int) -> bool:
-    """One turn of merging; whether there was something left to do."""
+    """Merge some pages. Return whether there was something to merge."""
     connection.ensure_connection()
     before = connection.connection.total_changes
     with connection.cursor() as cursor:
         cursor.execute(
             "INSERT INTO audit_content_search (audit_content_search, rank) VALUES ('merge', %s)", [pages]
         )
-    return bool(connection.connection.total_changes - before >= 2)  # as the documentation of FTS5 has it
+    return bool(connection.connection.total_changes - before >= 2)  # according to the documentation of FTS5
 
 
 def empty_wal() -> Iterator[None]:
-    """SQLite's write-ahead log keeps deleted content until it is emptied. Empty it without waiting for anybody.
+    """Empty SQLite's write-ahead log, which still contains deleted content.
 
-    Where others read or write all the time it is tried again the next day.
+    Do not wait for other readers or writers.
+
+    If others use the database all the time, it is tried again the next day.
     """
     for _ in range(WAL_TRIES):
         if connection.vendor != "sqlite" or connection.in_atomic_block or _wal_emptied():
@@ -194,7 +201,7 @@ def _wal_emptied() -> bool:
     with connection.cursor() as cursor:
         cursor.execute("PRAGMA busy_timeout")
         [patience] = cursor.fetchone()
-        # else writers would wait for readers
+        # with a timeout, this statement would wait for readers, and writers would wait for it
         cursor.execute("PRAGMA busy_timeout = 0")
         try:
             cursor.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -210,16 +217,16 @@ def _wal_emptied() -> bool:
 class _Old(NamedTuple):
     """The limits of old records."""
 
-    since: date  # records of earlier days
-    through: int  # the highest number of these: up to it, records with future dates are old, too
-    to_come: date  # the first of those days
+    since: date  # records of days before this one are old
+    through: int  # the highest number of an old record: below it, records with future days are old, too
+    to_come: date  # the first future day
 
     def has(self, number: int, day: date) -> bool:
         return day < self.since or (day >= self.to_come and number < self.through)
 
 
 def remove_old_records(today: date) -> Iterator[None]:
-    """Remove records that are older than records are kept. Each step leaves a checkpoint in the chain."""
+    """Remove records that are too old. Each step leaves a checkpoint in the chain."""
     since = today - max(timedelta(days=settings.FLEET_AUDIT_KEEP_RECORDS_DAYS), RECORDS_KEPT_AT_LEAST)
     old = _Old(since, _last_before(since), today + CLOCKS_DIFFER + timedelta(days=1))
     removed = 0
@@ -236,9 +243,9 @@ def remove_old_records(today: date) -> Iterator[None]:
 
 @transaction.atomic
 def _remove_some(chain: Chain, old: _Old) -> int:
-    """Append a checkpoint and remove earlier records, in one transaction: a chain always begins at a checkpoint.
+    """Append a checkpoint and remove earlier records, in one transaction: each removal has a checkpoint.
 
-    How many went.
+    Return the number of removed records.
     """
     robot_id = None if chain.pk == NO_ROBOT else chain.pk
     records = Record.objects.filter(robot_id=robot_id)

@@ -1,7 +1,8 @@
-"""Writing to the audit log.
+"""Write to the audit log.
 
-A record is appended to the chain of its robot, or to the chain without robot. The writer locks the chain until the
-commit: on PostgreSQL by a lock on its row, on SQLite as the only writer. So chains never fork.
+A record is appended to the chain of its robot, or to the chain without robot. The writer locks the chain
+until the commit: on PostgreSQL by a lock on the chain's row, on SQLite as the only writer. So a chain never
+gets two records at one place.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from fleet.audit.models import Actor, Chain, Content, Record
 
 NAME_LENGTH = 200  # characters of a name or an outcome; the rest is cut off
 SALT_BYTES = 16
-BATCH = 500  # rows of one statement
+BATCH = 500  # rows in one statement
 
 
 def record(
@@ -58,12 +59,13 @@ def record(
     did it, if that is somebody else. `session_id` is the control session, `fence` the fence of its lease. `of` is
     the earlier record whose outcome this is; robot, session, fence and request are copied from it unless given.
 
-    `parameters` are kept for ever: plain facts, persons by their identifier, no free text. `text` is what a person
-    wrote or a robot said; it can be searched. `private` has other details. Both expire, and go when a person is erased.
-    Of a text of more than 4 KiB the beginning is kept, and its length.
+    `parameters` are kept as long as the record: plain facts, people by their identifier, no free text. `text`
+    is what a person wrote or a robot said; it can be searched. `private` has other details. `text` and
+    `private` expire, and are removed when a person is erased. A text of more than 4 KiB is cut, and its
+    length is noted.
 
-    Raises `AuditUnavailable` when the database cannot be written: the caller must not do what it wanted to record.
-    `ValueError` for an unknown kind or a value that is no JSON.
+    Raises `AuditUnavailable` when the database cannot be written: then the caller must not do the action.
+    Raises `ValueError` for an unknown kind or a value that is no JSON.
     """
     people = {_id_of(person): person for person in (actor, real_actor) if person is not None}
     new = _new(
@@ -84,7 +86,7 @@ def record(
 
 
 class Said(NamedTuple):
-    """The content of one record, as `record` takes it."""
+    """The content of one record: the same arguments as those of `record`."""
 
     parameters: dict[str, Any]
     text: str = ""
@@ -92,7 +94,10 @@ class Said(NamedTuple):
 
 
 def record_all(kind: str, several: Sequence[Said], *, actor: AbstractUser | SystemAccount | None) -> None:
-    """Append records of one kind and one actor, without robot, in this order. Raises as `record`."""
+    """Append records of one kind and one actor, without robot, in this order.
+
+    Raises the same errors as `record`.
+    """
     people = {_id_of(actor): actor} if actor else {}
     new = [_new(kind, said, actor_id=_id_of(actor) if actor else None) for said in several]
     for record_, _ in new:
@@ -102,13 +107,19 @@ def record_all(kind: str, several: Sequence[Said], *, actor: AbstractUser | Syst
 
 
 def actor_renamed(person: AbstractUser) -> None:
-    """Show a person's records under their present name; an erased person has none. Raises `AuditUnavailable`."""
+    """Show a person's records under the current name, unless the person is erased.
+
+    Raises `AuditUnavailable`.
+    """
     with _in_words():
         Actor.objects.filter(pk=_id_of(person), erased_at=None).update(name=_name(person))
 
 
 def lock_chain(chain_id: uuid.UUID, name: str = "") -> None:
-    """Hold a chain until the commit, and make it if it is new; a chain is shown under the `name` last heard."""
+    """Lock a chain until the commit; make it if it is new.
+
+    A chain is shown under the last `name` that was given.
+    """
     known = _hold(chain_id)
     if known is None:
         Chain.objects.bulk_create([Chain(id=chain_id, name=name)], ignore_conflicts=True)
@@ -118,9 +129,9 @@ def lock_chain(chain_id: uuid.UUID, name: str = "") -> None:
 
 
 def wait_for_writers() -> None:
-    """Wait until all writers have committed, chain by chain: a writer without lock has no number yet.
+    """Wait until all writers have committed, chain by chain: a writer gets record numbers only with the lock.
 
-    Not for the first record of a robot, which has no chain to hold until it is committed.
+    This does not wait for the first record of a robot: nobody else can lock its chain before the commit.
     """
     for chain_id in list(Chain.objects.values_list("pk", flat=True)):
         with _in_words(), transaction.atomic():
@@ -128,7 +139,7 @@ def wait_for_writers() -> None:
 
 
 def _copy_from_request(new: Record, earlier: Record | None, request_id: uuid.UUID | None) -> None:
-    """Copy from the request of an outcome the fields that are not given."""
+    """Copy the fields that are not given from the request of this outcome."""
     if earlier is not None:
         new.of = earlier
         new.robot_id = new.robot_id or earlier.robot_id
@@ -150,7 +161,7 @@ _New = tuple[Record, Content | None]
 
 
 def _new(kind: str, said: Said, **fields: Any) -> _New:
-    """Return a record without its place, and its content. Raises `UnknownKind`, `ValueError`."""
+    """Return a record, which has no place yet, and its content. Raises `UnknownKind` or `ValueError`."""
     if kind not in KINDS:
         raise UnknownKind(kind)
     new = Record(kind=kind, parameters=plain(said.parameters, bounded_text), **fields)
@@ -161,9 +172,9 @@ def _new(kind: str, said: Said, **fields: Any) -> _New:
 
 
 def _append(new: Sequence[_New], people: dict[str, AbstractUser | SystemAccount]) -> None:
-    """Give the records, all of one chain, their places in it, and insert them.
+    """Give these records of one chain their places in it, and insert them.
 
-    Numbers grow with the places; so do times, unless somebody sets the clock back.
+    Numbers grow with the places. Times grow, too, unless somebody sets the clock back.
     """
     if not new:
         return
@@ -188,12 +199,12 @@ def _append(new: Sequence[_New], people: dict[str, AbstractUser | SystemAccount]
 
 
 def _hold(chain_id: uuid.UUID) -> str | None:
-    """The name of the chain, which is ours until the commit; None: there is no such chain yet."""
+    """Lock a chain until the commit and return its name; None: there is no such chain yet."""
     return Chain.objects.select_for_update().filter(pk=chain_id).values_list("name", flat=True).first()
 
 
 def _know(people: dict[str, AbstractUser | SystemAccount]) -> None:
-    """Ensure that an actor has a row; an existing row keeps its name."""
+    """Ensure that each actor has a row; an existing row keeps its name."""
     if not people:
         return
     known = set(Actor.objects.filter(pk__in=people).values_list("pk", flat=True))
@@ -203,7 +214,7 @@ def _know(people: dict[str, AbstractUser | SystemAccount]) -> None:
 
 
 def _next_numbers(count: int) -> list[int]:
-    """The next order numbers, ascending. On SQLite nobody else writes until the commit."""
+    """Return the next order numbers, ascending. On SQLite nobody else writes until the commit."""
     with connection.cursor() as cursor:
         if connection.vendor == "sqlite":
             cursor.execute("SELECT COALESCE(MAX(id), 0) + 1 FROM audit_record")
@@ -219,7 +230,7 @@ def _next_numbers(count: int) -> list[int]:
 def _content(text: str, private: dict[str, Any]) -> Content | None:
     if not text and not private:
         return None
-    # NFC-normalised, like search terms.
+    # normalised to NFC, like search words
     said = bounded_text(unicodedata.normalize("NFC", text))
     return Content(text=said, data=plain(private, bounded_text), salt=secrets.token_hex(SALT_BYTES))
 

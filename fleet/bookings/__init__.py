@@ -1,1 +1,1 @@
-"""Bookings: time on robots. The database refuses two that overlap, named rules what a lab does not allow."""
+"""Bookings: time on robots. The database refuses bookings that overlap; `rules` has the rules of the lab."""

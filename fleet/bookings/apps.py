@@ -5,7 +5,7 @@ from django.utils.translation import gettext_lazy as _
 
 
 class BookingsConfig(AppConfig):
-    """Lets the audit log's verification know the triggers of this app."""
+    """The app. It registers its triggers, so that the audit log's verification expects them."""
 
     name = "fleet.bookings"
     verbose_name = _("Bookings")
@@ -14,6 +14,6 @@ class BookingsConfig(AppConfig):
         """Register the triggers and the receivers."""
         from fleet.audit.integrity import triggers
         from fleet.bookings import overlaps
-        from fleet.bookings.changes import lost_rights, policy_changes  # noqa: F401 - they hear of changes
+        from fleet.bookings.changes import lost_rights, policy_changes  # noqa: F401 - they receive signals
 
         triggers.expect("sqlite", overlaps.TRIGGERS)

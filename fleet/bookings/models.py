@@ -28,7 +28,7 @@ DAY_NAMES = (
 
 
 class State(models.TextChoices):
-    """The state of a booking as stored. "In use" and "over" follow from the time: `selectors.stage_of`."""
+    """The stored state of a booking. "In use" and "over" depend on the time: `selectors.stage_of`."""
 
     BOOKED = "booked", _("booked")
     AWAITING = "awaiting", _("awaiting approval")  # holds the slot
@@ -41,8 +41,8 @@ class State(models.TextChoices):
 class Booking(models.Model):
     """One person's time on one robot: the half-open interval from `starts_at` to `ends_at`, UTC.
 
-    `held_until` is the end of the time in which others cannot book: earlier than `ends_at` once the rest was given
-    up. It is the only column that overlaps are judged by.
+    `held_until` is the end of the time in which others cannot book. It is earlier than `ends_at` if the rest
+    was given up. Overlaps are found by `starts_at` and `held_until`, never by `ends_at`.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
@@ -68,17 +68,15 @@ class Booking(models.Model):
         verbose_name=_("course"),
     )
     purpose = models.CharField(_("purpose"), max_length=120, blank=True)
-    series = models.UUIDField(null=True, blank=True)  # common to the bookings of a weekly series
+    series = models.UUIDField(null=True, blank=True)  # the same for all bookings of a weekly series
     overridden = models.BooleanField(null=True)  # booked or moved against the policy, with a recorded reason
-    used_at = models.DateTimeField(
-        null=True, blank=True
-    )  # the person took control in this slot for the first time
+    used_at = models.DateTimeField(null=True, blank=True)  # when the person first took control in this slot
     offer_until = models.DateTimeField(null=True, blank=True)
     reminded_at = models.DateTimeField(null=True, blank=True)
     version = models.PositiveIntegerField(
         default=1
-    )  # grows with each change: two tabs cannot overwrite each other
-    made_at = models.DateTimeField()  # or moved to another start, approved, accepted: it stands since then
+    )  # grows with each change, so that two tabs cannot overwrite each other's changes
+    made_at = models.DateTimeField()  # when it was made, moved to another start, approved or accepted
 
     class Meta:
         ordering = ["starts_at"]
@@ -107,7 +105,7 @@ def _minutes(least: int, most: int) -> list[MinValueValidator | MaxValueValidato
 class Policy(models.Model):
     """The booking policy of one robot, of a robot group, or of all robots (both empty).
 
-    A robot's own comes before that of a group, of several groups the first by name, and that before the one for all.
+    A robot follows its own policy, else that of its group (the first group by name), else that of all robots.
     """
 
     robot = models.OneToOneField(
@@ -126,7 +124,7 @@ class Policy(models.Model):
         related_name="booking_policy",
         verbose_name=_("robot group"),
     )
-    # By weekday in the lab's zone: {"mon": ["08:00", "20:00"]}. A weekday that is missing is closed; empty: always.
+    # By weekday in the lab's zone: {"mon": ["08:00", "20:00"]}. Missing weekday: closed. Empty: always open.
     opening = models.JSONField(_("opening hours"), default=dict, blank=True)
     shortest_min = models.PositiveIntegerField(
         _("shortest slot, minutes"), default=15, validators=_minutes(1, 1440)
@@ -160,7 +158,7 @@ class Policy(models.Model):
     )
     grace_min = models.PositiveIntegerField(
         _("free again if not used for, minutes"), default=15, validators=_minutes(5, 1440)
-    )  # no less than the warning that a driver in free time gets before the slot
+    )  # not shorter than the warning that a driver in free time gets before the slot
     needs_approval = models.BooleanField(_("a supervisor approves each booking"), default=False)
     free_time = models.BooleanField(_("unbooked time is free to take"), default=True)
 
@@ -172,7 +170,7 @@ class Policy(models.Model):
         return str(self.robot or self.group or _("all robots"))
 
     def clean(self) -> None:
-        """Refuse hours and lengths that exclude each other."""
+        """Refuse opening hours and slot lengths that contradict each other."""
         for day, (opens, closes) in self.opening.items():
             if closes <= opens:
                 name = DAY_NAMES[WEEKDAYS.index(day)]
@@ -182,7 +180,7 @@ class Policy(models.Model):
 
     @property
     def of(self) -> str:
-        """Return the name of what it is for."""
+        """Return the name of the robot or group of this policy."""
         return self.robot.name if self.robot else self.group.name if self.group else gettext("all robots")
 
 
@@ -223,9 +221,9 @@ class OutOfService(models.Model):
 
 
 class Waiting(models.Model):
-    """A person in line for a robot: for a slot that is taken, or, without times, for control as soon as it is free.
+    """A person in line for a robot: for a taken slot, or, without times, for control as soon as it is free.
 
-    The first who came gets the first offer. People who wait for control wait in one tab, and leave with its page.
+    The first person gets the first offer. People who wait for control leave the line when their tab closes.
     """
 
     robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="waiting")
@@ -233,12 +231,12 @@ class Waiting(models.Model):
     starts_at = models.DateTimeField(null=True, blank=True)
     ends_at = models.DateTimeField(null=True, blank=True)
     since = models.DateTimeField()
-    # Of those who wait for control:
+    # Only for people who wait for control:
     tab = models.CharField(max_length=64, blank=True)
     sign_in = models.CharField(max_length=64, blank=True)
     connection = models.CharField(max_length=64, blank=True)
-    seen_at = models.DateTimeField(null=True, blank=True)  # their page, by its web process
-    offer_until = models.DateTimeField(null=True, blank=True)  # control is theirs to take until then
+    seen_at = models.DateTimeField(null=True, blank=True)  # when the web process last saw the page
+    offer_until = models.DateTimeField(null=True, blank=True)  # the person may take control until then
 
     class Meta:
         ordering = ["since", "id"]
@@ -254,7 +252,7 @@ class Waiting(models.Model):
 
 
 class FeedAddress(models.Model):
-    """A private address at which calendar programs read a person's bookings, or those of one robot.
+    """A private URL at which calendar programs read the bookings of one person or of one robot.
 
     Only its digest is stored. A new address for the same purpose replaces the old one.
     """
@@ -275,7 +273,7 @@ class FeedAddress(models.Model):
 class Notification(models.Model):
     """A notification of a person: a notice on the pages until they have seen it, and an e-mail.
 
-    It is stored with the change that it tells; housekeeping sends the e-mail.
+    It is stored in the transaction of the change that it reports; housekeeping sends the e-mail.
     """
 
     person = models.ForeignKey(
@@ -284,12 +282,12 @@ class Notification(models.Model):
     subject = models.CharField(max_length=200)
     text = models.TextField()
     made_at = models.DateTimeField()
-    claimed_at = models.DateTimeField(null=True, blank=True)  # by the process that sends it
+    claimed_at = models.DateTimeField(null=True, blank=True)  # when a process last began to send it
     sent_at = models.DateTimeField(null=True, blank=True)
-    seen_at = models.DateTimeField(null=True, blank=True)  # the person closed the notice
+    seen_at = models.DateTimeField(null=True, blank=True)  # when the person closed the notice
 
     class Meta:
-        db_table = "bookings_letter"  # the model's first name
+        db_table = "bookings_letter"  # the former name of the model was Letter
         indexes = [
             models.Index(fields=["made_at"], condition=Q(sent_at=None), name="letters_to_send"),
             models.Index(fields=["person"], condition=Q(seen_at=None), name="letters_to_show"),

@@ -1,7 +1,7 @@
-"""The database itself refuses two bookings of one robot that overlap.
+"""Constraints of the database that refuse two overlapping bookings of one robot.
 
 PostgreSQL has an exclusion constraint, SQLite two triggers. Both compare the half-open interval from `starts_at` to
-`held_until`, which is empty for a booking that was cancelled in time. Both refusals contain `NAME`.
+`held_until`, which is empty for a booking that was cancelled in time. The errors of both contain `NAME`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _TAKEN = f"""
         AND other.held_until > other.starts_at
     )
     BEGIN SELECT RAISE(ABORT, '{NAME}'); END
-"""  # noqa: S608  # nothing in it comes from outside
+"""  # noqa: S608  # no part of it comes from outside
 
 TRIGGERS = {
     f"{NAME}_insert": f"CREATE TRIGGER {NAME}_insert BEFORE INSERT ON bookings_booking WHEN {_TAKEN}",

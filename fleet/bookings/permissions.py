@@ -1,7 +1,8 @@
-"""Permissions of a person on bookings of others.
+"""Permissions of a person on other people's bookings.
 
-Staff, and supervisors who have this role on the robot itself, manage all bookings of the robot and its policy. The
-supervisors of a course manage those of the course: its robots serve other courses, too.
+Staff, and people with the supervisor role on the robot itself, manage all bookings of the robot and its
+policy. The supervisors of a course manage only bookings of the course: its robots may serve other courses,
+too.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ from robots.registry.models import Robot
 
 
 def may_manage_booking(person: User, booking: Booking) -> bool:
-    """Return whether the person may change and approve a booking that is not theirs."""
+    """Return whether the person may change and approve this booking of another person."""
     return manages_robot(person, booking.robot) or _manages(person, booking.course)
 
 
 def bookings_managed_by(person: User, bookings: QuerySet[Booking]) -> QuerySet[Booking]:
-    """Return those of these bookings that `may_manage_booking` allows."""
+    """Return the bookings among these that `may_manage_booking` allows."""
     robots, courses = robots_managed_by(person), courses_managed_by(person)
     return bookings.filter(
         Q(robot__in=robots.values("pk").order_by()) | Q(course__in=courses.values("pk").order_by())
@@ -32,7 +33,7 @@ def bookings_managed_by(person: User, bookings: QuerySet[Booking]) -> QuerySet[B
 
 
 def awaiting_approval(person: User, now: datetime) -> list[Booking]:
-    """Return the bookings that the person may approve, earliest first: none whose grace time is over."""
+    """Return the bookings that the person may approve, earliest first. Their grace time is not over."""
     waits = bookings_managed_by(person, Booking.objects.filter(state=State.AWAITING, held_until__gt=now))
     found = list(waits.select_related("robot", "person").order_by("starts_at"))
     policies = policies_of({one.robot for one in found})
@@ -49,8 +50,8 @@ def may_book_for(person: User, owner: User, robot: Robot, at: datetime) -> bool:
 def knows(person: User, other: User, robot: Robot, at: datetime) -> bool:
     """Return whether the person may learn that the account of `other` exists.
 
-    Staff know everybody; a supervisor of the robot knows those who have a role on it at that moment, a supervisor of a
-    course its people.
+    Staff may learn of everybody, a supervisor of the robot of people with a role on the robot at that moment,
+    a supervisor of a course of the people in it.
     """
     if person.is_staff or person == other:
         return True

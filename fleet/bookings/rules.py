@@ -1,7 +1,7 @@
-"""The rules of booking, as pure functions: no clock, no database. `RULES` lists them.
+"""The rules of booking, as pure functions: they use no clock and no database. `RULES` lists them.
 
-A rule returns None if it allows the wish, else a refusal that names the rule, its limit and the remedy. All rules
-that refuse are reported at once. Days, weeks and opening hours are those of the lab's time zone.
+A rule returns None if it allows the wish, else a refusal with the rule, its limit and the remedy. The
+refusals of all rules are reported together. Days, weeks and opening hours are those of the lab's time zone.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from robots.access.models import Course
 from robots.registry.models import Role
 from robots.wire import Refusal
 
-FAR = datetime.max.replace(tzinfo=timezone.utc)  # the end of what has no end
+FAR = datetime.max.replace(tzinfo=timezone.utc)  # stands for "no end"
 LONGEST = timedelta(
     days=7
-)  # of a slot, whatever the policy says: readers look no farther back for one that still runs
+)  # the longest slot under every policy: queries for slots that still run go back only so far
 MOST_DAYS = 3650  # a booking farther ahead than this is a typing error
 
 
@@ -34,7 +34,7 @@ class Slot(Struct, frozen=True):
 
     @property
     def minutes(self) -> float:
-        """Return its length."""
+        """Return the length in minutes."""
         return (self.ends_at - self.starts_at).total_seconds() / 60.0
 
     def overlaps(self, other: Slot) -> bool:
@@ -42,21 +42,21 @@ class Slot(Struct, frozen=True):
         return self.starts_at < other.ends_at and other.starts_at < self.ends_at
 
     def shared_minutes(self, other: Slot) -> float:
-        """Return the length of the common part."""
+        """Return the length of the common part in minutes."""
         starts, ends = max(self.starts_at, other.starts_at), min(self.ends_at, other.ends_at)
         return max(0.0, (ends - starts).total_seconds() / 60.0)
 
     def within(self, other: Slot) -> bool:
-        """Return whether it lies wholly in the other."""
+        """Return whether this slot lies completely inside the other."""
         return other.starts_at <= self.starts_at and self.ends_at <= other.ends_at
 
 
 class Taken(Struct, frozen=True):
-    """Time that is not free: a booking with the name of person or robot, or why the robot is out of service."""
+    """Time that is not free: a booking, or a time when the robot is out of service."""
 
     slot: Slot
-    label: str
-    own: bool = False  # it is a booking of the person who wants the slot
+    label: str  # the name of the person or robot of a booking, or the reason why the robot is out of service
+    own: bool = False  # a booking of the person who wants the slot
 
 
 class Quota(Struct, frozen=True):
@@ -66,13 +66,13 @@ class Quota(Struct, frozen=True):
     day_min: int | None = None
     week_min: int | None = None
     at_once: int | None = None
-    course_week_min: int | None = None  # of all its people together
+    course_week_min: int | None = None  # for all its people together
     own: tuple[Slot, ...] = ()  # the person's bookings in the course
-    all: tuple[Slot, ...] = ()  # those of all its people
+    all: tuple[Slot, ...] = ()  # the bookings of all its people
 
 
 class Wish(Struct, frozen=True):
-    """A slot that a person wants, and the facts by which the rules judge it."""
+    """A slot that a person wants, and the facts that the rules check."""
 
     robot: str  # name
     slot: Slot
@@ -80,26 +80,24 @@ class Wish(Struct, frozen=True):
     policy: Policy
     lab: ZoneInfo
     zone: ZoneInfo  # of the person who reads the refusals
-    start_kept: bool = False  # of a booking that is changed: its start was judged when it was booked
+    start_kept: bool = False  # a booking is changed and keeps its start, which was checked when it was booked
     role: Role | None = None  # from the slot's start to its end
-    role_until: date | None = None  # the last day on which the person may drive the robot by a course
+    role_until: date | None = None  # the last day on which a course lets the person drive the robot
     missing: tuple[str, ...] = ()  # qualifications that the person lacks at the start
     qualified_until: datetime | None = None  # when the first required qualification expires
     own: tuple[Slot, ...] = ()  # the person's other bookings, of every robot
-    own_here: tuple[Slot, ...] = ()  # those of this robot
+    own_here: tuple[Slot, ...] = ()  # the person's other bookings of this robot
     beside: tuple[Taken, ...] = ()  # the person's bookings of other robots, with robot names, without lessons
-    lesson: bool = False  # of a course: one teacher has several robots
-    course: Course | None = (
-        None  # for which the slot counts, of those by which the person may drive the robot
-    )
+    lesson: bool = False  # a lesson of a course: a teacher may book several robots at once
+    course: Course | None = None  # the slot counts for this course, which lets the person drive the robot
     quota: Quota | None = None  # of that course
-    wrong_course: str = ""  # the name of the chosen one, if it does not let the person drive the robot
+    wrong_course: str = ""  # the name of the chosen course, if it does not let the person drive the robot
     taken: tuple[Taken, ...] = ()  # bookings of the robot that overlap
     out: tuple[Taken, ...] = ()  # out-of-service periods that overlap
-    busy: tuple[Taken, ...] = ()  # both kinds, of the week from the slot's start on
+    busy: tuple[Taken, ...] = ()  # bookings and out-of-service periods in the week from the slot's start on
 
     def local(self, moment: datetime) -> str:
-        """Return a moment in the reader's zone, in words."""
+        """Return a moment as text in the reader's zone."""
         return shown(moment, self.zone)
 
 
@@ -107,12 +105,12 @@ Rule = Callable[[Wish], Refusal | None]
 
 
 def shown(moment: datetime, zone: ZoneInfo) -> str:
-    """Return a moment for people: weekday, date, time."""
+    """Return a moment as text for people: weekday, date, time."""
     return f"{moment.astimezone(zone):%a %d %b %Y, %H:%M}"
 
 
 def duration(minutes: float) -> str:
-    """Return a length of time for people."""
+    """Return a length of time as text for people."""
     whole = round(minutes)
     if whole % 1440 == 0 and whole:
         return f"{whole // 1440} days" if whole > 1440 else "1 day"
@@ -126,7 +124,7 @@ def _no(code: str, text: str, **figures: float | int | str | None) -> Refusal:
 
 
 def _not_by(policy: Policy, code: str, text: str, **figures: float | int | str | None) -> Refusal:
-    """Return a refusal by a policy, which it names: people ask those who set it."""
+    """Return a refusal by a policy. The text names the policy, so that people know whom to ask."""
     return _no(code, f"{text} (Policy of {policy.of}.)", **figures, policy=policy.of)
 
 
@@ -134,7 +132,7 @@ def _not_by(policy: Policy, code: str, text: str, **figures: float | int | str |
 
 
 def in_order(wish: Wish) -> Refusal | None:
-    """The end comes after the start."""
+    """Check that the end comes after the start."""
     if wish.slot.ends_at > wish.slot.starts_at:
         return None
     if wish.slot.ends_at == wish.slot.starts_at:
@@ -143,7 +141,10 @@ def in_order(wish: Wish) -> Refusal | None:
 
 
 def not_in_past(wish: Wish) -> Refusal | None:
-    """A slot begins now or later. The present minute counts as now. A slot that runs ends later than now."""
+    """Check that a slot begins in this minute or later.
+
+    If its start is kept, check that it ends in the future.
+    """
     if wish.start_kept and wish.slot.ends_at > wish.now:
         return None
     if wish.start_kept:
@@ -159,7 +160,7 @@ def not_in_past(wish: Wish) -> Refusal | None:
 
 
 def has_role(wish: Wish) -> Refusal | None:
-    """Only a person who may drive the robot books it."""
+    """Check that the person may drive the robot."""
     if wish.role is not None and wish.role >= Role.OPERATOR:
         return None
     ask = "ask the staff, or your course’s supervisor."
@@ -170,7 +171,7 @@ def has_role(wish: Wish) -> Refusal | None:
 
 
 def qualified(wish: Wish) -> Refusal | None:
-    """The person holds the qualifications that the robot demands, until the end of the slot."""
+    """Check that the person has the qualifications that the robot demands, until the end of the slot."""
     until = wish.qualified_until
     if not wish.missing and (until is None or wish.slot.ends_at <= until):
         return None
@@ -184,7 +185,7 @@ def qualified(wish: Wish) -> Refusal | None:
 
 
 def by_a_course(wish: Wish) -> Refusal | None:
-    """The course that the person chose lets them drive the robot."""
+    """Check that the chosen course lets the person drive the robot."""
     if not wish.wrong_course:
         return None
     text = f"{wish.wrong_course} does not let you drive {wish.robot} at this time: choose another course."
@@ -192,7 +193,7 @@ def by_a_course(wish: Wish) -> Refusal | None:
 
 
 def ends_some_day(wish: Wish) -> Refusal | None:
-    """No slot lasts longer than `LONGEST`, whatever the reason: staff cannot override it."""
+    """Check that the slot is not longer than `LONGEST`. Staff cannot override this rule."""
     if wish.slot.ends_at - wish.slot.starts_at <= LONGEST:
         return None
     return _no(
@@ -206,8 +207,8 @@ def ends_some_day(wish: Wish) -> Refusal | None:
 
 
 def is_free(wish: Wish) -> Refusal | None:
-    """No other booking of the robot overlaps."""
-    if not wish.taken or wish.slot.ends_at <= wish.now:  # nobody can wait for a slot that is past
+    """Check that no other booking of the robot overlaps."""
+    if not wish.taken or wish.slot.ends_at <= wish.now:  # nobody can wait for a slot in the past
         return None
     first = wish.taken[0]
     until = max(one.slot.ends_at for one in wish.taken)
@@ -224,7 +225,7 @@ def is_free(wish: Wish) -> Refusal | None:
 
 
 def in_service(wish: Wish) -> Refusal | None:
-    """The robot is in service during the whole slot."""
+    """Check that the robot is in service during the whole slot."""
     if not wish.out:
         return None
     period = wish.out[0]
@@ -242,7 +243,7 @@ def in_service(wish: Wish) -> Refusal | None:
 
 
 def in_opening_hours(wish: Wish) -> Refusal | None:
-    """The slot lies within the opening hours."""
+    """Check that the slot lies within the opening hours."""
     hours: dict[str, list[str]] = wish.policy.opening
     if not hours:
         return None
@@ -273,7 +274,7 @@ def _at(day: date, clock: str, lab: ZoneInfo) -> datetime:
 
 
 def _in_words(hours: dict[str, list[str]]) -> str:
-    """Return the opening hours, equal neighbours together: "Mon-Fri 08:00-20:00"."""
+    """Return the opening hours as text. Days in a row with equal hours are joined: "Mon-Fri 08:00-20:00"."""
     spans: list[tuple[str, str, str]] = []
     for day in WEEKDAYS:
         if day not in hours:
@@ -291,7 +292,7 @@ def _in_words(hours: dict[str, list[str]]) -> str:
 
 
 def long_enough(wish: Wish) -> Refusal | None:
-    """The slot is at least as long as the shortest allowed."""
+    """Check that the slot is not shorter than the policy allows."""
     least = wish.policy.shortest_min
     if wish.slot.minutes >= least:
         return None
@@ -300,7 +301,7 @@ def long_enough(wish: Wish) -> Refusal | None:
 
 
 def short_enough(wish: Wish) -> Refusal | None:
-    """The slot is at most as long as the longest allowed."""
+    """Check that the slot is not longer than the policy allows."""
     most = wish.policy.longest_min
     if wish.slot.minutes <= most or wish.slot.ends_at - wish.slot.starts_at > LONGEST:
         return None
@@ -309,7 +310,7 @@ def short_enough(wish: Wish) -> Refusal | None:
 
 
 def within_horizon(wish: Wish) -> Refusal | None:
-    """The slot is not farther ahead than the policy allows."""
+    """Check that the slot is not farther ahead than the policy allows."""
     last = wish.now + timedelta(days=wish.policy.horizon_days)
     if wish.slot.starts_at <= last:
         return None
@@ -319,7 +320,7 @@ def within_horizon(wish: Wish) -> Refusal | None:
 
 
 def with_notice(wish: Wish) -> Refusal | None:
-    """The slot begins after the notice that the policy asks for."""
+    """Check that the slot begins after the notice that the policy demands."""
     notice = wish.policy.notice_min
     first = wish.now + timedelta(minutes=notice)
     if not notice or wish.start_kept or wish.slot.starts_at >= first:
@@ -329,24 +330,24 @@ def with_notice(wish: Wish) -> Refusal | None:
 
 
 def within_day_quota(wish: Wish) -> Refusal | None:
-    """The person's minutes of each day stay within the quota."""
+    """Check that the person's minutes of each day stay within the policy's quota."""
     return _quota(wish, wish.policy.day_min, wish.own, _days(wish), "day", "You may")
 
 
 def within_week_quota(wish: Wish) -> Refusal | None:
-    """The person's minutes of each week stay within the quota."""
+    """Check that the person's minutes of each week stay within the policy's quota."""
     return _quota(wish, wish.policy.week_min, wish.own, _weeks(wish), "week", "You may")
 
 
 def within_course_day_quota(wish: Wish) -> Refusal | None:
-    """The person's minutes of each day stay within the course's quota."""
+    """Check that the person's minutes of each day stay within the course's quota."""
     if (quota := wish.quota) is None:
         return None
     return _quota(wish, quota.day_min, quota.own, _days(wish), "day", f"In {quota.course} you may", "course_")
 
 
 def within_course_week_quota(wish: Wish) -> Refusal | None:
-    """The person's minutes of each week stay within the course's quota."""
+    """Check that the person's minutes of each week stay within the course's quota."""
     if (quota := wish.quota) is None:
         return None
     return _quota(
@@ -355,7 +356,7 @@ def within_course_week_quota(wish: Wish) -> Refusal | None:
 
 
 def within_common_quota(wish: Wish) -> Refusal | None:
-    """The minutes of all people of the course stay within its quota of each week."""
+    """Check that the minutes of all people of the course stay within its quota of each week."""
     if (quota := wish.quota) is None:
         return None
     who = f"All of {quota.course} together may"
@@ -385,12 +386,12 @@ def _quota(
 
 
 def within_count(wish: Wish) -> Refusal | None:
-    """The person has not too many bookings to come."""
+    """Check that the person does not have too many future bookings."""
     return _count(wish, wish.policy.at_once, wish.own, "You", "open", partial(_not_by, wish.policy))
 
 
 def within_course_count(wish: Wish) -> Refusal | None:
-    """The person has not too many bookings to come in the course."""
+    """Check that the person does not have too many future bookings in the course."""
     if (quota := wish.quota) is None:
         return None
     return _count(wish, quota.at_once, quota.own, f"In {quota.course} you", "course_open", _no)
@@ -412,7 +413,7 @@ def _count(
 
 
 def within_robots_at_once(wish: Wish) -> Refusal | None:
-    """The person has not booked too many other robots for the same time. Lessons of a course do not count."""
+    """Check that the person has not booked too many other robots for the same time. Lessons do not count."""
     most = wish.policy.robots_at_once
     beside = [one for one in wish.beside if one.slot.overlaps(wish.slot)]
     starts = [max(one.slot.starts_at, wish.slot.starts_at) for one in beside]
@@ -431,7 +432,7 @@ def _robots_at(moment: datetime, slots: Sequence[Taken]) -> int:
 
 
 def with_gap(wish: Wish) -> Refusal | None:
-    """Between two bookings of one person on this robot there is a gap."""
+    """Check the gap between two bookings of this robot by the same person."""
     gap = timedelta(minutes=wish.policy.gap_min)
     around = Slot(wish.slot.starts_at - gap, wish.slot.ends_at + gap)
     near = [slot for slot in wish.own_here if slot.overlaps(around)]
@@ -472,12 +473,15 @@ COURSE_QUOTAS: tuple[Rule, ...] = (
     within_common_quota,
     within_course_count,
 )
-# Staff may override the others, with a reason that is recorded.
+# Nobody can override these rules. People who manage the robot may override others, with a recorded reason.
 BINDING: tuple[Rule, ...] = (in_order, not_in_past, ends_some_day, is_free)
 
 
 def refusals(wish: Wish, *, override: bool = False) -> list[Refusal]:
-    """Return all refusals of a wish. A slot that is no interval, or lies beyond all reason, gets only that one."""
+    """Return all refusals of a wish.
+
+    An impossible slot (backwards, too long, too far ahead) gets only one.
+    """
     for beyond in (in_order, ends_some_day):
         if (first := beyond(wish)) is not None:
             return [first]
@@ -490,12 +494,15 @@ def refusals(wish: Wish, *, override: bool = False) -> list[Refusal]:
 
 
 def lost_right(wish: Wish) -> Refusal | None:
-    """Return why the person may not use a booking that they have: role or qualification is gone at its start."""
+    """Return a refusal if the person may not use a booking any more: role or qualification are missing."""
     return has_role(wish) or (qualified(wish) if wish.missing else None)
 
 
 def check_cancel(slot: Slot, policy: Policy, now: datetime) -> Refusal | None:
-    """Check cancelling: a slot that has begun is finished instead, and the policy may ask for notice."""
+    """Check cancelling: the booking must not be over, and the policy may demand notice.
+
+    A slot that has begun needs no notice: it is finished, not cancelled.
+    """
     if now >= slot.ends_at:
         return _no("over", "This booking is over.")
     notice = policy.cancel_notice_min
@@ -509,7 +516,7 @@ def check_cancel(slot: Slot, policy: Policy, now: datetime) -> Refusal | None:
 
 
 def day_of(day: date, lab: ZoneInfo) -> Slot:
-    """Return a day of the lab's zone in UTC: 23, 24 or 25 hours."""
+    """Return a day of the lab's zone as a slot in UTC. It has 23, 24 or 25 hours."""
     return Slot(start_of(day, lab), end_of(day, lab))
 
 
@@ -537,9 +544,10 @@ def _dates(slot: Slot, lab: ZoneInfo) -> Iterator[date]:
 
 
 def to_utc(local: datetime, zone: ZoneInfo) -> datetime | Refusal:
-    """Return the moment of a wall-clock time without zone. Refused if the clock skips it (daylight saving begins).
+    """Return the moment of a wall-clock time without zone.
 
-    Of a time that the clock shows twice, the first is taken.
+    If the clock skips the time, because daylight saving begins, return a refusal. If the clock shows the time
+    twice, return the first moment.
     """
     moment = local.replace(tzinfo=zone, fold=0)
     utc = moment.astimezone(timezone.utc)

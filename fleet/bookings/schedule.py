@@ -1,4 +1,7 @@
-"""The schedules of robots as control needs them, read by one hand-written query: twice a second, and at each take."""
+"""The schedules of robots for control.
+
+One hand-written query reads them twice a second and when control is taken.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +19,13 @@ from fleet.bookings.selectors import held_slot, why_out
 from robots.registry.models import Robot
 
 AHEAD = timedelta(days=1)
-GAP = timedelta(minutes=1)  # less is no free time between two bookings
+GAP = timedelta(minutes=1)  # a shorter time between two bookings does not count as free
 
 _UNSET = (timedelta(minutes=Policy().grace_min), Policy().free_time)  # without any policy
 
 _OWN, _OF_GROUP, _OF_ALL, _BOOKING, _OUT = range(
     5
-)  # kinds of rows in their order; of policies the first counts
+)  # kinds of rows, in their order; the first policy of a robot counts
 
 _ROWS = f"""
 SELECT {_BOOKING} AS kind, robot_id, starts_at, held_until, used_at, made_at, b.id, person_id,
@@ -45,7 +48,7 @@ FROM bookings_policy p JOIN access_robotgroup g ON g.id = p.group_id
     JOIN access_robotgroup_robots gr ON gr.robotgroup_id = g.id
 WHERE gr.robot_id IN ({{robots}})
 ORDER BY kind, starts_at, name
-"""  # noqa: S608  # nothing in it comes from outside
+"""  # noqa: S608  # no part of it comes from outside
 
 
 class Held(Struct, frozen=True):
@@ -56,26 +59,26 @@ class Held(Struct, frozen=True):
     name: str
     slot: Slot
     booked_at: datetime
-    used: bool = True  # its person has had control in it
-    lapses_at: datetime | None = None  # it is free again then, unless its person takes control
+    used: bool = True  # its person has taken control in it
+    lapses_at: datetime | None = None  # the slot is free again then, unless its person has taken control
 
     @property
     def holds_from(self) -> datetime:
-        """Return its start, or later the moment in which it was booked."""
+        """Return its start, or the time when it was booked if that is later."""
         return max(self.slot.starts_at, self.booked_at)
 
 
 class Schedule(Struct, frozen=True):
-    """The bookings of one robot at a moment, as control needs them."""
+    """The bookings of one robot at a moment, for control."""
 
     current: Held | None = None
-    next: tuple[Held, ...] = ()  # those that begin later, earliest first
-    free_time: bool = True
-    out: Taken | None = None  # the robot is out of service now
-    out_next: Taken | None = None  # the next such period that begins later
+    next: tuple[Held, ...] = ()  # bookings that begin later, earliest first
+    free_time: bool = True  # the policy lets people take control in time that nobody booked
+    out: Taken | None = None  # the out-of-service period of this moment
+    out_next: Taken | None = None  # the next out-of-service period that begins later
 
     def free_from(self, now: datetime) -> datetime | None:
-        """Return the begin of the robot's next free time of a minute or more; None: not within `AHEAD`."""
+        """Return the start of the robot's next free time of a minute or more; None: not within `AHEAD`."""
         moment = self.out.slot.ends_at if self.out else now
         busy = [one.slot for one in (self.current, *self.next, self.out_next) if one is not None]
         for slot in sorted(busy, key=lambda one: one.starts_at):
@@ -85,13 +88,13 @@ class Schedule(Struct, frozen=True):
 
 
 def schedule_of(robot: Robot, now: datetime) -> Schedule:
-    """Return the robot's schedule now and of the next day. One query."""
+    """Return the robot's schedule for now and the next 24 hours. One query."""
     return schedules_of([robot], now)[robot.id]
 
 
 def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedule]:
-    """`schedule_of` many robots, in one query."""
-    policies: dict[UUID | None, tuple[timedelta, bool]] = {}  # grace time, free time; None: of all robots
+    """Return `schedule_of` for many robots. One query."""
+    policies: dict[UUID | None, tuple[timedelta, bool]] = {}  # by robot, None: all; grace time, free time
     held: dict[UUID, list[Held]] = {robot.id: [] for robot in robots}
     out: dict[UUID, list[Taken]] = {robot.id: [] for robot in robots}
 
@@ -139,7 +142,7 @@ def _end(out: Taken) -> datetime:
 
 
 class _Times(Struct):
-    """Those of a booking."""
+    """The times of a booking."""
 
     starts_at: datetime
     held_until: datetime

@@ -1,4 +1,4 @@
-"""Reading bookings."""
+"""Read bookings, and the facts that the rules check."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from robots.access.selectors import given_on, lab_date, missing_qualifications, 
 from robots.registry.models import Robot, Role
 
 ALTERNATIVES = 3
-NOT_YET = (State.AWAITING, State.OFFERED)  # hold a slot, and give no control
-STEP = timedelta(minutes=15)  # between the starts of slots that are proposed
-SEARCH = timedelta(days=7)  # for the next free slot
-TRIES = SEARCH // STEP  # starts of one robot
-# Codes of refusals that hold for later starts of the same day, too.
+NOT_YET = (State.AWAITING, State.OFFERED)  # they hold a slot, but do not allow control
+STEP = timedelta(minutes=15)  # between the starts of proposed slots
+SEARCH = timedelta(days=7)  # how far ahead the next free slot is searched
+TRIES = SEARCH // STEP  # starts that are tried for one robot
+# Refusals with these codes are the same for all later starts of the day.
 FOR_THE_DAY = ("role_too_low", "quota_open", "quota_course_open", "too_short", "too_long")
 WEEK = timedelta(days=7)
 SWITCHED_OFF = gettext_lazy("staff switched it off")
 
-# Hand-written, because fifty people may ask for one slot at the same moment.
+# Hand-written for speed, because fifty people may try to book one slot at the same moment.
 _OWN = """
 SELECT b.id, b.starts_at, b.held_until, b.used_at, b.robot_id, r.name, b.series IS NOT NULL AND b.course_id IS NOT NULL
 FROM bookings_booking b JOIN robots_robot r ON r.id = b.robot_id
@@ -50,7 +50,7 @@ ORDER BY b.starts_at
 
 
 class Stage(Enum):
-    """The stage of a booking at a moment, for people."""
+    """The stage of a booking at a moment, as people see it."""
 
     AWAITING = "awaiting approval"
     OFFERED = "offered to you from the waiting list"
@@ -69,7 +69,7 @@ OPEN = (
     Stage.BOOKED,
     Stage.DUE,
     Stage.IN_USE,
-)  # a person may still change it
+)  # people may still change bookings in these stages
 _ENDED: dict[str, Stage] = {
     State.FINISHED: Stage.FINISHED,
     State.NO_SHOW: Stage.NO_SHOW,
@@ -78,7 +78,7 @@ _ENDED: dict[str, Stage] = {
 
 
 class Times(Protocol):
-    """The columns of a booking that the time it holds depends on."""
+    """The columns of a booking from which its held time is computed."""
 
     @property
     def starts_at(self) -> datetime: ...
@@ -89,7 +89,7 @@ class Times(Protocol):
 
 
 class Row(Times, Protocol):
-    """The columns of a booking that its stage depends on."""
+    """The columns of a booking from which its stage is computed."""
 
     @property
     def state(self) -> str: ...
@@ -115,11 +115,11 @@ class _Own(Struct, frozen=True):
     used_at: datetime | None
     robot_id: UUID
     robot: str  # its name
-    lesson: bool  # of a course
+    lesson: bool  # it is a lesson of a course
 
 
 def stage_of(booking: Row, grace: timedelta, now: datetime) -> Stage:
-    """Return the stage of a booking: a no-show is decided here, by the clock."""
+    """Return the stage of a booking at this moment. An unused slot becomes a no-show after the grace time."""
     state = booking.state
     if state in _ENDED:
         return _ENDED[state]
@@ -145,12 +145,12 @@ def held_slot(booking: Times, grace: timedelta, now: datetime) -> Slot:
 
 
 def policy_of(robot: Robot) -> Policy:
-    """Return the robot's policy: its own, that of a group, or that of all robots; else the one without any wish."""
+    """Return the robot's policy: its own, or that of a group, or that of all robots, or the defaults."""
     return policies_of([robot])[robot.id]
 
 
 def policies_of(robots: Collection[Robot]) -> dict[UUID, Policy]:
-    """`policy_of` many robots, in one query; in two if a group has a policy."""
+    """Return `policy_of` for many robots. One query; two if a group has a policy."""
     chosen = Q(robot__in=robots) | Q(group__isnull=False) | Q(robot=None, group=None)
     found = list(Policy.objects.filter(chosen).select_related("group").order_by("group__name"))
     common = next((one for one in found if one.robot_id is None and one.group_id is None), Policy())
@@ -161,18 +161,18 @@ def policies_of(robots: Collection[Robot]) -> dict[UUID, Policy]:
             policies[member] = groups[group]
     for robot in robots:
         if (own := next((one for one in found if one.robot_id == robot.id), None)) is not None:
-            own.robot = robot  # a refusal names it
+            own.robot = robot  # saves a query: the text of a refusal contains its name
             policies[robot.id] = own
     return policies
 
 
 def grace_of(policy: Policy) -> timedelta:
-    """Return after how long an unused slot is free again."""
+    """Return the time after which an unused slot is free again."""
     return timedelta(minutes=policy.grace_min)
 
 
 def _before(moment: datetime, by: timedelta) -> datetime:
-    """Return an earlier moment, if there is one in the calendar."""
+    """Return the moment earlier by `by`; the moment itself if that is before the first year."""
     return moment - by if moment - datetime.min.replace(tzinfo=timezone.utc) > by else moment
 
 
@@ -190,7 +190,7 @@ def bookings_of(person: User) -> QuerySet[Booking]:
 
 
 def out_between(robot: Robot, starts: datetime, ends: datetime) -> list[Taken]:
-    """Return the out-of-service periods of a robot between two moments; a robot that is disabled has no end of it."""
+    """Return a robot's out-of-service periods between two moments. For a disabled robot: one without end."""
     if not robot.enabled:
         return [Taken(Slot(starts, FAR), str(SWITCHED_OFF))]
     open_ended = Q(ends_at=None) | Q(ends_at__gt=starts)
@@ -199,12 +199,15 @@ def out_between(robot: Robot, starts: datetime, ends: datetime) -> list[Taken]:
 
 
 def why_out(period: OutOfService) -> str:
-    """Return why a robot is out of service, for people."""
+    """Return the text of the reason why a robot is out of service."""
     return f"{period.get_why_display()}: {period.note}" if period.note else str(period.get_why_display())
 
 
 def _taken(facts: RobotFacts, now: datetime, *, but: Booking | None, of: UUID) -> list[Taken]:
-    """Return the bookings of a robot, apart from the one that is moved. `of`: whose are own."""
+    """Return the bookings of a robot, except `but`, the one that is moved.
+
+    `of`: the person with `own` bookings.
+    """
     grace = grace_of(facts.policy)
     return [
         Taken(held_slot(one, grace, now), one.name, one.person_id == of)
@@ -214,7 +217,7 @@ def _taken(facts: RobotFacts, now: datetime, *, but: Booking | None, of: UUID) -
 
 
 class RobotFacts(Struct, frozen=True):
-    """The facts of a robot by which every wish for a slot is judged, whoever wants it."""
+    """The facts of a robot for a slot. They are the same for all people who want the slot."""
 
     policy: Policy
     held: tuple[_Held, ...]  # bookings that hold time in the week from the slot's start on
@@ -239,14 +242,14 @@ def _held(robot: Robot, time: Slot) -> Iterator[_Held]:
     moment, person_key = (
         cache(rows.moment),
         cache(rows.key),
-    )  # the end of one is often the start of the next: parse it once
+    )  # the end of one booking is often the start of the next: parse it only once
     for key, starts_at, held_until, used_at, person, name in rows.read(_TAKEN, asked):
         times = moment(starts_at), moment(held_until), used_at and moment(used_at)
         yield _Held(rows.key(key), *times, person_key(person), name)
 
 
 def _week_from(slot: Slot) -> Slot:
-    """Return the time in which free slots are searched: a week from the slot's start, or all of a longer slot."""
+    """Return the time in which free slots are searched: a week from the slot's start, or a longer slot."""
     starts = slot.starts_at
     return Slot(starts, max(slot.ends_at, min(starts, FAR - SEARCH) + SEARCH))
 
@@ -262,11 +265,11 @@ def wish_of(
     lesson: bool = False,
     facts: RobotFacts | None = None,
 ) -> Wish:
-    """Return the wish with the facts by which it is judged.
+    """Return the wish with the facts that the rules check.
 
-    `moved`: the booking that it replaces. `course`: the one that was chosen, of several by which the person may drive
-    the robot; else the slot counts for the first whose quotas allow it. `lesson`: it is one of a course.
-    `facts`: those of the robot for this slot, if they are read already.
+    `moved`: the booking that the wish replaces. `course`: the chosen course, if several courses let the
+    person drive the robot; without it, the slot counts for the first course whose quotas allow it. `lesson`:
+    the slot is a lesson of a course. `facts`: the robot's facts for this slot, if they were read before.
     """
     facts = facts or robot_facts(robot, slot)
     policy, out = facts.policy, facts.out
@@ -275,7 +278,7 @@ def wish_of(
     own = _own_rows(policy, person, slot, now, moved)
     role, courses = _role_and_courses(person, robot, starts)
     first_day, last_day = _days_of(slot)
-    if first_day != last_day:  # a course may end in between
+    if first_day != last_day:  # a course may end before the slot does
         role = min((role, role_on(person, robot, slot.ends_at - timedelta.resolution)), key=_rank)
     wish = Wish(
         robot=robot.name,
@@ -302,7 +305,10 @@ def wish_of(
 def _counted(
     wish: Wish, courses: list[Course], person: User, moved: Booking | None, chosen: Course | None
 ) -> Wish:
-    """Return the wish with the quota of the course for which it counts; a booking stays in its course."""
+    """Return the wish with the course for which it counts, and its quota.
+
+    A moved booking keeps its course.
+    """
     if chosen is not None and courses and chosen not in courses:
         return structs.replace(wish, wrong_course=chosen.name)
     stays = chosen or (moved.course if moved is not None else None)
@@ -322,7 +328,7 @@ def _rank(role: Role | None) -> int:
 
 
 def _role_until(person: User, robot: Robot, at: datetime, now: datetime) -> date | None:
-    """Return the last day, before `at`, on which a course lets the person drive the robot; None: no day to come."""
+    """Return the last day from now until `at` on which a course lets the person drive the robot, if any."""
     days = lab_date(now), lab_date(at)
     courses = Course.objects.filter(
         Q(robots=robot) | Q(groups__robots=robot),
@@ -335,12 +341,12 @@ def _role_until(person: User, robot: Robot, at: datetime, now: datetime) -> date
 
 
 def courses_for(robot: Robot, person: User, at: datetime) -> list[Course]:
-    """Return the courses for one of which a booking counts; none: the person may drive the robot without any."""
+    """Return the courses for which a booking may count; none if the person may drive without a course."""
     return _role_and_courses(person, robot, at)[1]
 
 
 def _role_and_courses(person: User, robot: Robot, at: datetime) -> tuple[Role | None, list[Course]]:
-    """Return the person's role, and the courses for one of which a booking counts: not those that they supervise."""
+    """Return the person's role, and the courses for which a booking may count (not those they supervise)."""
     if person.is_staff or not person.is_active:
         return role_on(person, robot, at), []
     found = given_on(person, robot, at)
@@ -351,7 +357,7 @@ def _role_and_courses(person: User, robot: Robot, at: datetime) -> tuple[Role | 
 
 
 def _quota_of(course: Course, person: User, slot: Slot, now: datetime, moved: Booking | None) -> Quota:
-    # Lessons are weekly series of the course's supervisors.
+    # `series=None` leaves out lessons: they are weekly series of the course's supervisors.
     counted = Booking.objects.filter(
         series=None,
         course=course,
@@ -373,7 +379,7 @@ def _quota_of(course: Course, person: User, slot: Slot, now: datetime, moved: Bo
 
 
 def _own_rows(policy: Policy, person: User, slot: Slot, now: datetime, moved: Booking | None) -> list[_Own]:
-    """Return the person's bookings, as far back as the policy asks for them."""
+    """Return the person's bookings, as far back as the policy's rules need them."""
     quotas = policy.day_min or policy.week_min or policy.at_once or policy.gap_min
     first = _before(
         min(now, slot.starts_at) if quotas else slot.starts_at, WEEK + LONGEST if quotas else LONGEST
@@ -392,7 +398,7 @@ def _beside(own: list[_Own], robot: Robot, now: datetime) -> tuple[Taken, ...]:
     policies = policies_of(Robot.objects.filter(pk__in=begun)) if begun else {}
     found = []
     for one in others:
-        policy = policies.get(one.robot_id)  # a no-show is decided by that robot's grace time
+        policy = policies.get(one.robot_id)  # that robot's grace time decides whether it is a no-show
         held = held_slot(one, grace_of(policy), now) if policy else Slot(one.starts_at, one.held_until)
         found.append(Taken(held, one.robot))
     return tuple(found)
@@ -420,14 +426,15 @@ def free_slots(
 ) -> list[tuple[Robot, Slot]]:
     """Return the next slots of this length that no rule refuses, earliest first.
 
-    `wish`: the facts of a slot that begins at `after`, if they are known already. `asked`: further ones of `wish_of`.
+    `wish`: the wish for a slot that begins at `after`, if it is known. `asked`: further arguments of
+    `wish_of`.
     """
     length = timedelta(minutes=minutes)
     ask = partial(wish_of, robot=robot, person=person, now=now, **asked)
     known = wish or ask(slot=Slot(after, after + length))
     begun = _days_of(known.slot)
     facts = {begun: known}
-    sources = cache(lambda day: frozenset(given([person.pk], [robot.pk], day)))  # of the day's roles
+    sources = cache(lambda day: frozenset(given([person.pk], [robot.pk], day)))  # sources of a day's roles
     found: list[tuple[Robot, Slot]] = []
     starts = _rounded_up(max(after, now))
     for _ in range(TRIES):
@@ -441,7 +448,7 @@ def free_slots(
         if (days := _days_of(slot)) not in facts:
             same = len({sources(day) for day in (*begun, *days)}) == 1
             courses = {one.course for one in sources(days[0]) if one.course != OWN}
-            # Of several courses, the quotas decide for each slot anew.
+            # With several courses, each slot may count for another course, so its facts are read again.
             facts[days] = known if same and len(courses) <= 1 else ask(slot=slot)
         refused = refusals(structs.replace(facts[days], slot=slot, start_kept=False, taken=(), out=()))
         if not refused:
@@ -455,7 +462,7 @@ def free_slots(
 
 
 def _days_of(slot: Slot) -> tuple[date, date]:
-    """Return the lab's days on which a slot begins and ends; midnight belongs to the day before."""
+    """Return the lab's days on which a slot begins and ends. An end at midnight belongs to the day before."""
     return lab_date(slot.starts_at), lab_date(max(slot.starts_at, slot.ends_at - timedelta.resolution))
 
 

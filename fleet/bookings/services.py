@@ -1,7 +1,7 @@
-"""All changes of bookings. Each one is one transaction together with its audit record.
+"""All changes of bookings. Each change and its audit record are one transaction.
 
-Every change first locks the robot's row, then checks, then writes; the database's constraint has the last word
-(`overlaps`). A change that is not allowed raises `BookingRefused` with all its refusals.
+Every change first locks the robot's row, then checks, then writes. The database's own constraint (`overlaps`)
+finally refuses overlaps. A change that is not allowed raises `BookingRefused` with all its refusals.
 """
 
 from __future__ import annotations
@@ -47,18 +47,21 @@ from robots.registry.models import Robot, Role
 from robots.wire import NotDone, Refusal
 
 LENGTHENED_BY = timedelta(minutes=15)
-# Housekeeping notes from 14 hours to three days after its end that nobody used a slot. A computer that starts with its
-# clock in local time in place of UTC is at most 14 hours ahead: it must not take slots that have not begun.
+# Housekeeping notes that nobody used a slot, from 14 hours to three days after the slot's end. If a computer
+# starts with its clock set to local time instead of UTC, the clock is at most 14 hours ahead. Slots that have
+# not begun must not be freed then.
 NOTED_AFTER = timedelta(hours=14)
 NOTED_UNTIL = timedelta(days=3)
 
-changed = Signal()  # robot_id: the robot's bookings changed; sent after the commit
+changed = Signal()  # sent after the commit of a change of a robot's bookings; argument: robot_id
 
 
 class BookingRefused(NotDone):
-    """A change of a booking is not allowed. `refusals` has every reason, `wish` the facts, if a rule refused.
+    """A change of a booking is not allowed.
 
-    `asked` has the arguments of `wish_of` besides the slot: other slots are judged by the same ones.
+    `refusals` has every reason; `wish` has the facts, if a rule refused.
+
+    `asked` has the arguments of `wish_of` except the slot. With them, other slots are checked.
     """
 
     def __init__(
@@ -100,7 +103,10 @@ _FOR_ANOTHER = Refusal(
 
 @contextmanager
 def robot_locked(robot_id: UUID) -> Iterator[Robot]:
-    """One transaction in which this process alone changes the robot's bookings."""
+    """Open a transaction in which nobody else changes the robot's bookings. Return the robot.
+
+    Raises `BookingRefused` if the database's constraint finds an overlap.
+    """
     try:
         with transaction.atomic():
             robot = (
@@ -117,7 +123,10 @@ def robot_locked(robot_id: UUID) -> Iterator[Robot]:
 
 
 def account_named(username: str, actor: User, robot: Robot, at: datetime) -> User:
-    """Return the person to book for, if the actor knows them: to others, no account and a stranger are the same."""
+    """Return the person to book for, if the actor may learn of the account. Raises `BookingRefused`.
+
+    The refusal is the same for a missing account and for an account of which the actor may not learn.
+    """
     found = User.objects.filter(username=username, is_active=True).first()
     if found is not None and knows(actor, found, robot, at):
         return found
@@ -125,10 +134,10 @@ def account_named(username: str, actor: User, robot: Robot, at: datetime) -> Use
 
 
 def colleague_named(username: str, actor: User, booking: Booking) -> User:
-    """Return the person to hand a booking to.
+    """Return the person to whom a booking shall be handed. Raises `BookingRefused`.
 
-    Without such an account the refusal is that of a person who may not drive the robot. To supervisors who know the
-    person, the rules name them.
+    The refusal is the same for a missing account and for a person who may not drive the robot. Supervisors
+    who may learn of the account get the person here, and later the refusals of the rules.
     """
     manages = may_manage_booking(actor, booking)
     if booking.person_id != actor.pk and not manages:
@@ -145,7 +154,10 @@ def colleague_named(username: str, actor: User, booking: Booking) -> User:
 
 
 def alternatives_of(error: BookingRefused) -> list[tuple[Robot, Slot]]:
-    """Return the next free slots of the same robot if the time is taken, as long as wished and allowed."""
+    """Return the next free slots of the robot if the time is taken.
+
+    They are as long as the wished slot, or as long as the policy allows.
+    """
     if (wish := error.wish) is None or "taken" not in (refusal.code for refusal in error.refusals):
         return []
     minutes = min(wish.slot.minutes, wish.policy.longest_min)
@@ -166,11 +178,14 @@ def booking_make(
     course: Course | None = None,
     facts: Callable[[Robot, Slot], RobotFacts] = robot_facts,
 ) -> Booking:
-    """Book a slot for a person. `actor`: who books for them. `override`: the reason for which staff pass the rules.
+    """Book a slot for a person. Raises `BookingRefused`.
 
-    `lesson_of`: a course that the actor manages, which this is a lesson of; no quota counts it.
-    `course`: the one for which the slot counts, if the person may drive the robot by several.
-    `facts` reads the robot for the check before the lock (`shared_facts.in_turn`).
+    `actor`: the person who books; default: the person for whom the slot is.
+    `override`: the reason to book against the policy; only for people who manage the robot.
+    `lesson_of`: the slot is a lesson of this course, which the actor manages. Lessons do not count for the
+    quotas of the course.
+    `course`: the course for which the slot counts, if several courses let the person drive the robot.
+    `facts`: reads the robot's facts for the check before the lock (`shared_facts.in_turn`).
     """
     actor = actor or person
     if lesson_of is not None and not may_manage(actor, lesson_of):
@@ -187,7 +202,7 @@ def booking_make(
         "course": course,
         "lesson": lesson_of is not None,
     }
-    # First without the lock: the many who come too late for a slot must not wait for each other.
+    # First check without the lock: many people may be too late for a slot, and must not wait for each other.
     _check(robot, person, slot, now, **asked, facts=facts(robot, slot))
     with robot_locked(robot.id) as robot:
         free_unused(robot, slot, now)
@@ -213,10 +228,10 @@ def booking_make(
 def booking_move(
     *, booking_id: UUID, version: int, slot: Slot, actor: User, now: datetime, override: str = ""
 ) -> Booking:
-    """Move or lengthen a booking. `version`: the one that the person saw."""
+    """Move or lengthen a booking. `version`: the version that the person saw. Raises `BookingRefused`."""
     with _changeable(booking_id, actor, version, now) as booking:
         _require_accepted(booking)
-        if now >= booking.starts_at:  # it runs: its start is history
+        if now >= booking.starts_at:  # the booking runs: its start cannot change
             slot = Slot(booking.starts_at, slot.ends_at)
         override = _valid_reason(override, actor, booking.robot)
         free_unused(booking.robot, slot, now, but=booking)
@@ -243,7 +258,7 @@ def booking_move(
             booking.course = booking.course if lesson else course
         before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
         booking.starts_at, booking.ends_at, booking.held_until = slot.starts_at, slot.ends_at, slot.ends_at
-        booking.overridden = bool(override) or None  # else every rule allows it now
+        booking.overridden = bool(override) or None  # None: every rule allows it now
         save_booking(booking)
         record_booking("booking.move", booking, actor, text=override, parameters={"before": before})
         changed_by_another(booking, actor, _("moved"), override, now)
@@ -253,7 +268,10 @@ def booking_move(
 def booking_cancel(
     *, booking_id: UUID, version: int, actor: User, now: datetime, reason: str = ""
 ) -> Booking:
-    """Cancel a booking. One that has begun is finished: the rest is free at once."""
+    """Cancel a booking. A booking that has begun is finished: the rest is free at once.
+
+    Raises `BookingRefused`.
+    """
     with _changeable(booking_id, actor, version, now) as booking:
         if (refusal := _late_to_cancel(booking, actor, now)) is not None:
             raise BookingRefused([refusal])
@@ -267,7 +285,7 @@ def booking_cancel(
 
 
 def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: datetime) -> Booking:
-    """Hand a booking to a colleague, for whom the rules must allow it."""
+    """Hand a booking to a colleague. The rules must allow it for the colleague. Raises `BookingRefused`."""
     with _changeable(booking_id, actor, version, now) as booking:
         _require_accepted(booking)
         if to == booking.person:
@@ -280,7 +298,7 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
         before = booking.person
         changed_by_another(booking, actor, _("handed to %(name)s") % {"name": to.display_name}, "", now)
         booking.person, booking.overridden = to, None
-        if not lesson:  # a student's slot counts for the quotas
+        if not lesson:  # a student's slot is no lesson: it counts for quotas
             booking.course, booking.series = course, None
         if booking.state == State.BOOKED and now < booking.starts_at:
             booking.state = state_for(actor, booking.robot, booking.course)
@@ -294,12 +312,12 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
 
 
 def booking_approve(*, booking_id: UUID, version: int, actor: User, now: datetime) -> Booking:
-    """Approve a booking that awaits it, at the times that the approver saw."""
+    """Approve a booking that awaits approval; its times must be those that the approver saw."""
     with _changeable(booking_id, actor, version, now) as booking:
         if not may_manage_booking(actor, booking):
             raise BookingRefused([_NOT_YOURS])
         if booking.state == State.AWAITING:
-            booking.state, booking.made_at = State.BOOKED, now  # others could drive until here
+            booking.state, booking.made_at = State.BOOKED, now  # others could take control until now
             save_booking(booking)
             record_booking("booking.approve", booking, actor)
             changed_by_another(booking, actor, _("approved"), "", now)
@@ -307,15 +325,16 @@ def booking_approve(*, booking_id: UUID, version: int, actor: User, now: datetim
 
 
 def booking_used(*, robot_id: UUID, person_id: UUID, now: datetime) -> None:
-    """Note that the owner of the present slot took control. Runs in the caller's transaction."""
+    """Note that the owner of the current slot took control. Runs in the caller's transaction."""
     mine = _running(now).filter(robot=robot_id, person=person_id, used_at=None)
     mine.update(used_at=now)
 
 
 def booking_lengthen_running(*, robot: Robot, person: User, now: datetime) -> None:
-    """Lengthen a person's present slot by `LENGTHENED_BY`, if the rules allow it. In the caller's transaction.
+    """Lengthen a person's current slot by `LENGTHENED_BY`. Runs in the caller's transaction.
 
-    Of their slots that follow each other without a gap, the last one.
+    If several slots of the person follow each other without a gap, lengthen the last one. Raises
+    `BookingRefused`.
     """
     mine = Booking.objects.filter(robot=robot, person=person, state=State.BOOKED, held_until__gt=now)
     last: Booking | None = None
@@ -329,7 +348,7 @@ def booking_lengthen_running(*, robot: Robot, person: User, now: datetime) -> No
 
 
 def booking_hand_running(*, robot: Robot, owner: UUID, to: User, actor: User, now: datetime) -> None:
-    """Hand the present slot of `owner` to the person who gets control from them; nothing if they have none.
+    """Hand the current slot of `owner`, if there is one, to the person who gets control from `owner`.
 
     Runs in the caller's transaction.
     """
@@ -348,7 +367,7 @@ def booking_hand_running(*, robot: Robot, owner: UUID, to: User, actor: User, no
 
 @contextmanager
 def _changeable(booking_id: UUID, actor: User, version: int, now: datetime) -> Iterator[Booking]:
-    """Lock a booking's robot, and check that this person may change the booking, which is still as they saw it."""
+    """Lock a booking's robot. Check that this person may change the booking and saw its latest version."""
     robot_id = Booking.objects.values_list("robot_id", flat=True).get(pk=booking_id)
     with robot_locked(robot_id) as robot:
         booking = Booking.objects.select_related("person", "robot", "course").get(pk=booking_id)
@@ -364,21 +383,22 @@ def _changeable(booking_id: UUID, actor: User, version: int, now: datetime) -> I
 
 
 def _require_accepted(booking: Booking) -> None:
-    """Refuse to move or hand on what is only offered: others wait for it."""
+    """Refuse to move or hand on a slot that is only offered: other people may wait for it."""
     if booking.state == State.OFFERED:
         raise BookingRefused([_OFFERED])
 
 
 def save_booking(booking: Booking) -> None:
-    """Save a change: its version grows. For a robot that is locked."""
+    """Save a change of a booking under a new version. The caller has locked the robot."""
     booking.version += 1
     booking.save()
 
 
 def quotas_locked(robot: Robot, person: User, slot: Slot) -> None:
-    """Until the commit, let nobody else count the bookings of a person, and of the courses for which a slot may count.
+    """Lock, until the commit, the quotas of a person, and of the courses for which a slot may count.
 
-    A person, and a course, may book several robots at the same moment. SQLite has one writer at a time anyway.
+    The lock on the robot is not enough: a person, or people of a course, may book several robots at the same
+    moment. SQLite needs no such lock: it has one writer at a time.
     """
     if connection.vendor == "postgresql":
         shared = [
@@ -405,12 +425,13 @@ def _check(
     also: Refusal | None = None,
     stays: bool = False,
 ) -> Course | None:
-    """Raise BookingRefused with all refusals, `also` among them, or return the course for which the slot counts.
+    """Check a wish. Return the course for which the slot counts, or raise `BookingRefused` with all refusals.
 
-    `stays`: the booking cannot have another start, so no other times are proposed.
-    `override`: the reason of a person who may pass the policy. The others are those of `wish_of`.
+    `also`: a further refusal.
+    `stays`: the booking cannot get another start, so no other times are proposed.
+    `override`: the reason of a person who may book against the policy. Other arguments: see `wish_of`.
 
-    If `actor` is another person than the one who drives, the words say whom they are about.
+    If `actor` is not `person`, the texts name the person.
     """
     asked: dict[str, Any] = {
         "robot": robot,
@@ -436,14 +457,15 @@ def _check(
 
 
 def _valid_reason(override: str, actor: User, robot: Robot) -> str:
-    """Return the reason to pass the policy; blank if this person may not."""
+    """Return the reason to book against the policy; blank if this person may not do that."""
     return override if override and manages_robot(actor, robot) else ""
 
 
 def _late_to_cancel(booking: Booking, actor: User, now: datetime) -> Refusal | None:
-    """Refuse to give time up later than the policy allows.
+    """Return a refusal if the time may not be given up any more under the policy.
 
-    Supervisors may give it up later. An offer, or a booking without approval, may be given up at any time.
+    People who manage the booking need no notice. An offer, or a booking without approval, may be given up at
+    any time.
     """
     if booking.state in NOT_YET:
         return None
@@ -455,13 +477,13 @@ def _late_to_cancel(booking: Booking, actor: User, now: datetime) -> Refusal | N
 
 
 def _is_lesson_of(person: User, booking: Booking) -> bool:
-    """Return whether the booking is a lesson of a course, and stays one in the hands of this person."""
+    """Return whether the booking is a lesson of a course, and stays a lesson if this person has it."""
     course = booking.course if booking.series is not None else None
     return course is not None and may_manage(person, course)
 
 
 def state_for(actor: User, robot: Robot, course: Course | None) -> State:
-    """Return the state of a slot that this person chose: some robots ask for a supervisor's approval."""
+    """Return the state of a slot that this person books: for some robots, a supervisor must approve it."""
     if not policy_of(robot).needs_approval or manages_robot(actor, robot):
         return State.BOOKED
     return State.BOOKED if course is not None and may_manage(actor, course) else State.AWAITING
@@ -472,9 +494,9 @@ def _running(now: datetime) -> QuerySet[Booking]:
 
 
 def free_unused(robot: Robot, slot: Slot, now: datetime, but: Booking | None = None) -> None:
-    """Store that the unused bookings in the way are free again, so that the constraint lets others in.
+    """Store that unused bookings in this slot are free again, so that the constraint allows other bookings.
 
-    One that nobody approved or accepted in time is cancelled.
+    A booking that nobody approved or accepted in time is cancelled.
     """
     grace = grace_of(policy_of(robot))
     in_the_way = held_between([robot], slot.starts_at, slot.ends_at).filter(used_at=None)
@@ -486,9 +508,10 @@ def free_unused(robot: Robot, slot: Slot, now: datetime, but: Booking | None = N
 
 
 def store_no_shows(now: datetime) -> None:
-    """Store that nobody used a slot that ended `NOTED_AFTER` ago. Where others book sooner, `free_unused` did it.
+    """Store that nobody used the slots that ended `NOTED_AFTER` ago or earlier.
 
-    Not those in which the robot was out of service: their people could not drive.
+    If others book sooner, `free_unused` has done it. Slots in which the robot was out of service are left
+    out: their people could not drive.
     """
     ended = Booking.objects.filter(
         state=State.BOOKED,
@@ -508,7 +531,7 @@ def store_no_shows(now: datetime) -> None:
 
 
 def _store_unused(booking: Booking, until: datetime) -> None:
-    """Store that nobody used a slot, or approved or accepted it in time: it is free from `until`."""
+    """Store that nobody used a slot, or approved or accepted it in time. It is free from `until` on."""
     unused, booking.held_until = booking.state == State.BOOKED, until
     booking.state = State.NO_SHOW if unused else State.CANCELLED
     save_booking(booking)

@@ -1,8 +1,9 @@
-"""Booking requests in one process run one after another.
+"""Run the booking requests of one process one after another.
 
-A waiting request may reuse data that another one read after it arrived.
+A waiting request may use facts that another request has read since the waiting one arrived.
 
-Of fifty who want one slot, all would otherwise find it free, and wait for the database's lock to be refused.
+Else, if fifty people want one slot, all would find it free, wait for the database's lock, and only then be
+refused.
 """
 
 from __future__ import annotations
@@ -24,20 +25,21 @@ from robots.registry.models import Robot
 TURN_S = 1.0
 
 _turn = threading.Lock()
-_newest: tuple[UUID, Slot, float, RobotFacts] | None = None  # with the monotonic time before it was read
+_newest: tuple[UUID, Slot, float, RobotFacts] | None = None  # the float: monotonic time before the reading, s
 
 
 @contextmanager
 def in_turn() -> Iterator[Callable[[Robot, Slot], RobotFacts]]:
-    """Let one request of this process book at a time, or after `TURN_S` several.
+    """Let one request of this process book at a time. A request waits at most `TURN_S`, then it books anyway.
 
-    Yields a reader of a robot's facts, no older than this call: good to refuse early, not to decide under the lock.
+    Yield a function that returns a robot's facts, no older than this call. Use them only to refuse early, not
+    to decide under the lock.
     """
     came_s = time.monotonic()
 
     def read(robot: Robot, slot: Slot) -> RobotFacts:
         global _newest
-        newest = _newest  # another thread may change it meanwhile
+        newest = _newest  # another thread may change it at any time
         if newest is not None and newest[:2] == (robot.id, slot) and newest[2] >= came_s:
             return newest[3]
         read_s = time.monotonic()
@@ -55,6 +57,6 @@ def in_turn() -> Iterator[Callable[[Robot, Slot], RobotFacts]]:
 
 @receiver(changed)
 def _forget(**_options: Any) -> None:
-    """Let the next request read again: with the facts from before a booking, it would find the slot free."""
+    """Forget the facts after a booking: with the old facts, the next request would find the slot free."""
     global _newest
     _newest = None

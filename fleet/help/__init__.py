@@ -1,1 +1,1 @@
-"""Help: the pages of docs/, rendered in the console's look, so that nobody needs the internet or the repository."""
+"""Help: the pages of docs/ in the console's style, so that nobody needs the internet or the repository."""

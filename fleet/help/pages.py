@@ -1,4 +1,4 @@
-"""The pages of docs/ as HTML: found by name, rendered once, their links leading to each other."""
+"""The pages of docs/ as HTML: found by name and rendered once. Links between them lead to pages of help."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from markdown_it.token import Token
 
 DOCS: Path = settings.BASE_DIR / "docs"
 PICTURES = {".png": "image/png", ".svg": "image/svg+xml"}
-INDEX = "README"  # of each folder; it has the folder's own address
+INDEX = "README"  # the first page of each folder; its URL is that of the folder
 
 
 _MARKDOWN = MarkdownIt("commonmark", {"html": False}).enable("table")
@@ -32,7 +32,7 @@ class Page(NamedTuple):
 
 @cache
 def known() -> frozenset[str]:
-    """Return the names of all pages, as in addresses: "operators", "decisions/braking-is-counted-at-two-thirds"."""
+    """Return the names of all pages, as in URLs, such as "decisions/braking-is-counted-at-two-thirds"."""
     return frozenset(str(path.relative_to(DOCS).with_suffix("")) for path in DOCS.rglob("*.md"))
 
 
@@ -43,13 +43,13 @@ def pictures() -> frozenset[str]:
 
 
 def drawings(name: str) -> dict[str, str]:
-    """Return the Mermaid sources in a page by the file names of their drawings, which script/drawings makes."""
+    """Return the Mermaid sources in a page, by the file names of the drawings that script/drawings makes."""
     return {_drawing(name, token.content): token.content for token in _parsed(name) if _is_source(token)}
 
 
 @cache
 def page(name: str) -> Page:
-    """Return a page of `known`."""
+    """Return the page with this name, which is one of `known`."""
     tokens = _parsed(name)
     title = name
     for at, token in enumerate(tokens):
@@ -72,12 +72,12 @@ def _words(inline: Token) -> str:
 
 
 def _anchor(heading: str) -> str:
-    """Return the name by which links know a heading, as GitHub makes it."""
+    """Return the name of a heading in links, as GitHub makes it."""
     return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 
 
 def _lead(token: Token, folder: str) -> None:
-    """Rewrite addresses below a token: links between pages stay links, and links out of docs/ become text."""
+    """Rewrite the URLs below a token: links between pages stay links; links out of docs/ become text."""
     closing = 0
     for child in token.children or []:
         if child.type == "image":
@@ -95,7 +95,7 @@ def _lead(token: Token, folder: str) -> None:
 
 
 def _address(target: str, folder: str) -> str | None:
-    """Return where a link of a page in `folder` leads here; None if that is not a page of help."""
+    """Return the URL here for a link of a page in `folder`; None if its target is not a page of help."""
     parts = urlsplit(target)
     if parts.scheme or not parts.path:
         return target
@@ -107,7 +107,7 @@ def _address(target: str, folder: str) -> str | None:
 
 
 def address_of(name: str) -> str:
-    """Return a page's address. The index of a folder has the folder's."""
+    """Return a page's URL. For the `INDEX` of a folder, it is the folder's URL."""
     shown = posixpath.dirname(name) if posixpath.basename(name) == INDEX else name
     return reverse("help-page", args=[shown]) if shown else reverse("help")
 
@@ -122,7 +122,7 @@ def _drawing(name: str, source: str) -> str:
 
 
 def _drawn(tokens: list[Token], name: str) -> list[Token]:
-    """Put drawings in the place of their sources. A source without a drawing stays as text."""
+    """Replace the sources by their drawings. A source without a drawing stays as text."""
     return [_image(token, name) if _is_source(token) else token for token in tokens]
 
 
@@ -136,7 +136,7 @@ def _image(source: Token, name: str) -> Token:
 
 
 def _scrolling(tokens: list[Token]) -> list[Token]:
-    """Put each table and drawing into a box that scrolls, so that a phone's page does not."""
+    """Put each table and drawing into a box that scrolls, so that a phone's page does not scroll sideways."""
     boxed: list[Token] = []
     for token in tokens:
         if token.type in ("table_open", "drawing"):

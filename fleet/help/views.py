@@ -1,4 +1,4 @@
-"""Help: a page of docs/, and a picture in it."""
+"""Views of help: a page of docs/, and a picture."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fleet.help import pages
 
 @require_safe
 def show(request: HttpRequest, name: str = "") -> HttpResponse:
-    """Show a page of help; without a name, the list of all."""
+    """Show a page of help; without a name, the list of all pages."""
     found = next((one for one in (name, f"{name}/{pages.INDEX}".lstrip("/")) if one in pages.known()), None)
     if found is None:
         raise Http404

@@ -1,4 +1,4 @@
-"""HTTP connections within limits: a request that passes a limit is refused at once and not read further."""
+"""HTTP connections with limits: a request that exceeds a limit is refused at once and not read further."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from twisted.web import http
 from fleet.server import limits, sessions, stop_addresses
 from fleet.server.limits import Refusal, Refused
 
-REFUSAL_READ_WITHIN_S = 1.0  # so long a refused client may take to read why
+REFUSAL_READ_WITHIN_S = 1.0  # time for a refused client to read the refusal
 
 
 class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no types
-    """One request: its body stays in memory and within its limit."""
+    """One request. Its body is kept in memory, and its size is limited."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._parsePOSTFormSubmission = False  # Django does
+        self._parsePOSTFormSubmission = False  # Django parses forms
         self._most_bytes = limits.BODY_BYTES
         self._counted_bytes = 0
         self._place: str | None = None
 
     def gotLength(self, length: int | None) -> None:
-        """All headers are there; `length` is that of the body, None if it is sent in chunks."""
+        """Handle the end of the headers. `length` is the length of the body, None if it is sent in chunks."""
         self._most_bytes = limits.most_body_bytes(
             session_cookie=self.server.session_cookie in self.received_cookies
         )
@@ -36,7 +36,7 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         self._count(length or 0)
 
     def handleContentChunk(self, data: bytes) -> None:
-        """A part of the body."""
+        """Handle a part of the body."""
         self._count(max(0, self.content.tell() + len(data) - self._counted_bytes))
         super().handleContentChunk(data)
 
@@ -49,17 +49,17 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         self.server.bodies_bytes += more_bytes
 
     def forget_body(self) -> None:
-        """The body no longer counts: it was handed on, or the request is over."""
+        """Stop counting the body: it was handed on, or the request is over."""
         self.server.bodies_bytes -= self._counted_bytes
         self._counted_bytes = 0
 
     def process(self) -> Any:
-        """The whole request is there. Stops and WebSockets need no place: they are refused for no crowd of pages.
+        """Handle a complete request. Stops and WebSockets need no place: many page requests never block them.
 
-        A stop is answered here only for a cookie that names a session, which cannot be had without an account.
+        A stop is handled at once only if its cookie names a session, which nobody gets without an account.
         """
         upgrade = self.requestHeaders.getRawHeaders(b"Upgrade", [b""])[0]
-        if upgrade.lower() == b"websocket":  # as Daphne decides
+        if upgrade.lower() == b"websocket":  # the same condition as Daphne's
             self.forget_body()
             return super().process()
         if self.path == b"/metrics" and self.server.is_ours(self.channel.transport):
@@ -70,8 +70,8 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         return self._in_turn()
 
     def _own_metrics(self) -> None:
-        """Answer a pages process, which has asked who may know."""
-        from teleop.live.metrics import own_metrics  # the application is loaded by now
+        """Send the metrics of this process to a pages process, which has checked the client's permission."""
+        from teleop.live.metrics import own_metrics  # not above: Django has to be set up first
 
         self.setHeader(b"Content-Type", b"text/plain; version=0.0.4; charset=utf-8")
         self.write(own_metrics())
@@ -93,12 +93,15 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         return forward(self) if forward is not None else super().process()
 
     def address(self) -> str:
-        """Return the client that this request counts for."""
+        """Return the address of the client for which this request counts."""
         client, _scheme = self.seen_from()
         return str(client[0]) if client else ""
 
     def seen_from(self) -> tuple[list[Any] | None, str]:
-        """Address and port of the client, None on a Unix socket, and its scheme: a proxy that is believed says so."""
+        """Return address and port of the client (None on a Unix socket), and the scheme.
+
+        They come from a proxy's headers if the proxy is trusted.
+        """
         peer = [str(self.client.host), self.client.port] if hasattr(self.client, "port") else None
         scheme = "https" if self.isSecure() else "http"
         with suppress(UnicodeDecodeError):
@@ -113,54 +116,57 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         return peer, scheme
 
     def over(self) -> None:
-        """It was answered, given up, or became a WebSocket. May be said more than once."""
+        """Give back the request's place: it was answered, given up, or became a WebSocket.
+
+        May be called twice.
+        """
         self.forget_body()
         if self._place is not None:
             self.server.requests.give_back(self._place)
             self._place = None
 
     def finish(self) -> None:
-        """The answer is complete."""
+        """Handle the end of the response."""
         self.over()
         super().finish()
 
     def connectionLost(self, reason: Any) -> None:
-        """The connection is gone."""
+        """Handle the end of the connection."""
         self.over()
         super().connectionLost(reason)
 
 
 class Channel(http.HTTPChannel):  # type: ignore[misc]
-    """One connection, which carries requests one after the other."""
+    """One connection. Requests come over it one after the other."""
 
-    totalHeadersSize = 2 * limits.HEAD_BYTES  # ours is below
+    totalHeadersSize = 2 * limits.HEAD_BYTES  # Twisted's limit, higher than the console's own
     MAX_LENGTH = limits.HEAD_BYTES
     requestFactory = Request
     length: int | None
-    _leaving = False  # nothing more is read
-    _head_open = False  # the request line is there, and not all headers
+    _leaving = False  # the connection closes, and nothing more is read
+    _head_open = False  # the request line is complete, and headers are still missing
     _body_unread = False
-    _damaged = False  # the head of a stop: the body's form is unknown
-    _between = False  # two requests
-    _unheard = b""  # waits for its turn
+    _damaged = False  # a stop has a malformed or too large head, so the form of its body is unknown
+    _between = False  # between two requests
+    _unheard = b""  # received bytes that wait for their turn
 
     @property
     def server(self) -> Any:
-        """The server that this connection belongs to."""
+        """Return the server of this connection."""
         return self.factory.server
 
     def connectionMade(self) -> None:
-        """Take a place, or leave again."""
+        """Handle a new connection: take a place, or refuse it."""
         super().connectionMade()
         self.setTimeout(limits.HEAD_S)
         if not self.server.entered(self):
             self.refuse(limits.busy())
 
     def resetTimeout(self) -> None:
-        """Bytes that trickle in do not buy time: a request has to be there in time."""
+        """Do nothing: single bytes must not extend the time in which a request has to be complete."""
 
     def dataReceived(self, data: bytes) -> None:
-        """More of a request. It waits for its turn."""
+        """Store received bytes of a request until it is their turn."""
         if not self._unheard:
             self.server.work.add(self._take_turn)
         self._unheard += data
@@ -191,14 +197,14 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         self._damaged = True
         super().lineReceived(
             b"X-Cut: 1"
-        )  # the header before is complete only now: it could have had a second line
+        )  # completes the header before, which might have continued on another line
         if not stop_addresses.needs_no_body(self._command, self._path, self.requests[-1].requestHeaders):
             return False
         super().lineReceived(b"")
         return True
 
     def lineReceived(self, line: bytes) -> None:
-        """A line of the head."""
+        """Handle a line of the head."""
         first = not hasattr(self, "_command")
         if first and len(line) > limits.URL_BYTES:
             line = stop_addresses.without_query(line)
@@ -211,11 +217,11 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
             self._head_open = hasattr(self, "_command")
 
     def lineLengthExceeded(self, _line: bytes) -> None:
-        """A line that does not end."""
+        """Refuse a line that is too long."""
         raise Refused(limits.head_too_large() if hasattr(self, "_command") else limits.url_too_long())
 
     def headerReceived(self, line: bytes) -> bool:
-        """Take a header. A malformed one of a stop is ignored, and the body is not read."""
+        """Store a header. If a stop has a malformed header, ignore the header, and do not read the body."""
         if self._receivedHeaderCount >= limits.HEADERS and not self._damaged:
             raise Refused(limits.head_too_large())
         try:
@@ -227,7 +233,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
             return True
 
     def allHeadersReceived(self) -> None:
-        """Handle a complete head. The body of a stop is not awaited if the head is enough."""
+        """Handle a complete head. If the head of a stop is enough, do not wait for the body."""
         self._head_open = False
         request = self.requests[-1]
         says_all = stop_addresses.needs_no_body(self._command, self._path, request.requestHeaders)
@@ -242,12 +248,12 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
             request.responseHeaders.setRawHeaders(b"Connection", [b"close"])
 
     def allContentReceived(self) -> None:
-        """The request is complete."""
+        """Handle a complete request."""
         self.server.working(self)
         super().allContentReceived()
 
     def requestDone(self, request: Any) -> None:
-        """It was answered; another one may come by this connection."""
+        """Handle the end of a request: the next request may come over this connection."""
         if self.persistent:
             self.server.waiting(self)
         self._between = True
@@ -255,7 +261,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         super().requestDone(request)
 
     def timeoutConnection(self) -> None:
-        """Handle a request that did not come in time, or only in part."""
+        """Handle a timeout: close an idle connection, refuse a request that is incomplete."""
         if self._between or not (self.requests or self._buffer):
             self.transport.abortConnection()
         else:
@@ -265,7 +271,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         raise Refused(limits.malformed())
 
     def refuse(self, refusal: Refusal) -> None:
-        """Say why, read nothing more, and close the connection soon after."""
+        """Send the refusal, read nothing more, and close the connection soon after."""
         if self._leaving:
             return
         for request in self.requests:
@@ -275,7 +281,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         self._leave()
 
     def loseConnection(self) -> None:
-        """Close the connection once everything is said."""
+        """Close the connection once everything is sent."""
         if self._body_unread:
             self.transport.unregisterProducer()
             self._leave()
@@ -288,25 +294,25 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         self.transport.pauseProducing()
         if hasattr(self.transport, "loseWriteConnection"):
             self.transport.loseWriteConnection()
-        # A close before the client has read would take the answer from it.
+        # If the connection closed at once, the client might not get the response.
         self.callLater(REFUSAL_READ_WITHIN_S, self.transport.abortConnection)
 
     def connectionLost(self, reason: Any) -> None:
-        """The connection is gone."""
+        """Handle the end of the connection."""
         self._unheard = b""
         self.server.left(self.transport)
         super().connectionLost(reason)
 
 
 class Factory(http_protocol.HTTPFactory):  # type: ignore[misc]
-    """Makes `Channel`s, without Twisted's wrapper for HTTP/2, which the console does not speak."""
+    """Makes `Channel`s, without Twisted's wrapper for HTTP/2, which the console does not support."""
 
     def buildProtocol(self, _address: Any) -> Channel:
-        """For a new connection."""
+        """Return the channel of a new connection."""
         channel = Channel()
         channel.factory = self
         channel.timeOut = limits.IDLE_S
         return channel
 
     def log(self, request: Any) -> None:
-        """Write no line for each request: nobody reads Twisted's access log, and it is a tenth of the loop's work."""
+        """Write no line for a request: nobody reads that log, and it takes a tenth of the loop's time."""

@@ -17,17 +17,17 @@ from fleet.server.connections import Connections, Places
 from fleet.server.work_queue import WorkQueue
 from robots.processes.scheduling import Garbage, prefer_this_thread
 
-GARBAGE_S = 0.1  # between two collections: few young objects gather in that time
+GARBAGE_S = 0.1  # between two collections, so that each one has only few new objects
 
-# `Server.run` makes its factories by these names, and offers no other way to make others.
+# Daphne's `Server.run` takes its factories from these names, and there is no other way to replace them.
 daphne_server.HTTPFactory = channel.Factory
 daphne_server.WebSocketFactory = websocket.Factory
 
 
 class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
-    """Daphne, which counts who is connected."""
+    """Daphne's server, with counts of connections, requests and WebSockets."""
 
-    keeper: pages_process.Keeper | None = None  # of the pages process; None in tests of the server alone
+    keeper: pages_process.Keeper | None = None  # keeps the pages process running; None in tests of the server
 
     def __init__(self, *args: Any, **options: Any) -> None:
         from django.conf import settings  # the application was imported before
@@ -37,12 +37,12 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         self.open: Connections[Any] = Connections()
         self.requests = Places(limits.REQUESTS, limits.REQUESTS_OF_ADDRESS)
         self.websockets = Places(limits.CONNECTIONS, limits.WEBSOCKETS_OF_ADDRESS)
-        self.forward: pages_process.Forward | None = None  # None: this process answers all
+        self.forward: pages_process.Forward | None = None  # None: this process answers all requests
         self.work = WorkQueue(lambda work: reactor._asyncioEventloop.call_soon(work))
-        self.bodies_bytes = 0  # of all requests that arrive, or wait for their answers
+        self.bodies_bytes = 0  # size of the bodies of all requests that arrive or wait for their responses
 
     def run(self) -> None:
-        """Run until it is asked to end."""
+        """Run the server until it has to end."""
         _least, most = resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))  # each connection is a file
         if self.keeper is not None:
@@ -54,7 +54,10 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         super().run()
 
     def _prefer_commands(self) -> None:
-        """Priority for the loop; and garbage is collected by it, between commands, never among all of Django."""
+        """Give the loop's thread priority, and collect garbage in the loop between commands.
+
+        The many objects of Django are never searched.
+        """
         prefer_this_thread()
         garbage = Garbage()
         self._collecting = task.LoopingCall(
@@ -63,7 +66,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         self._collecting.start(GARBAGE_S)
 
     def create_application(self, protocol: Any, scope: dict[str, Any]) -> Any:
-        """Begin the application for a request or a WebSocket."""
+        """Start the application for a request or a WebSocket."""
         if scope["type"] == "websocket":
             scope["extensions"] = {
                 websocket.DIRECT_RECEIVER: protocol.set_direct_receiver,
@@ -72,7 +75,10 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         return super().create_application(protocol, scope)
 
     def entered(self, connection: channel.Channel) -> bool:
-        """Return whether there is a place for a new connection; the oldest that only waits leaves for it."""
+        """Return whether there is a place for a new connection.
+
+        If necessary, close the oldest waiting connection.
+        """
         address = getattr(connection.transport.getPeer(), "host", None)
         if self.proxy_forwarded_address_header:
             address = None
@@ -82,27 +88,27 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         return admitted
 
     def working(self, connection: channel.Channel) -> None:
-        """It has sent a whole request."""
+        """Note that a connection has sent a complete request."""
         self.open.working(connection.transport)
 
     def waiting(self, connection: channel.Channel) -> None:
-        """Its request was answered."""
+        """Note that a connection's request was answered."""
         self.open.waiting(connection.transport)
 
     def is_ours(self, transport: Any) -> bool:
-        """Return whether a connection came by the socket that only the pages processes of this account open."""
+        """Return whether a connection came through the socket for pages processes of this account."""
         keeper = self.keeper
         return keeper is not None and getattr(transport.getHost(), "name", None) == os.fsencode(
             keeper.programs
         )
 
     def left(self, transport: Any) -> None:
-        """It is closed."""
+        """Note that a connection is closed."""
         self.open.left(transport)
 
 
 class CommandLine(CommandLineInterface):  # type: ignore[misc]
-    """Daphne's, with smaller WebSocket messages and a process for the pages."""
+    """Daphne's command line, with smaller WebSocket messages and a process for the pages."""
 
     server_class = Server
 
@@ -113,7 +119,7 @@ class CommandLine(CommandLineInterface):  # type: ignore[misc]
         )
 
     def run(self, args: list[str]) -> None:
-        """Run until it is asked to end."""
+        """Run the server until it has to end."""
         asked: Namespace = self.parser.parse_args(args)
         os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
         from django.conf import settings

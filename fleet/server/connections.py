@@ -1,6 +1,7 @@
-"""Count connections, requests and WebSockets, in all and from each address.
+"""Count connections, requests and WebSockets: all together, and from each address.
 
-A new connection takes the place of the oldest that only waits, so that strangers who keep many open lock nobody out.
+If there is no place, a new connection takes the place of the oldest waiting one: so an unknown client that
+keeps many connections open cannot lock others out.
 """
 
 from __future__ import annotations
@@ -17,19 +18,19 @@ K = TypeVar("K", bound=Hashable)
 
 @dataclass
 class Connections(Generic[K]):
-    """Open connections by a key of the caller's choice.
+    """Open connections, by a key of the caller's choice.
 
-    `address` is None where one address stands for many people: a proxy, or a Unix socket.
+    `address` is None if one address stands for many people: behind a proxy, or on a Unix socket.
     """
 
     most: int = limits.CONNECTIONS
     most_of_address: int = limits.CONNECTIONS_OF_ADDRESS
     _open: dict[K, str | None] = field(default_factory=dict)
-    _waiting: dict[K, None] = field(default_factory=dict)  # oldest first; has sent nothing whole since
+    _waiting: dict[K, None] = field(default_factory=dict)  # oldest first; no complete request since then
     _of_address: Counter[str] = field(default_factory=Counter)
 
     def admit(self, key: K, address: str | None) -> tuple[bool, K | None]:
-        """Return whether this one may come in, and which waiting one must leave for it."""
+        """Return whether this connection is admitted, and which waiting connection must close for it."""
         leaves = None
         if address is not None and self._of_address[address] >= self.most_of_address:
             leaves = next((waiting for waiting in self._waiting if self._open[waiting] == address), None)
@@ -48,16 +49,19 @@ class Connections(Generic[K]):
         return True, leaves
 
     def working(self, key: K) -> None:
-        """A request of this connection is being answered, or it became a WebSocket: it keeps its place."""
+        """Note that a connection's request is being answered, or that it is a WebSocket.
+
+        It keeps its place.
+        """
         self._waiting.pop(key, None)
 
     def waiting(self, key: K) -> None:
-        """It waits again."""
+        """Note that a connection waits for a request again."""
         if key in self._open:
             self._waiting[key] = None
 
     def left(self, key: K) -> None:
-        """It is closed. May be said more than once."""
+        """Note that a connection is closed. May be called more than once."""
         self._waiting.pop(key, None)
         address = self._open.pop(key, None)
         if address is not None:
@@ -71,7 +75,7 @@ class Connections(Generic[K]):
 
 @dataclass
 class Places:
-    """Places that are taken and given back, in all and for each address."""
+    """Places that are taken and given back, counted together and for each address."""
 
     most: int
     most_of_address: int
@@ -79,7 +83,7 @@ class Places:
     _of_address: Counter[str] = field(default_factory=Counter)
 
     def take(self, address: str) -> bool:
-        """False if there is none."""
+        """Take a place. Return False if there is none."""
         if self.taken >= self.most or self._of_address[address] >= self.most_of_address:
             return False
         self.taken += 1
@@ -87,7 +91,7 @@ class Places:
         return True
 
     def give_back(self, address: str) -> None:
-        """A place that was taken."""
+        """Give back a place that was taken."""
         self.taken -= 1
         self._of_address[address] -= 1
         if not self._of_address[address]:

@@ -1,7 +1,8 @@
-"""Limits of a request before any view has looked at it.
+"""Limits of a request, before any view handles it.
 
-The server does not know yet who asks: a session cookie is a hint and no proof. Requests with one may bring a larger
-body, because admin forms do; all bodies together are bounded as well.
+The server does not know yet which person sent it: a session cookie is a hint, not a proof. Requests with a
+session cookie may have a larger body, because admin forms need it. The size of all bodies together is
+limited, too.
 """
 
 from __future__ import annotations
@@ -12,36 +13,36 @@ from dataclasses import dataclass
 URL_BYTES = 4096
 HEAD_BYTES = 16384  # request line and headers
 HEADERS = 100
-BODY_BYTES = 64 * 1024  # of a stranger: a sign-in form has less than one
-SIGNED_IN_BODY_BYTES = 4 * 1024 * 1024  # an admin form: Django itself takes 2.5 MB
-BODIES_BYTES = 64 * 1024 * 1024  # all bodies that arrive at this moment
+BODY_BYTES = 64 * 1024  # without session cookie: a sign-in form has less than 1 KiB
+SIGNED_IN_BODY_BYTES = 4 * 1024 * 1024  # for an admin form: Django itself accepts 2.5 MB
+BODIES_BYTES = 64 * 1024 * 1024  # all bodies in memory together
 
-UNHEARD_BYTES = 64 * 1024  # of one connection, that wait for their turn: no more is read meanwhile
+UNHEARD_BYTES = 64 * 1024  # received bytes of one connection that wait for their turn; then reading pauses
 
 HEAD_S = 10.0  # from the first byte of a request, or from connecting, to the end of its headers
 BODY_S = 60.0  # from the end of the headers to the end of the body
 IDLE_S = 60.0  # between two requests
-UNREAD_S = 60.0  # so long a client may leave unread what was sent of an answer
+UNREAD_S = 60.0  # the longest time in which a client may read nothing of a response
 
-# A class of 60 sits behind one address; a browser opens six connections and some WebSockets for each page.
+# A class of 60 students may share one address. A browser opens six connections, and some WebSockets per page.
 CONNECTIONS = 2000
 CONNECTIONS_OF_ADDRESS = 1000
 WEBSOCKETS_OF_ADDRESS = 600
-REQUESTS = 400  # that wait for their answers
+REQUESTS = 400  # requests that wait for their responses
 REQUESTS_OF_ADDRESS = 200
 
 MESSAGE_BYTES = (
     64 * 1024
-)  # of a WebSocket: pages send 8 KiB at most, and larger messages are refused in words
-HANDSHAKE_BYTES = 16384  # that a WebSocket may send before it was accepted
-MESSAGES_WAITING = 1000  # of one WebSocket, not yet heard by the console
+)  # one message of a WebSocket: pages send 8 KiB at most; the console answers larger messages with a refusal
+HANDSHAKE_BYTES = 16384  # bytes that a WebSocket may send before it is accepted
+MESSAGES_WAITING = 1000  # messages of one WebSocket that the console has not handled yet
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """A request that is not let in: HTTP status, and the refusal as every interface of the console says it.
+    """The answer to a request that is not accepted: HTTP status and refusal, like those of other interfaces.
 
-    The answer is a problem document (RFC 9457), as the API promises.
+    The response is a problem document (RFC 9457), like those of the API.
     """
 
     status: int
@@ -52,7 +53,7 @@ class Refusal:
     retry_after_s: int | None = None
 
     def response(self) -> bytes:
-        """The whole HTTP response; the connection closes after it."""
+        """Return the whole HTTP response. The connection closes after it."""
         refusal = {"code": self.code, "text": self.text, "rule": "limits", "figures": dict(self.figures)}
         problem = {"type": "about:blank", "title": self.reason, "status": self.status, "detail": self.text}
         body = json.dumps({**problem, **refusal, "refusals": [refusal]}).encode()
@@ -65,7 +66,7 @@ class Refusal:
 
 
 class Refused(Exception):
-    """A request passed a limit while it arrived."""
+    """A request exceeded a limit while it arrived."""
 
     def __init__(self, refusal: Refusal) -> None:
         super().__init__(refusal.text)
@@ -73,47 +74,47 @@ class Refused(Exception):
 
 
 def url_too_long() -> Refusal:
-    """More than `URL_BYTES` in the request line."""
+    """Return the refusal of a request line with more than `URL_BYTES`."""
     text = f"Not done: the address is longer than {URL_BYTES} bytes."
     return Refusal(414, "URI Too Long", "url_too_long", text, (("most_bytes", URL_BYTES),))
 
 
 def head_too_large() -> Refusal:
-    """More than `HEADERS` headers, or `HEAD_BYTES` of them."""
+    """Return the refusal of more than `HEADERS` headers, or more than `HEAD_BYTES` of headers."""
     text = f"Not done: the request has more than {HEADERS} headers or {HEAD_BYTES} bytes of them."
     figures = (("most_bytes", HEAD_BYTES), ("most_headers", HEADERS))
     return Refusal(431, "Request Header Fields Too Large", "headers_too_large", text, figures)
 
 
 def body_too_large(most_bytes: int) -> Refusal:
-    """More than `most_bytes` in the body."""
+    """Return the refusal of a body with more than `most_bytes`."""
     text = f"Not done: the request's body is larger than {most_bytes} bytes."
     return Refusal(413, "Content Too Large", "body_too_large", text, (("most_bytes", most_bytes),))
 
 
 def too_slow(seconds: float) -> Refusal:
-    """The request did not arrive in time."""
+    """Return the refusal of a request that did not arrive in time."""
     text = f"Not done: the request did not arrive within {seconds:g} s."
     return Refusal(408, "Request Timeout", "request_too_slow", text, (("most_s", seconds),))
 
 
 def malformed() -> Refusal:
-    """This is no HTTP."""
+    """Return the refusal of a request that is not valid HTTP."""
     return Refusal(400, "Bad Request", "malformed", "Not done: this is not a well-formed HTTP request.")
 
 
 def busy() -> Refusal:
-    """Too many connections or requests at once."""
+    """Return the refusal because of too many connections or requests at once."""
     text = "Not done: the console is busy. Try again in a moment."
     return Refusal(503, "Service Unavailable", "busy", text, retry_after_s=2)
 
 
 def no_answer() -> Refusal:
-    """The pages process died meanwhile, or does not start."""
+    """Return the refusal if the pages process has died, or does not start."""
     text = "The console did not answer this. Look whether it was done, and try again in a moment."
     return Refusal(503, "Service Unavailable", "no_answer", text, retry_after_s=2)
 
 
 def most_body_bytes(*, session_cookie: bool) -> int:
-    """Return the largest allowed body, bytes."""
+    """Return the size of the largest allowed body in bytes."""
     return SIGNED_IN_BODY_BYTES if session_cookie else BODY_BYTES

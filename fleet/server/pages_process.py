@@ -1,6 +1,9 @@
-"""Keeps the pages process, which answers every HTTP request but the stop's: no page shares an interpreter with a stick.
+"""Run the pages process, which answers every HTTP request except stops.
 
-The process that owns the port starts it, starts it again when it dies, and forwards whole requests by a Unix socket.
+So pages and drive input do not share a Python interpreter.
+
+The process that owns the port starts the pages process, starts it again when it dies, and forwards complete
+requests to it over a Unix socket.
 """
 
 from __future__ import annotations
@@ -28,19 +31,19 @@ from fleet.server import limits
 
 log = logging.getLogger(__name__)
 
-AGAIN_S = 0.5  # until it is started again
-LAST_S = 6.0  # for its end, after the 5 s that it takes at most
-READY_S = 30.0  # so long a request waits for a process that is just starting
+AGAIN_S = 0.5  # pause before it is started again
+LAST_S = 6.0  # time for its end, which takes 5 s at most
+READY_S = 30.0  # the longest time that a request waits for a process that is just starting
 RETRY_S = 0.05
 MOST_KEPT = 50  # idle connections to the pages process
-KEPT_S = (
-    5.0  # less than it keeps them: a request seldom meets their end. Twisted repeats one that may be repeated
-)
+# Shorter than the pages process keeps idle connections, so that a request seldom gets a closing connection.
+# If it does, Twisted sends the request again if that does no harm.
+KEPT_S = 5.0
 
-# After CONNECT, the pages process would read the body as requests of their own.
+# CONNECT is missing: after it, the pages process would read the body as separate requests.
 METHODS = {b"GET", b"HEAD", b"POST", b"PUT", b"PATCH", b"DELETE", b"OPTIONS", b"TRACE"}
 
-# For one hop only, or set again here.
+# These headers are for one connection only, or are set again here.
 NOT_FORWARDED = {
     *(b"connection", b"keep-alive", b"proxy-connection", b"transfer-encoding", b"te", b"trailer", b"upgrade"),
     *(b"expect", b"content-length", b"daphne-root-path"),
@@ -49,13 +52,16 @@ NOT_FORWARDED = {
 
 
 class Keeper:
-    """Starts the pages process, and again when it dies. Ends it on request, or with this process."""
+    """Keep the pages process running: start it, also when it has died.
+
+    It ends on request, or with this process.
+    """
 
     def __init__(self, run_directory: Path, application: str) -> None:
         self.path = run_directory / f"web-{os.getpid()}.sock"
         self.programs = (
             run_directory / f"programs-{os.getpid()}.sock"
-        )  # where the pages process connects to ours
+        )  # the pages process connects to this process here
         self._application = application
         self._ending = threading.Event()
         self._process: subprocess.Popen[bytes] | None = None
@@ -66,7 +72,7 @@ class Keeper:
         self._thread.start()
 
     def end(self) -> None:
-        """It is needed no more."""
+        """End the pages process."""
         if self._ending.is_set():
             return
         self._ending.set()
@@ -75,7 +81,10 @@ class Keeper:
         self.programs.unlink(missing_ok=True)
 
     def wait(self) -> None:
-        """Wait for the end of the process, which may still write records, and kill it if it does not end in time."""
+        """Wait for the end of the process, which may still write records.
+
+        Kill it if it does not end in time.
+        """
         self._thread.join(LAST_S)
         if self._thread.is_alive() and self._process is not None:
             self._process.kill()
@@ -89,7 +98,7 @@ class Keeper:
                     pass_fds=[self._life_line],
                     env={**os.environ, "FLEET_PROGRAMS_SOCKET": str(self.programs)},
                 )
-            except OSError as error:  # no memory, or too many processes: that may pass
+            except OSError as error:  # not enough memory, or too many processes: it may work later
                 log.error("The pages process cannot be started: %s. It is tried again.", error)
             else:
                 status = process.wait()
@@ -105,13 +114,13 @@ class Keeper:
 
 
 def endpoint(path: Path) -> str:
-    """Return a Unix socket for this account only, as Twisted describes it."""
+    """Return the description, for Twisted, of a Unix socket that only this account can use."""
     where = str(path).replace("\\", r"\\").replace(":", r"\:")
     return f"unix:{where}:mode=600:lockfile=0"
 
 
 def _tidy(run_directory: Path) -> None:
-    """Sockets of processes that were killed."""
+    """Remove the sockets of processes that were killed."""
     for left in [*run_directory.glob("web-*.sock"), *run_directory.glob("programs-*.sock")]:
         if not Path(f"/proc/{left.stem.split('-')[1]}").exists():
             left.unlink(missing_ok=True)
@@ -119,7 +128,7 @@ def _tidy(run_directory: Path) -> None:
 
 @implementer(IAgentEndpointFactory)
 class _There:
-    """Twisted's HTTP client connects to the pages' socket for every address."""
+    """Let Twisted's HTTP client connect to the socket of the pages process for every URL."""
 
     def __init__(self, path: Path) -> None:
         self._path = str(path)
@@ -129,7 +138,7 @@ class _There:
 
 
 class Forward:
-    """Forwards requests to the pages process."""
+    """Forward requests to the pages process."""
 
     def __init__(self, path: Path) -> None:
         connections = HTTPConnectionPool(reactor)
@@ -138,7 +147,7 @@ class Forward:
         self._agent = Agent.usingEndpointFactory(reactor, _There(path), connections)
 
     def __call__(self, request: Any) -> None:
-        """Pass the request to the pages process, and its answer back."""
+        """Forward the request to the pages process, and send its response to the client."""
         asked = defer.ensureDeferred(self._ask(request))
         gone = request.notifyFinish()
         gone.addErrback(lambda _: asked.cancel())
@@ -158,10 +167,10 @@ class Forward:
         await passing.whole
 
     async def _answer(self, request: Any, headers: Headers, body: bytes) -> Any:
-        """The answer's head. A process that is just starting is waited for."""
+        """Return the head of the response. If the process is just starting, wait for it."""
         if not request.uri.startswith(
             b"/"
-        ):  # else a part of it would name another host, with connections of its own
+        ):  # a part of such a URL would be another host's name, with separate connections
             raise ValueError("The address is none.")
         if request.method not in METHODS:
             raise ValueError("The method is none of HTTP's for pages.")
@@ -189,7 +198,10 @@ def _headers(request: Any) -> Headers:
 
 
 def _length(request: Any, response: Any) -> bytes | None:
-    """Return the length of the body; None: in chunks, or no body. For HEAD it is GET's: Twisted says 0."""
+    """Return the length of the body; None: in chunks, or no body.
+
+    For HEAD, return that of GET (Twisted returns 0).
+    """
     if request.method == b"HEAD":
         lengths: list[bytes] = response.headers.getRawHeaders(b"content-length", [])
         return lengths[0] if lengths else None
@@ -199,10 +211,13 @@ def _length(request: Any, response: Any) -> bytes | None:
 
 
 def _failed(request: Any, failure: Any) -> None:
-    """The pages process died or does not start. A client that left gets no answer."""
+    """Refuse a request that failed: it was invalid, or the pages process died or does not start.
+
+    A client that has left gets no answer.
+    """
     if failure.check(defer.CancelledError) or request.channel is None or request.finished:
         return
-    if failure.check(ValueError):  # method or address are none
+    if failure.check(ValueError):  # the method or the URL is invalid
         request.channel.refuse(limits.malformed())
         return
     log.warning("The pages process did not answer %s: %s", request.path, failure.getErrorMessage())
@@ -214,18 +229,21 @@ def _failed(request: Any, failure: Any) -> None:
 
 @implementer(IPushProducer)
 class _Passing(protocol.Protocol):  # type: ignore[misc]
-    """The answer's body, as fast as the client takes it, which is disconnected if a part is unread for `UNREAD_S`."""
+    """Pass the response's body on, as fast as the client reads.
+
+    After `UNREAD_S` without reading, disconnect.
+    """
 
     def __init__(self, request: Any) -> None:
         self._request = request
         self._unread: Any = None  # the call that disconnects
-        # A client that left is passed nothing more: cancelled, it ends the answer at its source.
+        # If the client has left, this is cancelled, and the pages process stops sending the response.
         self.whole: Any = defer.Deferred(lambda _: self.transport.stopProducing())
 
     def connectionMade(self) -> None:
         self._request.registerProducer(self, True)
 
-    def pauseProducing(self) -> None:  # may come twice
+    def pauseProducing(self) -> None:  # may be called twice
         self.transport.pauseProducing()
         if self._unread is None:
             self._unread = reactor.callLater(limits.UNREAD_S, self._give_up)
@@ -248,7 +266,7 @@ class _Passing(protocol.Protocol):  # type: ignore[misc]
     def connectionLost(self, reason: Any = None) -> None:
         self._heard()
         request = self._request
-        if self.whole.called:  # cancelled
+        if self.whole.called:  # it was cancelled
             return
         if request._disconnected:
             self.whole.callback(None)

@@ -1,6 +1,7 @@
 """The program of the pages process: `python -m fleet.server.pages_server --life-line FD --socket PATH APPLICATION`.
 
-The process that owns the port has applied the limits, so Uvicorn serves here: a request takes half of Daphne's time.
+The process that owns the port has applied the limits, so Uvicorn can serve here: it needs half of Daphne's
+time for a request.
 """
 
 from __future__ import annotations
@@ -21,25 +22,34 @@ from robots.processes.shutdown import SIGNALS, exit_within
 
 NICENESS = 15
 END_S = 5.0
-LOADED_S = 60.0  # a busy computer may load the application for seconds; until then nothing needs an end in time
-REQUESTS_END_S = 1  # then those that still run are cut
+LOADED_S = 60.0  # a busy computer loads the application for seconds; no request runs until then
+REQUESTS_END_S = 1  # requests that still run after this time are cut off
 
 
 class Server(uvicorn.Server):
-    """Ends by a signal or with the process that owns the port, and waits for its threads as Python does."""
+    """The server.
+
+    It ends by a signal or with the process that owns the port, and waits for its threads like Python.
+    """
 
     def handle_exit(self, _signal: int, _frame: FrameType | None) -> None:
-        """End. Uvicorn's own way kills the process by the same signal, while threads still write records."""
+        """End.
+
+        Uvicorn's own method kills the process by the same signal, while threads still write records.
+        """
         self.end()
 
     def end(self) -> None:
-        """Take no more requests, answer those of the next second, and end."""
+        """Accept no more requests, answer those that end within a second, and end."""
         exit_within(END_S if self.started else LOADED_S)
         self.should_exit = True
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Cut what still runs after `REQUESTS_END_S`. Uvicorn would answer it with a bare 500; the process that owns
-        the port hears that there is no answer, asks once more where that does no harm, and else says so."""
+        """Close the connections of requests that still run after `REQUESTS_END_S`.
+
+        Uvicorn would answer them with a bare 500. Without an answer, the process that owns the port sends the
+        request again if that does no harm; else it sends a refusal.
+        """
         asyncio.get_running_loop().call_later(REQUESTS_END_S, self._cut)
         await super().shutdown(sockets)
 
@@ -65,7 +75,7 @@ def main() -> None:
             http="httptools",
             ws="none",
             lifespan="off",
-            log_config=None,  # Django's
+            log_config=None,  # Django configures logging
             access_log=False,
             server_header=False,
             forwarded_allow_ips="*",
@@ -78,13 +88,13 @@ def main() -> None:
     ).start()
     server.config.load()  # before anybody can connect
     server.run([_listening(asked.socket)])
-    asked.socket.unlink(missing_ok=True)  # the life line may have ended before there was one
-    for number in SIGNALS:  # a second one must not kill threads that still write records
+    asked.socket.unlink(missing_ok=True)  # the life line may have ended before the socket was made
+    for number in SIGNALS:  # a second signal must not kill threads that still write records
         signal.signal(number, signal.SIG_IGN)
 
 
 def _listening(path: Path) -> socket.socket:
-    """Return a socket for this account only."""
+    """Return a listening socket that only this account can use."""
     listening = socket.socket(socket.AF_UNIX)
     mask = os.umask(0o177)
     listening.bind(str(path))
@@ -93,9 +103,9 @@ def _listening(path: Path) -> socket.socket:
 
 
 def _end_with(life_line: int, path: Path, server: Server) -> None:
-    os.read(life_line, 1)  # nobody writes: this is its end
+    os.read(life_line, 1)  # nobody writes to the pipe: this returns when the other end is closed
     path.unlink(missing_ok=True)
-    if programs := os.environ.get("FLEET_PROGRAMS_SOCKET"):  # a process that was killed leaves it
+    if programs := os.environ.get("FLEET_PROGRAMS_SOCKET"):  # a killed process leaves its socket
         Path(programs).unlink(missing_ok=True)
     server.end()
 

@@ -1,4 +1,4 @@
-"""Check session cookies: a false one gives a stranger no advantage."""
+"""Check session cookies: an invalid cookie gives an unknown client no advantage."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ _thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sessions", initi
 
 
 def look_up(key: str) -> asyncio.Future[bool]:
-    """Return whether there is such a session. A database that does not answer is Django's to put into words: yes."""
+    """Return whether there is such a session.
+
+    True if the database does not answer: Django then shows the error.
+    """
     return asyncio.get_running_loop().run_in_executor(_thread, _exists, key)
 
 
 def _exists(key: str) -> bool:
-    from django.contrib.sessions.backends.db import SessionStore  # the application is loaded by now
+    from django.contrib.sessions.backends.db import SessionStore  # not above: Django has to be set up first
 
     close_old_connections()
     try:

@@ -1,13 +1,14 @@
-"""Read the most frequent frame quickly: one small, whole text message, as browsers send it. Pure.
+"""Read the most frequent frame quickly: one small, complete text message, as browsers send it.
 
-The full parser reads all other frames: it knows all rules and answers frames that break them.
+The full parser reads all other frames: it applies all rules of the protocol, and answers frames that break
+them.
 """
 
 from __future__ import annotations
 
-_WHOLE_TEXT = 0x81  # final, nothing reserved, text
+_WHOLE_TEXT = 0x81  # bits of the first byte: final, none of the reserved ones, type text
 _MASKED = 0x80
-_LENGTH_FOLLOWS = 126  # in two bytes
+_LENGTH_FOLLOWS = 126  # the length is in the next two bytes
 _MASK_BYTES = 4
 _MOST_BYTES = 1024  # larger messages are rare and not urgent
 
@@ -19,7 +20,7 @@ def small_text_frame(data: bytes) -> str | None:
     length, begin = data[1] - _MASKED, 2
     if length == _LENGTH_FOLLOWS:
         length, begin = int.from_bytes(data[2:4], "big"), 4
-        if length < _LENGTH_FOLLOWS:  # not the shortest form of a length
+        if length < _LENGTH_FOLLOWS:  # the protocol demands the shortest form of a length
             return None
     elif length > _LENGTH_FOLLOWS:
         return None

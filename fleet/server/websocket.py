@@ -1,4 +1,4 @@
-"""WebSockets within limits."""
+"""WebSockets with limits."""
 
 from __future__ import annotations
 
@@ -12,24 +12,30 @@ from twisted.internet.tcp import Connection
 from fleet.server import limits
 from fleet.server.text_frame import small_text_frame
 
-# Extensions of a connection's scope. A consumer passes this one a function that takes texts at once ...
+# Extensions of a connection's scope. To this one, a consumer passes a function that receives texts at once.
 DIRECT_RECEIVER = "fleet.direct_receiver"
-# ... and passes this one bytes that go out at once.
+# To this one, a consumer passes bytes that are sent at once.
 DIRECT_SENDER = "fleet.direct_sender"
 
 
 class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  # Daphne has no types
-    """One WebSocket. Frames and messages are bounded by the server's options."""
+    """One WebSocket. The server's options limit the size of frames and messages."""
 
     _place: str | None = None
     _direct_receiver: Callable[[str], bool] | None = None
 
     def set_direct_receiver(self, receive: Callable[[str], bool]) -> None:
-        """Pass texts to `receive` without a turn of the loop; one for which it returns False waits in the queue."""
+        """Pass texts to `receive` without a turn of the loop.
+
+        If it returns False, the text goes to the queue.
+        """
         self._direct_receiver = receive
 
     def send_directly(self, message: bytes) -> bool:
-        """Send a message; return False if the connection is not open. Spares the way through Channels and Daphne."""
+        """Send a message directly, not through Channels and Daphne.
+
+        Return False if the connection is not open.
+        """
         if self.state != self.STATE_OPEN:
             return False
         self.sendMessage(message, True)
@@ -46,7 +52,7 @@ class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  #
         return answer
 
     def dataReceived(self, data: bytes) -> None:
-        """Read bytes. Before the console has accepted it, a page may send no more than its handshake."""
+        """Read bytes. Until the console has accepted the WebSocket, a page may send only its handshake."""
         if self.state == self.STATE_CONNECTING and len(self.data) + len(data) > limits.HANDSHAKE_BYTES * 2:
             self.dropConnection(abort=True)
             return
@@ -58,25 +64,28 @@ class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  #
         super().dataReceived(data)
 
     def _is_between_messages(self) -> bool:
-        """Return whether the parser holds no part of a message and waits for no pong (any frame counts as one)."""
+        """Return whether the parser has no part of a message and waits for no pong (any frame counts)."""
         return not (self.data or self.current_frame or self.inside_message or self.autoPingTimeoutCall)
 
     def _on_text(self, text: str) -> None:
-        """Pass a whole text on, never past one that waits."""
+        """Pass a complete text on. If another text waits in the queue, this one waits, too."""
         if self._direct_receiver and self.application_queue.empty() and self._direct_receiver(text):
             self.last_ping = time.time()
         else:
             self.onMessage(text.encode(), False)
 
     def sendData(self, data: bytes, sync: bool = False, chopsize: int | None = None) -> None:
-        """Bytes to the page, at once if the kernel takes them: a turn of the loop for each of fifty pages adds up."""
+        """Send bytes to the page, at once if the kernel accepts them.
+
+        This saves a turn of the loop for each page.
+        """
         if self.state == self.STATE_OPEN and not (sync or chopsize or self.send_queue):
             data = data[self._written_now(data) :]
         if data:
             super().sendData(data, sync, chopsize)
 
     def _written_now(self, data: bytes) -> int:
-        """Return how many bytes went out. None overtake those that wait; an encrypted connection writes by itself."""
+        """Write bytes at once. Return how many: 0 if older bytes wait, or if the connection is encrypted."""
         transport = self.transport
         if (
             not isinstance(transport, Connection)
@@ -88,17 +97,17 @@ class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  #
         ):
             return 0
         written = transport.writeSomeData(data)
-        return written if isinstance(written, int) else 0  # it is gone; the ordinary way notices
+        return written if isinstance(written, int) else 0  # broken: Daphne's own way handles that
 
     def onMessage(self, payload: bytes, isBinary: bool) -> None:
-        """A whole message."""
+        """Handle a complete message. Drop the connection if too many messages wait."""
         if self.application_queue.qsize() > limits.MESSAGES_WAITING:
             self.dropConnection(abort=True)
             return
         super().onMessage(payload, isBinary)
 
     def connectionLost(self, reason: Any) -> None:
-        """The connection is gone."""
+        """Handle the end of the connection: give back its places."""
         server = self.factory.server_class
         server.left(self.transport)
         if self._place is not None:

@@ -1,4 +1,4 @@
-"""Handle bytes of unknown clients piece by piece, one per turn of the loop: a stick waits for one piece at most."""
+"""Handle bytes of unknown clients in pieces, one per turn of the loop: drive input waits for one piece."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 class WorkQueue:
-    """Work in order of arrival. `soon(work)` must call `work` in the next turn of the loop."""
+    """Pieces of work, in order of arrival. `soon(work)` must call `work` in the next turn of the loop."""
 
     def __init__(self, soon: Callable[[Callable[[], None]], Any]) -> None:
         self._soon = soon

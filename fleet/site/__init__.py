@@ -1,1 +1,1 @@
-"""Composition: the one place that joins all apps: URLs, ASGI application, WebSocket access."""
+"""The package that joins all apps: URLs, ASGI application, WebSocket access."""

@@ -1,4 +1,4 @@
-"""The console as an installed app: its manifest, its service worker, and the page that says it is offline."""
+"""The console as an installed web app: its manifest, its service worker, and the page for offline use."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from django.utils.translation import gettext
 from django.views.decorators.cache import cache_control
 from django.views.decorators.http import require_safe
 
-GROUND = "#f3f4f1"  # --bg of static/css/base/tokens.css, in light
+GROUND = "#f3f4f1"  # --bg of static/css/base/tokens.css in the light theme
 COLOUR = "#0d6b66"
-# All that the page for offline needs. Nothing else is ever kept.
+# All files that the offline page needs. The service worker stores no other files.
 OFFLINE_FILES = ("css/base/site.css", "js/page/offline.js", "img/icon.svg")
 
 
@@ -21,7 +21,7 @@ OFFLINE_FILES = ("css/base/site.css", "js/page/offline.js", "img/icon.svg")
 @require_safe
 @cache_control(no_cache=True)
 def manifest(_request: HttpRequest) -> JsonResponse:
-    """Say under which name and icon a device installs the console."""
+    """Return the manifest: the name, icons and colours with which a device installs the console."""
     icons = [
         {"src": static("img/icon.svg"), "sizes": "any", "type": "image/svg+xml"},
         {"src": static("img/icon-192.png"), "sizes": "192x192", "type": "image/png"},
@@ -54,7 +54,7 @@ def manifest(_request: HttpRequest) -> JsonResponse:
 @require_safe
 @cache_control(no_cache=True)
 def service_worker(request: HttpRequest) -> HttpResponse:
-    """Send the worker. It stands at the root, since it looks after the folder that it comes from."""
+    """Send the service worker. Its URL is at the root, because a worker serves only the folder of its URL."""
     files = [reverse("offline"), *map(static, OFFLINE_FILES)]
     return render(request, "site/service_worker.js", {"files": files}, content_type="text/javascript")
 
@@ -62,7 +62,7 @@ def service_worker(request: HttpRequest) -> HttpResponse:
 @login_not_required
 @require_safe
 def offline(request: HttpRequest) -> HttpResponse:
-    """Show the page that the worker shows without a connection."""
+    """Show the page that the service worker shows when there is no connection."""
     return render(request, "site/offline.html")
 
 

@@ -1,4 +1,7 @@
-"""The web process's application. `python -m fleet.server` serves it, with the limits for strangers."""
+"""The ASGI application of the web process.
+
+`python -m fleet.server` serves it, with limits for unknown clients.
+"""
 
 import gc
 import os
@@ -21,27 +24,28 @@ from fleet.site.websockets import websocket_urlpatterns  # noqa: E402
 from robots.processes.shutdown import exit_within  # noqa: E402
 
 limit_queries(connections.settings["default"])
-resolve("/stop-all/")  # loads the code of all addresses, so that the first stop does not wait 0.1 s for it
+resolve("/stop-all/")  # loads the code of all URLs, so that the first stop does not wait 0.1 s for it
 
 PAGES = "--life-line" in sys.argv  # in `fleet.server.pages_server`
 if PAGES:
     connections.settings["default"].update(CONN_MAX_AGE=60, CONN_HEALTH_CHECKS=True)
-else:  # Drive input passes through the event loop. With Python's default of 5 ms it would wait for each database call.
+else:
+    # Drive input goes through the event loop. With Python's default, 5 ms, it would wait for database calls.
     sys.setswitchinterval(0.0005)
 
-# WhiteNoise serves files from threads, and Django warns about that for each file.
+# WhiteNoise serves files from threads, and Django would warn about that for each file.
 warnings.filterwarnings(
     "ignore", message="StreamingHttpResponse must consume synchronous iterators", category=Warning
 )
 
-# At shutdown Daphne waits for every thread, and a thread may wait for a database that hangs.
+# At shutdown Daphne waits for every thread, and a thread may wait for a database that does not answer.
 END_S = 5.0
 if "daphne.server" in sys.modules:  # Daphne has chosen the reactor
     from twisted.internet import reactor
 
     reactor.addSystemEventTrigger("before", "shutdown", exit_within, END_S)
 
-# The code's own objects stay: without this, each full garbage collection looks at all of them, for 60 ms.
+# The loaded code's objects are never garbage: without this, each full collection checks them all, for 60 ms.
 gc.collect()
 gc.freeze()
 

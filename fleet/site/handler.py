@@ -1,4 +1,4 @@
-"""Django's handler, with one change of thread for each request."""
+"""Django's handler, changed so that each request changes threads only once."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ R = TypeVar("R")
 class OneThreadHandler(ASGIHandler):
     """Run signals, middleware and view, which are all synchronous here, in one call on one thread.
 
-    Django's own handler calls them by way of the event loop: the request waits there five times for drive input and
-    other requests. A stop by HTTP took twice as long.
+    Django's own handler returns to the event loop between them: a request waits there five times for drive
+    input and other requests. A stop by HTTP took twice as long.
     """
 
     def load_middleware(self, is_async: bool = False) -> None:
@@ -36,7 +36,10 @@ class OneThreadHandler(ASGIHandler):
         super().load_middleware(is_async=False)
 
     async def handle(self, scope: Any, receive: Any, send: Any) -> None:
-        """Answer. When the client leaves, a request that waits for its thread is dropped, and a stream ends."""
+        """Answer the request.
+
+        If the client leaves, drop a request that waits for its thread, and end a stream.
+        """
         try:
             body = await self.read_body(receive)
         except RequestAborted:
@@ -68,12 +71,12 @@ class OneThreadHandler(ASGIHandler):
     def _on_a_thread(
         self, call: Callable[P, R], *, stops: bool = False
     ) -> Callable[P, Coroutine[Any, Any, R]]:
-        """Return the call, made on a thread. `stops`: it stops robots."""
+        """Return a coroutine function that makes the call on a thread. `stops`: the call stops robots."""
         return sync_to_async(call)
 
     def _answer(self, scope: Any, body: Any) -> Any:
-        """Return the response. It is closed, if its content is complete."""
-        prefer_stop_thread()  # the web process answers stops alone; the pages process may prefer nobody
+        """Return the response. It is closed, unless its content is still to be streamed."""
+        prefer_stop_thread()  # this thread may answer a stop; in the pages process this has no effect
         set_script_prefix(get_script_prefix(scope))
         request_started.send(sender=type(self), scope=scope)
         request, malformed = self.create_request(scope, body)
@@ -87,16 +90,17 @@ class OneThreadHandler(ASGIHandler):
 
 
 class PagesHandler(OneThreadHandler):
-    """For the pages process: threads that keep their database connections. `AT_ONCE` requests run, and slow ones.
+    """The handler of the pages process, with its own threads, which keep their database connections.
 
-    The more threads share the interpreter, the longer each request takes. A slow request mostly waits for something
-    else: for a robot, or for its turn to check a password.
+    At most `AT_ONCE` requests run at a time, besides slow ones: the more threads share the interpreter, the
+    longer each request takes. A request that takes longer than `SLOW_S` mostly waits for a robot, or for its
+    turn to check a password.
     """
 
     AT_ONCE = 8
     SLOW_S = 0.25
-    THREADS = MOST_WAITING + AT_ONCE  # sign-ins that wait for their turn leave the others to pages
-    STOPS = 2  # threads that only stop robots: no page delays them
+    THREADS = MOST_WAITING + AT_ONCE  # even if all possible sign-ins wait, pages still have `AT_ONCE` threads
+    STOPS = 2  # threads that only stop robots, so that no page delays a stop
 
     def __init__(self) -> None:
         super().__init__()
@@ -107,7 +111,7 @@ class PagesHandler(OneThreadHandler):
     def _on_a_thread(
         self, call: Callable[P, R], *, stops: bool = False
     ) -> Callable[P, Coroutine[Any, Any, R]]:
-        if stops:  # by a program: those of pages are answered by the web process
+        if stops:  # from a program with a token: the web process answers the stops of pages
             return sync_to_async(call, thread_sensitive=False, executor=self._stop_threads)
         run = sync_to_async(call, thread_sensitive=False, executor=self._threads)
 
@@ -125,7 +129,7 @@ class PagesHandler(OneThreadHandler):
 
 
 class _Once:
-    """Makes a call the first time."""
+    """A function that makes a call only once."""
 
     def __init__(self, call: Callable[[], None]) -> None:
         self._call: Callable[[], None] | None = call

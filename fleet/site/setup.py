@@ -1,4 +1,4 @@
-"""The first-run pages: the first admin, the first robot, and the way to everybody else."""
+"""The first-run pages: make the first admin, add the first robot, and show how other people get access."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class AdminForm(BaseUserCreationForm):  # type: ignore[type-arg]  # not subscrip
 
 
 class RobotForm(forms.ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
-    """A robot by its name, kind and ROS master."""
+    """A new robot: name, profile and ROS master."""
 
     class Meta:
         model = Robot
@@ -63,7 +63,7 @@ class RobotForm(forms.ModelForm):  # type: ignore[type-arg]  # not subscriptable
 def leads_to_setup(
     get_response: Callable[[HttpRequest], HttpResponseBase],
 ) -> Callable[[HttpRequest], HttpResponseBase]:
-    """Middleware: while nobody has an account, every page leads to the first-run page."""
+    """Middleware: while nobody has an account, redirect every page to the first-run page."""
 
     def middleware(request: HttpRequest) -> HttpResponseBase:
         if request.method == "GET" and not request.path.startswith(_OPEN) and _is_waiting():
@@ -76,7 +76,7 @@ def leads_to_setup(
 def _is_waiting() -> bool:
     try:
         return first_run.is_waiting()
-    except DatabaseError:  # the page itself says so
+    except DatabaseError:  # the page itself reports the error
         return False
 
 
@@ -84,7 +84,7 @@ def _is_waiting() -> bool:
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def first_admin(request: HttpRequest) -> HttpResponse:
-    """Make the first admin, who then is signed in. Refused once there is an account."""
+    """Make the first admin and sign the admin in. Refused once there is an account."""
     if not first_run.is_waiting():
         return render(request, "setup/closed.html", {"nobody": not User.objects.exists()}, status=403)
     form = AdminForm(request.POST or None)
@@ -97,7 +97,7 @@ def first_admin(request: HttpRequest) -> HttpResponse:
 
 
 def _made(request: HttpRequest, form: AdminForm) -> int:
-    """Make the account and sign in: 302. Otherwise the form has the reason."""
+    """Make the account and sign in. Return the HTTP status: 302, or an error whose reason is in the form."""
     try:
         user = cast(User, form.save(commit=False))  # the password is hashed before the transaction
         refusal = first_run.admin_make(request, user, form.cleaned_data["code"])
@@ -135,7 +135,7 @@ def first_robot(request: HttpRequest) -> HttpResponse:
 @never_cache
 @require_safe
 def check(request: HttpRequest, slug: str) -> HttpResponse:
-    """Show what keeps the new robot from being driven, with remedies."""
+    """Show the problems that prevent driving the new robot, with remedies."""
     _staff(request)
     robot = Robot.objects.filter(slug=slug).first()
     if robot is None:
@@ -148,7 +148,7 @@ def check(request: HttpRequest, slug: str) -> HttpResponse:
 @never_cache
 @require_safe
 def people(request: HttpRequest) -> HttpResponse:
-    """Show the ways to let other people in."""
+    """Show the ways to give other people access."""
     _staff(request)
     return render(request, "setup/people.html")
 

@@ -1,4 +1,4 @@
-"""All addresses of the console."""
+"""All URLs of the console."""
 
 from django.contrib import admin
 from django.contrib.auth.decorators import login_not_required
@@ -12,7 +12,7 @@ from teleop.api.metrics import MetricsView
 
 admin.site.site_title = admin.site.site_header = "Fleet console"
 
-# The texts of the pages' scripts, as a script file: the content security policy forbids inline scripts.
+# The texts for the pages' scripts, as a script file: the content security policy forbids inline scripts.
 _script_texts = login_not_required(
     cache_control(private=True, max_age=300)(JavaScriptCatalog.as_view(packages=["fleet"]))
 )
@@ -21,7 +21,7 @@ handler404 = "fleet.site.views.not_found"
 handler500 = "fleet.unavailable.error_page"
 
 urlpatterns = [
-    path("api/", include("teleop.api.urls")),  # first, because programs ask most often
+    path("api/", include("teleop.api.urls")),  # first, because programs send the most requests
     path("setup/", include(setup)),
     path("accounts/", include("fleet.accounts.pages.urls")),
     path("admin/login/", views.admin_login),

@@ -33,7 +33,7 @@ def not_found(request: HttpRequest, exception: Exception) -> HttpResponse:
 
 @login_not_required
 def admin_login(request: HttpRequest) -> HttpResponse:
-    """Redirect from the admin's sign-in page: the console has only one sign-in page, and this is not it."""
+    """Redirect from the admin's sign-in page: the console has only one sign-in page."""
     if not request.user.is_authenticated:
         return redirect_to_login(request.GET.get("next", reverse("admin:index")))
     if request.user.is_staff:
@@ -64,7 +64,7 @@ def privacy(request: HttpRequest) -> HttpResponse:
 @never_cache
 @require_safe
 def healthz(_request: HttpRequest) -> JsonResponse:
-    """Report to monitors whether the database answers and has the schema of this version."""
+    """Report to monitoring whether the database answers and has the schema of this version."""
     try:
         trouble = _trouble()
     except DatabaseError:
@@ -75,7 +75,7 @@ def healthz(_request: HttpRequest) -> JsonResponse:
 @login_not_required
 @require_safe
 def livez(_request: HttpRequest) -> HttpResponse:
-    """Report to monitors that this process answers."""
+    """Report to monitoring that this process answers."""
     return HttpResponse("Alive.", content_type="text/plain")
 
 
@@ -89,7 +89,7 @@ def _trouble() -> str | None:
     return None
 
 
-@cache  # only success is kept: an applied migration stays applied
+@cache  # an error is not cached; success is, because an applied migration stays applied
 def _check_migrations() -> None:
     executor = MigrationExecutor(connection)
     missing = executor.migration_plan(executor.loader.graph.leaf_nodes())

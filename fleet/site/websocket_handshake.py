@@ -1,7 +1,8 @@
 """Access to WebSockets: for signed-in people, only from the console's own pages; and for programs with a token.
 
-Browsers send cookies with a WebSocket from any page, so the origin of the page is checked. A program sends its token in
-the header Authorization, which no page of a browser can; it needs no origin unless it sends a cookie, too.
+Browsers send cookies with a WebSocket from any page, so the origin of the page is checked. A program sends
+its token in the header Authorization, which a page in a browser cannot set. A program needs no origin unless
+it also sends a cookie.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ logger = logging.getLogger(__name__)
 
 
 class SameOrigin:
-    """Accepts only pages of the console itself and of `FLEET_ORIGINS`; others get 403.
+    """Accept only pages of the console itself and of `FLEET_ORIGINS`; others get 403.
 
-    A missing Origin and `null` (a sandboxed frame, a file) are refused too.
+    A missing Origin and `null` (a sandboxed frame, a file) are refused, too.
     """
 
     def __init__(self, inner: Any) -> None:
@@ -38,13 +39,13 @@ class SameOrigin:
             return await self._inner(scope, receive, send)
         logger.warning("WebSocket %r refused: its page does not belong to the console.", scope["path"])
         await receive()  # websocket.connect
-        return await send({"type": "websocket.close"})  # before it was accepted: 403
+        return await send({"type": "websocket.close"})  # before accepting, this sends 403
 
 
 class SignedIn:
-    """Accepts signed-in people, staff with the second factor that they need.
+    """Accept signed-in people; staff only with the second factor that they need.
 
-    Others get close code 4401, on which a page can act.
+    Others get the close code 4401, which pages understand.
     """
 
     def __init__(self, inner: Any) -> None:
@@ -63,7 +64,7 @@ class SignedIn:
 
 
 class Programs:
-    """Signs programs in by their token; hands everybody else on to `people`."""
+    """Sign programs in by their tokens; pass all other connections to `people`."""
 
     def __init__(self, inner: Any, people: Any) -> None:
         self._inner = inner
@@ -85,11 +86,11 @@ class Programs:
             )
         if scope["path"].startswith(
             "/ws/fleet/"
-        ):  # it shows and stops all robots, also those of other tokens
+        ):  # this WebSocket shows and stops all robots, also those that the token does not include
             return await self._people(scope, receive, send)
         session = SimpleNamespace(
             session_key=key_of(token)
-        )  # by which the rights of its connections are read
+        )  # with this key, the rights of the connection are checked later
         return await self._inner(
             {**scope, "user": token.user, "token": token, "session": session}, receive, send
         )
@@ -103,12 +104,12 @@ def _token(text: str) -> Token:
 
 
 def guarded(inner: Any) -> Any:
-    """Wrap an application in all access checks: origin, then person; or a program's token."""
+    """Wrap an application in all access checks: origin and person, or a program's token."""
     return Programs(inner, SameOrigin(AuthMiddlewareStack(SignedIn(inner))))
 
 
 def origin_allowed(headers: list[tuple[bytes, bytes]]) -> bool:
-    """Return whether the handshake's Origin equals the console's own, by its Host header, or is a trusted one."""
+    """Return whether the handshake's Origin is trusted, or is the console's own, by the Host header."""
     origins = _values(headers, b"origin")
     hosts = _values(headers, b"host")
     if len(origins) != 1 or len(hosts) != 1:

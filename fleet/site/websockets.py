@@ -1,4 +1,4 @@
-"""WebSocket addresses."""
+"""The URLs of WebSockets."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from teleop.live.consumers.message_socket import no_such_address
 from teleop.live.consumers.robot_consumer import RobotConsumer
 from teleop.live.consumers.topics_consumer import TopicsConsumer
 
-# Any: `path` is typed for HTTP views.
+# Typed as Any, because the types of `path` allow only HTTP views.
 fleet_page: Any = FleetConsumer.as_asgi()
 calendar: Any = BookingsConsumer.as_asgi()
 robot_page: Any = RobotConsumer.as_asgi()

@@ -11,14 +11,14 @@ from django.utils.translation import gettext_lazy
 
 from fleet import zones
 
-PANELS = ("chart", "motions", "phrases")  # of the control page on a desk
+PANELS = ("chart", "motions", "phrases")  # panels of the control page on a desktop screen
 PLACES = ("left", "top", "bottom")
 
 
 class PageChoicesForm(forms.Form):
-    """The choices that the control page keeps for a person; a request may have some of them.
+    """The choices that the control page stores for a person; a request may contain only some of them.
 
-    `kept` are the valid ones: `panels`, the place of each panel, and `hints_seen`.
+    `kept` contains the valid choices: `panels` (the place of each panel) and `hints_seen`.
     """
 
     chart = forms.ChoiceField(choices=[(place, place) for place in PLACES], required=False)
@@ -29,7 +29,7 @@ class PageChoicesForm(forms.Form):
     kept: dict[str, Any]
 
     def clean(self) -> dict[str, Any]:
-        """Refuse panels without a place of their own, and a request without a choice."""
+        """Refuse two panels at one place, a missing panel, and a request without any choice."""
         fields = super().clean() or {}
         places = {panel: place for panel in PANELS if (place := fields.get(panel))}
         self.kept = {}

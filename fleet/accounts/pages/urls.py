@@ -1,4 +1,7 @@
-"""Addresses under /accounts/. Those of django-allauth that this console uses stand here one by one, by its names."""
+"""URLs under /accounts/.
+
+The pages of django-allauth that this console uses are listed singly, with allauth's names.
+"""
 
 from allauth.account import views as allauth
 from allauth.socialaccount import views as single_sign_on

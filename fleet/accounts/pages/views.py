@@ -47,7 +47,7 @@ def account(request: HttpRequest) -> HttpResponse:
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def own_settings(request: HttpRequest) -> HttpResponse:
-    """Show and change what a person chooses for themselves."""
+    """Show and change the person's own settings."""
     person = person_of(request)
     chosen = {"time_zone": person.time_zone}
     form = SettingsForm(request.POST if request.method == "POST" else None, initial=chosen)
@@ -60,7 +60,7 @@ def own_settings(request: HttpRequest) -> HttpResponse:
 
 @require_POST
 def page_choices(request: HttpRequest) -> HttpResponse:
-    """Keep choices that a page sends for its person: 204, or 400 with the reason and nothing changed."""
+    """Store choices that a page sends for its person: 204, or 400 with the reason, and nothing is stored."""
     form = PageChoicesForm(request.POST)
     if not form.is_valid():
         texts = [str(text) for errors in form.errors.values() for text in errors]
@@ -72,7 +72,7 @@ def page_choices(request: HttpRequest) -> HttpResponse:
 @never_cache
 @require_safe
 def sessions(request: HttpRequest) -> HttpResponse:
-    """List the person's sign-ins: `sign_ins`, of which `current` is the session key of this one."""
+    """List the person's sign-ins (`sign_ins`). `current` is the session key of this browser."""
     context = {"sign_ins": sign_ins_of(person_of(request).pk), "current": request.session.session_key}
     return render(request, "accounts/sessions.html", context)
 
@@ -81,7 +81,7 @@ def sessions(request: HttpRequest) -> HttpResponse:
 def session_end(request: HttpRequest, sign_in_id: UUID) -> HttpResponse:
     """End one sign-in; its connections end within a second."""
     ended = services.sign_in_end(user=person_of(request), sign_in_id=sign_in_id)
-    if not request.session.exists(request.session.session_key or ""):  # this one: it keeps no message
+    if not request.session.exists(request.session.session_key or ""):  # this session: it stores no message
         return redirect("sign-in")
     notice = _("That session has ended.") if ended else _("That session had ended already.")
     messages.success(request, notice)
@@ -90,7 +90,7 @@ def session_end(request: HttpRequest, sign_in_id: UUID) -> HttpResponse:
 
 @require_POST
 def sessions_end_others(request: HttpRequest) -> HttpResponse:
-    """End every sign-in but this one."""
+    """End every sign-in except that of this browser."""
     count = services.sign_ins_end_others(
         user=person_of(request), session_key=request.session.session_key or ""
     )

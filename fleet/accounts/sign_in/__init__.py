@@ -1,1 +1,4 @@
-"""Sign-in: password, second factor, single sign-on, first account, limits for guesses. Built on django-allauth."""
+"""Sign-in: password, second factor, single sign-on, first account, limits on guessing.
+
+Built on django-allauth.
+"""

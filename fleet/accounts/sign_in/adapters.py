@@ -31,51 +31,57 @@ class AccountAdapter(DefaultAccountAdapter):
     """Passwords and e-mail addresses."""
 
     def is_open_for_signup(self, request: HttpRequest) -> bool:
-        """Return False: staff make accounts, invitations do, and single sign-on does."""
+        """Return False: only staff, invitations and single sign-on make accounts."""
         return False
 
     def get_client_ip(self, request: HttpRequest) -> str:
-        """The address of the request; one name for all when the server listens on a Unix socket."""
+        """Return the address of the request; "unknown" for all when the server listens on a Unix socket."""
         return services.address_of(request) or "unknown"
 
     def get_http_user_agent(self, request: HttpRequest) -> str:
-        """The browser's own description; it may be missing."""
+        """Return the User-Agent header, or blank text."""
         return request.headers.get("User-Agent", "")
 
     def pre_login(self, request: HttpRequest, user: Any, **options: Any) -> HttpResponse | None:
-        """Refuse a closed account, and a service account by whatever door: it has tokens only."""
+        """Refuse a closed account, and a service account by every way of sign-in: it has tokens only."""
         if user.project:
             clear_login(request)
             return cast(HttpResponse, self.respond_user_inactive(request, user))
         return cast("HttpResponse | None", super().pre_login(request, user, **options))
 
     def add_message(self, request: HttpRequest, level: int, *arguments: Any, **options: Any) -> None:
-        """Show a message, but none that a person is signed in or out: the page shows it."""
+        """Show a message, except about signing in or out: the page itself shows that."""
         template = options.get("message_template") or (arguments[0] if arguments else "")
         if template not in ("account/messages/logged_in.txt", "account/messages/logged_out.txt"):
             super().add_message(request, level, *arguments, **options)
 
     def send_mail(self, template_prefix: str, email: str, context: dict[str, Any]) -> None:
-        """Send an e-mail in the background. Its time tells nobody whether an account has the address."""
+        """Send an e-mail in the background: so the response time does not show whether the account exists."""
         site = get_current_site(self.request)
         facts = {"email": email, "current_site": site, "request": self.request, **context}
         emails.send_later([self.render_mail(template_prefix, email, facts)])
 
     def reauthenticate(self, user: Any, password: str) -> bool:
-        """Return whether this is the person's password. Wrong ones count as those at the sign-in page."""
+        """Return whether this is the person's password.
+
+        A wrong password counts like one on the sign-in page.
+        """
         return throttle.password_fits(user, password, address=services.address_of(self.request))
 
     def set_password(self, user: Any, password: str) -> None:
-        """Set the password by a link that an e-mail brought. Every sign-in of the person ends."""
-        user.set_password(password)  # hashed before the transaction: in it, others would wait too
+        """Set the password after a reset link from an e-mail was opened. Every sign-in of the person ends."""
+        user.set_password(password)  # hashed before the transaction: inside it, other writers would wait, too
         user.changed_by = user
         with transaction.atomic():
             user.save()
-            # The form ended the tokens before, if that was chosen.
+            # The form has already ended the tokens, if the person chose that.
             services.password_reset(user=user, actor=user, why="password reset", tokens=False)
 
     def confirm_email(self, request: HttpRequest, email_address: EmailAddress) -> bool:
-        """Make a verified address the person's. False, with a message, if another account has it by now."""
+        """Give the verified address to the person.
+
+        False, with a message, if another account has it by now.
+        """
         email_address.user.changed_by = email_address.user
         try:
             with transaction.atomic():
@@ -89,11 +95,14 @@ class SecondFactorAdapter(DefaultMFAAdapter):
     """Authenticator apps, passkeys, recovery codes."""
 
     def encrypt(self, text: str) -> str:
-        """Encrypt what a code is made from: a copy of the database is not enough to make one."""
+        """Encrypt the secret of an authenticator app: a copy of the database is useless for making codes."""
         return secrets.encrypted(text)
 
     def decrypt(self, encrypted_text: str) -> str:
-        """Return the secret. A random one, so that no code fits, if FLEET_SECRET_KEY is no longer the same."""
+        """Return the secret.
+
+        If FLEET_SECRET_KEY has changed, return a random secret, so that no code is right.
+        """
         try:
             return secrets.decrypted(encrypted_text)
         except InvalidToken:
@@ -108,17 +117,21 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
     """People who sign in at the organisation's OpenID Connect provider."""
 
     def is_open_for_signup(self, request: HttpRequest, sociallogin: SocialLogin) -> bool:
-        """Return True: the provider's people may have an account. It has no role until somebody gives one."""
+        """Return True: the provider's people may have an account.
+
+        It has no role until somebody gives it a role.
+        """
         return True
 
     def pre_social_login(self, request: HttpRequest, sociallogin: SocialLogin) -> None:
         """Connect a newcomer with the account that has their e-mail address, if the provider verified it.
 
-        Accounts have addresses that staff entered or their owner verified, so the address identifies the person. A
-        newcomer's address that nobody verified is left out: lists of courses would take them for its owner. An account
-        is connected with one person of the provider: an address may be given to another person in a later year.
+        Staff entered an account's address or the owner verified it, so the address identifies the person. A
+        newcomer's unverified address is not stored: course lists would treat the newcomer as the owner of the
+        address. An account is connected with only one person of the provider: an organisation may give an
+        address to another person later.
         """
-        for one in sociallogin.email_addresses:  # some providers write the truth as a text
+        for one in sociallogin.email_addresses:  # some providers send "verified" as text
             one.verified = str(one.verified).lower() == "true"
         if sociallogin.is_existing:
             return
@@ -141,13 +154,13 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
             page = render(request, "accounts/single_sign_on_unverified.html", context, status=403)
             raise ImmediateHttpResponse(page)
         elif address and address.verified:
-            # Others may have typed it, and wait for a link that they cannot get.
+            # Other people may have typed this address. They cannot get its verification link.
             EmailAddress.objects.filter(email__iexact=address.email, verified=False).delete()
         elif address:
             sociallogin.email_addresses, sociallogin.user.email = [], ""
 
     def validate_disconnect(self, account: SocialAccount, accounts: list[SocialAccount]) -> None:
-        """Refuse to part a person from their only way to sign in."""
+        """Refuse to disconnect a person without a password: they could not sign in any more."""
         if not account.user.has_usable_password():
             text = _(
                 "Set a password first, by the link «Forgot your password?»: you could not sign in without it."
@@ -155,15 +168,15 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
             raise ValidationError(text, code="no_password")
 
     def populate_user(self, request: HttpRequest, sociallogin: SocialLogin, data: dict[str, Any]) -> Any:
-        """Take the name as the provider has it."""
+        """Set the full name to the name that the provider sends."""
         user = cast(User, super().populate_user(request, sociallogin, data))
         parts = (data.get("first_name"), data.get("last_name"))
         name = data.get("name") or " ".join(filter(None, parts))
-        user.full_name = " ".join(name.split())[:150]  # in one line: it stands in subjects of e-mails
+        user.full_name = " ".join(name.split())[:150]  # in one line: subjects of e-mails contain it
         return user
 
     def save_user(self, request: HttpRequest, sociallogin: SocialLogin, form: Any = None) -> Any:
-        """Save a new account, recorded as made by its own person."""
+        """Save a new account. The record names the person as the actor."""
         sociallogin.user.changed_by = sociallogin.user
         with transaction.atomic():
             return super().save_user(request, sociallogin, form)

@@ -1,4 +1,4 @@
-"""The authentication backend of everybody: passwords (by Django), the person of a session, permissions in the admin."""
+"""The authentication backend: Django's passwords, the person of a session, permissions in the admin."""
 
 from __future__ import annotations
 
@@ -19,20 +19,23 @@ class StaffBackend(ModelBackend):
     """
 
     def get_user(self, user_id: UUID) -> User | None:
-        """Return the account, if it may sign in. By a hand-written query: each page asks for its person."""
+        """Return the account, if it may sign in.
+
+        The query is hand-written for speed: it runs for every page.
+        """
         found = rows.models(User, "SELECT * FROM accounts_user WHERE id = %s", [user_id])
         return next(filter(self.user_can_authenticate, found), None)
 
     def user_can_authenticate(self, user: Any) -> bool:
-        """Return whether the account is open and a person's: service accounts have tokens and no session."""
+        """Return whether the account is open and belongs to a person: service accounts have no sessions."""
         return super().user_can_authenticate(user) and not (user and user.project)
 
     def has_perm(self, user_obj: Any, perm: str, obj: Any = None) -> bool:
-        """Return whether the person is active staff; permissions are not used."""
+        """Return whether the person is active staff; Django's permissions are not used."""
         return _is_staff(user_obj)
 
     def has_module_perms(self, user_obj: AbstractBaseUser | AnonymousUser, app_label: str) -> bool:
-        """Return whether the person is active staff; apps do not differ."""
+        """Return whether the person is active staff; the answer is the same for all apps."""
         return _is_staff(user_obj)
 
 

@@ -1,10 +1,10 @@
-"""Describe a browser in plain words, so that people recognise their own. For display only."""
+"""Describe a browser in plain words, so that people recognise their own browser. For display only."""
 
 from __future__ import annotations
 
 from django.utils.translation import gettext as _
 
-# First match counts: most browsers also claim to be some of those that come after them.
+# The first match counts: the header of most browsers also contains names that come later in this list.
 BROWSERS = [
     ("Edg", "Edge"),
     ("OPR/", "Opera"),

@@ -21,13 +21,16 @@ from fleet.accounts.services import address_of
 from fleet.accounts.sign_in import throttle
 from fleet.audit.services import record
 
-ALPHABET = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"  # without what looks alike: 5 bits each
+ALPHABET = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"  # without characters that look alike: 5 bits each
 GROUPS, GROUP = 3, 4
-NAME = "set-up code"  # under which wrong codes are counted, as wrong passwords are
+NAME = "set-up code"  # the name under which wrong codes are counted, like wrong passwords of a user name
 
 
 def code_make() -> str | None:
-    """Return a new code, such as "ABCD-EFGH-JKLM"; None, and no code, where somebody has an account."""
+    """Return a new code, such as "ABCD-EFGH-JKLM".
+
+    If somebody has an account, delete the old code and return None.
+    """
     if User.objects.exists():
         _file().unlink(missing_ok=True)
         return None
@@ -39,19 +42,22 @@ def code_make() -> str | None:
 
 
 def is_waiting() -> bool:
-    """Return whether the console waits for its first account. Costs one look at a file once it is set up."""
+    """Return whether the console waits for its first account.
+
+    Once it is set up, this only checks for a file.
+    """
     if not _file().exists():
         return False
-    if User.objects.exists():  # made at a terminal
+    if User.objects.exists():  # somebody made it at a terminal
         _file().unlink(missing_ok=True)
         return False
     return True
 
 
 def admin_make(request: HttpRequest, user: User, code: str) -> str:
-    """Save `user`, whose password is set, as the first admin. Returns why not, or "": a wrong code, or the second time.
+    """Save `user`, whose password is set, as the first admin. Return "", or the reason why it was not done.
 
-    Raises `throttle.TooMany` after many wrong codes.
+    Reasons: the code is wrong, or somebody else was faster. Raises `throttle.TooMany` after many wrong codes.
     """
     address = address_of(request)
     with throttle.attempt(username=NAME, address=address):
@@ -60,7 +66,7 @@ def admin_make(request: HttpRequest, user: User, code: str) -> str:
             return _("This is not the code that script/serve printed last.")
     claimed = _file().with_suffix(".used")
     try:
-        _file().rename(claimed)  # of two at once, one succeeds
+        _file().rename(claimed)  # if two people do this at once, only one succeeds
     except FileNotFoundError:
         return _("Somebody else has just set this console up. Sign in.")
     try:

@@ -26,7 +26,7 @@ BUSY = "busy"
 
 
 class SignInForm(AuthenticationForm):
-    """User name or e-mail address, and password; it is not even looked at while the name must wait."""
+    """User name or e-mail address, and password. The password is not checked while the name must wait."""
 
     wait_s = 0.0
 
@@ -57,7 +57,7 @@ class SignInForm(AuthenticationForm):
 
 
 class EndsTokens(forms.Form):
-    """Offers a person who has tokens to end them with the old password."""
+    """A form for a new password. It lets a person who has tokens end them, too."""
 
     end_tokens = forms.BooleanField(
         label=gettext_lazy("End all tokens of my programs, too"),
@@ -72,25 +72,28 @@ class EndsTokens(forms.Form):
 
     @property
     def person(self) -> User:
-        """Return whose password it is."""
-        person: User = self.user  # type: ignore[attr-defined]  # of the form that this one extends
+        """Return the person whose password it is."""
+        person: User = self.user  # type: ignore[attr-defined]  # an attribute of the other base class
         return person
 
     def end_chosen_tokens(self) -> int:
-        """End the tokens if that was chosen. Returns how many were valid."""
+        """End the tokens if the person chose that. Return how many were valid."""
         chosen = self.cleaned_data.get("end_tokens")
         return tokens_end(user=self.person, actor=self.person) if chosen else 0
 
 
 class OwnPasswordForm(EndsTokens, PasswordChangeForm):
-    """A new password, with the present one."""
+    """A new password. The form also asks for the current password."""
 
     def __init__(self, *arguments: Any, address: str, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self._address = address
 
     def clean_old_password(self) -> str:
-        """Refuse a wrong one, and any one after too many: a page that was left open is no place to guess."""
+        """Refuse a wrong password, and every password after too many wrong ones.
+
+        Else somebody could guess the password on a page that was left open.
+        """
         password: str = self.cleaned_data["old_password"]
         if not throttle.password_fits(self.user, password, address=self._address):
             raise ValidationError(self.error_messages["password_incorrect"], code="password_incorrect")
@@ -101,9 +104,10 @@ class ForgottenPasswordForm(ResetPasswordForm):
     """The address of an account whose password was forgotten."""
 
     def clean_email(self) -> str:
-        """Leave out people who typed this address and did not verify it: its owner would get their account.
+        """Leave out people who typed this address and did not verify it, and service accounts.
 
-        Leave out service accounts, too: nobody signs in to them.
+        Else the owner of the address would get access to the account of another person. Service accounts have
+        no password.
         """
         email: str = super().clean_email()
         found: list[User] = self.users  # type: ignore[has-type]
@@ -112,9 +116,10 @@ class ForgottenPasswordForm(ResetPasswordForm):
 
 
 class NewPasswordForm(EndsTokens, ResetPasswordKeyForm):
-    """The new password of a person who forgot theirs, in the words of the other pages.
+    """The new password of a person who forgot the old one, with the same texts as the other pages.
 
-    Their tokens end, unless they choose otherwise: whoever had the old password may have made some.
+    The person's tokens end, unless the person chooses otherwise: somebody who had the old password may have
+    made tokens.
     """
 
     def __init__(self, *args: Any, **options: Any) -> None:
@@ -129,7 +134,10 @@ class NewPasswordForm(EndsTokens, ResetPasswordKeyForm):
             self.fields["end_tokens"].initial = True
 
     def save(self) -> None:
-        """Set the password. Tokens end first: if one of the two fails, nobody keeps more than before."""
+        """Set the password.
+
+        Tokens end first: if setting the password then fails, nobody has gained access.
+        """
         self.end_chosen_tokens()
         super().save()
 
@@ -138,14 +146,20 @@ class EmailForm(AddEmailForm):
     """A new e-mail address of a person, before it is verified."""
 
     def clean_email(self) -> str:
-        """Refuse the present address. Only the person who opens the link learns that another account has it."""
+        """Refuse the current address.
+
+        Only the person who opens the link learns that another account has the address.
+        """
         address: str = self.cleaned_data["email"].lower()
         if address == self.user.email:
             raise ValidationError(_("This is your present address."), code="same_email")
         return address
 
     def save(self, request: HttpRequest) -> EmailAddress:
-        """Send a link to the new address. The present one stays until the link is opened, verified or not."""
+        """Send a link to the new address.
+
+        The current address stays until the link is opened, verified or not.
+        """
         with transaction.atomic():
             waiting = EmailAddress.objects.filter(user=self.user, verified=False)
             waiting.exclude(email=self.user.email).delete()

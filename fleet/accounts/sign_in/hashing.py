@@ -1,7 +1,7 @@
-"""One thread of low priority hashes passwords, and few may wait for it: sign-ins never delay driving.
+"""One thread of low priority hashes passwords, with a short queue: sign-ins never delay driving.
 
-One bcrypt takes a quarter of a second of a core. It releases Python's lock, so several at once would take the cores
-from the event loop and from the bridges.
+One bcrypt hash takes a quarter of a second of a core. It releases Python's lock (GIL), so several hashes at
+once would take the cores away from the event loop and from the bridges.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from django.contrib.auth.hashers import BCryptSHA256PasswordHasher
 
 R = TypeVar("R")
 
-MOST_WAITING = 20  # about five seconds of work; a class signs in within half a minute
-NICENESS = 19  # below the pages, too
+MOST_WAITING = 20  # about five seconds of work; a class of students signs in within half a minute
+NICENESS = 19  # lower priority than the pages, too
 RETRY_AFTER_S = 5
 
 
 class HashingBusy(Exception):
-    """The queue is full: the password was not looked at."""
+    """The queue is full: the password was not checked."""
 
     code = "sign_in_busy"
     text = "Not done: many people sign in at this moment. Try again in a moment."
@@ -30,7 +30,7 @@ class HashingBusy(Exception):
 
 
 def _give_way() -> None:
-    """On Linux a priority belongs to a thread."""
+    """Lower the priority of this thread. On Linux each thread has its own priority."""
     os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
 
 
@@ -39,7 +39,7 @@ _places = threading.BoundedSemaphore(MOST_WAITING)
 
 
 def hashed(function: Callable[[], R]) -> R:
-    """Run `function`, which hashes, in the thread for it, and wait. Raises `HashingBusy` if too many wait."""
+    """Run `function` in the hashing thread and return its result. Raises `HashingBusy` if too many wait."""
     if not _places.acquire(blocking=False):
         raise HashingBusy(HashingBusy.text)
     try:
@@ -49,8 +49,8 @@ def hashed(function: Callable[[], R]) -> R:
 
 
 class QueuedBCrypt(BCryptSHA256PasswordHasher):
-    """Django's bcrypt, by the thread for it. Known and unknown names take the same way."""
+    """Django's bcrypt, run in the hashing thread, for known and unknown user names alike."""
 
     def encode(self, password: str, salt: Any) -> str:
-        """A hash, new or to compare with. Raises `HashingBusy` if too many wait."""
+        """Return the hash of a password, to store or to compare. Raises `HashingBusy` if too many wait."""
         return hashed(lambda: super(QueuedBCrypt, self).encode(password, salt))

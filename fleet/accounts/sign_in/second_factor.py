@@ -1,4 +1,4 @@
-"""Second factors: an authenticator app, passkeys, and recovery codes for the day when both are lost."""
+"""Second factors: an authenticator app, passkeys, and recovery codes for a person who has lost both."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid
 from fleet.server.stop_addresses import is_stop
 
-KINDS = (Authenticator.Type.TOTP, Authenticator.Type.WEBAUTHN)  # recovery codes alone are none
-# Pages for people who must have a second factor and have none yet, by the beginning of their address.
-# Not all of /accounts/: what a page there gives, such as a token, would do without the second factor later, too.
+KINDS = (Authenticator.Type.TOTP, Authenticator.Type.WEBAUTHN)  # recovery codes alone are no second factor
+# The beginnings of paths that are open to people who must have a second factor and have none yet.
+# Not all of /accounts/: some pages give things, such as a token, that would later work without the factor.
 _OWN = (
     "sign-in/",
     "sign-out/",
@@ -46,19 +46,25 @@ def has_second_factor(user: User) -> bool:
 
 
 def is_missing(user: User) -> bool:
-    """Return whether the person must have a second factor and has none: staff, where FLEET_STAFF_TWO_FACTOR asks."""
+    """Return whether the person needs a second factor and has none.
+
+    Staff need one if FLEET_STAFF_TWO_FACTOR is set.
+    """
     return settings.FLEET_STAFF_TWO_FACTOR and user.is_staff and not has_second_factor(user)
 
 
 def require_for_token(token: Token) -> None:
-    """Raise `TokenInvalid` if its person must set up a second factor first. A service account has tokens only."""
+    """Raise `TokenInvalid` if the token's person must set up a second factor first.
+
+    Service accounts are exempt.
+    """
     if not token.user.project and is_missing(token.user):
         text = "Staff sign in with a second factor here. Set yours up on the page Your account."
         raise TokenInvalid("second_factor_missing", text)
 
 
 def is_last_required(authenticator: Authenticator) -> bool:
-    """Return whether its person must keep this second factor, because it is the only one."""
+    """Return whether its person must keep this second factor: staff with no other one."""
     if not (settings.FLEET_STAFF_TWO_FACTOR and authenticator.user.is_staff and authenticator.type in KINDS):
         return False
     others = Authenticator.objects.filter(user_id=authenticator.user_id, type__in=KINDS)
@@ -66,7 +72,7 @@ def is_last_required(authenticator: Authenticator) -> bool:
 
 
 def second_factors_remove(user: User) -> int:
-    """Remove a person's second factors and recovery codes, since they are lost. Returns how many there were."""
+    """Remove a person's second factors and recovery codes, because they are lost. Return their number."""
     count: int = Authenticator.objects.filter(user=user).delete()[0]
     return count
 
@@ -74,7 +80,7 @@ def second_factors_remove(user: User) -> int:
 def required(
     get_response: Callable[[HttpRequest], HttpResponseBase],
 ) -> Callable[[HttpRequest], HttpResponseBase]:
-    """Middleware: staff who must have a second factor set it up before anything else, besides a stop."""
+    """Middleware: until staff have set up a required second factor, allow only the `OPEN` pages and stops."""
 
     def middleware(request: HttpRequest) -> HttpResponseBase:
         if (
@@ -98,7 +104,7 @@ def required(
 
 
 class _CountedCode:
-    """A form that takes a code. Wrong codes are counted for the person, from wherever they come."""
+    """A form with a code. Wrong codes are counted for each person, not for each address."""
 
     user: Any
 
@@ -107,7 +113,7 @@ class _CountedCode:
         name = throttle.second_factor_of(self.user)
         try:
             with throttle.attempt(username=name, address=name):
-                return super().clean_code()  # type: ignore[misc,no-any-return]  # of the form beside it
+                return super().clean_code()  # type: ignore[misc,no-any-return]  # of the other base class
         except throttle.TooMany as error:
             raise ValidationError(throttle.words(error.wait_s), code="throttled") from error
 
@@ -117,4 +123,4 @@ class CodeForm(_CountedCode, AuthenticateForm):
 
 
 class CodeAgainForm(_CountedCode, ReauthenticateForm):
-    """The code once more, before a change of the account."""
+    """The code again, before a change of the account."""

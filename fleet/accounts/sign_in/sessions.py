@@ -1,4 +1,4 @@
-"""Sessions, stored as Django stores them and read by a hand-written query: each page asks for its own."""
+"""Django's sessions in the database, with a hand-written query for speed: every page reads its session."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from fleet import rows
 
 
 class SessionStore(db.SessionStore):
-    """Django's, with a faster `load`."""
+    """Django's session store with a faster `load`."""
 
     def load(self) -> dict[str, Any]:
-        """Return what the session holds; nothing, and no key, if it has expired or was ended."""
+        """Return the session's data. If it has expired or was ended, return nothing and clear the key."""
         query = "SELECT session_data FROM django_session WHERE session_key = %s AND expire_date > %s"
         found = rows.read(query, (self.session_key, timezone.now()))
         if not found:

@@ -1,8 +1,8 @@
-"""Guessing passwords is slow: few failures for each name from each address, and not many more from one address.
+"""Limit guesses of passwords: few failures of each name from one address, and not many more from an address.
 
-The failures are counted in the audit log, so that several web processes count together; by digests, for names and
-addresses do not stay there for ever. An attempt counts as failed until its password is found right, so
-parallel guesses gain nothing.
+The failures are counted in the audit log, so that several web processes count together. They are counted by
+digests, because names and addresses expire in the log. An attempt counts as failed until its password is
+found right, so parallel guesses gain nothing.
 """
 
 from __future__ import annotations
@@ -23,19 +23,23 @@ from fleet.accounts.models import SignInAttempt, User
 from fleet.audit.models import Record
 from fleet.audit.services import record
 
-FAILURES = 10  # of one name from one address
-FAILURES_OF_ADDRESS = 50  # of all names: a whole lab may sit behind one address
+FAILURES = 10  # with one name from one address
+FAILURES_OF_ADDRESS = 50  # with all names from one address: a whole lab may share an address
 WINDOW = timedelta(minutes=5)
-# of two web processes: later records were made while a clock was ahead, and do not count
+# The largest difference between the clocks of two web processes. Records of a later time do not count: they
+# were made while a clock was ahead.
 CLOCKS = timedelta(minutes=5)
-LOOKED_AT = timedelta(minutes=1)  # an attempt older than this was left behind by a process that died
+LOOKED_AT = timedelta(minutes=1)  # an older attempt belongs to a process that died
 KIND = "account.sign_in_failed"
 
 
 def failure_recorded(*, username: str, address: str, person: User | None = None) -> None:
-    """Record a failed sign-in: by password, or of a known `person` by a code, which is counted under another name.
+    """Record a failed sign-in.
 
-    The name is kept as it was typed only if there is such an account: people type passwords into the wrong field.
+    `person`: set if the password was right and the code wrong (`second_factor_of`).
+
+    The typed name is stored only if there is such an account: people sometimes type a password into the wrong
+    field.
     """
     known = (
         person.pk if person else User.objects.filter(username=username).values_list("pk", flat=True).first()
@@ -56,12 +60,12 @@ def failure_recorded(*, username: str, address: str, person: User | None = None)
 
 
 def second_factor_of(person: User) -> str:
-    """Return the name, and the address, under which a person's wrong codes are counted, from wherever they come."""
+    """Return the text that stands for name and address when a person's wrong codes are counted."""
     return f"second factor of {person.pk}"
 
 
 class TooMany(Exception):
-    """The password may not be looked at for `wait_s` seconds; 0 while other attempts are being decided."""
+    """The password may not be checked for `wait_s` seconds; 0 while other attempts are being checked."""
 
     def __init__(self, wait_s: float) -> None:
         super().__init__(wait_s)
@@ -69,7 +73,7 @@ class TooMany(Exception):
 
 
 def words(wait_s: float) -> str:
-    """Tell how long to wait, after `TooMany`."""
+    """Return the message about how long to wait, after `TooMany`."""
     minutes = max(1, ceil(wait_s / 60))
     return ngettext(
         "Too many failed attempts for this name, or from this address. Try again in %(minutes)d minute.",
@@ -80,16 +84,21 @@ def words(wait_s: float) -> str:
 
 @contextmanager
 def attempt(*, username: str, address: str) -> Iterator[None]:
-    """Look at a password in here. Raises `TooMany` before, if that name or address has had its share."""
+    """Check a password inside this context.
+
+    Raises `TooMany` first if this name or address has too many failures.
+    """
     begun = _begin(_digest(username), _digest(address))
     try:
         yield
-    finally:  # the failure is recorded by now
+    finally:  # a failure is on record by now
         begun.delete()
 
 
 def password_fits(person: User, password: str, *, address: str) -> bool:
-    """Return whether this is the password of a signed-in person. Wrong ones count as those at the sign-in page.
+    """Return whether this is the signed-in person's password.
+
+    A wrong one counts like one on the sign-in page.
 
     Raises `ValidationError` while the person must wait.
     """
@@ -105,8 +114,8 @@ def password_fits(person: User, password: str, *, address: str) -> bool:
 
 @transaction.atomic
 def _begin(name: str, address: str) -> SignInAttempt:
-    """Count an attempt, or raise `TooMany`; of those from one address one decides after the other."""
-    if connection.vendor == "postgresql":  # SQLite has one writer at a time
+    """Count an attempt, or raise `TooMany`. Attempts from one address are decided one after the other."""
+    if connection.vendor == "postgresql":  # SQLite needs no lock: it has one writer at a time
         with connection.cursor() as cursor:
             cursor.execute("SELECT pg_advisory_xact_lock(hashtext(%s))", [address])
     now = timezone.now()
@@ -127,7 +136,7 @@ def _begin(name: str, address: str) -> SignInAttempt:
 
 
 def _wait_s(failures: QuerySet[Record], most: int, now: datetime) -> float:
-    """Seconds until fewer than `most` of these failures count."""
+    """Return the seconds until fewer than `most` of these failures count."""
     oldest_that_counts = failures.order_by("-at").values_list("at", flat=True)[most - 1 : most].first()
     return (oldest_that_counts + WINDOW - now).total_seconds() if oldest_that_counts else 0.0
 

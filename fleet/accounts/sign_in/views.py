@@ -1,4 +1,4 @@
-"""Sign-in by password, and the change of one's password."""
+"""Sign in by password, and change one's own password."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ log = logging.getLogger(__name__)
 
 
 class SignInView(LoginView):
-    """The one door for people: pages and admin alike."""
+    """The only sign-in page for people, also for the admin."""
 
     template_name = "accounts/sign_in.html"
     authentication_form = SignInForm
 
     def form_valid(self, form: AuthenticationForm) -> HttpResponse:
-        """Sign in, or ask for the second factor. Refused if it cannot be recorded."""
+        """Sign in, or ask for the second factor. A sign-in that cannot be recorded is refused."""
         user = form.get_user()
         record_authentication(self.request, user, method="password")
         with transaction.atomic():
@@ -50,7 +50,7 @@ class SignInView(LoginView):
         return super().get_context_data(single_sign_on=single_sign_on_name(), **context)
 
     def form_invalid(self, form: AuthenticationForm) -> HttpResponse:
-        """Show the form again; 429 while the name must wait, 503 while many others are being signed in."""
+        """Show the form again, with 429 while the name must wait, and 503 while too many people sign in."""
         response = super().form_invalid(form)
         if isinstance(form, SignInForm) and form.wait_s:
             response.status_code = 429 if form.has_error(NON_FIELD_ERRORS, THROTTLED) else 503
@@ -59,7 +59,7 @@ class SignInView(LoginView):
 
 
 class PasswordView(PasswordChangeView):
-    """One's own password."""
+    """Change one's own password."""
 
     template_name = "accounts/password.html"
     form_class = OwnPasswordForm
@@ -70,9 +70,10 @@ class PasswordView(PasswordChangeView):
         return {**super().get_form_kwargs(), "address": services.address_of(self.request)}
 
     def form_valid(self, form: PasswordChangeForm) -> HttpResponse:
-        """Change the password, and end tokens if that was chosen. Refused if it cannot be recorded.
+        """Change the password, and end the tokens if the person chose that. Refused if it cannot be recorded.
 
-        It is hashed first: that waits its turn, and within a transaction SQLite would keep everybody else from writing.
+        The password is hashed before the transaction: hashing waits in a queue, and SQLite allows one writer
+        at a time.
         """
         form.user.changed_by = person_of(self.request)
         form.user.set_password(form.cleaned_data["new_password1"])
@@ -88,7 +89,7 @@ class PasswordView(PasswordChangeView):
 
 
 def _provider_may_be_away(view: Callable[..., HttpResponse]) -> Callable[..., HttpResponse]:
-    """Say in words that the provider does not answer, or answers nonsense: 502."""
+    """Show an error page (502) if the provider does not answer, or sends an invalid answer."""
 
     def guarded(request: HttpRequest, provider_id: str) -> HttpResponse:
         try:
@@ -105,7 +106,7 @@ single_sign_on_end = _provider_may_be_away(openid_connect.callback)
 
 
 def single_sign_on_name() -> str:
-    """Return the name of the provider by which people may sign in, blank without one."""
+    """Return the name of the single sign-on provider; blank if there is none."""
     for provider in settings.SOCIALACCOUNT_PROVIDERS.values():
         return str(provider["APPS"][0]["name"])
     return ""

@@ -1,1 +1,4 @@
-"""Tokens with which programs sign in: made, listed and ended by people; bound to scopes and robots."""
+"""Tokens with which programs sign in. People make, list and end them.
+
+A token is limited to scopes and robots.
+"""

@@ -10,7 +10,7 @@ from django.utils.translation import gettext_lazy as _
 
 
 class Scope(models.TextChoices):
-    """A part of the API that a token opens."""
+    """A part of the API that a token may use."""
 
     READ = "read", _("read robots, bookings and what is on record")
     DRIVE = "drive", _("take control and drive")
@@ -22,9 +22,11 @@ class Scope(models.TextChoices):
 
 
 class Token(models.Model):
-    """A token of a person or a service account. Only its SHA-256 is stored: the token is 256 random bits.
+    """A token of a person or a service account.
 
-    It opens its scopes, on its robots, and never more than its person may.
+    The token is 256 random bits; only its SHA-256 digest is stored.
+
+    A program may use it for its scopes, on its robots, and never for more than its person may do.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
@@ -37,12 +39,12 @@ class Token(models.Model):
     )
     name = models.CharField(_("name"), max_length=40)
     scopes = models.JSONField(_("scopes"), default=list)  # of `Scope`
-    # Keys of robots, which are above this app; empty: all that the person may see.
+    # Ids of robots (no foreign keys: robots belong to an app above). Empty: all that the person may see.
     robots = models.JSONField(_("robots"), default=list, blank=True)
     made_by = models.ForeignKey(
         settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="made_tokens", editable=False
     )
-    # The token by which a program made it: a token that is ended leaves none behind.
+    # The token with which a program made this one: when a token ends, the tokens that it made end, too.
     made_with = models.ForeignKey(
         "self", null=True, blank=True, on_delete=models.CASCADE, related_name="children", editable=False
     )

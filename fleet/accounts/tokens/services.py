@@ -1,4 +1,4 @@
-"""Make, find and end tokens. Each change is on record."""
+"""Make, find and end tokens. Each change is recorded."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
 
 LONGEST = timedelta(days=366)
-PREFIX = "fleet_"  # by which a token is found in a file where it should not be
-MOST = 20  # of one person
+PREFIX = "fleet_"  # so that a search finds tokens in files that must not contain any
+MOST = 20  # tokens of one person
 USED_EVERY = timedelta(minutes=1)
-LISTED = timedelta(days=30)  # after they expired
-KEY = "token:"  # of a token in place of a session key, where sign-ins are compared
+LISTED = timedelta(days=30)  # how long expired tokens stay in the list
+KEY = "token:"  # a token's key starts with this; it is used in place of a session key
 
 
 class TokenInvalid(Exception):
-    """A text is not a valid token. `code` and `text` say why."""
+    """A text is not a valid token. `code` and `text` give the reason."""
 
     def __init__(self, code: str, text: str) -> None:
         super().__init__(text)
@@ -54,10 +54,11 @@ def token_make(
     token_id: UUID | None = None,
     made_with: Token | None = None,
 ) -> tuple[Token, str]:
-    """Make a token, and return it with its text, which is shown once.
+    """Make a token. Return it with its text, which is shown only once.
 
-    `token_id`: the id that it shall have, so that a form that is sent twice makes one token (`TokenExists`).
-    `made_with`: the token by which a program makes it, and with which it ends (`TokenInvalid`: it has).
+    `token_id`: the id of the new token. A form that is sent twice makes only one token: raises `TokenExists`.
+    `made_with`: the token with which a program makes it. When that token ends, the new one ends, too. If that
+    token has already ended: raises `TokenInvalid`. If the person has `MOST` tokens: raises `TooManyTokens`.
     """
     User.objects.select_for_update(no_key=True).get(pk=user.pk)
     token_id = token_id or uuid4()
@@ -96,7 +97,7 @@ def token_make(
 
 @transaction.atomic
 def token_end(*, token: Token, actor: User | SystemAccount) -> None:
-    """End a token and those that it made: their streams and their control end within a second."""
+    """End a token and the tokens that it made. Their streams and their control end within a second."""
     for child in Token.objects.filter(made_with=token.pk):
         token_end(token=child, actor=actor)
     if Token.objects.filter(pk=token.pk).delete()[0]:
@@ -106,7 +107,7 @@ def token_end(*, token: Token, actor: User | SystemAccount) -> None:
 
 @transaction.atomic
 def tokens_end(*, user: User, actor: User | SystemAccount) -> int:
-    """End all tokens of a person. Returns how many were valid."""
+    """End all tokens of a person. Return how many were valid."""
     now, valid = timezone.now(), 0
     for token in Token.objects.filter(user=user):
         valid += token.expires_at > now
@@ -115,7 +116,7 @@ def tokens_end(*, user: User, actor: User | SystemAccount) -> int:
 
 
 def tokens_of(user: User) -> QuerySet[Token]:
-    """Return a person's tokens that are valid, or expired a while ago only."""
+    """Return a person's tokens that are valid, or expired in the last 30 days."""
     return Token.objects.filter(user=user, expires_at__gt=timezone.now() - LISTED)
 
 
@@ -125,7 +126,7 @@ def remove_expired_tokens(now: datetime) -> None:
 
 
 def token_of(text: str, address: str = "") -> Token:
-    """Return the token with this text, and note its use. Raises `TokenInvalid`."""
+    """Return the token with this text, and note its use. Raises `TokenInvalid` if there is no valid token."""
     found = next(iter(_stored("digest = %s", [_digest(text)])), None)
     if found is None:
         raise TokenInvalid(
@@ -152,19 +153,22 @@ def valid_tokens(keys: Collection[str]) -> dict[str, Token]:
 
 
 def _stored(which: str, values: Sequence[object]) -> list[Token]:
-    """Return tokens with their people. By hand-written queries: each request of a program asks for its token."""
+    """Return tokens with their people.
+
+    The queries are hand-written for speed: each request of a program runs them.
+    """
     tokens = f"FROM accounts_token WHERE {which}"
     found = rows.models(Token, f"SELECT * {tokens}", values)
     people = rows.models(User, f"SELECT * FROM accounts_user WHERE id IN (SELECT user_id {tokens})", values)  # noqa: S608
     by_id = {person.id: person for person in people}
-    found = [token for token in found if token.user_id in by_id]  # else a person was deleted just now
+    found = [token for token in found if token.user_id in by_id]  # without people who were deleted just now
     for token in found:
         token.user = by_id[token.user_id]
     return found
 
 
 def key_of(token: Token) -> str:
-    """Return a token's key, which stands where a browser has its session key."""
+    """Return a token's key, which is used where a browser has its session key."""
     return f"{KEY}{token.id}"
 
 

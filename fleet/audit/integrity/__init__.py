@@ -1,1 +1,1 @@
-"""Integrity of the audit log: the chain's byte form, the database's triggers, and the checks of both."""
+"""Integrity of the audit log: the bytes behind a record's digest, the database's triggers, checks of both."""

@@ -1,7 +1,8 @@
-"""The form in which a record enters its chain: the same bytes for ever, whichever database has kept it.
+"""The bytes of a record from which its digest is computed: always the same, with every database.
 
-SQLite gives JSON back as it was written, PostgreSQL's jsonb as numbers and characters that it can hold. So values are
-made plain before they are written (`plain`), and what is plain both give back equal.
+SQLite returns JSON as it was written. PostgreSQL's jsonb changes some numbers and cannot store some
+characters. So values are made plain before they are written (`plain`): both databases return plain values
+unchanged.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from uuid import UUID
 from fleet.audit.errors import NotPlain
 
 NO_ROBOT = UUID(int=0)  # the chain of records without robot
-TEXT_BYTES = 4096  # of a text in a record, in UTF-8
+TEXT_BYTES = 4096  # longest text in a record, in UTF-8
 
-_UNSTORABLE = re.compile("[\0\ud800-\udfff]")  # PostgreSQL keeps no NUL, and UTF-8 no half of a pair
+_UNSTORABLE = re.compile("[\0\ud800-\udfff]")  # PostgreSQL stores no NUL, and UTF-8 no single surrogate
 _REPLACEMENT = "\ufffd"
 
 
@@ -49,12 +50,12 @@ class Chained(Protocol):
 
 
 def plain_text(text: str) -> str:
-    """Return `text` without characters that a database cannot keep."""
+    """Return `text` with U+FFFD in place of characters that a database cannot store."""
     return _UNSTORABLE.sub(_REPLACEMENT, text)
 
 
 def bounded_text(text: str) -> str:
-    """The same; a text longer than `TEXT_BYTES` is cut, and its length noted."""
+    """Return `plain_text`, cut to `TEXT_BYTES`; a text that is cut ends with its former length."""
     whole = plain_text(text)
     size = len(whole.encode())
     if size <= TEXT_BYTES:
@@ -64,10 +65,10 @@ def bounded_text(text: str) -> str:
 
 
 def plain(value: Any, as_text: Callable[[str], str] = plain_text) -> Any:
-    """`value` as both databases give it back: integral numbers are integers, text is valid text.
+    """Return `value` as both databases return it: whole numbers are integers, text is valid text.
 
-    `as_text` says what becomes of the texts in it. `NotPlain` for what is no JSON: infinities, NaN, objects, keys that
-    are no text.
+    `as_text` is applied to each text in it. Raises `NotPlain` for values that are no JSON: infinities, NaN,
+    objects, keys that are no text.
     """
     match value:
         case None | bool():
@@ -98,7 +99,7 @@ def _plain_key(key: Any) -> str:
 
 
 def canonical(value: Any) -> bytes:
-    """A plain value as bytes: JSON with sorted keys, without blanks, in UTF-8."""
+    """Return a plain value as bytes: JSON with sorted keys, without spaces, in UTF-8."""
     return json.dumps(
         value, ensure_ascii=False, allow_nan=False, sort_keys=True, separators=(",", ":")
     ).encode()
@@ -108,17 +109,20 @@ def canonical(value: Any) -> bytes:
 
 
 def first_digest(chain: UUID) -> str:
-    """Digest before the first record of a chain, in hex."""
+    """Return the digest before the first record of a chain, in hex."""
     return hashlib.sha256(b"fleet audit" + chain.bytes).hexdigest()
 
 
 def next_digest(previous: str, record: Chained) -> str:
-    """The digest of a record that follows on the one with the digest `previous`; both in hex."""
+    """Return the digest of a record. `previous` is the digest of the record before it; both in hex."""
     return hashlib.sha256(bytes.fromhex(previous) + _of(record)).hexdigest()
 
 
 def content_digest(salt: str, text: str, data: dict[str, Any]) -> str:
-    """Digest that the chain keeps for content that may expire. The salt (hex) prevents guessing of short texts."""
+    """Return the digest of content that may expire; the chain keeps it.
+
+    The salt (hex) stops guesses of short texts.
+    """
     return hashlib.sha256(bytes.fromhex(salt) + canonical([text, data])).hexdigest()
 
 

@@ -1,8 +1,9 @@
 """Check that the search index agrees with the log: a search must not miss texts.
 
-SQLite: index the texts again, one batch at a time, in a temporary table; each group of three characters must be at the
-same places as in the index. PostgreSQL maintains its index itself: check that its definition is unchanged, that it is
-valid, and that it has as many texts as the table. Both checks only read and block no writer.
+SQLite: index the texts again in a temporary table, one batch at a time. Each group of three characters must
+have the same places as in the index. PostgreSQL maintains its index itself: check that its definition is
+unchanged, that it is valid, and that it has as many texts as the table. Both checks only read, and block no
+writer.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ from contextlib import contextmanager
 from django.db import DatabaseError, connection, transaction
 from django.db.backends.utils import CursorWrapper
 
-BATCH_SIZE = 5_000  # texts that are indexed again
+BATCH_SIZE = 5_000  # texts that are indexed at a time
 
-# Index content of one group of characters in any order: number of places, and which texts and places.
+# For each group of characters: the number of its places, and a checksum of places that ignores their order.
 _PLACES = (
     "SELECT term, count(*), sum((doc % 1000003 + 7) * (offset % 10007 + 13) % 1000000007 * 31 + doc)"
     " FROM temp.{0} GROUP BY term"
@@ -36,7 +37,7 @@ _POSTGRESQL = {
 
 
 def disagreements() -> Iterator[str]:
-    """Faults of the text indexes, in words."""
+    """Return descriptions of the faults of the text indexes."""
     definitions, look = {"sqlite": (_SQLITE, _on_sqlite), "postgresql": (_POSTGRESQL, _on_postgresql)}[
         connection.vendor
     ]
@@ -58,7 +59,7 @@ def disagreements() -> Iterator[str]:
 
 
 def _defined(cursor: CursorWrapper) -> Iterator[tuple[str, str]]:
-    """The indexes that are in force, by name, and how they are defined."""
+    """Return the name and the definition of each index that is in use."""
     if connection.vendor == "sqlite":
         cursor.execute("SELECT name, sql FROM sqlite_master WHERE name LIKE 'audit_content_s%' AND sql <> ''")
     else:
@@ -72,7 +73,7 @@ def _defined(cursor: CursorWrapper) -> Iterator[tuple[str, str]]:
 
 @contextmanager
 def _one_moment(cursor: CursorWrapper) -> Iterator[None]:
-    """Read everything as of one moment, while others write, without a lock."""
+    """Read one snapshot of the database while others write, without a lock."""
     if connection.in_atomic_block:
         yield
     elif connection.vendor == "sqlite":
@@ -107,7 +108,7 @@ def _on_sqlite(cursor: CursorWrapper) -> Iterator[str]:
 
 
 def _as_said(cursor: CursorWrapper) -> dict[str, tuple[int, int]]:
-    """Expected index content, from the texts themselves."""
+    """Return the expected content of the index, computed from the texts."""
     said: dict[str, tuple[int, int]] = {}
     last = -1
     while True:
@@ -144,7 +145,10 @@ def _as_said(cursor: CursorWrapper) -> dict[str, tuple[int, int]]:
 
 
 def _on_postgresql(cursor: CursorWrapper) -> Iterator[str]:
-    """A pattern without any group of characters makes PostgreSQL go through the whole index."""
+    """Compare the number of texts in index and table.
+
+    The pattern '%' makes PostgreSQL read the whole index.
+    """
     counts = []
     for through_index in (True, False):
         cursor.execute(f"SET LOCAL enable_seqscan = {'off' if through_index else 'on'}")

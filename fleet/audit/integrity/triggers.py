@@ -1,10 +1,12 @@
 """Triggers that make the audit log append-only in the database itself, and the indexes of its texts.
 
-Against mistakes and against an application that was broken into; somebody who may drop triggers can still change the
-past, which the chain then shows. docs/deployment.md says what to grant the application's role on PostgreSQL.
+They protect against mistakes and against an attacker who controls the application. An attacker who may drop
+triggers can still change old records; the chain then shows the change. docs/deployment.md lists the rights of
+the application's role on PostgreSQL.
 
-Records go only up to a checkpoint that their own chain has recorded later. Contents are put in and taken out, never
-changed. Verification holds what is in the database against what stands here: who changes it here adds a migration.
+Records can be deleted only up to a checkpoint that their own chain has recorded later. Contents are added and
+removed, never changed. Verification compares the triggers in the database with this module: every change here
+needs a migration.
 """
 
 from __future__ import annotations
@@ -13,9 +15,9 @@ from typing import NamedTuple
 
 from django.db.backends.base.base import BaseDatabaseWrapper
 
-APPEND_ONLY = "is append-only"  # in the words of every refusal
+APPEND_ONLY = "is append-only"  # in the text of every refusal
 
-# SQLite: name of the trigger: (when, condition). INSERT OR REPLACE deletes rows without asking triggers of DELETE.
+# SQLite: name of the trigger: (when, condition). INSERT OR REPLACE deletes rows without DELETE triggers.
 _SQLITE = {
     "audit_record_no_update": ("BEFORE UPDATE ON audit_record", "1"),
     "audit_record_no_delete": (
@@ -88,10 +90,10 @@ _POSTGRESQL_FUNCTIONS = {
         END IF;
         RETURN OLD;
     END
-    """,  # noqa: S608  # nothing in it comes from outside
+    """,  # noqa: S608  # no part of it comes from outside
 }
 
-# The triggers that refuse, by their names.
+# The statements that create the refusing triggers, by name.
 _REFUSING = {
     "sqlite": {
         name: f"CREATE TRIGGER {name} {when} WHEN {condition}"
@@ -108,8 +110,9 @@ _REFUSING = {
     },
 }
 
-# The texts are searched by any three characters in a row (trigrams). Shorter words are compared with every text, in the
-# order of record numbers, from an index: in PostgreSQL's table the texts lie between the paths of drives.
+# Texts are searched by groups of three characters (trigrams). Shorter words are compared with every text, in
+# the order of record numbers. The texts are read from an index, because in PostgreSQL's table they lie
+# between paths of drives.
 _SQLITE_SEARCH = [
     """
     CREATE VIRTUAL TABLE audit_content_search USING fts5(
@@ -132,7 +135,7 @@ _SQLITE_SEARCH = [
 _POSTGRESQL_SEARCH = [
     "CREATE EXTENSION IF NOT EXISTS pg_trgm",
     "CREATE INDEX audit_content_trigrams ON audit_content USING gin (text gin_trgm_ops)",
-    # An index entry has room for 2,700 bytes: the few longer texts have an index without text.
+    # An index entry has room for 2,700 bytes: the few longer texts have an index without the text.
     """
     CREATE INDEX audit_content_said ON audit_content (record_id) INCLUDE (text)
     WHERE text <> '' AND octet_length(text) <= 2000
@@ -168,7 +171,7 @@ def expect(vendor: str, made: dict[str, str]) -> None:
 
 
 class _Trigger(NamedTuple):
-    """One that is there."""
+    """A trigger that is in the database."""
 
     name: str
     is_on: bool
@@ -176,10 +179,10 @@ class _Trigger(NamedTuple):
 
 
 def amiss(connection: BaseDatabaseWrapper) -> dict[str, str]:
-    """Faults of the database's triggers, by name; triggers without a fault are left out.
+    """Return the faults of the database's triggers, by name; triggers without a fault are left out.
 
-    Of whatever table: one that the console did not make might copy elsewhere what is to expire, or change the log when
-    something is written to another table. So might a rule of PostgreSQL's.
+    Triggers of all tables are checked. A trigger that the console did not make might copy expiring content to
+    another table, or change the log when another table is written. So might one of PostgreSQL's rules.
     """
     vendor = connection.vendor
     there = {"sqlite": _on_sqlite, "postgresql": _on_postgresql}[vendor](connection)
@@ -197,7 +200,7 @@ def amiss(connection: BaseDatabaseWrapper) -> dict[str, str]:
 
 
 def _wrong(definition: str, there: list[_Trigger]) -> str:
-    """Faults of the triggers with this name; blank: none."""
+    """Return the fault of the triggers with this name; blank: none."""
     if not there:
         return "is missing"
     switches = [trigger.is_on for trigger in there if trigger.definition == definition]
@@ -207,7 +210,7 @@ def _wrong(definition: str, there: list[_Trigger]) -> str:
 
 
 def _made(vendor: str, statement: str) -> str:
-    """The definition that the database has of a trigger that was made by this statement."""
+    """Return the definition that the database shows for a trigger that this statement made."""
     if vendor == "sqlite":
         return _words(statement)
     function = statement.rsplit(" ", 1)[1].removesuffix("()")
@@ -242,7 +245,10 @@ def _on_postgresql(connection: BaseDatabaseWrapper) -> list[_Trigger]:
 
 
 def _of_postgresql(trigger: str, language: str, body: str, settings: str) -> str:
-    """A trigger and its function's effect. PostgreSQL stores the condition in its own form."""
+    """Return a trigger with its function, in a form to compare.
+
+    PostgreSQL stores the condition in its own form.
+    """
     condition_as_written = _words(trigger).lower().replace("::text", "")
     return "\n".join((condition_as_written, language, _words(body), settings))
 

@@ -1,8 +1,9 @@
 """Verify the log: every record against the chain of digests, texts and details against their own digests.
 
-The log is tamper-evident: an attacker who bypasses the triggers can change it, but verification finds the change,
-unless the attacker computes the rest of the chain again. A comparison with heads kept elsewhere also finds this, a
-tail that was cut off, and a beginning that was removed under a forged checkpoint.
+The log is tamper-evident. An attacker who bypasses the triggers can change it, but verification finds the
+change, unless the attacker computes the rest of the chain again. A comparison with heads that are kept
+elsewhere also finds such a new chain, a missing end, and a beginning that was removed with a forged
+checkpoint.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from fleet.audit.retention import CLOCKS_DIFFER, RECORDS_KEPT_AT_LEAST
 
 BATCH_SIZE = 5000  # records in memory
 NOT_AS_WRITTEN = "is not what was written: it was changed or put in."
-# Errors from cells with content that no console writes. SQLite keeps anything in any column.
+# Errors from reading cells with content that no console writes. SQLite stores any value in any column.
 UNREADABLE = (ValueError, TypeError, AttributeError, OverflowError, OperationalError)
 COLUMNS = [
     *(
@@ -46,11 +47,11 @@ COLUMNS = [
 
 
 class Finding(Struct, frozen=True):
-    """One thing that is not as it was written."""
+    """A fault in the log: something is not as it was written."""
 
     chain: str  # the robot's name, or the name for records without robot
     number: int | None  # the order number of the record; None: there is no such record
-    seq: int | None  # its place in the chain; None: not of one place
+    seq: int | None  # its place in the chain; None: the finding concerns no single place
     what: str
 
     def __str__(self) -> str:
@@ -79,7 +80,7 @@ class Verified(Struct):
 
 
 class Unreadable(Struct, frozen=True):
-    """A record in which something stands that is no value of its column."""
+    """A record with a cell whose content does not fit its column."""
 
     id: int
     seq: Any
@@ -89,42 +90,42 @@ class Unreadable(Struct, frozen=True):
 class Removal(Struct, frozen=True):
     """A checkpoint's statement about the records before it."""
 
-    through: int  # the place of the last that went
-    digest: Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]  # of that one
-    removed: int  # how many went with this checkpoint
-    before: date  # all of them were of earlier days
+    through: int  # the place of the last removed record
+    digest: Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]  # of the last removed record
+    removed: int  # the number of records that were removed with this checkpoint
+    before: date  # all of them were older than this day
 
 
 class Expired(Struct, frozen=True):
     """The log's statement about expired contents of one kind."""
 
-    before: date  # all of them were of earlier days
+    before: date  # all of them were older than this day
 
 
 class Expiry(Struct, frozen=True):
     """The log's statement about expired contents."""
 
     kinds: dict[str, Expired]
-    misdated: list[int] = []  # also these, of days to come: the clock had been ahead
+    misdated: list[int] = []  # records with future days whose contents expired, too: the clock was ahead
 
 
 class Erasure(Struct, frozen=True):
     """The log's statement about an erased person."""
 
-    records: list[int]  # whose contents went
+    records: list[int]  # the records whose contents were removed
 
 
 class Taken(Struct):
-    """Contents that were lawfully removed, by the log's own records."""
+    """Contents that were removed by the rules, according to the log's own records."""
 
-    # by kind: those of earlier days had expired
+    # by kind: contents of days before this one have expired
     before: dict[str, date] = msgspec.field(default_factory=dict)
-    erased: set[int] = msgspec.field(default_factory=set)  # of these records, with a person
-    # by record number: the day of the expiry record; the content may be missing if the record's date is later
+    erased: set[int] = msgspec.field(default_factory=set)  # records whose contents were erased with a person
+    # by record number: the day of the expiry record; the content may be missing if the record's day is later
     misdated: dict[int, date] = msgspec.field(default_factory=dict)
 
     def covers(self, record: Any) -> bool:
-        """Return whether it is right that the content of a record is gone."""
+        """Return whether the content of this record may be missing."""
         return (
             record.day < self.before.get(record.kind, date.min)
             or record.id in self.erased
@@ -136,7 +137,7 @@ T = TypeVar("T")
 
 
 def verify(chains: Iterable[Chain]) -> Verified:
-    """Look through these chains. Others may write meanwhile; robots are not held up."""
+    """Verify these chains. Others may write at the same time; robots are not delayed."""
     result, taken = Verified(), _taken()
     for chain in chains:
         _Walk(chain, taken, result).go()
@@ -149,7 +150,7 @@ def verify_one(chain: Chain) -> Verified:
 
 
 def verify_all() -> Verified:
-    """Verify every chain, and the parts outside chains."""
+    """Verify every chain, records without a chain, the triggers and the search index."""
     chains, findings = _chains()
     result = verify(chains)
     result.findings += [*findings, *_strays(chains), *_triggers(), *_index()]
@@ -157,7 +158,7 @@ def verify_all() -> Verified:
 
 
 def compare(heads: Iterable[Head]) -> Iterator[Finding]:
-    """Differences from the time when these heads were kept."""
+    """Compare the log with these heads, which were kept elsewhere. Return the differences."""
     for head in heads:
         name = head.name or _name(Chain(id=head.chain))
         records = _records(head.chain)
@@ -175,7 +176,7 @@ def compare(heads: Iterable[Head]) -> Iterator[Finding]:
 
 
 def _how_removed(head: Head, removal: Removal | None) -> str:
-    """Fault if the record of the head is missing; blank: none."""
+    """Return the fault in the removal of a head's record; blank: none."""
     was_of = f"it was of {_time(head.at)}"
     if removal is None:
         return f"was removed, and no checkpoint that counts says so: {was_of}."
@@ -190,7 +191,7 @@ def _how_removed(head: Head, removal: Removal | None) -> str:
 
 
 class _Walk:
-    """One way through a chain, from its first record that is kept to its last."""
+    """Read a chain from its first kept record to its last, and collect the findings."""
 
     def __init__(self, chain: Chain, taken: Taken, result: Verified) -> None:
         self._chain = chain
@@ -200,9 +201,9 @@ class _Walk:
         self._result = result
         self._seq = 0  # of the record before
         self._number = 0
-        self._digest: Any = first_digest(chain.pk)  # None: not known, for it is missing
+        self._digest: Any = first_digest(chain.pk)  # of the record before; None: that record is missing
         self._doubted = False  # there is a finding about the record before
-        self._removals: dict[int, Removal] = {}  # by the number of the checkpoint; those that count
+        self._removals: dict[int, Removal] = {}  # of valid checkpoints, by their record numbers
 
     def go(self) -> None:
         head = None
@@ -225,7 +226,7 @@ class _Walk:
             self._result.findings.append(Finding(self._name, None, None, "all of its records are missing."))
 
     def _account_for_gap(self, row: Any) -> None:
-        """Records before this one are not there: a checkpoint says so, or they were removed."""
+        """Explain the missing records before this one by a checkpoint, or report them as missing."""
         removal = _removal_before(row.seq, self._records) if self._seq == 0 else None
         if removal is not None:
             self._digest = removal.digest
@@ -253,7 +254,7 @@ class _Walk:
         return "" if content == row.content_digest else "has another content than was written."
 
     def _what_is_claimed(self, row: Any) -> str:
-        """Fault of a record's statement about removed content; blank: none."""
+        """Return the fault of a record's statement about removed content; blank: none."""
         if row.kind == "audit.expire" and _expiry(row) is None:
             return "reports contents that expired before their time, or is not valid."
         if row.kind == "audit.checkpoint" and not self._counts(row):
@@ -261,8 +262,8 @@ class _Walk:
         return ""
 
     def _counts(self, checkpoint: Any) -> bool:
-        """Return whether its account of removals is believed."""
-        if checkpoint.id not in self._removals:  # also one that was appended meanwhile
+        """Return whether the checkpoint is valid."""
+        if checkpoint.id not in self._removals:  # not read yet, or appended since the last reading
             self._removals = _removals(self._records)
         return checkpoint.id in self._removals
 
@@ -277,22 +278,23 @@ class _Walk:
         self._result.findings.append(Finding(self._name, row.id, _place(row.seq), what))
 
 
-# --- what the log says of itself ---------------------------------------------------------------------
+# --- the log's own statements about removals ----------------------------------------------------------
 
 
 def _removal_before(seq: int, records: QuerySet[Record]) -> Removal | None:
-    """Evidence that the records before this place were removed; None: no valid evidence."""
+    """Return the valid removal of the records before this place, if there is one."""
     before = [removal for removal in _removals(records).values() if removal.through == seq - 1]
     return before[-1] if before else None
 
 
 def _removals(records: QuerySet[Record]) -> dict[int, Removal]:
-    """Valid checkpoints of a chain, by number.
+    """Return the removals of a chain's valid checkpoints, by record number.
 
-    Each starts where the previous one ended, and removes only records older than the minimum retention time.
+    Each removal starts where the previous one ended, and covers only records older than the minimum retention
+    time.
     """
     counting: dict[int, Removal] = {}
-    through = None  # removals of the previous checkpoint; None if that is gone itself
+    through = None  # the last place that the previous checkpoint removed; None: no checkpoint before is kept
     for row in _rows(records.filter(kind="audit.checkpoint").order_by("seq")):
         removal = _statement(row, Removal)
         if (
@@ -307,7 +309,10 @@ def _removals(records: QuerySet[Record]) -> dict[int, Removal]:
 
 
 def _expiry(row: Any) -> Expiry | None:
-    """A record's plausible statement about expired contents: none expires on its first day."""
+    """Return a record's statement about expired contents; None if it is invalid.
+
+    A statement is invalid if contents expired on the day of the statement: no content is kept so briefly.
+    """
     expiry = _statement(row, Expiry)
     lawful = expiry is not None and all(expired.before < row.day for expired in expiry.kinds.values())
     return expiry if lawful else None
@@ -328,7 +333,10 @@ def _taken() -> Taken:
 
 
 def _statement(row: Any, kind: type[T]) -> T | None:
-    """A record's statement, if present and not about future days, in which much could expire."""
+    """Return a record's statement, if it is valid.
+
+    A record of a future day is not: it could let much expire.
+    """
     if isinstance(row, Unreadable) or not isinstance(row.day, date):
         return None
     return None if _is_to_come(row.day) else _computed(msgspec.convert, row.parameters, kind)
@@ -339,11 +347,14 @@ def _is_to_come(day: date) -> bool:
     return day > django_timezone.now().date() + CLOCKS_DIFFER
 
 
-# --- reading what may hold anything -------------------------------------------------------------------
+# --- reading cells that may contain anything ----------------------------------------------------------
 
 
 def _rows(records: QuerySet[Record]) -> Iterator[Any]:
-    """The records with their contents, in this order. After an unreadable one, records are read singly."""
+    """Return the records with their contents, in this order.
+
+    After an unreadable one, records are read singly.
+    """
     read = 0
     try:
         for row in records.values_list(*COLUMNS, named=True).iterator(BATCH_SIZE):
@@ -367,12 +378,12 @@ def _cell(number: int, column: str) -> Any:
 
 
 def _place(seq: Any) -> int | None:
-    """The place in a chain; None if it is none."""
+    """Return the place in a chain; None if the value is no valid place."""
     return seq if isinstance(seq, int) and seq > 0 else None
 
 
 def _computed(compute: Callable[..., T], *given: Any) -> T | None:
-    """The digest; None for input that no console writes."""
+    """Return the result of `compute`; None for input that no console writes."""
     try:
         return compute(*given)
     except UNREADABLE:
@@ -383,11 +394,11 @@ def _records(chain: UUID) -> QuerySet[Record]:
     return Record.objects.filter(robot_id=None if chain == NO_ROBOT else chain)
 
 
-# --- what is in no chain --------------------------------------------------------------------------------
+# --- checks outside the chains --------------------------------------------------------------------------
 
 
 def _chains() -> tuple[list[Chain], list[Finding]]:
-    """All chains, and a finding for each that cannot be read."""
+    """Return all chains, and a finding for each chain that cannot be read."""
     ordered = Chain.objects.order_by("name", "id")
     chains: list[Chain] = []
     findings: list[Finding] = []
@@ -400,7 +411,7 @@ def _chains() -> tuple[list[Chain], list[Finding]]:
 
 
 def _strays(chains: Iterable[Chain]) -> Iterator[Finding]:
-    """Records of robots that have no chain."""
+    """Return a finding for each record whose robot has no chain."""
     ids = {chain.pk for chain in chains}
     strays = Record.objects.exclude(robot_id__in=ids - {NO_ROBOT})
     if NO_ROBOT in ids:
@@ -420,7 +431,7 @@ def _index() -> Iterator[Finding]:
         yield Finding("database", None, None, wrong)
 
 
-# --- words ------------------------------------------------------------------------------------------------
+# --- texts ------------------------------------------------------------------------------------------------
 
 
 def _name(chain: Chain) -> str:

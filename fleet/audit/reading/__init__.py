@@ -1,1 +1,1 @@
-"""Reading the audit log: its lists, the search, records in words, and exports."""
+"""Reading the audit log: lists, search, texts about records, and exports."""

@@ -1,4 +1,4 @@
-"""Addresses of lists of the log and their pages, which other apps' lists share."""
+"""URLs of the log's lists and their pages. Lists of other apps use them, too."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 class Link(Struct, frozen=True):
-    """Somewhere to go."""
+    """A link on a page."""
 
     text: str | Promise
     url: str
@@ -26,14 +26,14 @@ class Link(Struct, frozen=True):
 
 
 def session_url_of(session_id: UUID | None) -> str:
-    """The page of a control session; blank if it was in none."""
+    """Return the URL of a control session's page; blank without a control session."""
     return reverse("control-session", args=[session_id]) if session_id else ""
 
 
 def by_day(
     request: HttpRequest, lines: list[tuple[datetime.date, T]]
 ) -> list[tuple[datetime.date, str, list[T]]]:
-    """Each day with the address of its list, and its lines."""
+    """Return each day with the URL of its list, and its lines."""
     return [
         (day, f"?{address(request, since=day, until=day)}", [line for _day, line in of_day])
         for day, of_day in groupby(lines, key=lambda pair: pair[0])
@@ -49,7 +49,7 @@ def beside(
     day_before: datetime.date | None,
     day_after: datetime.date | None,
 ) -> dict[str, Any]:
-    """The addresses of the pages and days next to a page with rows of these numbers."""
+    """Return the URLs of the neighbouring pages and days of a page with rows of these numbers."""
     links: dict[str, Any] = {}
     if newer:
         links["newest"] = f"?{address(request)}"
@@ -64,7 +64,7 @@ def beside(
 
 
 def address(request: HttpRequest, **changed: Any) -> str:
-    """The filters of this page, changed so, without its place among the pages."""
+    """Return a query string: this page's filters with these changes, without the position in the list."""
     asked = request.GET.copy()
     for name in ("before", "after"):
         asked.pop(name, None)
@@ -74,7 +74,7 @@ def address(request: HttpRequest, **changed: Any) -> str:
 
 
 def number(request: HttpRequest, name: str) -> int | None:
-    """Return the record number at which a page begins, from its address; None: at the newest."""
+    """Return the record number at which a page begins, from its URL; None: it begins at the newest record."""
     asked = request.GET.get(name)
     if asked is None:
         return None

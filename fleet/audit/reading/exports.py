@@ -1,4 +1,7 @@
-"""The log as a file: CSV for spreadsheets, JSON Lines for programs. Streamed, so that it may be long, and recorded."""
+"""Export the log as a file: CSV for spreadsheets, JSON Lines for programs.
+
+Exports are streamed and recorded.
+"""
 
 from __future__ import annotations
 
@@ -34,13 +37,13 @@ log = logging.getLogger(__name__)
 
 Facts = dict[str, Any]
 
-CHUNK = 100  # rows at once: no request of the process waits longer for them
-# Pause after each piece, times as long as the piece took: alone, and while the process answers other requests.
+CHUNK = 100  # rows in a piece: other requests of the process wait at most for one piece
+# Pause after a piece, as a multiple of the piece's own time: if no other request came, and if one came.
 PAUSE, PAUSE_BESIDE_OTHERS = 1.0, 9.0
-LONGEST_PAUSE_S = 2.0  # a proxy cuts an answer that stands still
-# Excel takes a file without it for one in an old code page, and Arabic becomes rubbish; others skip it.
+LONGEST_PAUSE_S = 2.0  # a proxy closes a response that sends nothing for too long
+# Without this mark, Excel reads the file in an old code page and shows wrong characters. Others skip it.
 BOM = "\ufeff"
-# Characters that spreadsheets take for a formula at the beginning of a cell, also full-width (OWASP, CSV injection).
+# A cell that begins with one of these is a formula for spreadsheets, also full-width (OWASP, CSV injection).
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 
 COLUMNS = [
@@ -68,7 +71,7 @@ class Format(TextChoices):
 
 
 class Export:
-    """One export: its pieces, each a text of some rows, and the number of rows sent."""
+    """One export: its pieces (each is the text of some rows) and the number of rows sent."""
 
     def __init__(self, pieces: Iterator[tuple[str, int]], begun: Record, actor: AbstractUser) -> None:
         self._pieces = pieces
@@ -78,7 +81,7 @@ class Export:
         self._complete = self._is_on_record = False
 
     def piece(self) -> str | None:
-        """The next rows, None after the last."""
+        """Return the text of the next rows; None after the last."""
         text, count = next(self._pieces, (None, 0))
         self._complete = text is None
         self._count += count
@@ -98,29 +101,29 @@ class Export:
                 outcome=outcome,
                 parameters={"rows": self._count},
             )
-        except AuditUnavailable as error:  # rows already sent stay sent, and the begin is recorded
+        except AuditUnavailable as error:  # the rows are sent, and the beginning of the export is on record
             log.error("the outcome %s of export %s was not recorded: %s", outcome, self._begun.pk, error)
 
 
 class ExportResponse(StreamingHttpResponse):
-    """A response that records its end, also when the browser disconnects: the server closes every response."""
+    """A response that records its end, also when the browser disconnects: the server always calls `close`."""
 
     def __init__(self, head: str, export: Export, **options: Any) -> None:
         super().__init__(_pieces(head, export), **options)
         self._export = export
 
     def close(self) -> None:
-        """The end."""
+        """Close the response and record the outcome."""
         super().close()
         self._export.ended()
 
 
 async def _pieces(head: str, export: Export) -> AsyncIterator[bytes]:
-    """Each piece is read in a thread, for it asks the database; none before the last is on its way."""
+    """Return the pieces. Each is read in a thread, because of its queries, after the last one was sent."""
     yield head.encode()
     asked, began_s = _requests.count, time.perf_counter()
     while (piece := await sync_to_async(export.piece)()) is not None:
-        took_s = time.perf_counter() - began_s  # without the time in which a slow browser takes it
+        took_s = time.perf_counter() - began_s  # without the time that a slow browser needs to receive it
         yield piece.encode()
         before, asked = asked, _requests.count
         await asyncio.sleep(
@@ -155,10 +158,10 @@ def response(
 ) -> ExportResponse:
     """Return the file as a response. Raises `AuditUnavailable` if the export cannot be recorded.
 
-    `besides` are texts with their numbers of rows, which follow the selected rows.
+    `besides` are further pieces (text and number of rows), which follow the selected rows.
     """
     head, to_text = _WRITERS[format_]
-    zone = zones.viewers()  # the rows are read when the request is over
+    zone = zones.viewers()  # read now: the rows are written after the request, when the zone is no longer set
     pieces = ((to_text(rows, zone), len(rows)) for rows in selection.chunks(CHUNK))
     return _file(head, chain(pieces, besides), wanted, actor=actor, name=name, format_=format_)
 
@@ -172,7 +175,10 @@ def response_of(
     name: str,
     format_: Format,
 ) -> ExportResponse:
-    """The same for rows that are no records: each row has a value for each column."""
+    """Return a response like `response`, for rows that are no records.
+
+    Each row has a value for each column.
+    """
     if format_ is Format.CSV:
         head = BOM + _csv_lines([columns])
         pieces = ((_csv_lines([_safe(facts.values()) for facts in rows]), len(rows)) for rows in chunks)
@@ -219,7 +225,7 @@ def _file(
 
 
 def safe_cell(value: str) -> str:
-    """The cell as text for every spreadsheet: with an apostrophe before a formula."""
+    """Return the cell so that spreadsheets show it as text: with an apostrophe before a formula."""
     return f"'{value}" if value.startswith(_FORMULA) else value
 
 
@@ -256,7 +262,7 @@ def _json_lines(rows: list[Row], zone: ZoneInfo) -> str:
 
 
 def _whole(record: Record, end: Record | None, zone: ZoneInfo) -> dict[str, Any]:
-    """All columns of a record; `ended` is the record of its outcome."""
+    """Return all columns of a record; `ended` is the record of its outcome."""
     return {
         "number": record.pk,
         "time": _time(record),
@@ -291,7 +297,10 @@ def _time(record: Record) -> str:
 
 
 def local(moment: datetime, zone: ZoneInfo) -> str:
-    """Return a moment in a zone, with its distance from UTC, as exports write it beside UTC."""
+    """Return a moment as local time of a zone, with its offset from UTC.
+
+    Exports have it beside the time in UTC.
+    """
     return moment.astimezone(zone).isoformat()
 
 
@@ -303,7 +312,7 @@ _MEDIA_TYPES = {
     Format.CSV: "text/csv; charset=utf-8",
     Format.JSON_LINES: "application/jsonl; charset=utf-8",
 }
-# Header, and the format of rows.
+# The first text of the file, and the function that writes rows.
 _WRITERS: dict[Format, tuple[str, Callable[[list[Row], ZoneInfo], str]]] = {
     Format.CSV: (BOM + _csv_lines([COLUMNS]), _csv),
     Format.JSON_LINES: ("", _json_lines),

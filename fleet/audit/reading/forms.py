@@ -26,10 +26,13 @@ MOST_NAMED = 5
 
 
 class PersonField(forms.CharField):
-    """A person by name, by a part of it that only one has, or by identifier as in links. Shown by name."""
+    """A person, entered as a name, as a unique part of a name, or (in links) as an identifier.
+
+    Shown as a name.
+    """
 
     def prepare_value(self, value: Any) -> Any:
-        """Show the name of an identifier."""
+        """Return the name for an identifier."""
         if value == CONSOLE:
             return str(THE_CONSOLE)
         return (
@@ -37,7 +40,10 @@ class PersonField(forms.CharField):
         )
 
     def clean(self, value: Any) -> str:
-        """Return the identifier; `ValidationError` if nobody, or more than one person, is called so."""
+        """Return the identifier.
+
+        Raises `ValidationError` if nobody, or more than one person, has this name.
+        """
         typed: str = super().clean(value)
         if not typed or typed == CONSOLE or _is_identifier(typed):
             return typed
@@ -54,9 +60,9 @@ class PersonField(forms.CharField):
 
 
 class FilterForm(forms.Form):
-    """In the address of the page, so that a filtered list can be sent to somebody.
+    """The filters. They are in the URL of the page, so that people can send a link to a filtered list.
 
-    `kinds` are those of the list (None: all), `without` the filters that it has no use for.
+    `kinds` are the kinds of the list (None: all); `without` are the filters that it does not show.
     """
 
     q = forms.CharField(label=_("Said"), max_length=200, required=False)
@@ -97,7 +103,7 @@ class FilterForm(forms.Form):
             del self.fields[name]
 
     def clean(self) -> dict[str, Any]:
-        """The days in order."""
+        """Refuse a first day that is after the last day."""
         asked: dict[str, Any] = super().clean() or self.cleaned_data
         since, until = asked.get("since"), asked.get("until")
         if since and until and since > until:
@@ -105,7 +111,7 @@ class FilterForm(forms.Form):
         return asked
 
     def wanted(self) -> Wanted:
-        """The filters of a valid form."""
+        """Return the filters of a valid form."""
         asked, zone = self.cleaned_data, zones.viewers().key
         return Wanted(
             words=words_of(asked.get("q", "")),
@@ -121,11 +127,11 @@ class FilterForm(forms.Form):
 
     @property
     def is_filtered(self) -> bool:
-        """Return whether it asks for less than everything."""
+        """Return whether any filter is set."""
         return any(self.data.get(name) for name in self.fields)
 
     def offer(self, name: str, choices: Sequence[tuple[Any, Any]]) -> None:
-        """Let one of these be chosen, or none."""
+        """Set the choices of a field: these, or none."""
         cast(forms.ChoiceField, self.fields[name]).choices = [*ANY, *choices]
 
 
@@ -141,5 +147,5 @@ def _is_identifier(typed: str) -> bool:
 
 
 def people_named(part: str, most: int) -> list[tuple[str, str]]:
-    """Return people whose name contains `part`: identifier and name."""
+    """Return at most `most` people whose name contains `part`: identifier and name."""
     return list(Actor.objects.filter(name__icontains=part).order_by("name").values_list("pk", "name")[:most])

@@ -1,8 +1,9 @@
-"""Reading the log page by page: filters, their records, and each request with its outcome.
+"""Read the log page by page: filters, their records, and each request with its outcome.
 
-However many records there are, a page costs a few seeks: every filter has an index that ends in the record's number
-and carries the columns of the other filters, and pages are cut by number ("older than 4711"), not by counting rows.
-An index serves one kind and one person at a time, so several are read side by side and merged.
+A page needs only a few seeks in the database, however many records there are. Every filter has an index with
+the record's number and with the columns of the other filters. Pages are cut by number ("older than 4711"),
+not by counting rows. An index serves one kind and one person at a time, so several queries are read in
+parallel and merged.
 """
 
 from __future__ import annotations
@@ -28,13 +29,13 @@ from fleet.audit.models import Record
 from fleet.audit.reading.search import indexed, texts_among, texts_with
 
 PAGE = 50  # rows
-COUNTED = 1000  # rows; of more it is only said that there are more
-FEW = 2000  # candidates, whose texts are looked at one by one
-OUTCOMES = 500  # different ones to choose from
-CONSOLE = "console"  # as a person: actions of the console itself
+COUNTED = 1000  # rows that are counted; beyond this number the page shows only "more than"
+FEW = 2000  # up to this number of candidates, their texts are read one by one
+OUTCOMES = 500  # at most this many different outcomes to choose from
+CONSOLE = "console"  # in the person filter: actions of the console itself
 
 _NEAR = 31  # days
-# These refer to another record but have their own row, because they are more than its outcome.
+# Records of these kinds refer to another record, but have their own row: they are more than its outcome.
 _OWN_ROW = ["gate.begin", "refusal"]
 _IS_OUTCOME = Q(of__isnull=False) & ~Q(kind__in=_OWN_ROW)
 _END_OF = {
@@ -60,14 +61,14 @@ class Wanted(Struct, frozen=True):
 
     @property
     def days_utc(self) -> tuple[datetime.date | None, datetime.date | None]:
-        """Days of the log, which are UTC, that hold the wanted ones."""
+        """Return the first and last day in UTC, the log's days, that together contain the wanted days."""
         starts, ends = self.moments
         last = ends - datetime.timedelta.resolution if ends else None
         return (starts.date() if starts else self.since), (last.date() if last else self.until)
 
     @property
     def moments(self) -> tuple[datetime.datetime | None, datetime.datetime | None]:
-        """The wanted time, half-open, where days are not those of the log."""
+        """Return start and end (not included) of the wanted days, if `zone` is set; else None."""
         if not self.zone:
             return None, None
         zone = zones.zone_of(self.zone)
@@ -78,15 +79,15 @@ class Wanted(Struct, frozen=True):
 
 
 class Row(Struct, frozen=True):
-    """A request with its outcome, or a record that stands alone."""
+    """A request with its outcome, or a record without outcome."""
 
-    number: int  # by which pages are cut
+    number: int  # pages are cut by this number
     record: Record
     end: Record | None
 
     @property
     def outcome(self) -> str:
-        """The outcome; blank: unknown, or none was expected."""
+        """Return the outcome; blank: unknown, or none was expected."""
         return self.end.outcome if self.end and self.end.outcome else self.record.outcome
 
 
@@ -94,20 +95,20 @@ class Page(Struct, frozen=True):
     """Some of the rows, newest first."""
 
     rows: list[Row]
-    newer: bool  # whether there are any
-    older: bool
-    count: int | None = None  # of all rows, at most `COUNTED` + 1; the first page knows it
+    newer: bool  # whether there are newer rows
+    older: bool  # whether there are older rows
+    count: int | None = None  # number of all rows, at most `COUNTED` + 1; only on the first page
 
 
 class Selection:
-    """The wanted records. `kinds` are those of the list; None: all there are."""
+    """The wanted records. `kinds` are the kinds of the list; None: all."""
 
     def __init__(self, wanted: Wanted, kinds: Sequence[str] | None = None) -> None:
         self._wanted = wanted
         self._kinds = kinds
 
     def page(self, *, before: int | None = None, after: int | None = None, size: int = PAGE) -> Page:
-        """The newest rows; or those next below `before`, or next above `after`."""
+        """Return the newest rows, or the next rows with numbers below `before`, or above `after`."""
         if after is not None:
             found = self.numbers(size + 1, after=after)
             shown = found[-size:]
@@ -121,26 +122,32 @@ class Selection:
         return Page(rows_of(found[:size]), newer=False, older=len(found) > size, count=len(found))
 
     def chunks(self, size: int) -> Iterator[list[Row]]:
-        """All rows, newest first. Records of this moment may be missing."""
+        """Return all rows, newest first. Records that are written at the same time may be missing."""
         before: int | None = None
         while found := self.numbers(size, before=before):
             yield rows_of(found)
             before = found[-1]
 
     def numbers(self, limit: int, *, before: int | None = None, after: int | None = None) -> list[int]:
-        """At most so many, newest first: of the rows, or where an outcome is wanted of the records that tell it."""
+        """Return at most `limit` numbers of rows, newest first.
+
+        With a wanted outcome: numbers of outcome records.
+        """
         sources = self._texts() if self._wanted.words else self._streams()
         return _merged(
             [_cut(source, limit, before, after) for source in sources], limit, up=after is not None
         )
 
     def day_beside(self, *, later: bool) -> datetime.date | None:
-        """The next day after, or before, the wanted ones that has rows; of words without an index a near one only."""
+        """Return the next day with rows after, or before, the wanted days.
+
+        Words without index: only `_NEAR` days.
+        """
         edge = self._wanted.until if later else self._wanted.since
         beside = _moved(edge, 1 if later else -1)
         if beside is None:
             return None
-        # Most often it is near, and a few days are soon looked through.
+        # It is usually near, and searching a few days is quick.
         near = self._first_day(beside, _moved(beside, _NEAR if later else -_NEAR), later=later)
         if near is not None or not indexed(self._wanted.words):
             return near
@@ -161,16 +168,16 @@ class Selection:
     # --- which records --------------------------------------------------------------------------
 
     def _streams(self) -> list[QuerySet[Record]]:
-        """Queries that have no row in common and one index each."""
+        """Return queries that have no row in common. Each uses one index."""
         return [
             Record.objects.filter(self._where, what, who)
             for what, who in product(self._whats(), self._whos())
         ]
 
     def _texts(self) -> list[QuerySet[Any]]:
-        """Texts with the words that are wanted, of the rows that are wanted; a text may be in several queries.
+        """Return queries for texts of the wanted rows with the wanted words; queries may share a text.
 
-        Where these rows are few, their texts are read; where they are many, the index of words is.
+        If there are few wanted rows, their texts are read; else the search index is used.
         """
         few = Selection(replace(self._wanted, words=()), self._kinds).numbers(FEW + 1)
         if len(few) <= FEW:
@@ -186,7 +193,7 @@ class Selection:
         ]
 
     def _outcome_wanted(self) -> list[Q]:
-        """Condition for the wanted outcome: in an outcome record, or in the record itself."""
+        """Return conditions for the wanted outcome: in an outcome record, or in the record itself."""
         outcome = self._wanted.outcome
         if not outcome:
             return [Q()]
@@ -208,7 +215,7 @@ class Selection:
             where &= Q(day__gte=first)
         if last:
             where &= Q(day__lte=last)
-        # Only in the first and the last day it depends on the time of day, which no index holds.
+        # The time of day, which is in no index, matters only on the first and the last day.
         if starts:
             where &= Q(day__gt=first) | Q(at__gte=starts)
         if ends:
@@ -221,7 +228,7 @@ class Selection:
 
     @cached_property
     def _within(self) -> Q:
-        """Between which numbers the wanted days are, so that no index is read from its newest end down to them."""
+        """Limit the numbers to the wanted days: else an index would be read from its newest entry."""
         if not (self._wanted.since or self._wanted.until):
             return Q()
         since, until = self._wanted.days_utc
@@ -257,12 +264,15 @@ class Selection:
         if person == CONSOLE:
             return [Q(actor=None)]
         as_another = Q(real_actor=person) & ~Q(actor=person)
-        # Hardly anybody did: no need to look for it again with every other filter.
+        # Such records are rare: one check here avoids a further query for every kind.
         return [Q(actor=person), *([as_another] if Record.objects.filter(as_another).exists() else [])]
 
 
 def seen(kinds: Iterable[str]) -> list[tuple[str, str]]:
-    """Return the outcomes of records of these kinds, as pairs of kind and outcome; the index skips repetitions."""
+    """Return the pairs of kind and outcome that records of these kinds have.
+
+    The query skips repetitions by an index.
+    """
     kinds = list(kinds)
     if not kinds:
         return []
@@ -277,35 +287,35 @@ def seen(kinds: Iterable[str]) -> list[tuple[str, str]]:
                 SELECT kind, {next_one.format("seen", "seen.outcome")} FROM seen WHERE outcome IS NOT NULL
             )
             SELECT kind, outcome FROM seen WHERE outcome IS NOT NULL LIMIT {OUTCOMES}
-            """,  # noqa: S608  # nothing in it comes from outside
+            """,  # noqa: S608  # no part of it comes from outside
             kinds,
         )
         return [(kind, outcome) for kind, outcome in cursor.fetchall()]
 
 
 def that_begin(kinds: Iterable[str]) -> list[str]:
-    """The kinds of rows: those that do not end another kind."""
+    """Return the kinds that have rows: those that are not the end of another kind."""
     return [kind for kind in kinds if kind not in _END_OF.values()]
 
 
 def with_ends(kinds: Iterable[str]) -> list[str]:
-    """The kinds and the kinds that end them."""
+    """Return the kinds and the kinds that end them."""
     kinds = list(kinds)
     return [*kinds, *(_END_OF[kind] for kind in kinds if kind in _END_OF)]
 
 
 def _there_is(records: QuerySet[Record]) -> Q:
-    """Ask for each text separately: PostgreSQL turns EXISTS into a join with all such records."""
+    """Return a condition that is checked for each text: EXISTS would become a join in PostgreSQL."""
     return Q(IsNull(Subquery(records.order_by().values("pk")[:1]), False))
 
 
 def row_of(record: Record) -> Row:
-    """The row that a record is part of."""
+    """Return the row of which a record is part."""
     return rows_of([record.pk])[0]
 
 
 def _moved(day: datetime.date | None, days: int) -> datetime.date | None:
-    """Return the date so many days later; None beyond the calendar's end."""
+    """Return the date `days` later; None beyond the end of the calendar."""
     try:
         return None if day is None else day + datetime.timedelta(days)
     except OverflowError:
@@ -326,16 +336,19 @@ def _cut(source: QuerySet[Any], limit: int, before: int | None, after: int | Non
 
 
 def _merged(sources: list[Iterable[int]], limit: int, *, up: bool) -> list[int]:
-    """The first of them all, each once; newest first, whichever way they were read."""
+    """Return the first `limit` numbers of all sources, each once.
+
+    The result is newest first, also with `up`.
+    """
     each = (number for number, _same in groupby(heapq.merge(*sources, reverse=not up)))
     found = list(islice(each, limit))
     return found[::-1] if up else found
 
 
 def _numbers_of(since: datetime.date, until: datetime.date) -> tuple[int, int]:
-    """The first and the last number of these days; nothing is between (1, 0).
+    """Return the lowest and the highest record number of these days; (1, 0) if there is none.
 
-    Day by day, for numbers do not always grow with days: somebody may have set the clock.
+    Every day is checked, because numbers do not always grow with days: somebody may have set the clock back.
     """
     next_day = "(SELECT MIN(day) FROM audit_record AS r WHERE r.day > days.day AND r.day <= %s)"
     edge = "(SELECT {0}(r.id) FROM audit_record AS r WHERE r.day = days.day)"
@@ -349,7 +362,7 @@ def _numbers_of(since: datetime.date, until: datetime.date) -> tuple[int, int]:
                 SELECT {next_day} FROM days WHERE day IS NOT NULL
             )
             SELECT MIN({edge.format("MIN")}), MAX({edge.format("MAX")}) FROM days
-            """,  # noqa: S608  # nothing in it comes from outside
+            """,  # noqa: S608  # no part of it comes from outside
             [first, last, last],
         )
         lowest, highest = cursor.fetchone()
@@ -360,7 +373,10 @@ def _numbers_of(since: datetime.date, until: datetime.date) -> tuple[int, int]:
 
 
 def rows_of(numbers: list[int]) -> list[Row]:
-    """Rows for the records with these numbers: requests (also of outcomes) and their ends."""
+    """Return the rows of the records with these numbers.
+
+    A row is the request and its outcome, if there is one.
+    """
     found = {number: (of, kind) for number, of, kind in _kinds_of(numbers)}
     row_numbers = {number: _row_of(number, *found[number]) for number in numbers if number in found}
     records = _whole(Q(pk__in={*row_numbers, *row_numbers.values()}))
@@ -373,7 +389,7 @@ def rows_of(numbers: list[int]) -> list[Row]:
 
 
 def _row(number: int, found: Record, request: Record | None, end: Record | None) -> Row:
-    if request is None:  # an old one, removed up to a checkpoint; its outcome is still there
+    if request is None:  # the request was removed before a checkpoint; its outcome is still there
         return Row(number, found, None)
     return Row(number, request, end if found.pk == request.pk else found)
 
@@ -387,6 +403,6 @@ def _row_of(number: int, of: int | None, kind: str) -> int:
 
 
 def _whole(which: Q) -> dict[int, Record]:
-    """Records with people and their kept content, oldest first."""
+    """Return records with their people and kept content, oldest first."""
     records = Record.objects.filter(which).select_related("actor", "real_actor", "content").order_by("pk")
     return {record.pk: record for record in records}

@@ -1,8 +1,8 @@
-"""Search records by their texts: parts of words, in any script, without case.
+"""Search records by their texts: parts of words, in any script, ignoring case.
 
-Words of three characters and more are looked up in an index of trigrams (FTS5 on SQLite, pg_trgm on PostgreSQL).
-Shorter ones have none: they are looked for in text after text, newest first; so is on PostgreSQL what stands in many.
-Accents count: "manana" does not find "mañana".
+Words of three characters and more are looked up in an index of trigrams (FTS5 on SQLite, pg_trgm on
+PostgreSQL). Shorter words are searched in text after text, newest first. PostgreSQL also does that for words
+that many texts have. Accents count: "manana" does not find "mañana".
 """
 
 from __future__ import annotations
@@ -20,26 +20,29 @@ from django.db.models.lookups import GreaterThan
 
 from fleet.audit.models import Content, ContentSearch
 
-TRIGRAM = 3  # characters: a shorter word is in no index
-BRIEF = 2000  # bytes: room of PostgreSQL's index of texts (fleet.audit.integrity.triggers)
+TRIGRAM = 3  # characters: the index does not find shorter words
+BRIEF = 2000  # bytes: the longest text in PostgreSQL's index of texts (fleet.audit.integrity.triggers)
 _WORD = re.compile(r'"([^"]+)"|(\S+)')
 
-Texts = QuerySet[Content] | QuerySet[ContentSearch]  # their primary keys are the records' numbers
+Texts = QuerySet[Content] | QuerySet[ContentSearch]  # primary keys: the records' numbers
 
 
 def words_of(asked: str) -> tuple[str, ...]:
-    """The words that a text must have, in any order; words in double quotes stay together."""
+    """Return the words that a text must contain, in any order; words in double quotes stay together."""
     found = _WORD.findall(unicodedata.normalize("NFC", asked))
     return tuple(word for quoted, plain in found if (word := (quoted or plain).replace('"', "").strip()))
 
 
 def indexed(words: tuple[str, ...]) -> bool:
-    """Return whether these words, if there are any, are looked up rather than looked for in all texts."""
+    """Return whether the index finds these words; if not, all texts are searched. True without words."""
     return not words or any(len(word) >= TRIGRAM for word in words)
 
 
 def texts_with(words: tuple[str, ...]) -> list[Texts]:
-    """Texts that have all of these words: queries with an index each, to be read in the order of their numbers."""
+    """Return queries for the texts that have all of these words.
+
+    Each uses an index; read them in order of number.
+    """
     long = tuple(word for word in words if len(word) >= TRIGRAM)
     texts: Texts = _having(long)
     if long and connection.vendor == "sqlite":
@@ -53,7 +56,7 @@ def texts_with(words: tuple[str, ...]) -> list[Texts]:
 
 
 def texts_among(numbers: list[int], words: tuple[str, ...]) -> QuerySet[Content]:
-    """Texts of these few records that have all of these words."""
+    """Return the texts of these few records that have all of these words."""
     return _having(words).filter(pk__in=numbers)
 
 
@@ -65,7 +68,10 @@ def _having(words: tuple[str, ...]) -> QuerySet[Content]:
 
 
 def _part(word: str) -> Q:
-    """For one or two characters, in each way to write them. Not by LIKE: PostgreSQL would read all of its trigrams."""
+    """Match one or two characters in upper or lower case.
+
+    For LIKE, PostgreSQL would read its whole trigram index.
+    """
     either = Q()
     for letters in itertools.product(*({letter.lower(), letter.upper()} for letter in word)):
         either |= Q(GreaterThan(StrIndex("text", Value("".join(letters))), 0))
@@ -79,12 +85,15 @@ Sql = tuple[str, Any]
 
 @TextField.register_lookup
 class Matches(Lookup):
-    """`text__matches`: a search in FTS5's index. Each word is quoted, so that none is an operator."""
+    """`text__matches`: search in the index of FTS5.
+
+    The caller quotes each word, so that none is an operator.
+    """
 
     lookup_name = "matches"
 
     def as_sql(self, compiler: Any, connection: BaseDatabaseWrapper) -> Sql:
-        """SQLite only."""
+        """Return the condition; only for SQLite."""
         left, left_values = self.process_lhs(compiler, connection)
         right, right_values = self.process_rhs(compiler, connection)
         return f"{left} MATCH {right}", [*left_values, *right_values]
@@ -92,42 +101,48 @@ class Matches(Lookup):
 
 @TextField.register_lookup
 class Said(Lookup):
-    """`text__said=True`: that there is a text, in the very words of the index of them."""
+    """`text__said=True`: there is a text.
+
+    The condition is written exactly as in the definition of the index.
+    """
 
     lookup_name = "said"
 
     def as_sql(self, compiler: Any, connection: BaseDatabaseWrapper) -> Sql:
-        """A parameter in place of '' would keep SQLite from using the index."""
+        """Return the condition. With a parameter in place of '', SQLite would not use the index."""
         left, values = self.process_lhs(compiler, connection)
         return f"{left} <> ''", values
 
 
 @TextField.register_lookup
 class Brief(Lookup):
-    """`text__brief=True` or False: whether PostgreSQL's index of texts has room for it, in the index's own words."""
+    """`text__brief`: whether PostgreSQL's index contains the text.
+
+    Written exactly as in the index's definition.
+    """
 
     lookup_name = "brief"
-    prepare_rhs = False  # it would become a text
+    prepare_rhs = False  # else the value would become a text
 
     def as_sql(self, compiler: Any, connection: BaseDatabaseWrapper) -> Sql:
-        """PostgreSQL only."""
+        """Return the condition; only for PostgreSQL."""
         left, values = self.process_lhs(compiler, connection)
         return f"octet_length({left}) {'<=' if self.rhs else '>'} {BRIEF}", values
 
 
 @TextField.register_lookup
 class Having(Lookup):
-    """`text__having=word`: that the word is part of it, capitals or not."""
+    """`text__having=word`: the text contains the word, ignoring case."""
 
     lookup_name = "having"
 
     def as_sql(self, compiler: Any, connection: BaseDatabaseWrapper) -> Sql:
-        """PostgreSQL's ILIKE uses the index of trigrams."""
+        """Return the condition for PostgreSQL. Its ILIKE uses the index of trigrams."""
         left, values = self.process_lhs(compiler, connection)
         pattern = connection.ops.prep_for_like_query(self.rhs)
         return f"{left} ILIKE %s", [*values, f"%{pattern}%"]
 
     def as_sqlite(self, compiler: Any, connection: BaseDatabaseWrapper) -> Sql:
-        """In Python, by Django's REGEXP: for few texts."""
+        """Return the condition for SQLite: Django's REGEXP. It runs in Python and is only for few texts."""
         left, values = self.process_lhs(compiler, connection)
         return f"{left} REGEXP %s", [*values, f"(?i){re.escape(self.rhs)}"]

@@ -1,4 +1,4 @@
-"""Records in words: the action and its figures."""
+"""Texts about records: the action and its values."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
 from fleet.zones import viewers
 
-FACTS = 4  # figures in a line of a list
-LONG = 60  # characters of one of them
+FACTS = 4  # values at most in a line of a list
+LONG = 60  # characters at most of a text in such a line; also entries at most of a list on the record's page
 
-# Endings of figures' names, and their units.
+# Endings of parameter names, and their units.
 _UNITS = {
     "_mps2": "m/s²",
     "_radps": "rad/s",
@@ -27,7 +27,7 @@ _UNITS = {
     "_m": "m",
     "_s": "s",
 }
-_IDENTIFIER = re.compile(r"[0-9a-f]{8}-?([0-9a-f]{4}-?){3}[0-9a-f]{12}|[0-9a-f]{32,}")  # nothing for a line
+_IDENTIFIER = re.compile(r"[0-9a-f]{8}-?([0-9a-f]{4}-?){3}[0-9a-f]{12}|[0-9a-f]{32,}")  # not shown in a line
 _MOMENT = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{6})?\+00:00")
 # The subject of a record is the first of these fields that it has.
 _SUBJECTS = (
@@ -43,16 +43,16 @@ _SUBJECTS = (
     "profile",
     "file",
 )
-_ASIDE = {"t_s", "number", "path_tolerance_m", "progress"}  # on the record's page only
+_ASIDE = {"t_s", "number", "path_tolerance_m", "progress"}  # shown only on the record's page
 
 
 def label(kind: str) -> str:
-    """A kind in words; as it is called, if an older version of the console had it."""
+    """Return the label of a kind; for an unknown kind of an older version, the kind itself."""
     return str(KINDS[kind].label) if kind in KINDS else kind
 
 
 def who(record: Record) -> str:
-    """The actor, and the real actor where that is another person."""
+    """Return the actor's name, with the real actor if that is another person."""
     acted = record.actor_name or _("the console")
     if record.real_actor is None or record.real_actor_id == record.actor_id:
         return acted
@@ -60,23 +60,23 @@ def who(record: Record) -> str:
 
 
 def outcome(code: str) -> str:
-    """An outcome, or why something was refused, to be read: most codes are words."""
+    """Return the text of an outcome, or of the reason of a refusal: most codes are made of words."""
     return _("cancelled, but not by its holder") if code == "intruder" else code.replace("_", " ")
 
 
 def subject(record: Record) -> str:
-    """The subject: sentence, motion or topic; blank if there is none."""
+    """Return the subject: sentence, motion or topic; blank if there is none."""
     details = record.details
     return next((str(details[name]) for name in _SUBJECTS if isinstance(details.get(name), str)), "")
 
 
 def expired(record: Record) -> bool:
-    """Return whether there was more than is still kept."""
+    """Return whether the record's content has been removed."""
     return bool(record.content_digest) and record.content_kept is None
 
 
 def facts(records: list[Record]) -> list[str]:
-    """Some figures of a request and its outcome, such as "distance 3.2 m"."""
+    """Return some values of a request and its outcome, such as "distance 3.2 m"."""
     found: dict[str, str] = {}
     for record in records:
         for name, value in record.details.items():
@@ -86,7 +86,7 @@ def facts(records: list[Record]) -> list[str]:
 
 
 def figure(name: str, value: Any) -> str:
-    """One figure, with its unit."""
+    """Return one value with its name and unit."""
     for ending, unit in _UNITS.items():
         if name.endswith(ending) and isinstance(value, int | float):
             return f"{_plain(name.removesuffix(ending))} {value:g} {unit}"
@@ -94,14 +94,17 @@ def figure(name: str, value: Any) -> str:
 
 
 def _moment(value: Any) -> str:
-    """A moment of UTC in the reader's zone; blank if the value is none."""
+    """Return a moment, given in UTC, in the reader's zone; blank if the value is no moment."""
     if not isinstance(value, str) or not _MOMENT.fullmatch(value):
         return ""
     return f"{datetime.fromisoformat(value).astimezone(viewers()):%d %b %Y, %H:%M}"
 
 
 def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:
-    """All details, one by one; nested names are joined. Long lists are counted."""
+    """Return all details as pairs of name and text. Nested names are joined.
+
+    For long lists, only the length.
+    """
     for name, value in details.items():
         known_as = f"{within}{_plain(name)}"
         match value:

@@ -1,1 +1,4 @@
-"""Changes of several bookings: series, waiting list, policies, lost rights. `services` makes each single change."""
+"""Changes of several bookings: series, waiting list, policies, lost rights.
+
+For single changes: `services`.
+"""

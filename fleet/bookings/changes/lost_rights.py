@@ -1,4 +1,4 @@
-"""Bookings whose person lost the right to drive the robot are freed."""
+"""Free the bookings of people who lost the right to drive the robot."""
 
 from __future__ import annotations
 
@@ -35,12 +35,13 @@ _RIGHTS = ("is_active", "is_staff")
 
 
 def bookings_free_lost(people: Collection[UUID] | None, now: datetime) -> int:
-    """Free the bookings that these people (None: anybody) may not use any more. Returns how many.
+    """Free the bookings that these people (None: all people) may not use any more. Return how many.
 
-    Those to come are cancelled; of one that runs, the rest is free. One in which a qualification expires is shortened.
+    Future bookings are cancelled. A booking that runs ends now. If a qualification expires within a booking,
+    the booking is shortened.
 
-    Those that staff made against the policy, with a reason, stay: control is refused, unless the right comes in time.
-    Of everybody only those are looked at who have no right at this moment.
+    A booking that was made against the policy, with a reason, stays: control will be refused if the person
+    still has no right then. With None, only bookings of people who may not drive the robot now are checked.
     """
     upcoming = (
         Booking.objects.filter(
@@ -59,7 +60,7 @@ def bookings_free_lost(people: Collection[UUID] | None, now: datetime) -> int:
 
 
 def _doubtful(upcoming: QuerySet[Booking], now: datetime) -> list[Booking]:
-    """Return the bookings of people who may not drive the robot at this moment, with three queries a robot."""
+    """Return the bookings of people who may not drive the robot now, with three queries for each robot."""
     found: list[Booking] = []
     for robot in Robot.objects.filter(pk__in=upcoming.values("robot")):
         bookings = list(upcoming.filter(robot=robot).select_related("person", "robot"))
@@ -73,7 +74,7 @@ def _doubtful(upcoming: QuerySet[Booking], now: datetime) -> list[Booking]:
 
 
 def _free_if_lost(seen: Booking, now: datetime) -> bool:
-    """Free a booking whose person lost the right to it, or the part of it after their qualification expires."""
+    """Free a booking if its person lost the right to it, or free the part after the qualification expires."""
     if _unlost(seen, now):
         return False
     try:

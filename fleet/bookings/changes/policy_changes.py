@@ -47,9 +47,9 @@ POLICY_FIELDS = (
 def policy_set(
     *, robot: Robot | None = None, group: RobotGroup | None = None, values: Mapping[str, Any], actor: User
 ) -> Policy:
-    """Set the booking policy of a robot, of a group, or of all robots; `ValidationError` if it is not valid."""
+    """Set the booking policy of a robot, of a group, or of all robots. Raises `ValidationError`."""
     if robot is None and group is None:
-        lock_chain(NO_ROBOT)  # as its record does: two at once would make two policies for all robots
+        lock_chain(NO_ROBOT)  # two requests at the same time would make two policies for all robots
     stored = Policy.objects.select_for_update(of=("self",)).filter(robot=robot, group=group).first()
     policy = stored or Policy(robot=robot, group=group)
     before = {name: getattr(policy, name) for name in POLICY_FIELDS}
@@ -71,7 +71,7 @@ def policy_set(
 
 @transaction.atomic
 def policy_remove(*, robot: Robot | None = None, group: RobotGroup | None = None, actor: User) -> None:
-    """Let a robot follow the policy of its group or of all robots again; or a group that of all robots."""
+    """Remove the policy of a robot or a group, which then follows the next policy (see `Policy`)."""
     if (robot or group) and Policy.objects.filter(robot=robot, group=group).delete()[0]:
         parameters = {"group": group.slug} if group else {}
         record("policy.remove", actor=actor, **_named(robot), parameters=parameters)
@@ -91,7 +91,7 @@ def out_of_service_add(
 ) -> tuple[OutOfService, list[Booking]]:
     """Take a robot out of service for a period; `ends_at` None: until further notice.
 
-    Returns the period and the affected bookings, which are not over. Raises `ValidationError`.
+    Return the period and the affected bookings, without those that are over. Raises `ValidationError`.
     """
     period = OutOfService(robot=robot, starts_at=starts_at, ends_at=ends_at, why=why, note=note)
     period.full_clean()
@@ -109,10 +109,10 @@ def out_of_service_add(
 
 @transaction.atomic
 def out_of_service_end(*, period_id: UUID, actor: User, now: datetime) -> None:
-    """End a period now; one that has not begun is removed. The people whom it affected learn it."""
+    """End a period now; remove it if it has not begun. Notify the people of affected bookings."""
     period = OutOfService.objects.select_related("robot").select_for_update(of=("self",)).get(pk=period_id)
     if period.ends_at is not None and period.ends_at <= now:
-        return  # it is over, since the page was opened
+        return  # it ended after the page was opened
     starts_at, ends_at = max(period.starts_at, now), period.ends_at or FAR
     if period.starts_at >= now:
         period.delete()
@@ -128,8 +128,11 @@ def out_of_service_end(*, period_id: UUID, actor: User, now: datetime) -> None:
 
 @receiver(post_save, sender=Robot)
 def _robot_changed(*, instance: Robot, created: bool, update_fields: Any, **_options: Any) -> None:
-    """Tell the people whose bookings a robot cannot keep that was switched off. The bookings stay: it may come back."""
-    if created or "enabled" not in (update_fields or ()):  # `robot_save` names what it changes
+    """Notify people with bookings of a robot that was switched off.
+
+    The bookings stay: the robot may be switched on again.
+    """
+    if created or "enabled" not in (update_fields or ()):  # `robot_save` lists the fields that it changes
         return
     now = timezone.now()
     for booking in held_between([instance], now, FAR) if not instance.enabled else ():

@@ -1,4 +1,4 @@
-"""A weekly series of bookings for a course: preview first, then book what no rule refuses."""
+"""A weekly series of bookings: preview it, then book the slots that no rule refuses."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ MOST_WEEKS = 30
 
 
 class Week(Struct, frozen=True):
-    """One slot of a series, and why it cannot be booked. `slot` None: its time does not exist on that day."""
+    """One slot of a series, and the reasons why it cannot be booked.
+
+    `slot` None: its time does not exist on that day, because daylight saving skips it.
+    """
 
     day: date
     slot: Slot | None
@@ -32,9 +35,9 @@ class Week(Struct, frozen=True):
 def weekly(
     first: Slot, weeks: int, without: Collection[date], zone: ZoneInfo
 ) -> list[tuple[date, Slot | Refusal]]:
-    """Return a slot of each week at the same wall-clock time as the first, without the exceptions.
+    """Return one slot for each week, at the wall-clock time of the first, without the days in `without`.
 
-    A time that daylight saving skips is a refusal.
+    For a time that daylight saving skips, return a refusal in place of the slot.
     """
     starts, length = first.starts_at.astimezone(zone).replace(tzinfo=None), first.ends_at - first.starts_at
     found: list[tuple[date, Slot | Refusal]] = []
@@ -56,9 +59,12 @@ def preview(
     lesson: bool,
     now: datetime,
 ) -> list[Week]:
-    """Return each slot with all its refusals, before anything is booked. `lesson`: they are those of a course."""
+    """Return each slot with all its refusals, and book nothing.
+
+    `lesson`: the slots are lessons of a course.
+    """
     weeks = []
-    before: tuple[Slot, ...] = ()  # slots of earlier weeks count, as when they are booked
+    before: tuple[Slot, ...] = ()  # slots of earlier weeks count as if they were booked
     for day, slot in slots:
         if isinstance(slot, Refusal):
             weeks.append(Week(day, None, [slot]))
@@ -82,9 +88,9 @@ def series_make(
     now: datetime,
     course: Course | None = None,
 ) -> tuple[list[Booking], list[Week]]:
-    """Book every slot that no rule refuses. Returns the bookings, and the weeks that were left out.
+    """Book every slot that no rule refuses. Return the bookings, and the weeks that were left out.
 
-    `course`: the slots are its lessons.
+    `course`: the slots are lessons of this course.
     """
     series = uuid4()
     made: list[Booking] = []

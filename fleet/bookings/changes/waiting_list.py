@@ -1,7 +1,7 @@
 """People in line for taken slots: join, leave, offer, accept. For control now: `teleop.control.line`.
 
-An offer is a booking in state "offered": it holds the slot until its deadline. Housekeeping makes offers and ends those
-that lapsed, so several such processes, or none for a while, do no harm.
+An offer is a booking in state "offered": it holds the slot until its deadline. Housekeeping makes offers, and
+ends offers whose deadline is over. Several housekeeping processes, or a pause without one, do no harm.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ from robots.wire import Refusal
 
 SHORTEST_OFFER = timedelta(minutes=5)
 LONGEST_OFFER = timedelta(hours=12)
-KEPT = timedelta(days=7)  # in line, after the slot began
-MOST = 20  # slots for which one person waits
+KEPT = timedelta(days=7)  # how long a waiting person stays stored after the slot began
+MOST = 20  # slots for which one person may wait
 
 _NO_OFFER = Refusal("offer_over", "This offer is over. Look at the calendar for another time.", "booking")
 
 
 @transaction.atomic
 def waiting_join(*, robot: Robot, person: User, slot: Slot, now: datetime) -> Waiting:
-    """Join the waiting list of a slot. Refused for every reason but that the slot is taken."""
+    """Join the waiting list of a slot. Refused if the slot is free, or if another rule refuses to book it."""
     found = refusals(wish_of(robot=robot, person=person, slot=slot, now=now))
     if not found:
         raise BookingRefused([Refusal("free", "This slot is free: book it.", "booking")])
@@ -73,7 +73,7 @@ def waiting_leave(*, person: User, waiting_id: int) -> None:
 
 
 def _facts(waiting: Waiting) -> dict[str, Any]:
-    """Return what a record says of a place on a waiting list."""
+    """Return the facts of a record about a waiting person."""
     parameters = {
         "person": str(waiting.person_id),
         "from": waiting.starts_at.isoformat() if waiting.starts_at else None,
@@ -83,7 +83,7 @@ def _facts(waiting: Waiting) -> dict[str, Any]:
 
 
 def keep_waiting_lists(now: datetime) -> None:
-    """End the offers that lapsed, and offer what became free."""
+    """End the offers whose deadline is over, and offer slots that became free."""
     for booking in Booking.objects.filter(state=State.OFFERED, offer_until__lte=now).select_related("robot"):
         with robot_locked(booking.robot_id):
             lapsed = Booking.objects.select_related("robot", "person").get(pk=booking.pk)
@@ -94,7 +94,7 @@ def keep_waiting_lists(now: datetime) -> None:
 
 
 def _perhaps_free(now: datetime) -> QuerySet[Waiting]:
-    """Return those who wait for a slot that no booking holds, or only one that may be a no-show. One query for all."""
+    """Return people who wait for a slot without booking, or whose bookings may be no-shows. One query."""
     holds = Booking.objects.filter(
         robot=OuterRef("robot"),
         starts_at__gt=now - LONGEST,
@@ -105,7 +105,10 @@ def _perhaps_free(now: datetime) -> QuerySet[Waiting]:
 
 
 def forget_past(now: datetime) -> None:
-    """Forget who waited for slots that began long ago; not at once: a clock that jumped ahead may come back."""
+    """Remove people who waited for slots that began long ago.
+
+    They are kept for some days: a clock that jumped ahead may be corrected.
+    """
     Waiting.objects.filter(starts_at__lte=now - KEPT).delete()
 
 
@@ -162,7 +165,7 @@ def _offer(waiting: Waiting, now: datetime) -> None:
             subject = _("%(robot)s: your turn") % {"robot": robot.name}
             notification_write(to=waiting.person, subject=subject, text=text, now=now)
     except BookingRefused:
-        return  # something changed in this moment: the person goes on waiting
+        return  # something has just changed: the transaction is undone, and the person still waits
 
 
 def _end_offer(booking: Booking) -> None:

@@ -1,1 +1,1 @@
-"""Hours on robots, added up: booked and used, slots not used; left of each quota."""
+"""Sums of hours on robots: booked, used, not used, and the time that is left of each quota."""

@@ -1,4 +1,4 @@
-"""The time that is left of quotas: for a person, and for a course together. This day and week of the lab."""
+"""The time that is left of quotas, of a person and of a whole course, in the lab's present day and week."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from robots.registry.models import Role
 
 
 class Left(Struct, frozen=True):
-    """The rests of the quotas of one course, or of the policy of some robots, in words."""
+    """The texts about the time that is left of the quotas of one course, or of one policy."""
 
     of: str
     rests: tuple[str, ...]
 
 
 def left_of(person: User, now: datetime) -> list[Left]:
-    """Return what a person may still book: by each of their courses, and by the policies of the robots they drive."""
+    """Return how much a person may still book, by their courses and by the policies of their robots."""
     own = list(_counted(now, person=person))
     found = []
     for course in _courses_of(person, now):
@@ -39,7 +39,7 @@ def left_of(person: User, now: datetime) -> list[Left]:
 
 
 def common_left(course: Course, now: datetime) -> tuple[str, ...]:
-    """Return the rest of the quota that a course has together, in words; none without such a quota."""
+    """Return the text about the time left of the quota of a whole course; nothing without such a quota."""
     if course.course_week_min is None:
         return ()
     slots = [slot for slot, _key, lesson in _counted(now, course=course) if not lesson]
@@ -48,7 +48,7 @@ def common_left(course: Course, now: datetime) -> tuple[str, ...]:
 
 
 def _counted(now: datetime, **of: User | Course) -> Iterable[tuple[Slot, int | None, bool]]:
-    """Yield slots from this week on, each with its course's key and whether it is a lesson."""
+    """Yield the slots from this week on, each with the key of its course and whether it is a lesson."""
     since = _week(now).starts_at - LONGEST
     rows = Booking.objects.filter(starts_at__gt=since, held_until__gt=F("starts_at"), **of)
     for starts, ends, course, series in rows.values_list("starts_at", "held_until", "course_id", "series"):

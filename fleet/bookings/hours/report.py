@@ -1,4 +1,4 @@
-"""Hours booked and used, and slots not used, by robot, person and course."""
+"""Report the hours booked and used, and the slots not used, by robot, person or course."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BY = {"robot": "robot__name", "person": "person__full_name", "course": "course__
 
 
 class Row(Struct):
-    """The sums of one robot, person or course; hours."""
+    """The sums of one robot, person or course: hours, and numbers of bookings."""
 
     name: str
     bookings: int = 0
@@ -42,10 +42,10 @@ def report(
 ) -> list[Row]:
     """Return the sums of the bookings that begin between two moments, by robot, person or course.
 
-    They are those of these robots, and of these courses on any robot; of these, `only` those.
+    Bookings of these robots count, and bookings of these courses on any robot. `only` limits both further.
 
-    A slot counts as used from its start to its end, or to where it was given up, if its person took control in it. A
-    past slot without control counts as not used.
+    If the person took control in a slot, the slot counts as used from its start to its end, or to the time
+    when it was given up. A past slot without control counts as not used.
     """
     these = Q(robot__in=robots) | Q(course__in=courses)
     found = Booking.objects.filter(these, starts_at__gte=starts, starts_at__lt=ends)
@@ -56,7 +56,7 @@ def report(
 
 
 def _sums(rows: Iterable[Any], by: str, now: datetime) -> Iterable[Row]:
-    sums: dict[object, Row] = {}  # by key: two people may have one name
+    sums: dict[object, Row] = {}  # by key: two people may have the same name
     for row in rows:
         shown = row.name or (row.person__username if by == "person" else "-")
         total = sums.setdefault(getattr(row, f"{by}_id"), Row(shown))
@@ -73,12 +73,12 @@ def _sums(rows: Iterable[Any], by: str, now: datetime) -> Iterable[Row]:
 
 
 def lines(rows: list[Row]) -> list[list[str]]:
-    """Return the report as lines of a CSV file, with a heading."""
+    """Return the report as the lines of a CSV file, with a heading."""
     heading = ["name", "bookings", "booked_h", "used_h", "not_used", "cancelled"]
     return [heading, *([_cell(value) for value in structs.astuple(row)] for row in rows)]
 
 
 def _cell(value: object) -> str:
-    """Return a value for a spreadsheet: a text that it would take for a formula is quoted."""
+    """Return a value for a spreadsheet: a text that it would read as a formula gets an apostrophe."""
     text = f"{value:.2f}" if isinstance(value, float) else str(value)
     return f"'{text}" if isinstance(value, str) and text[:1] in "=+-@\t\r" and text != "-" else text

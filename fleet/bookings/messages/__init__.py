@@ -1,1 +1,1 @@
-"""Notifications of bookings, on pages and by e-mail, and calendar feeds for other programs of a person."""
+"""Notifications of bookings, on pages and by e-mail, and calendar feeds for a person's calendar programs."""

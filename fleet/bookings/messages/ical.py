@@ -18,7 +18,7 @@ from fleet.bookings.selectors import NOT_YET
 from robots.access.selectors import robots_bookable_by
 from robots.registry.models import Robot
 
-PAST = timedelta(days=31)  # that a feed reaches back
+PAST = timedelta(days=31)  # how far a feed goes back
 
 
 @transaction.atomic
@@ -39,7 +39,7 @@ def address_revoke(*, person: User, robot: Robot | None) -> None:
 
 
 def feed_of(token: str, now: datetime) -> bytes | None:
-    """Return the feed at a private address; None: revoked, or its person may not see it any more."""
+    """Return the feed of a private address; None: it was revoked, or the person may not see it any more."""
     address = FeedAddress.objects.filter(digest=_digest(token)).select_related("person", "robot").first()
     if address is None or not address.person.is_active:
         return None

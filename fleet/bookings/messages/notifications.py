@@ -1,7 +1,8 @@
-"""Notifications of bookings: written with the change that they tell, shown on the pages, sent by e-mail.
+"""Notifications of bookings: stored with the change that they report, shown on the pages, sent by e-mail.
 
-Several housekeeping processes may run: one claims a notification before it sends it. If a process dies in between, or
-the mail server does not answer, the notification is tried again after `AGAIN`, and given up after `GIVEN_UP`.
+Several housekeeping processes may run: each claims a notification before it sends it. If a process dies
+before it has sent the notification, or the mail server does not answer, it is tried again after `AGAIN`, and
+given up after `GIVEN_UP`.
 """
 
 from __future__ import annotations
@@ -26,22 +27,25 @@ from fleet.zones import zone_of
 
 log = logging.getLogger(__name__)
 
-AHEAD = timedelta(hours=1)  # of a reminder before its slot
+AHEAD = timedelta(hours=1)  # how long before its slot a reminder is sent
 AGAIN = timedelta(minutes=5)
 GIVEN_UP = timedelta(days=1)
-BATCH_SIZE = 20  # notifications of one round
+BATCH_SIZE = 20  # notifications that are sent in one round
 SHOWN = timedelta(days=7)
 MOST_SHOWN = 3
 KEPT = timedelta(days=30)
 
 
 def notification_write(*, to: User, subject: str, text: str, now: datetime) -> None:
-    """Store a notification, in the caller's transaction. People without an e-mail address see it on the pages only."""
+    """Store a notification, in the caller's transaction.
+
+    Without an e-mail address, it is only shown on pages.
+    """
     Notification.objects.create(person=to, subject=subject[:200], text=text, made_at=now)
 
 
 def notifications_unseen(person: User, now: datetime) -> QuerySet[Notification]:
-    """Return a person's newest notifications that they have not seen, without old ones."""
+    """Return a person's newest unseen notifications: at most `MOST_SHOWN`, none older than `SHOWN`."""
     unseen = Notification.objects.filter(person=person, seen_at=None, made_at__gt=now - SHOWN)
     return unseen.order_by("-made_at", "-pk")[:MOST_SHOWN]
 
@@ -58,14 +62,14 @@ def remove_old_notifications(now: datetime) -> None:
 
 @receiver(erased)
 def _forget(*, user: User, **_options: Any) -> None:
-    """Remove what names an erased person or is only for them. Their bookings stay, without the purpose."""
+    """Remove an erased person's notifications, waiting and feed addresses. Bookings stay, without purpose."""
     for table in (Notification, Waiting, FeedAddress):
         table.objects.filter(person=user).delete()
     Booking.objects.filter(person=user).update(purpose="")
 
 
 def changed_by_another(booking: Booking, actor: User | None, what: str, reason: str, now: datetime) -> None:
-    """Tell the owner of a booking that another person, or the console, changed it."""
+    """Notify the owner of a booking that another person, or the console, changed it."""
     if actor is not None and actor.pk == booking.person_id:
         return
     by = actor.display_name if actor else _("the console")
@@ -75,7 +79,7 @@ def changed_by_another(booking: Booking, actor: User | None, what: str, reason: 
 
 
 def in_words(booking: Booking, zone: ZoneInfo) -> str:
-    """Return robot and times of a booking in a zone."""
+    """Return a text with the robot and the times of a booking, in this zone."""
     times = f"{shown(booking.starts_at, zone)} - {booking.ends_at.astimezone(zone):%H:%M} ({zone.key})"
     return f"{booking.robot.name}, {times}"
 
@@ -86,7 +90,7 @@ def write_reminders(now: datetime) -> None:
         state=State.BOOKED, reminded_at=None, starts_at__gt=now, starts_at__lte=now + AHEAD
     )
     for booking in due.filter(made_at__lt=F("starts_at") - AHEAD).select_related("person", "robot"):
-        with transaction.atomic():  # a process that dies here writes it the next time
+        with transaction.atomic():  # if the process dies here, the reminder is written in the next round
             if Booking.objects.filter(pk=booking.pk, reminded_at=None).update(reminded_at=now):
                 subject = _("%(robot)s is yours soon") % {"robot": booking.robot.name}
                 words = in_words(booking, zone_of(booking.person.time_zone))
@@ -94,7 +98,7 @@ def write_reminders(now: datetime) -> None:
 
 
 def send_notifications(now: datetime) -> int:
-    """Send the notifications that wait. Returns how many were sent."""
+    """Send waiting notifications, at most `BATCH_SIZE`. Return how many were sent."""
     waiting = Notification.objects.filter(
         Q(claimed_at=None) | Q(claimed_at__lt=now - AGAIN), sent_at=None, made_at__gt=now - GIVEN_UP
     )
@@ -113,7 +117,7 @@ def send_notifications(now: datetime) -> int:
             SMTPRecipientsRefused,
             SMTPDataError,
             ValueError,
-        ) as error:  # the others must not wait for this one
+        ) as error:  # other notifications must not wait for this one
             log.warning(
                 "An e-mail to %s was refused and is tried again in 5 minutes: %s",
                 notification.person_id,

@@ -1,4 +1,4 @@
-"""The calendar's data: events as the browser's calendar shows them, in the viewer's wall-clock time."""
+"""The calendar's data: events for the calendar in the browser, in the viewer's wall-clock time."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from fleet.zones import viewers, zone_of
 from robots.access.selectors import courses_managed_by, robots_managed_by
 from robots.registry.models import Robot
 
-LONGEST = timedelta(days=45)  # of a view
+LONGEST = timedelta(days=45)  # the longest time that a view shows
 
-# A week of ten robots has hundreds of bookings, many of which begin at the same time: no models are made of them, and
-# each time is parsed, and written, once.
+# A week of ten robots has hundreds of bookings, and many begin at the same time. For speed, rows are not made
+# into models, and each time is parsed and formatted only once.
 _HELD = """
 SELECT b.id, r.slug, CAST(b.starts_at AS text), CAST(b.held_until AS text), CAST(b.used_at AS text), b.state, b.version,
     b.person_id = %s, b.course_id, COALESCE(NULLIF(p.full_name, ''), p.username)
@@ -44,7 +44,7 @@ ORDER BY b.starts_at
 
 
 class Event(Struct, kw_only=True, omit_defaults=True, rename="camel"):
-    """An event of the browser's calendar. Values that are the calendar's defaults are left out."""
+    """An event of the calendar in the browser. Values that are the calendar's defaults are left out."""
 
     id: UUID | str
     resource_ids: tuple[str]  # the robot
@@ -59,7 +59,7 @@ class Event(Struct, kw_only=True, omit_defaults=True, rename="camel"):
 
 
 class _Row(Struct):
-    """The columns of a booking that the time it holds, and its stage, depend on."""
+    """The columns of a booking from which its held time and its stage are computed."""
 
     starts_at: datetime
     held_until: datetime
@@ -68,7 +68,7 @@ class _Row(Struct):
 
 
 def calendar(person: User, robots: Iterable[Robot], first: date, last: date, now: datetime) -> dict[str, Any]:
-    """Return robots and events from `first` until `last` (not included), days of the viewer's zone.
+    """Return robots and events from day `first` until day `last` (not included) in the viewer's zone.
 
     Six queries for any number of robots.
     """
@@ -94,7 +94,7 @@ def calendar(person: User, robots: Iterable[Robot], first: date, last: date, now
 
 
 def local(moment: datetime, zone: ZoneInfo) -> str:
-    """Return a moment as the calendar writes it: wall-clock time without zone."""
+    """Return a moment in the calendar's format: wall-clock time without zone."""
     return moment.astimezone(zone).isoformat()[:19]
 
 

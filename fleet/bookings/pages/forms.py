@@ -1,4 +1,4 @@
-"""The booking form: typed local times, with every refusal named."""
+"""Forms of bookings, with times in the viewer's zone."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from robots.registry.models import Robot
 from robots.wire import Refusal
 
 TIME_FORMAT = "%Y-%m-%dT%H:%M"
-YEARS = range(2000, 2200)  # that people may mean
-LONG_YEAR = re.compile(r"\s*\d{5,}-")  # a browser's field takes six digits
+YEARS = range(2000, 2200)  # other years are typing errors
+LONG_YEAR = re.compile(r"\s*\d{5,}-")  # a browser's field accepts six digits
 
 
 def typed_day(text: str | None) -> date | None:
-    """Return the day that a text such as 2026-03-02 begins with; None if there is none, or in no year of use."""
+    """Return the day at the start of a text such as 2026-03-02; None if it is invalid or not in `YEARS`."""
     try:
         found = date.fromisoformat((text or "")[:10])
     except ValueError:
@@ -42,11 +42,14 @@ class LocalTime(forms.CharField):
     widget = forms.DateTimeInput(attrs={"type": "datetime-local", "step": "300"}, format=TIME_FORMAT)
 
     def prepare_value(self, value: Any) -> Any:
-        """Return a UTC time as it is typed in the viewer's zone."""
+        """Return a UTC time as text in the viewer's zone, in the format of the field."""
         return value.astimezone(viewers()).strftime(TIME_FORMAT) if isinstance(value, datetime) else value
 
     def clean(self, value: Any) -> datetime:
-        """Return the moment in UTC. Refused: no time, one that the clock skips, or a wrong year."""
+        """Return the moment in UTC.
+
+        Refuse text without a time, a time that the clock skips, or a wrong year.
+        """
         text = super().clean(value)
         wrong_year = ValidationError(_("Look at the year: it is before 2000 or after 2199."), "wrong_year")
         if LONG_YEAR.match(text):
@@ -74,7 +77,7 @@ class OptionalLocalTime(LocalTime):
 
 
 class SeriesForm(forms.Form):
-    """A weekly series: its first slot, the number of weeks, and days without it."""
+    """A weekly series: its first slot, the number of weeks, and days that are left out."""
 
     robot = forms.ModelChoiceField(Robot.objects.none(), label=_("Robot"), to_field_name="slug")
     starts_at = LocalTime(label=_("First slot from"))
@@ -102,7 +105,7 @@ class SeriesForm(forms.Form):
             del self.fields["override"]
 
     def clean_without(self) -> list[date]:
-        """Return the days."""
+        """Return the days that are left out."""
         try:
             return [
                 date.fromisoformat(day.strip())
@@ -136,7 +139,7 @@ class PolicyForm(forms.ModelForm):  # type: ignore[type-arg]
                 )
 
     def clean(self) -> dict[str, Any]:
-        """Put the opening hours together. No hours at all: always open."""
+        """Build `opening` from the fields of the weekdays. No hours at all: always open."""
         values: dict[str, Any] = super().clean() or self.cleaned_data
         opening = {}
         for day, name in zip(WEEKDAYS, DAY_NAMES, strict=True):
@@ -152,12 +155,12 @@ class PolicyForm(forms.ModelForm):  # type: ignore[type-arg]
 
     @property
     def limits(self) -> list[Any]:
-        """Return the fields apart from the opening hours."""
+        """Return the fields except the opening hours."""
         return [self[name] for name in self.fields if not name.endswith(("_from", "_to"))]
 
     @property
     def week(self) -> list[dict[str, Any]]:
-        """Return the fields of the opening hours, a weekday each."""
+        """Return the fields of the opening hours, one entry for each weekday."""
         return [
             {"name": name, "opens": self[f"{day}_from"], "closes": self[f"{day}_to"]}
             for name, day in zip(DAY_NAMES, WEEKDAYS, strict=True)
@@ -165,7 +168,7 @@ class PolicyForm(forms.ModelForm):  # type: ignore[type-arg]
 
 
 class OutOfServiceForm(forms.Form):
-    """A period in which a robot, or each robot of a group, cannot be driven."""
+    """A period in which a robot, or every robot of a group, cannot be driven."""
 
     robots = forms.ChoiceField(label=_("Robot or group"))
     starts_at = LocalTime(label=_("From"))
@@ -197,12 +200,15 @@ class OutOfServiceForm(forms.Form):
 
 
 class RobotField(forms.ModelChoiceField):  # type: ignore[type-arg]
-    """A robot by its slug. The query is hand-written, because fifty people may ask for one slot at the same moment."""
+    """A robot by its slug.
 
-    visible: Collection[UUID] | None = ()  # keys of the robots to choose from; None: all
+    The query is hand-written for speed, because fifty people may try to book one slot at the same moment.
+    """
+
+    visible: Collection[UUID] | None = ()  # keys of the robots to choose from; None: all robots
 
     def to_python(self, value: Any) -> Robot | None:
-        """Return the robot; refused as in Django's own field."""
+        """Return the robot. Raises `ValidationError` like Django's own field."""
         if value in self.empty_values:
             return None
         self.validate_no_null_characters(value)
@@ -213,9 +219,9 @@ class RobotField(forms.ModelChoiceField):  # type: ignore[type-arg]
 
 
 class SlotForm(forms.Form):
-    """A robot and a slot; the course, if a person has several.
+    """A robot and a slot; also the course, if a person has several.
 
-    Supervisors may also name another person; those of a robot itself override its policy.
+    Supervisors may also book for another person. People who manage a robot may book against its policy.
     """
 
     robot = RobotField(Robot.objects.none(), label=_("Robot"), to_field_name="slug", empty_label=None)

@@ -16,13 +16,13 @@ from fleet.bookings.messages.notifications import notifications_seen, notificati
 
 
 def news(request: HttpRequest) -> dict[str, Any]:
-    """Give templates the person's unseen notifications. They are read only where a template shows them."""
+    """Return the person's unseen notifications for templates. They are read only if a template shows them."""
     return {"news": SimpleLazyObject(lambda: list(notifications_unseen(person_of(request), timezone.now())))}
 
 
 @require_POST
 def seen(request: HttpRequest) -> HttpResponse:
-    """Note that the person has seen their notifications, and lead back to the page."""
+    """Note that the person has seen their notifications, and redirect to the page."""
     newest = request.POST.get("newest", "")
     if newest.isascii() and newest.isdigit() and len(newest) < 19:
         notifications_seen(person_of(request), int(newest), timezone.now())

@@ -58,7 +58,7 @@ def policies(request: HttpRequest) -> HttpResponse:
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def policy(request: HttpRequest, slug: str = "") -> HttpResponse:
-    """Show and change the policy of one robot, or of all robots without another (`slug` empty; staff only)."""
+    """Show and change the policy of one robot, or the policy of all robots (`slug` empty; staff only)."""
     if not slug:
         return _policy_page(request)
     robot = next((one for one in _managed(request) if one.slug == slug), None)
@@ -70,7 +70,7 @@ def policy(request: HttpRequest, slug: str = "") -> HttpResponse:
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def group_policy(request: HttpRequest, slug: str) -> HttpResponse:
-    """Show and change the policy of a robot group. For staff: a group may have robots of several supervisors."""
+    """Show and change the policy of a group. Only for staff: its robots may have different supervisors."""
     return _policy_page(request, group=get_object_or_404(RobotGroup, slug=slug))
 
 
@@ -103,7 +103,7 @@ def _policy_page(
 
 @require_POST
 def out_of_service(request: HttpRequest) -> HttpResponse:
-    """Add an out-of-service period, and say whom it affects."""
+    """Add an out-of-service period, and show the people whom it affects."""
     robots = _managed(request)
     form = _out_form(robots, request)
     if not form.is_valid():
@@ -141,7 +141,7 @@ def out_of_service_end(request: HttpRequest, period_id: UUID) -> HttpResponse:
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def series(request: HttpRequest) -> HttpResponse:
-    """Preview a weekly series with its conflicts, then book it."""
+    """Preview a weekly series with its refusals, then book it."""
     person, now = person_of(request), timezone.now()
     choice = robots_supervised_by(person)
     if not choice:
@@ -190,7 +190,7 @@ def _series_page(
 @never_cache
 @require_safe
 def booking_report(request: HttpRequest) -> HttpResponse:
-    """Show the hours booked and used, and the slots not used, of a period, by robot, person or course; also as CSV."""
+    """Show booked hours, used hours and unused slots of a period, by robot, person or course; also as CSV."""
     person, zone, now = person_of(request), viewers(), timezone.now()
     robots, courses = robots_managed_by(person), courses_managed_by(person)
     if not (person.is_staff or robots or courses):

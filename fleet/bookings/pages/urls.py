@@ -1,4 +1,4 @@
-"""Addresses of the pages of bookings."""
+"""URLs of the pages of bookings."""
 
 from django.urls import path
 

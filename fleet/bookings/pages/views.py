@@ -60,8 +60,8 @@ from robots.access.selectors import (
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
 
-LISTED = 50  # of one's own bookings
-MOST = 500  # of a course's
+LISTED = 50  # rows at most in a list of one's own bookings
+MOST = 500  # rows at most in a list of a course's bookings
 
 
 @never_cache
@@ -92,7 +92,7 @@ def bookings(request: HttpRequest) -> HttpResponse:
 
 
 def _kinds(robots: list[Robot]) -> list[tuple[str, str]]:
-    """Return the kinds of robots to choose from, each with its address; none if there is one kind only."""
+    """Return the kinds of robots to choose from: slug and name. Return nothing if there is only one kind."""
     kinds = sorted({(robot.profile.name, robot.profile.slug) for robot in robots if robot.enabled})
     return [(slug, name) for name, slug in kinds] if len(kinds) > 1 else []
 
@@ -156,7 +156,7 @@ def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], Rob
 
 @require_safe
 def next_free(request: HttpRequest) -> HttpResponse:
-    """Lead to the form, filled in with the next free slot on any robot."""
+    """Redirect to the form, filled in with the next free slot on any robot."""
     person = person_of(request)
     minutes = _whole(request.GET.get("minutes"), 60)
     robots = [robot for robot in robots_bookable_by(person) if robot.enabled]
@@ -173,11 +173,11 @@ def next_free(request: HttpRequest) -> HttpResponse:
 @never_cache
 @require_safe
 def bookings_mine(request: HttpRequest) -> HttpResponse:
-    """List one's own bookings: those to come, then the past."""
+    """List one's own bookings: first the future ones, then the past ones."""
     now = timezone.now()
     found = list(bookings_of(person_of(request))[:LISTED])
     rows = _rows(found, {one.robot for one in found}, now)
-    opens, _role = visible_to(person_of(request))  # a course may begin later
+    opens, _role = visible_to(person_of(request))  # not all booked robots: a course may begin later
     to_come = [row for row in rows if row["stage"] in OPEN]
     past = [row for row in rows if row["stage"] not in OPEN]
     context = {
@@ -198,7 +198,7 @@ def bookings_mine(request: HttpRequest) -> HttpResponse:
 @never_cache
 @require_safe
 def bookings_of_course(request: HttpRequest, slug: str) -> HttpResponse:
-    """List a course's bookings of its people, for its supervisors and staff: those to come, then the past."""
+    """List a course's bookings, for its supervisors and staff: first the future ones, then the past ones."""
     course = get_object_or_404(courses_managed_by(person_of(request)), slug=slug)
     now = timezone.now()
     found = list(
@@ -218,7 +218,7 @@ def bookings_of_course(request: HttpRequest, slug: str) -> HttpResponse:
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def booking(request: HttpRequest, booking_id: UUID) -> HttpResponse:
-    """Show one booking, and change it: move, cancel or finish, hand to a colleague, approve."""
+    """Show one booking, and change it: move, cancel or finish, hand to a colleague, approve, accept."""
     person = person_of(request)
     robots = robots_bookable_by(person)
     found = get_object_or_404(Booking.objects.select_related("robot", "person", "course"), pk=booking_id)
@@ -243,7 +243,7 @@ def booking(request: HttpRequest, booking_id: UUID) -> HttpResponse:
 
 
 def _done(request: HttpRequest, found: Booking) -> str:
-    """Return what was done, in words."""
+    """Return the message about what was done."""
     begun = found.starts_at <= timezone.now()
     found.refresh_from_db()
     words = {
@@ -282,7 +282,10 @@ def _change(request: HttpRequest, found: Booking, person: User) -> None:
 
 
 def _kept(typed: datetime, old: datetime) -> datetime:
-    """Return the old moment if its time on the clock was typed again: the clock may show that time twice."""
+    """Return the old moment if the typed time is unchanged, else the typed one.
+
+    When clocks go back, one typed time stands for two moments.
+    """
     zone = viewers()
     same = f"{typed.astimezone(zone):{TIME_FORMAT}}" == f"{old.astimezone(zone):{TIME_FORMAT}}"
     return old if same else typed
@@ -293,7 +296,7 @@ def _booking_page(request: HttpRequest, found: Booking, error: BookingRefused | 
     now = timezone.now()
     [row] = _rows([found], [found.robot], now)
     manages = may_manage_booking(person, found)
-    typed, chosen = request.POST, request.GET  # after a refused move: nothing need be typed again
+    typed, chosen = request.POST, request.GET  # after a refused move, people need not type it again
     initial = {
         "robot": found.robot.slug,
         "starts_at": typed.get("starts_at") or chosen.get("from") or found.starts_at,
@@ -320,9 +323,9 @@ def _booking_page(request: HttpRequest, found: Booking, error: BookingRefused | 
 
 
 def _sessions_of(booking: Booking, viewer: User) -> Any:
-    """Return the control sessions in a slot that the viewer may read: their own, or all as a supervisor of the robot.
+    """Return the control sessions in a slot that the viewer may read: supervisors all, others their own.
 
-    `teleop` is above: they are read by the robot's relation.
+    They are read by a relation of the robot, because their app, `teleop`, is above this one.
     """
     sessions = booking.robot.control_sessions.filter(started_at__lt=booking.ends_at)
     if not supervises(viewer, booking.robot):
@@ -356,7 +359,7 @@ def _in_words(booking: Booking) -> str:
 
 
 def _form_options(person: User, robot: Robot | None = None) -> dict[str, Any]:
-    """Return which robots there are to choose from, and whether the person supervises any, or overrides a policy."""
+    """Return the robots to choose from, and whether the person may book for others or against the policy."""
     if robot is None:
         visible, role = bookable_by(person)
         above = role is not None and role >= Role.SUPERVISOR
@@ -367,7 +370,7 @@ def _form_options(person: User, robot: Robot | None = None) -> dict[str, Any]:
 
 
 def _courses_to_choose(person: User) -> QuerySet[Course] | None:
-    """Return the courses by which the person may drive robots, if there are several."""
+    """Return the courses that let the person drive robots, if there are several."""
     courses = Course.objects.filter(
         enrolments__person=person, role=Role.OPERATOR, archived=False, ends_on__gte=lab_date()
     )
@@ -375,7 +378,7 @@ def _courses_to_choose(person: User) -> QuerySet[Course] | None:
 
 
 def _initial(request: HttpRequest) -> dict[str, Any]:
-    """Return the first values of the form: from the address, else the next full hour for one hour."""
+    """Return the initial values of the form: from the URL, else one hour from the next full hour."""
     hour = (timezone.now() + timedelta(hours=1)).replace(minute=0, second=0, microsecond=0)
     return {
         "robot": request.GET.get("robot", ""),
@@ -435,7 +438,7 @@ def _slot_words(robot: Robot, slot: Slot) -> str:
 
 
 def _offers(free: list[tuple[Robot, Slot]], form: str) -> list[dict[str, str]]:
-    """Return free slots in words, each with the address of a form that has its times filled in."""
+    """Return free slots as texts, each with the URL of a form that has its times filled in."""
     return [{"words": _slot_words(*one), "address": _filled_in(form, *one)} for one in free]
 
 
@@ -449,7 +452,7 @@ def _filled_in(form: str, robot: Robot, slot: Slot) -> str:
 
 
 def _text(typed: QueryDict, name: str) -> str:
-    """Return a text that was typed, without NUL characters, which PostgreSQL refuses."""
+    """Return a typed text without NUL characters, which PostgreSQL refuses."""
     return typed.get(name, "").replace("\0", "").strip()
 
 
@@ -487,7 +490,7 @@ def waiting(request: HttpRequest) -> HttpResponse:
 
 @require_POST
 def feed_address(request: HttpRequest) -> HttpResponse:
-    """Make a private calendar address, or end it. The new address is shown once."""
+    """Make a private calendar address, or end it. The new address is shown only once."""
     person = person_of(request)
     slug = _text(request.POST, "robot")
     robot = get_object_or_404(robots_bookable_by(person), slug=slug) if slug else None

@@ -1,4 +1,4 @@
-"""Moments have 24 hours and say in which zone they are, in the admin as on every page."""
+"""Times have 24 hours and show their zone, in the admin and on every page."""
 
 DATETIME_FORMAT = "j M Y, H:i T"
 SHORT_DATETIME_FORMAT = DATETIME_FORMAT

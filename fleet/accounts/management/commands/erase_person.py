@@ -1,4 +1,4 @@
-"""``manage.py erase_person USERNAME``: forget somebody, and keep the log whole."""
+"""``manage.py erase_person USERNAME``: erase a person; the audit log can still be verified."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from fleet.accounts.models import User
 from fleet.accounts.services import account_close, account_erase
 from fleet.audit.command_line import here
 
-# refusals of others, which may contain the name, are recorded by then: they are collected for 10 s
+# Refusals are collected for 10 s before they are recorded, and a refusal of another person may contain the
+# name: after this time it is on record and can be erased, too.
 WRITTEN_S = 15.0
 
 
@@ -24,12 +25,12 @@ class Command(BaseCommand):
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Whom."""
+        """Add the user name and ``--yes``."""
         parser.add_argument("username")
         parser.add_argument("--yes", action="store_true", help="do not ask")
 
     def handle(self, *args: Any, username: str, yes: bool, **options: Any) -> None:
-        """Ask once, then do it."""
+        """Ask for confirmation, then erase the person."""
         try:
             person = User.objects.get(username=username)
         except User.DoesNotExist:

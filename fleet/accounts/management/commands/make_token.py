@@ -29,7 +29,7 @@ class Command(BaseCommand):
         parser.add_argument("--days", type=int, default=90, help="until it expires (default: 90)")
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """Make and print it."""
+        """Make the token and print its text."""
         person = User.objects.filter(username=options["username"], is_active=True).first()
         if person is None:
             raise CommandError("There is no open account with this user name.")

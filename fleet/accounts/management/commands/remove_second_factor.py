@@ -16,11 +16,14 @@ class Command(BaseCommand):
     help = "Removes the second factors and recovery codes of a person, who then signs in by password alone."
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """The person."""
+        """Add the user name."""
         parser.add_argument("username")
 
     def handle(self, *args: Any, username: str, **options: Any) -> None:
-        """Remove them, recorded as done at the console's computer."""
+        """Remove the second factors.
+
+        The actor in the record is the computer account that runs the command.
+        """
         try:
             person = User.objects.get(username=username)
         except User.DoesNotExist:

@@ -1,4 +1,4 @@
-"""``manage.py confirm_clock``: allow expiry of the audit log after a long silence, by today's date."""
+"""``manage.py confirm_clock``: allow expiry of the audit log again after a long time without records."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fleet.audit.errors import AuditUnavailable
 
 
 class Command(BaseCommand):
-    """For an admin who has checked the clock."""
+    """Confirm the clock. For an admin who has checked that its time is right."""
 
     help = (
         "Record that the clock of this computer is right, so that housekeeping removes contents of the audit log that "
@@ -21,7 +21,7 @@ class Command(BaseCommand):
     )
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """Print the clock's time, and record that it is right."""
+        """Record that the clock is right, and print its time."""
         try:
             retention.confirm_clock(here())
         except AuditUnavailable as error:

@@ -1,4 +1,4 @@
-"""``manage.py verify_audit``: whether the log is as it was written, and its heads for keeping elsewhere."""
+"""``manage.py verify_audit``: verify that the log is unchanged, and write its heads, to be kept elsewhere."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from fleet.audit.errors import AuditUnavailable
 from fleet.audit.integrity.verify import Head, Verified, compare, verify_all, verify_one
 from fleet.audit.models import Chain
 
-SHOWN = 50  # findings; the first ones matter
+SHOWN = 50  # findings; later ones often follow from the first ones
 
 _line = msgspec.json.Decoder(Head)
 
 
 class Command(BaseCommand):
-    """Verifies the chains and names each changed record."""
+    """Verify the chains, and list each changed record."""
 
     help = (
         "Verifies the audit log (tamper-evident): every record, or those of one robot. Status 1 on a finding."
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Chains to verify, and the file of heads to write or read."""
+        """Add the chain to verify, and the files of heads to write or read."""
         parser.add_argument(
             "--robot",
             metavar="NAME",
@@ -79,12 +79,12 @@ class Command(BaseCommand):
             audit.record(
                 "audit.verify", actor=here(), outcome=outcome, parameters=parameters, private=private
             )
-        except (AuditUnavailable, DatabaseError) as error:  # somebody who may only read verifies too
+        except (AuditUnavailable, DatabaseError) as error:  # such as a database user who may only read
             self.stderr.write(f"The verification could not be recorded: {error}")
 
 
 def _chain(robot: str) -> Chain:
-    """The chain of a robot, by its name or identifier."""
+    """Return the chain of a robot, by its name or identifier."""
     try:
         chains = list(Chain.objects.filter(pk=UUID(robot)))
     except ValueError:
