@@ -20,14 +20,15 @@ A verdict's codes, in the order of the rules (the verdict names the last rule th
                       stops within the visible part of a bent way
     blind_direction   held to the blind speed: no sensor watches the direction of travel; or to 0.1 m/s: only sonars do
     sonar_stale       held to 0.1 m/s: the sonars in the direction of travel are silent
-    arm_away          held to 0.2 m/s: the arm is not at home, and its posture is unknown; or a limb may move, which
-                      joint states do not tell
+    arm_away          held to 0.2 m/s: the arm is not at home, and its posture is unknown; or a limb may still
+                      move, and its joint states have ended
     robot_late        limited: the robot answers later than its profile assumes
     operator_late     limited: the delay between robot and operator is too long for this speed
+    camera_late       limited: the camera picture by which the operator drives is too old for this speed
     scan_late         a laser's newest scan is older than 0.22 s: slowed, down to nothing at 0.28 s
     obstacle          braking must end before contact; slowed or stopped
     near_miss         the robot passes an obstacle closely; slowed
-    mover             a moving obstacle would be met before the robot stands; slowed or stopped
+    mover             the robot could meet a moving obstacle before it stands; slowed or stopped
     free              the twist is unchanged
 """
 
@@ -85,9 +86,9 @@ from robots.bridge.gate.values import (
 STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
 REMEMBERED: tuple[Kind, ...] = ("memory", "depth memory")
-BEYOND_REASON = 1e6  # metres, radians, or these per second; larger numbers would overflow
+BEYOND_REASON = 1e6  # limit for the odometry's numbers (m, rad, m/s, rad/s): larger ones would overflow
 PERIOD_S = 0.05  # longest time between two decisions
-# From one decision to the next the safe speed hardly rises by more than this share and step. A wrong guess costs time.
+# The safe speed is expected to rise by at most this factor and this step. A wrong guess costs time only.
 RISES, RISES_MPS = 1.25, 0.05
 
 
@@ -95,7 +96,7 @@ class Gate:
     """The safety gate of one robot."""
 
     def __init__(self, profile: GateProfile) -> None:
-        """ValueError if the profile describes no footprint."""
+        """Raise ValueError if the profile describes no footprint."""
         self.profile = profile
         self.footprint = self._base = footprint_of(profile)
         self.arm_discs: tuple[arm_discs.Disc, ...] = ()  # parts of the arm outside the base
@@ -104,12 +105,12 @@ class Gate:
         fastest = math.hypot(max(limits.forward_mps, limits.reverse_mps), limits.lateral_mps)
         self._trail = Trail(fastest, limits.turn_radps)
         self._odometry = Freshness()
-        self._restarted = False  # the odometry restarted, and the stick was not in the middle since
+        self._restarted = False  # the odometry restarted, and since then the stick was not in the middle
         self._velocity = STILL
         self._commands = Commands()
         self.latency = Latency(limits, profile.parameters.latency_s)
         self._profile_now = profile
-        self._restrained_mps = math.inf  # to which speed obstacles restrained the last decision
+        self._restrained_mps = math.inf  # speed to which obstacles limited the last decision
         self._guesses: tuple[int, ...] = ()  # rows of points that forbade turns in the last decision
         self._decided_s = -math.inf  # time of the last decision, and so of the last sent twist
         self._lasers = {
@@ -186,7 +187,7 @@ class Gate:
     def observe_range(
         self, source: str, stamp_s: float, arrival_s: float, range_m: float, max_range_m: float = math.inf
     ) -> None:
-        """Take a sonar's range; at or above `max_range_m` is free. Malformed or unknown ranges are ignored."""
+        """Take a sonar's range. `max_range_m` or more means free. Malformed or unknown ranges are ignored."""
         if sonar := self._sonars.get(source):
             sonar.observe(stamp_s, arrival_s, range_m, max_range_m, self._trail)
 
@@ -202,7 +203,7 @@ class Gate:
                 self._echoes.look(frame, base, arrival_s)
 
     def observe_bad_depth(self, why: str) -> None:
-        """Note that a depth picture came that cannot be used."""
+        """Take the reason why a depth picture cannot be used."""
         if self._depth:
             self._depth.complain(why)
 
@@ -233,11 +234,11 @@ class Gate:
         return Discs(((0.0, 0.0, self._base.reach(0.0)), *discs)) if discs else self._base
 
     def observe_lost_limb(self, limb: str | None) -> None:
-        """Take the limb of which nobody can tell whether it moves, if any: it holds the robot to a crawl."""
+        """Take the limb that may move without joint states, if any: the robot must drive slowly."""
         self._limits.lost_limb = limb
 
     def observe_acknowledgement(self, took_s: float, now_s: float) -> None:
-        """Take the round-trip time in which the robot's computer acknowledged a twist."""
+        """Take the time (s) from a sent twist to its acknowledgement by the robot's computer."""
         if math.isfinite(took_s):
             self.latency.acknowledged(took_s, now_s)
 
@@ -246,7 +247,7 @@ class Gate:
         self._limits.operator_delay_s = delay_s
 
     def observe_camera_view(self, age_s: float | None) -> None:
-        """Take the age of the camera picture by which the operator drives; None: not by a camera."""
+        """Take the age of the camera picture by which the operator drives; None: without a camera."""
         self._limits.camera_view_s = age_s
 
     # --- state ----------------------------------------------------------------------------------
@@ -256,7 +257,7 @@ class Gate:
         return self._cache.obstacles(now_s)
 
     def prepare(self, now_s: float) -> None:
-        """Compute in advance what a command would wait for: points at the newest pose, and moving obstacles."""
+        """Compute points at the newest pose and moving obstacles, so that no command waits for them."""
         self._cache.newest(now_s)
         self._moves()
 
@@ -268,14 +269,14 @@ class Gate:
 
     def fault(self, now_s: float) -> Fault | None:
         """Return the missing data that forbids motion; afterwards the stick must return to the middle."""
-        if self._restarted:  # first: it is known only until the stick is in the middle
+        if self._restarted:  # checked first: this is known only until the stick is in the middle
             return Fault("odometry_anew", "the robot’s odometry restarted", "odometry")
         return self._limits.fault(now_s)
 
     def depth_heights(self, points: Points) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
-        """Return between which heights (m) the depth camera saw something at obstacles of its own, base frame.
+        """Return the lowest and the highest height (m) that the depth camera saw at each of its obstacles.
 
-        None: there is no camera, or no pose.
+        `points`: these obstacles (base frame). None: there is no camera, or no pose.
         """
         base = self._trail.newest
         if self._depth is None or base is None:
@@ -287,9 +288,9 @@ class Gate:
         return self._limits.unseen(now_s)
 
     def look_to(self, now_s: float) -> float | None:
-        """Return where the head must turn (radians, positive left) to show the nearest place that depth remembers.
+        """Return the direction of the nearest remembered depth point, for the head (radians, left positive).
 
-        None if no such place is near and ahead, or if all of them lie in the middle of a picture straight ahead.
+        None if no such point is near and ahead, or if a picture straight ahead shows it near the middle.
         """
         if self._depth is None:
             return None
@@ -298,7 +299,7 @@ class Gate:
         return self._depth.turn_to(remembered)
 
     def standstill(self, now_s: float) -> bool | None:
-        """Return whether the robot stands by its odometry; None while the odometry is stale."""
+        """Return whether the robot stands, according to its odometry; None while the odometry is stale."""
         if not self._odometry.within(ODOMETRY_STALE_S, now_s):
             return None
         return self._trail.rest.stands(STANDSTILL_MPS, STANDSTILL_RADPS)
@@ -339,11 +340,11 @@ class Gate:
         return self._depth.freshness.age_s(now_s) if self._depth else None
 
     def looks_ahead(self, now_s: float) -> bool:
-        """Return whether the depth camera shows where the robot goes; ahead, if it stands. True without a camera."""
+        """Return whether the depth camera shows the way (at standstill: ahead); True without a camera."""
         return self._limits.looks_ahead(self._velocity, now_s)
 
     def unwatched(self, now_s: float) -> SpeedLimit | None:
-        """Return the limit that the measured velocity exceeds because nothing looks where the robot goes, if any."""
+        """Return the exceeded limit if the robot is too fast for a way that no sensor watches; else None."""
         return self._limits.unwatched(self._velocity, now_s)
 
     def laser_looks(self, direction: float) -> bool:
@@ -351,20 +352,21 @@ class Gate:
         return any(laser.covers(direction) for laser in self._lasers.values())
 
     def obstacles_as_seen(self, now_s: float) -> Obstacles:
-        """Return all points where sensors saw or heard them: without unseen near sides and odometry drift."""
+        """Return all points at their measured places: without unseen near sides and odometry drift."""
         return self._cache.as_seen(now_s)
 
     def unseen_near_sides(self) -> Points:
-        """Return places that a near side which the depth camera could not measure may reach to, base frame."""
+        """Return places (base frame) that may be near sides which the depth camera could not measure."""
         return self._depth.near_sides(self._trail) if self._depth else NO_POINTS
 
     def must_brake(
         self, velocities: Sequence[Velocity], obstacles: Obstacles, latency_s: float
     ) -> Verdict | None:
-        """Return why a robot that keeps one of these velocities must brake now; None: it need not.
+        """Return why a robot that keeps one of these velocities must brake now; None: it need not brake.
 
-        It must if it could not stop clear of the obstacles, should zeros take effect after `latency_s`. Once it cannot
-        stop clear even by braking now, and driving on brings it no nearer, it need not (docs/gate.md, 6): ask in time.
+        It must brake if later zeros, which take effect after `latency_s`, could not stop it clear of the
+        obstacles. The result is also None if even braking now ends too near, and driving on ends no nearer
+        (docs/gate.md, 6). So call this before it is too late.
         """
         profile = self._with_latency_of(latency_s)
         for hull, near in self._hulls(obstacles):
@@ -431,14 +433,14 @@ class Gate:
         return self._restrained(asked, wanted, allowed, cause)._replace(velocity=risen)
 
     def _expected_share(self, wanted: Velocity) -> float:
-        """Return the share of a twist of which obstacles will hardly leave more, by the last decision."""
+        """Estimate from the last decision the largest share of a twist that obstacles will leave."""
         wanted_mps, most_mps = speed(wanted), RISES * self._restrained_mps + RISES_MPS
         return min(most_mps / wanted_mps, 1.0) if wanted_mps > 0.0 else 1.0
 
     def _plays_clear(
         self, candidate: Velocity, queue: list[Sent], corridors: Corridors, profile: GateProfile
     ) -> bool:
-        """Return whether a roll-out surely changes nothing: no obstacle moves, and all are far away."""
+        """Return whether a roll-out surely changes nothing: all obstacles stand and are far away."""
         if self._moves():
             return False
         return plays_clear(candidate, queue, self._velocity, corridors, self.footprint, profile, PERIOD_S)
@@ -446,8 +448,8 @@ class Gate:
     def _hulls(self, obstacles: Obstacles) -> list[tuple[Footprint, Obstacles]]:
         """Return each hull with the obstacles that it must avoid.
 
-        A point well within the arm's discs is below or above the arm, which would have touched it: it counts for the
-        base only. Otherwise a robot with its arm over a table could not even retreat.
+        A point deep inside the arm's discs is below or above the arm: otherwise the arm would have touched
+        it. It counts for the base only, or a robot with its arm over a table could not even retreat.
         """
         if not self.arm_discs:
             return [(self.footprint, obstacles)]
@@ -495,7 +497,7 @@ class Gate:
         return any(movers.any for movers in self._movers.values())
 
     def _scan_age_s(self) -> float:
-        """Return the age of the oldest current scan at the newest odometry, where a roll-out begins; seconds."""
+        """Return the age (s) of the oldest current scan at the newest odometry, where a roll-out begins."""
         stamps = [laser.freshness.stamp_s for laser in self._lasers.values()]
         newest = self._odometry.stamp_s
         known = [stamp_s for stamp_s in stamps if stamp_s is not None]

@@ -1,20 +1,24 @@
-"""Watches a robot that drives itself: by its measured velocity, with the obstacles and the roll-out of the gate.
+"""Watch a robot that drives itself: by its measured velocity, with the gate's obstacles and roll-out.
 
-While it may still brake clear of everything that sensors have seen or heard, it drives on. Two predicted motions must
-be free of obstacles until the robot stands: (1) it keeps its measured velocity; (2) it follows navigation's commanded
-velocity. A robot that stands close to something shows by its measured velocity too late where it is about to go. The
-zeros that would brake it take as long as commands of people were measured to take, at least the profile's latency with
-its spare, and longer while the robot's messages come late.
+The robot drives on while it can still brake clear of all obstacles that sensors have measured. Two predicted
+motions must be free of obstacles until the robot stands: (1) it keeps its measured velocity; (2) it follows
+navigation's commanded velocity. The second is needed because the measured velocity of a standing robot shows
+too late in which direction it will drive. The watch assumes that zeros take effect after the latency that was
+measured with people's commands, at least after the profile's latency plus its spare, and later while the
+robot's messages come late.
 
-Obstacles count where they were seen. For a person's command the gate assumes the worst case: it adds near sides that
-the camera could not measure, and the position error of remembered obstacles. A person may look, turn, and press Forget;
-navigation, which turns beside a table, would lose its goal to what nobody has seen.
+Obstacles count at their measured places. For a person's command the gate assumes the worst case: it adds near
+sides that the camera could not measure, and the position error of remembered obstacles. A person can look,
+turn, and press Forget. Navigation, which turns beside tables, would lose its goal because of obstacles that
+nobody has seen.
 
-Where nothing looks, it may go faster than the gate would let a person drive, but for a moment only: a head turns, a
-recovery backs up. The gate remembers the camera's earlier pictures, to the range they showed.
+Where no sensor looks, navigation may drive faster than the gate allows a person, but only for a moment: while
+a head turns or a recovery backs up. The gate remembers the camera's earlier pictures, as far as they showed
+the way.
 
-One source counts less: an echo of a sonar that is remembered and no longer heard, at a place ahead that the laser or a
-fresh depth picture covers. A sonar tells the distance of an echo only, its place may be anywhere on an arc.
+One kind of point is ignored: a remembered sonar echo that is no longer present, at a place ahead that the
+laser or a fresh depth picture covers. A sonar measures only the distance of an echo; its place may be
+anywhere on an arc.
 """
 
 from __future__ import annotations
@@ -33,19 +37,19 @@ from robots.bridge.gate.timing.freshness import DEPTH_STALE_S
 from robots.bridge.gate.values import STILL, Obstacles, Velocity, Verdict
 
 DEPTH_LOST_S = 2.0
-UNSEEN_S = 2.0  # the way ahead may be out of the depth picture for so long
-BLIND_S = 0.5  # a direction that no laser watches may be driven too fast for so long
+UNSEEN_S = 2.0  # longest time for which the way ahead may be outside the depth picture
+BLIND_S = 0.5  # longest time for which the robot may be too fast in a direction that no laser watches
 ECHOES = SonarMemory.name
 # Bearings within this angle count as ahead; echoes of rear sonars never lie there.
 AHEAD_RAD = math.radians(75.0)
 
 
 class Watch:
-    """The watch over one drive: `judge`, and for how long nothing has looked where the robot goes."""
+    """The watch over one drive: `judge`, with the time since a sensor last watched the robot's way."""
 
     def __init__(self) -> None:
-        # When the depth camera last looked there, and when the robot was last slow enough for a direction without a
-        # laser; None: before the first judgement, which counts as both.
+        # When the depth camera last showed the robot's way, and when the robot was last slow enough for a
+        # direction without a laser. None: before the first judgement, which sets both.
         self._seen_s: float | None = None
         self._watched_s: float | None = None
 
@@ -71,7 +75,7 @@ class Watch:
 def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:
     """Return the verdict on how the robot moves: "free", else the rule by which it must brake now.
 
-    `commanded`: what navigation sends to the base, if it does.
+    `commanded`: the twist that navigation sends to the base; None: it sends none.
     """
     moving = gate.velocity
     if fault := gate.fault(now_s):
@@ -93,9 +97,9 @@ def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:
 
 
 def depth_lost(gate: Gate, now_s: float) -> str | None:
-    """Return in words that the depth camera is lost: silent for longer than a turn of the head hides its pictures.
+    """Return in words that the depth camera is lost: silent for longer than while the head turns.
 
-    None also for a robot whose profile uses none.
+    None: it is not lost, or the robot's profile uses no depth camera.
     """
     if gate.profile.depth is None:
         return None
@@ -106,16 +110,16 @@ def depth_lost(gate: Gate, now_s: float) -> str | None:
 
 
 def spare_m(gate: Gate, now_s: float) -> float:
-    """Return the gap to the nearest thing that is seen or remembered, or whose unseen near side may be there.
+    """Return the gap (m) to the nearest obstacle that is seen or remembered, unseen near sides included.
 
-    Sonars do not tell where a thing is, and do not count. Navigation may start towards it at any moment, and zeros take
-    effect some centimetres later.
+    Sonars do not count: they do not show the place of an obstacle. Navigation may start towards an obstacle
+    at any moment, and zeros take effect some centimetres later.
     """
     obstacles = gate.obstacles_as_seen(now_s)
     kinds = zip(obstacles.kinds, obstacles.names, strict=True)
     placed = np.array([kind != "sonar" and name != ECHOES for kind, name in kinds])
     seen = obstacles.points[placed[obstacles.source]] if len(obstacles.points) else obstacles.points
-    # A near side is known in steps of a cell: it may begin so much nearer than its nearest place.
+    # Near sides are known in steps of a cell: an obstacle may begin one cell nearer than its nearest place.
     sides = ((seen, 0.0), (gate.unseen_near_sides(), CELL_M))
     gaps_m = [float(gate.footprint.gaps(points).min()) - less_m for points, less_m in sides if len(points)]
     return min(gaps_m, default=math.inf)
@@ -130,7 +134,7 @@ def _without_old_echoes(gate: Gate, obstacles: Obstacles, now_s: float) -> Obsta
 
 
 def _covered(gate: Gate, obstacles: Obstacles, now_s: float) -> NDArray[np.bool_]:
-    """Return which points lie ahead, where the laser looks or a fresh depth picture looks."""
+    """Return which points lie ahead; none without a laser that looks ahead or a fresh depth picture."""
     bearings = np.arctan2(obstacles.points[:, 1], obstacles.points[:, 0])
     ahead: NDArray[np.bool_] = np.abs(bearings) < AHEAD_RAD
     age_s = gate.depth_age_s(now_s)

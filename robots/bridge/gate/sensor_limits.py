@@ -1,4 +1,4 @@
-"""Speed limits from the state and view of the sensors, apart from obstacles (docs/gate.md, 9).
+"""Speed limits from the state and view of the sensors; limits from obstacles are elsewhere (docs/gate.md, 9).
 
 A `Fault` is missing data that forbids any motion; a `SpeedLimit` allows motion up to a speed.
 """
@@ -30,9 +30,9 @@ from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import GateProfile, Sector, SpeedLimit, Velocity, Way
 
 REVERSE_RAD = 0.75 * math.pi  # directions beyond this angle count as reverse
-CAMERA_LATE_S = 0.5  # age of the camera picture by which a person drives, from which on it limits the speed
+CAMERA_LATE_S = 0.5  # if a person drives by a camera picture that is older, the speed is limited
 AHEAD = Velocity(1.0, 0.0, 0.0)
-ABOVE_MPS = 0.03  # a robot that keeps to a limit exceeds it by so much for moments
+ABOVE_MPS = 0.03  # a robot that obeys a limit may exceed it briefly by this much
 ALONG = (0.0, math.pi)  # the directions of a differential base
 EVERY_WAY = (*ALONG, math.pi / 2.0, -math.pi / 2.0)
 AROUND = tuple(math.radians(degrees) for degrees in range(0, 360, 30))
@@ -69,7 +69,7 @@ class SensorLimits:
     ) -> None:
         self.operator_delay_s: float | None = None  # round trip to the page; None: unknown
         self.camera_view_s: float | None = None  # age of the picture by which the operator drives
-        self.lost_limb: str | None = None  # nobody can tell whether it moves
+        self.lost_limb: str | None = None  # a limb that may move without joint states
         self._profile = profile
         self._odometry = odometry
         self._trail = trail
@@ -172,9 +172,9 @@ class SensorLimits:
         return left
 
     def unwatched(self, moving: Velocity, now_s: float) -> SpeedLimit | None:
-        """Return the lowest limit that a robot exceeds because nothing looks where it goes; None: it exceeds none.
+        """Return the lowest limit for a way that no sensor watches, if this velocity exceeds one; else None.
 
-        A way that bends out of the depth picture is seen where it begins.
+        A way that bends out of the depth picture does not count: the camera sees its beginning.
         """
         mps = arc.speed(moving)
         if mps == 0.0:
@@ -186,9 +186,10 @@ class SensorLimits:
         return min(exceeded, key=lambda limit: limit.mps, default=None)
 
     def looks_ahead(self, moving: Velocity, now_s: float) -> bool:
-        """Return whether a fresh depth picture shows the way of a robot that moves so, or ahead of one that stands.
+        """Return whether a fresh depth picture shows the way of a robot with this velocity.
 
-        Reverse counts as ahead: no head turns far enough for it. True without a depth camera.
+        If the robot stands or reverses, the way ahead counts: no head turns far enough for reverse. True
+        without a depth camera.
         """
         if self._depth is None:
             return True
@@ -198,7 +199,7 @@ class SensorLimits:
         return self._depth.is_fresh(now_s) and self._depth.sight_m(direction, 0.0) > 0.0
 
     def _arm_limit(self, now_s: float) -> list[SpeedLimit]:
-        """Return the limit while the arm's posture is unknown, or whether a limb moves."""
+        """Return the limit while the arm's posture is unknown, or a limb may move without joint states."""
         if self.lost_limb:
             why = f"whether the {self.lost_limb} still moves is not known, since its joint states ended"
             return [
@@ -215,7 +216,7 @@ class SensorLimits:
         return [SpeedLimit("arm_away", text, arm_discs.AWAY_MPS)]
 
     def _delay_limits(self, latency_s: float) -> list[SpeedLimit]:
-        """Return the limits for a late robot or operator; it then stops within the usual distance."""
+        """Return the limits for a late robot, page or camera picture, for the usual stopping distance."""
         parameters, full_mps = self._profile.parameters, self._profile.limits.forward_mps
         linear, _ = braking.deceleration(self._profile)
         limits = []
@@ -247,7 +248,7 @@ class SensorLimits:
         return self._head_limit(self._depth, wanted)
 
     def _head_limit(self, depth: DepthCamera, wanted: Velocity) -> list[SpeedLimit]:
-        """Return the limit for a way that leaves the depth picture. No head turns far enough for reverse."""
+        """Return the limit for a way that leaves the depth picture; none in reverse: no head turns so far."""
         direction = math.atan2(wanted.vy, wanted.vx)
         if abs(direction) > REVERSE_RAD:
             return []

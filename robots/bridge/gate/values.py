@@ -1,4 +1,4 @@
-"""The values that the gate takes and gives."""
+"""Input and output values of the gate."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Velocity(NamedTuple):
     w: float
 
     def scaled(self, share: float) -> Velocity:
-        """The same curve, at this share of the speed."""
-        return Velocity(*(share * axis + 0.0 for axis in self))  # a zero has no sign
+        """Return the twist at this share of its speed, on the same arc."""
+        return Velocity(*(share * axis + 0.0 for axis in self))  # + 0.0 makes -0.0 positive
 
 
 STILL = Velocity(0.0, 0.0, 0.0)
@@ -84,9 +84,9 @@ class DepthView(Struct, frozen=True):
 class GateProfile(Struct, frozen=True):
     """The gate's configuration of a robot.
 
-    The footprint, in the base frame, is the first of these that is given: `discs` (x, y, radius), whose union it is;
-    `outline`, convex and counter-clockwise; a disc of `radius_m` about the origin.
-    `scan_poses` and `sonar_poses` map a source's name (scan topic, sonar frame_id) to its pose.
+    The footprint (base frame) is the first of these that is given: the union of `discs` (x, y, radius);
+    `outline`, convex and counter-clockwise; a disc of `radius_m` about the origin. `scan_poses` and
+    `sonar_poses` map a source's name (scan topic, sonar frame_id) to its pose.
     """
 
     limits: Limits
@@ -103,7 +103,7 @@ class GateProfile(Struct, frozen=True):
     depth: DepthView | None = None  # None with `has_depth`: the camera exists but is not used yet
 
 
-CLOSE_ECHO_M = 0.1  # a sonar's echo from here or nearer is often of the robot itself
+CLOSE_ECHO_M = 0.1  # a sonar's echo at this distance or nearer often comes from the robot itself
 
 # Sources of obstacles; a memory (of a laser, of the depth camera) holds earlier points that no sensor sees now.
 Kind = Literal["scan", "sonar", "depth", "memory", "depth memory"]
@@ -118,13 +118,13 @@ class Obstacles(NamedTuple):
     kinds: tuple[Kind, ...]  # of the sources
 
 
-# A part of the way round the base, counter-clockwise from the first bearing to the second, radians.
+# A sector around the base, counter-clockwise from the first bearing to the second, radians.
 Sector = tuple[float, float]
 
-# The eighth of the compass round the robot.
+# One eighth of the circle around the robot.
 Side = Literal["ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right"]
 
-# bend: the way leaves the depth picture; turn: corners swing
+# bend: the way leaves the depth picture; turn: the corners of a turning base move to the sides
 Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
 
 
@@ -140,9 +140,10 @@ class SpeedLimit(NamedTuple):
 class Verdict(NamedTuple):
     """The allowed twist, and the reason if it is less than asked.
 
-    `code`: "idle" (nothing asked), "free", or the rule that holds back; `way` as in `SpeedLimit`, if one holds back.
-    `limits` hold for any command; `Gate.decide` leaves them empty, `Gate.limits` returns them. `neutral`: after this
-    stop (stale or missing data) the stick must return to neutral.
+    `code`: "idle" (nothing asked), "free", or the rule that reduces the twist. `way`: as in `SpeedLimit`, if
+    a speed limit reduces it. `limits`: limits for every command; `Gate.decide` leaves them empty,
+    `Gate.limits` returns them. `neutral`: after this stop (stale or missing data) the stick must return to
+    neutral.
     """
 
     velocity: Velocity

@@ -31,12 +31,12 @@ NOT_SEEN_NOW = (
 
 
 def side(bearing: float) -> Side:
-    """The eighth of the compass round the robot that a bearing (base frame, radians) falls into."""
+    """Return the eighth of the full circle around the robot that contains a bearing (base frame, radians)."""
     return SIDES[round(bearing / (math.pi / 4.0)) % len(SIDES)]
 
 
 def figure(number: float) -> str:
-    """A distance or speed with no more digits than an operator can use: 0.6, but 0.08."""
+    """Return a distance or speed with as many digits as an operator can use: 0.6, but 0.08."""
     return f"{number:.1f}" if number >= 0.095 else f"{number:.2f}"
 
 
@@ -60,16 +60,16 @@ def reduction(asked: Velocity, allowed: Velocity) -> str:
 
 
 def _from_to(asked: float, allowed: float) -> str:
-    """Two figures, or one if they look the same."""
+    """Return two figures in words, or one if both look the same."""
     first, second = figure(asked), figure(allowed)
     return f"from {first} to {second}" if first != second else f"to {second}"
 
 
 def obstacle(word: str, gap_m: float, bearing: float, rule: str) -> str:
-    """The cause in words: "laser, 0.6 m ahead left", with the rule if it is not obvious."""
+    """Return the cause in words: "laser, 0.6 m ahead left", with the rule if it is not obvious."""
     return f"{MANNERS.get(rule, '')}{word}, {figure(max(gap_m, 0.0))} m {side(bearing)}"
 
 
 def way(direction: float) -> tuple[Way, str]:
-    """A direction of travel (base frame, radians), and in words: "in reverse"."""
+    """Return the way nearest to a direction of travel (base frame, radians), also in words: "in reverse"."""
     return WAYS[round(direction / (math.pi / 2.0)) % len(WAYS)]

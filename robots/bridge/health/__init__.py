@@ -1,1 +1,1 @@
-"""The robot's health as it reports it: parts, temperatures, battery. Nothing here decides about motion."""
+"""The health that the robot reports: parts, temperatures, battery. Nothing here decides about motion."""

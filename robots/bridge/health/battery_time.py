@@ -1,13 +1,13 @@
-"""How long the battery will last, from how fast its charge fell. Pure: time is an argument."""
+"""Estimate how long the battery will last, from the rate of its discharge. Pure: time is an argument."""
 
 from __future__ import annotations
 
 from collections import deque
 
-WINDOW_S = 1800.0  # of the past that counts: what the robot does now, not what it did this morning
+WINDOW_S = 1800.0  # only this time counts: the robot's present work, not the work of the morning
 STEP_S = 15.0  # between two samples that are kept
-LEAST_S = 300.0  # sooner, a number would be a guess
-LEAST_FALL = 1.0  # percent: many robots report whole ones
+LEAST_S = 300.0  # after a shorter time, a number would be a guess
+LEAST_FALL = 1.0  # percent: many robots report whole percents
 JUMP = 5.0  # percent between two samples: another battery, or a wrong number
 LONGEST_MIN = 24 * 60
 
@@ -19,7 +19,7 @@ class BatteryTime:
         self._samples: deque[tuple[float, float]] = deque()  # time, percent
 
     def take(self, percent: float, charging: bool | None, now_s: float) -> None:
-        """Take the charge in percent. While the robot is charged nothing is estimated."""
+        """Take the charge in percent. While the battery is charging nothing is estimated."""
         if charging:
             self._samples.clear()
             return
@@ -34,9 +34,9 @@ class BatteryTime:
             self._samples.popleft()
 
     def left_min(self) -> int | None:
-        """Return the minutes until it is empty at the pace of the last half hour; None: not known yet.
+        """Return the minutes until the battery is empty, by the last half hour; None: not known yet.
 
-        Rounded to 5 minutes below an hour, to 15 below three, to 30 beyond.
+        Rounded down: to 5 minutes below one hour, to 15 minutes below three hours, else to 30 minutes.
         """
         if len(self._samples) < 2:
             return None

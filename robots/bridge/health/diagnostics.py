@@ -1,6 +1,6 @@
-"""The reports of the robot's nodes on its parts (/diagnostics), summed up: level, words, since when, temperature.
+"""Sum up the nodes' reports about the robot's parts (/diagnostics): level, text, since when, temperature.
 
-Pure: time is an argument. Nodes may send anything, so all that is kept is bounded.
+Pure: time is an argument. Nodes may send anything, so all stored data are bounded.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from robots.wire import HealthLevel
 
 MOST_PARTS = 200
 SILENT_S = 10.0  # nodes report once a second
-FORGOTTEN_S = 600.0  # a part that was well and is silent for so long is not listed any more
+FORGOTTEN_S = 600.0  # a part that was well and is silent for this time is not listed any more
 RESTARTED_S = 60.0  # after a restart of the robot: a part without a report by then may be gone
 SHOWN = 8  # parts that are not well
-NEWEST = 3  # of them, at least: those that got worse last, since the page tells of what it is sent
+NEWEST = 3  # of them, at least: the parts that got worse last; the page announces only parts it receives
 HOTTEST = 6  # temperatures
 VIEW_S = 1.0  # between two views without a new report
 
@@ -48,16 +48,16 @@ class Part:
     level: HealthLevel
     since_s: float
     heard_s: float
-    said: HealthLevel = "ok"  # by its node, before it fell silent
-    said_s: float = 0.0  # since when
-    said_was: HealthLevel | None = None  # before that
-    told_s: float = 0.0  # when its node last said so
-    text: str = ""  # of that
+    said: HealthLevel = "ok"  # the last level that its node reported
+    said_s: float = 0.0  # since when `said` has this value
+    said_was: HealthLevel | None = None  # the level before `said`
+    told_s: float = 0.0  # time of the node's last report
+    text: str = ""  # text of this report
     temperatures: dict[str, float] = field(default_factory=dict)  # °C, by key
-    was: HealthLevel | None = None  # before this level; None: nothing was heard before
+    was: HealthLevel | None = None  # the level before this one; None: no report before
 
     def become(self, level: HealthLevel, since_s: float) -> None:
-        """Take a level; "since when" stays while it is the same, also past a silence of a part that is ill."""
+        """Take a level. `since_s` is kept for the same level, also if an ill part was silent in between."""
         if level != self.level:
             if self.level == "silent" and level == self.said != "ok":
                 self.was, self.since_s = self.said_was, self.said_s
@@ -71,17 +71,17 @@ class Part:
 
     @property
     def shown(self) -> HealthLevel:
-        """The level for people. Silence is never an improvement: an error that was said may still be there."""
+        """The level for people. Silence is never an improvement: a reported error may still exist."""
         return self.said if self.level == "silent" and self.said != "ok" else self.level
 
     @property
     def shown_since_s(self) -> float:
-        """Since when it is at this level, for people."""
+        """The time since which the part has the `shown` level."""
         return self.since_s if self.level == self.shown else self.said_s
 
     @property
     def got_worse(self) -> bool:
-        """Return whether its last change was one for the worse."""
+        """Return whether its level got worse at the last change."""
         return self.level == "silent" or BADNESS[self.level] > BADNESS[self.was or "ok"]
 
     def report(self, name: str, now_s: float) -> wire.HealthPart:
@@ -97,14 +97,14 @@ class Diagnostics:
 
     def __init__(self) -> None:
         self._parts: dict[str, Part] = {}
-        self._left_out: set[str] = set()  # names beyond the bound; bounded itself
+        self._left_out: set[str] = set()  # names of parts beyond `MOST_PARTS`; also bounded
         self._unread = 0
         self._view: wire.Health | None = None
         self._viewed_s = -math.inf
-        self._began_s = -math.inf  # the robot's present run
+        self._began_s = -math.inf  # start of the robot's present run
 
     def restarted(self, now_s: float) -> None:
-        """Note that the robot, or only its master, restarted: earlier reports may not be true any more."""
+        """Note that the robot, or only its master, restarted: earlier reports may no longer be true."""
         self._began_s = now_s
 
     def take(self, statuses: Iterable[Status], now_s: float) -> None:
@@ -132,7 +132,7 @@ class Diagnostics:
         return part or self._parts.setdefault(name, Part(level, now_s, now_s))
 
     def _forget(self, now_s: float, *, also_ill: bool = False) -> None:
-        """Forget parts that are silent for long; those that were ill only to make room."""
+        """Forget parts that are silent for long; ill parts only with `also_ill`, to make room."""
         for name, part in list(self._parts.items()):
             if now_s - part.heard_s > FORGOTTEN_S and (also_ill or part.said == "ok"):
                 del self._parts[name]
@@ -151,7 +151,7 @@ class Diagnostics:
             if now_s - part.heard_s > SILENT_S:
                 part.become("silent", part.heard_s)
             if part.level == "silent" and part.told_s < self._began_s < now_s - RESTARTED_S:
-                part.said = "ok"  # an error of the run before is not known to be one of this run
+                part.said = "ok"  # an error of the run before may not exist in this run
         groups = {parent for name in self._parts for parent in _parents(name)}
         return {name: part for name, part in self._parts.items() if name not in groups}
 
@@ -183,12 +183,12 @@ class Diagnostics:
 
 
 def plain_name(name: str) -> str:
-    """Return the last part of an aggregator's path; other names without slashes at their ends."""
+    """Return the last part of an aggregator's path; of other names, only slashes at both ends are removed."""
     return name.rstrip("/").rsplit("/", 1)[-1].strip() if name.startswith("/") else name.strip("/ ")
 
 
 def plain_names(names: Collection[str]) -> dict[str, str]:
-    """Return plain names, by name; parts whose plain names are the same keep their whole ones."""
+    """Return plain names, by name. Parts with the same plain name keep their whole names."""
     plain = {name: plain_name(name) for name in names}
     count = Counter(plain.values())
     return {name: short if count[short] == 1 else name for name, short in plain.items()}

@@ -1,9 +1,10 @@
-"""Records of changes of the robot's health, few enough for any robot. Pure: time is an argument.
+"""Record changes of the robot's health, a limited number for any robot. Pure: time is an argument.
 
-Each part has the level that is on record. A change is written at once while there is budget; a part that flaps waits,
-and one record with `times` stands for its changes. Silence while the robot is away is not written: that is a fault of
-its own, and most parts are as before when it is back. Reports of its parts are, for `SETTLED_S` after it went: one of
-them may say why.
+For each part the log keeps the level of its last record. A change is recorded at once while there is budget.
+A part that changes too often waits, and one record with `times` stands for its changes. Silence while the
+robot is away is not recorded: the absence is a fault of its own, and most parts are unchanged when the robot
+is back. Other reports are still recorded for `SETTLED_S` after the robot went away: one of them may contain
+the reason.
 """
 
 from __future__ import annotations
@@ -19,16 +20,16 @@ from robots.bridge.server.flood_limits import TokenBucket
 from robots.wire import HealthLevel
 
 CHECK_S = 1.0
-SETTLED_S = 60.0  # after the robot came, for nodes that report later than odometry; and after it went
+SETTLED_S = 60.0  # after the robot came (nodes may report later than odometry), and after it went away
 PART_BURST, PART_GAP_S = 4, 600.0  # records of one part at once, and then one in this time
-ROBOT_BURST, ROBOT_GAP_S = 30, 60.0  # of all parts together
-AT_ONCE = 2  # records in one check: what a driver asks for must not wait behind them
-MOST_KEPT = 2 * MOST_PARTS  # of parts on record that may not be there any more
+ROBOT_BURST, ROBOT_GAP_S = 30, 60.0  # the same for all parts together
+AT_ONCE = 2  # records in one check: a driver's requests must not wait behind more of them
+MOST_KEPT = 2 * MOST_PARTS  # largest number of parts with a state here; some may not exist any more
 
 
 @dataclass
 class _Noted:
-    level: HealthLevel | None  # on record; None: there is none, and nothing was known before
+    level: HealthLevel | None  # of the last record; None: no record, and no level was known before
     now: HealthLevel | None
     worst: HealthLevel | None  # since the record
     words: str = ""  # of the worst
@@ -44,15 +45,15 @@ class HealthLog:
         self._records = records
         self._noted: dict[str, _Noted] = {}
         self._knows_earlier = False
-        self._earlier: Future[dict[str, HealthLevel]] | None = None  # on record by an earlier bridge
+        self._earlier: Future[dict[str, HealthLevel]] | None = None  # levels recorded by an earlier bridge
         self._budget = TokenBucket(1.0 / ROBOT_GAP_S, ROBOT_BURST)
         self._checked_s = -math.inf
         self._left = 0  # records that this check may still write
         self._online = False
-        self._since_s = -math.inf  # the robot is there, or away
+        self._since_s = -math.inf  # time since which the robot is online, or away
 
     def tick(self, online: bool, now_s: float) -> None:
-        """Check whether a part is better or worse than the log says."""
+        """Check whether a part is better or worse than its last record."""
         if online != self._online:
             self._online, self._since_s = online, now_s
         settles = now_s - self._since_s <= SETTLED_S
@@ -72,7 +73,7 @@ class HealthLog:
         self._forget(now_s)
 
     def _read_earlier(self, now_s: float) -> None:
-        """Ask for what is on record; ask again if the database was away."""
+        """Request the recorded levels; request them again if the database was away."""
         if self._earlier is None:
             self._earlier = self._records.ask(self._records.sink.ill_parts, now_s)
         elif self._earlier.done() and self._earlier.exception():
@@ -91,7 +92,7 @@ class HealthLog:
             noted = self._noted[name] = _Noted(part.was, part.was, part.was)
         if part.level != noted.now:
             noted.now, noted.times = part.level, noted.times + 1
-            waits = noted.worst if noted.worst != noted.level else None  # for its record
+            waits = noted.worst if noted.worst != noted.level else None  # this level waits for its record
             if _is_worse(part.level, noted.worst) and BADNESS[part.level] >= BADNESS[waits or "ok"]:
                 noted.worst, noted.words = part.level, _words(plain, part)
         if _is_worse(noted.worst, noted.level):
@@ -127,7 +128,10 @@ class HealthLog:
         noted.level, noted.worst, noted.times = to, noted.now, 0
 
     def _forget(self, now_s: float) -> None:
-        """Keep what is on record as ill, and budgets that were used; bounded, because nodes may invent names."""
+        """Forget parts that are well and have their full budget.
+
+        The number of the others is bounded, too, because nodes may invent names.
+        """
         for name, noted in list(self._noted.items()):
             if noted.level == noted.now == "ok" and noted.budget.is_full(now_s):
                 del self._noted[name]
@@ -136,7 +140,7 @@ class HealthLog:
 
 
 def _is_worse(level: HealthLevel | None, than: HealthLevel | None) -> bool:
-    """Silence is never an improvement: what was said before may still be true."""
+    """Return whether a level is worse. Silence is never an improvement: the last report may still be true."""
     return level != than and (level == "silent" or BADNESS[level or "ok"] > BADNESS[than or "ok"])
 
 

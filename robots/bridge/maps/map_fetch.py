@@ -1,6 +1,7 @@
-"""Fetch the robot's map while somebody has control, in a short-lived process: the control loop must decode no map.
+"""Fetch the robot's map in a short-lived process, because the control loop must decode no map.
 
-The map is fetched at the start of each control session and every few minutes, because a robot may be mapping.
+The map is fetched only while somebody has control: at the start of each control session, and every few
+minutes, because a robot may be mapping.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ from robots.bridge.config import BridgeConfig, Topic
 
 log = logging.getLogger(__name__)
 
-# Lower priority than the control loop from the first line on, like the inspector.
+# The process has a lower priority than the control loop from its first line on, like the inspector.
 COMMAND = ("nice", "-n", "10", sys.executable, "-m", "robots.bridge.ros.sensors.map")
 END_S = 15.0  # time limit for the process
 FRESH_S = 300.0  # age at which a map is fetched again
 AGAIN_S = 60.0  # the same after a failure
 WATCHED_S = 10.0  # the same while the robot drives to a place of the map
-DOUBTED_S = 2.0  # the same after the first failure then
+DOUBTED_S = 2.0  # the same after the first failure during such a drive
 LARGEST_ANSWER = 2 * 1024 * 1024  # bytes
 
 
@@ -38,7 +39,7 @@ class MapWanted(Struct, frozen=True):
 
 
 class NoMap(Struct, frozen=True, tag=True):
-    """There is no usable map; the text says why."""
+    """There is no usable map; `why` is the reason in words."""
 
     why: str
 
@@ -47,9 +48,10 @@ _answer = msgspec.msgpack.Decoder(TakenMap | NoMap)
 
 
 class MapFetcher:
-    """Lives on the event loop. `keep` gets each fetched map and must not block; `gone` gets why there is none.
+    """Fetches maps; runs on the event loop.
 
-    A single failure says nothing about a map that was there before.
+    `keep` receives each fetched map and must not block. `gone` receives the reason why there is no map; if
+    there was one before, only after the second failure in a row.
     """
 
     def __init__(
@@ -64,7 +66,7 @@ class MapFetcher:
         self._keep = keep
         self._command = command
         self._gone = gone
-        self._failed = True  # the last time
+        self._failed = True  # whether the last fetch found no map
         self._watched = False
         self._fence: int | None = None  # control session of the last fetch
         self._due_s = float("-inf")
@@ -86,7 +88,7 @@ class MapFetcher:
             self._taking = asyncio.get_running_loop().create_task(self._take(self._wanted, now_s))
 
     async def close(self) -> None:
-        """End the process: the bridge ends."""
+        """End the process, because the bridge ends."""
         if self._taking is not None:
             self._taking.cancel()
             with suppress(asyncio.CancelledError):
@@ -120,7 +122,7 @@ class MapFetcher:
             answer: TakenMap | NoMap = _answer.decode(await _up_to(process.stdout, LARGEST_ANSWER))
             return answer
         finally:
-            if not process.stdout.at_eof():  # else it ends by itself, and may have ended already
+            if not process.stdout.at_eof():  # otherwise the process ends by itself, or has ended
                 process.kill()
             await process.wait()
 
@@ -131,7 +133,7 @@ class MapFetcher:
 
 
 async def _up_to(stream: asyncio.StreamReader, most: int) -> bytes:
-    """Read all output; more than `most` bytes are no valid answer."""
+    """Return all output; nothing if it is longer than `most` bytes, which is no valid answer."""
     try:
         await stream.readexactly(most + 1)
     except asyncio.IncompleteReadError as end:

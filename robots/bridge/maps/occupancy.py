@@ -19,10 +19,10 @@ from robots.bridge.gate.values import Pose
 
 MOST_CELLS = 4096 * 4096
 MAX_PICTURE_SIDE = 2048  # cells of the picture; larger maps are thinned
-# limit of a map's side: a long thin map is filled up to whole blocks before thinning
+# limit of a map's side: a long thin map is padded to whole blocks before thinning
 MAX_MAP_SIDE = 8 * MAX_PICTURE_SIDE
 MAX_FRAME_NAME = 200  # characters of the frame's name
-FRAME = "map"  # REP 105: the frame in which the bridge knows the odometry frame
+FRAME = "map"  # REP 105: the bridge knows the pose of the odometry frame in this frame
 FREE_TO, OCCUPIED_FROM = 25, 65  # percent, thresholds of map_server
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
 # Greys for light and dark pages: the floor is a shade of the page's colour, obstacles have full contrast.
@@ -41,7 +41,7 @@ Cells = NDArray[np.uint8]  # UNKNOWN, FREE or OCCUPIED; row 0 is the lower edge
 
 
 class BadMap(ValueError):
-    """The message is no usable map; the text says why."""
+    """The message is no usable map; the text is the reason."""
 
 
 class _Geometry(NamedTuple):
@@ -64,7 +64,7 @@ def taken(raw: bytes) -> TakenMap:
 
 
 def of_percents(resolution_m: float, origin: Pose, percent: NDArray[np.int8]) -> TakenMap:
-    """Return the map with these cells, row 0 at the lower edge: the one that `taken` makes of its message."""
+    """Return the map with these cells, row 0 at the lower edge: the same as `taken` returns for a message."""
     return _reduced(_Geometry(resolution_m, origin), _classified(percent))
 
 
@@ -125,7 +125,7 @@ def _geometry(
         raise BadMap(f"its origin is {x}, {y}")
     if not (0.5 < math.hypot(qx, qy, qz, qw) < 2.0 and math.hypot(qx, qy) < _TILT):
         raise BadMap("it is not horizontal")
-    # The message has single precision: it means 0.05, not 0.05000000074505806.
+    # The message has single precision: 0.05000000074505806 stands for 0.05.
     return _Geometry(float(f"{resolution_m:.6g}"), Pose(x, y, 2.0 * math.atan2(qz, qw)))
 
 
@@ -146,7 +146,7 @@ def _cut(geometry: _Geometry, cells: Cells) -> tuple[_Geometry, Cells]:
 
 
 def _thinned(geometry: _Geometry, cells: Cells) -> tuple[_Geometry, Cells]:
-    """Merge cells if there are too many. A wall among merged cells stays, and so does a known cell."""
+    """Merge cells if there are too many. A merged cell is a wall if one of them is; else free if one is."""
     share = -(-max(cells.shape) // MAX_PICTURE_SIDE)
     if share == 1:
         return geometry, cells

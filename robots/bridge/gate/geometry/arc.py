@@ -1,10 +1,11 @@
-"""Time until the hull first touches a point, if the twist stays as it is (docs/gate.md, 1).
+"""Compute the time until the hull first touches a point, if the twist stays constant (docs/gate.md, 1).
 
-A robot with a constant twist turns about the centre of rotation C = (-vy/w, vx/w); in its own base frame each point
-of the world then runs on a circle about C, the other way round. `Line` and `Circles` hold these courses, seen along
-the twist's first direction: x in this direction, y to the left, and so C = (0, v/w). The data of a
-twist, a disc or an edge are plain numbers, those of points arrays (N,): calling numpy costs more than the
-arithmetic does. Contact times are in seconds, infinity for never; they are those of points outside the hull.
+A robot with a constant twist turns about the centre of rotation C = (-vy/w, vx/w). In its base frame each
+point of the world then moves on a circle about C in the opposite sense. `Line` and `Circle` hold these
+courses, seen along the twist's first direction: x in this direction, y to the left, so C = (0, v/w). Data of
+a twist, a disc or an edge are plain numbers, data of points are arrays (N,): a call of numpy costs more than
+the arithmetic. Contact times are in seconds; infinity means never. They are valid for points outside the
+hull.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ from robots.bridge.gate.values import Velocity
 Metres = NDArray[np.float64]
 Growth = float | Metres  # how far the hull is grown, in metres: for all points, or for each (N,)
 Rows = NDArray[np.intp]
-Way = tuple[float, float]  # the direction in which a twist sets out: its cosine and sine in the base frame
+Way = tuple[float, float]  # the first direction of a twist: its cosine and sine in the base frame
 
 STRAIGHT_ON: Way = (1.0, 0.0)
 STRAIGHT_PER_M = 0.001  # |w| <= 0.001 |v| counts as straight: a turning circle of more than a kilometre
-_HAIR_M = 1e-9  # added to both ends of an edge: between two nothing slips through
+_HAIR_M = 1e-9  # added to both ends of an edge, so that no point passes between two edges
 
 
 def speed(twist: Velocity) -> float:
@@ -37,17 +38,17 @@ def speed(twist: Velocity) -> float:
 
 
 def is_straight(twist: Velocity) -> bool:
-    """Return whether the turning is too little to tell the arc from a line."""
+    """Return whether the twist turns so little that its arc counts as a line."""
     return abs(twist.w) <= STRAIGHT_PER_M * speed(twist)
 
 
 def centre(twist: Velocity) -> tuple[float, float]:
-    """Centre of rotation C in the base frame, metres. Not for a straight twist."""
+    """Return the centre of rotation C in the base frame, metres. Not for a straight twist."""
     return -twist.vy / twist.w, twist.vx / twist.w
 
 
 def track(x: float, y: float, twist: Velocity) -> float:
-    """The track of one point of the base frame: how far left of a straight way it is, or how far from C."""
+    """Return the track of a point (base frame): its distance to the left of a straight way, or from C."""
     if is_straight(twist):
         return (twist.vx * y - twist.vy * x) / speed(twist)
     cx, cy = centre(twist)
@@ -55,13 +56,13 @@ def track(x: float, y: float, twist: Velocity) -> float:
 
 
 def way(twist: Velocity) -> Way:
-    """Direction in which the twist sets out; straight on, if it turns on the spot."""
+    """Return the first direction of the twist; straight ahead for a turn on the spot."""
     v = speed(twist)
     return (twist.vx / v, twist.vy / v) if v > 0.0 else STRAIGHT_ON
 
 
 def seen_along(points: Points, way: Way) -> Points:
-    """Points of the base frame, with x along the way and y to the left of it."""
+    """Return points of the base frame in coordinates with x along the way and y to the left of it."""
     if way == STRAIGHT_ON:
         return points
     (x, y), (cos, sin) = points.T, way
@@ -69,7 +70,7 @@ def seen_along(points: Points, way: Way) -> Points:
 
 
 class Line(NamedTuple):
-    """Points that run straight past the base: `x` ahead of it, `track` to the left."""
+    """Points that move straight past the base: `x` ahead of it, `track` to the left."""
 
     v: float
     x: Metres
@@ -77,10 +78,11 @@ class Line(NamedTuple):
 
 
 class Circle(NamedTuple):
-    """Points that run on circles about the C of one twist.
+    """Points that move on circles about the C of one twist.
 
-    C is a distance `rho` to the left of the way (`sense` 1) or right (-1). Seen from there, `x` is ahead and `radial`
-    in the base's direction; `squares` are D^2, of the distance. `turning` is |w|.
+    C is at the distance `rho` to the left (`sense` 1) or right (-1) of the way. From C, `x` is the coordinate
+    along the way and `radial` the one towards the base; `squares` are D^2, the squared distances from C.
+    `turning` is |w|.
     """
 
     rho: float
@@ -92,9 +94,9 @@ class Circle(NamedTuple):
 
 
 class Courses(NamedTuple):
-    """Courses of points past the base for several twists, equally fast, that set out one way.
+    """Courses of points past the base for several twists with the same speed and first direction.
 
-    `circles`: of each twist; None for straight ones, which all run along the one `line`.
+    `circles`: one for each twist; None for straight twists, which all share the one `line`.
     """
 
     way: Way
@@ -103,13 +105,13 @@ class Courses(NamedTuple):
     circles: list[Circle | None]
 
     def track(self, twist: int, rows: Rows) -> Metres:
-        """The tracks of some of the points for one of the twists."""
+        """Return the tracks of some of the points for one of the twists."""
         circle = self.circles[twist]
         return self.line.track.take(rows) if circle is None else np.sqrt(circle.squares.take(rows))
 
 
 class Contact(NamedTuple):
-    """The first contact with any point: after how many seconds, less a reserve, and with which (its row)."""
+    """The first contact with any point: seconds until then, minus a reserve, and the row of the point."""
 
     until_s: float
     row: int
@@ -119,7 +121,7 @@ NEVER = Contact(math.inf, -1)
 
 
 def courses(points: Points, way: Way, twists: Sequence[Velocity]) -> Courses:
-    """Courses of points, seen along the way of the twists, past the base."""
+    """Return the courses past the base of points that are seen along the way of the twists."""
     x, y = points.T
     v = speed(twists[0])
     circles: list[Circle | None] = []
@@ -140,12 +142,12 @@ def courses(points: Points, way: Way, twists: Sequence[Velocity]) -> Courses:
 
 
 def _of(growth: Growth, rows: Rows) -> Growth:
-    """The growth for some of the points."""
+    """Return the growth for some of the points."""
     return growth if isinstance(growth, float) else growth.take(rows)
 
 
 def _first(rows: Rows, ways: Metres, rate: float) -> Contact:
-    """The one that has the shortest way to go, in m or rad, at this rate."""
+    """Return the contact with the shortest way (m or rad), at this rate."""
     if not len(rows):
         return NEVER
     first = int(ways.argmin())
@@ -153,7 +155,10 @@ def _first(rows: Rows, ways: Metres, rate: float) -> Contact:
 
 
 def disc_contacts(courses: Courses, x: float, y: float, radius: Growth, reserve_m: float) -> list[Contact]:
-    """Contact of each twist with a disc about (x, y), seen along the way. The reserve is left on the point's path."""
+    """Return each twist's first contact of a disc about (x, y), seen along the way, with a point.
+
+    The reserve is left on the point's path.
+    """
     straight = _disc_straight(courses.line, x, y, radius, reserve_m) if None in courses.circles else NEVER
     return [
         straight if circle is None else _disc_turning(circle, x, y, radius, reserve_m)
@@ -162,7 +167,7 @@ def disc_contacts(courses: Courses, x: float, y: float, radius: Growth, reserve_
 
 
 def _disc_straight(line: Line, x: float, y: float, radius: Growth, reserve_m: float) -> Contact:
-    """t = (x - sqrt(r^2 - y^2)) / v, with x and y as the disc's middle sees them."""
+    """t = (x - sqrt(r^2 - y^2)) / v, with x and y relative to the disc's middle."""
     ahead, aside = line.x - x, np.abs(line.track - y)
     rows = ((aside < radius) & (ahead > 0.0)).nonzero()[0]
     if not len(rows):
@@ -197,10 +202,10 @@ def _disc_turning(circle: Circle, x: float, y: float, radius: Growth, reserve_m:
 
 
 def disc_meets_s(x: float, y: float, twist: Velocity, radius_m: float, reserve_m: float) -> float:
-    """Time until a twist that turns brings a disc about the origin to one point, seen along the way.
+    """Return the time until a twist that turns brings a disc about the origin to a point, seen along the way.
 
-    Less the reserve, on the base's path. The same as `disc_contacts`, in plain numbers. Infinity for a straight
-    twist, a turn on the spot, and for never.
+    The reserve, on the base's path, is subtracted. Same as `disc_contacts`, in plain numbers. Infinity:
+    never, or the twist is straight or a turn on the spot.
     """
     v, turning = speed(twist), abs(twist.w)
     if v == 0.0 or turning <= STRAIGHT_PER_M * v:
@@ -218,9 +223,9 @@ def disc_meets_s(x: float, y: float, twist: Velocity, radius_m: float, reserve_m
 class Edges:
     """The edges of a convex polygon, counter-clockwise, ready to be grown outwards by a margin.
 
-    Edge i lies where normal_i . p = offset_i; along it, u_i . p runs from one end to the other (u_i is the normal
-    turned left). Growing by m moves each edge out by m and lengthens its ends by m times the tangent of half the
-    bend there: corners stay sharp.
+    Edge i is the part of the line normal_i . p = offset_i on which u_i . p is between two ends (u_i is the
+    normal turned left). Growing by m moves each edge out by m, and moves each end by m times the tangent of
+    half the bend there: corners remain sharp.
     """
 
     def __init__(self, outline: tuple[tuple[float, float], ...]) -> None:
@@ -254,9 +259,9 @@ class Edges:
         self.corner_stretch = 1.0 / np.cos(bends / 2.0)
 
     def gaps(self, points: Points) -> NDArray[np.float64]:
-        """Return how far each point lies beyond the edge it is farthest beyond; negative inside.
+        """Return the largest of each point's distances beyond the edges' lines; negative inside.
 
-        So the points with gap m are the outline grown by m.
+        So the points with gap m form the outline grown by m.
         """
         beyond = self.normals @ points.T
         beyond -= self.offsets[:, None]
@@ -265,9 +270,9 @@ class Edges:
 
 
 class _Side(NamedTuple):
-    """An edge seen along a way: n . p = offset, and along it from `low` to `high`, which grow with the hull.
+    """An edge seen along a way: n . p = offset, between the ends `low` and `high`, which grow with the hull.
 
-    `facing_left` and `facing_right`: the angle of n as seen from a C on the left, or on the right.
+    `facing_left` and `facing_right`: the angle of n, seen from a C on the left or on the right.
     """
 
     nx: float
@@ -287,13 +292,14 @@ def _sides(edges: Edges, way: Way) -> tuple[_Side, ...]:
     facing = np.arctan2(nx, -ny), np.arctan2(nx, ny)
     columns = (nx, ny, edges.offsets, *edges.ends, *edges.stretch, *facing)
     sides = [_Side(*numbers) for numbers in np.array(columns).T.tolist()]
-    return tuple(sorted(sides, reverse=True))  # what is in front meets the most
+    return tuple(sorted(sides, reverse=True))  # front edges first: most points enter there
 
 
 def polygon_contacts(courses: Courses, edges: Edges, growth: Growth, reserve_m: float) -> list[Contact]:
-    """First contact of each twist with a convex polygon that is grown. The reserve is left along the point's path.
+    """Return each twist's first contact of a grown convex polygon with a point.
 
-    A point comes in through an edge if its track lies between those of the edge's ends.
+    The reserve is left along the point's path. A point enters through an edge if its track lies between the
+    tracks of the edge's ends.
     """
     straight = NEVER
     if None in courses.circles:
@@ -304,7 +310,7 @@ def polygon_contacts(courses: Courses, edges: Edges, growth: Growth, reserve_m: 
 
 
 def _enter_straight(line: Line, side: _Side, growth: Growth, reserve_m: float) -> Contact:
-    """Time at which a point, moving along -v, first comes in through an edge of the grown hull."""
+    """Return the first time at which a point, moving along -v, enters the grown hull through this edge."""
     if side.nx <= 0.0:
         return NEVER
     height = side.offset + growth
@@ -320,10 +326,10 @@ def _enter_straight(line: Line, side: _Side, growth: Growth, reserve_m: float) -
 def _entrances(
     edges: Edges, way: Way, growth: Growth, rho: float, sense: float
 ) -> list[tuple[Growth, Growth, Growth, float]]:
-    """The grown edges as circles about a C meet them that is `rho` to the left (`sense` 1) or right (-1).
+    """Return the grown edges as seen from C, which is `rho` to the left (`sense` 1) or right (-1).
 
-    Seen from C, an edge's line is this far away along its normal, points come in whose D^2 lies between these two
-    squares, and its normal points to this angle. Plain numbers, if all points have the same growth.
+    For each edge: the distance of its line along its normal; the least and greatest D^2 of points that enter
+    through it; the angle of its normal. Plain numbers, if all points have the same growth.
     """
     left = sense * rho
     entrances = []
@@ -341,11 +347,11 @@ def _entrances(
 
 
 def _enter_turning(courses: Courses, edges: Edges, growth: Growth, reserve_m: float) -> list[Contact]:
-    """Time at which a point, on its circle about each twist's C, first comes in through any edge of the grown hull.
+    """Return for each twist the first time at which a point, on its circle about C, enters the grown hull.
 
-    The circle of radius D crosses an edge's line at angles of -+arccos(height / D) from the normal, and comes in at the
-    minus sign, counted in the turning sense. All twists, edges and points at once: a call of numpy costs more than its
-    arithmetic.
+    The circle of radius D crosses an edge's line at angles of -+arccos(height / D) from the normal, and
+    enters at the minus sign, counted in the turning sense. All twists, edges and points are computed at once:
+    a call of numpy costs more than its arithmetic.
     """
     circles = [circle for circle in courses.circles if circle is not None]
     if not circles:
@@ -367,7 +373,7 @@ def _enter_turning(courses: Courses, edges: Edges, growth: Growth, reserve_m: fl
     through = hits // points  # which edge of which circle
     rows = hits - points * through
     heights = np.array(lines)
-    known = rows if len(circles) == 1 else rows + points * (through // number)  # in the tables
+    known = rows if len(circles) == 1 else rows + points * (through // number)  # index in the tables
     d = np.sqrt(all_squares.take(known))
     onward = np.arctan2(courses.line.x.take(rows), radial.take(known))
     onward -= np.array(facing).take(through)
@@ -387,9 +393,10 @@ def _enter_turning(courses: Courses, edges: Edges, growth: Growth, reserve_m: fl
 def polygon_meets_s(
     x: float, y: float, way: Way, twist: Velocity, edges: Edges, growth_m: float, reserve_m: float
 ) -> float:
-    """Time until a twist that turns brings the grown polygon to one point, seen along the way; less the reserve.
+    """Return the time until a twist that turns brings the grown polygon to one point, seen along the way.
 
-    The same as `polygon_contacts`, in plain numbers. Infinity for a straight twist, and for never.
+    The reserve is subtracted. Same as `polygon_contacts`, in plain numbers. Infinity: never, or the twist is
+    straight.
     """
     v = speed(twist)
     if abs(twist.w) <= STRAIGHT_PER_M * v:

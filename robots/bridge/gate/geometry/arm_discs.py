@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 SPACING = 1.5  # between the middles of two discs, in radii of the arm
-AWAY_MPS = 0.2  # while the arm is away from home at an unknown place
-UNDER_M = 0.05  # deeper within an arm's disc than this: below or above the arm
+AWAY_MPS = 0.2  # speed limit while the arm is away from home at an unknown place
+UNDER_M = 0.05  # a point that is deeper inside an arm's disc is below or above the arm
 KNOWN_S = 0.5  # a posture older than this is unknown
-LATELY_S = 1.0  # a picture that comes now may show where the arm was so long ago
+LATELY_S = 1.0  # a picture that comes now may show where the arm was up to this time ago
 
 Disc = tuple[float, float, float]
 
@@ -21,8 +21,8 @@ Disc = tuple[float, float, float]
 class Posture(NamedTuple):
     """Posture of the arm: at home, away with known discs (x, y, radius; base frame, metres), or away and unknown.
 
-    `ends`: about the arm's ends, what a camera sees there may be the robot itself. `reach`: the arm moves, or nobody
-    knows where it is, and may be seen anywhere in there.
+    `ends`: discs about the arm's ends; points that a camera sees there may be the robot itself. `reach`: disc
+    in which a camera may see the arm anywhere, because the arm moves or its place is unknown.
     """
 
     at_home: bool
@@ -44,7 +44,10 @@ def is_home(positions: Mapping[str, float], home: Mapping[str, float], tolerance
 
 
 def discs_along(line: NDArray[np.float64], radius_m: float) -> tuple[Disc, ...]:
-    """Discs that cover an arm of this radius along a line of link origins (N, 2 or 3; base frame), seen from above."""
+    """Return discs that cover an arm of this radius, seen from above.
+
+    `line`: the origins of its links (N, 2 or 3; base frame).
+    """
     kept: list[NDArray[np.float64]] = []
     for middle in middles_along(line[:, :2], radius_m):
         # links above one another are one disc
@@ -55,7 +58,7 @@ def discs_along(line: NDArray[np.float64], radius_m: float) -> tuple[Disc, ...]:
 
 
 def middles_along(lines: NDArray[np.float64], radius_m: float) -> NDArray[np.float64]:
-    """Places (M, 2) along one line of link origins or several, (..., N, 2), close enough for discs of `covering_m`."""
+    """Return places (M, 2) along lines of link origins (..., N, 2), close enough for `covering_m` discs."""
     begin, way = lines[..., :-1, :], np.diff(lines, axis=-2)
     pieces = max(
         math.ceil(float(np.hypot(way[..., 0], way[..., 1]).max(initial=0.0)) / (SPACING * radius_m)), 1
@@ -66,10 +69,10 @@ def middles_along(lines: NDArray[np.float64], radius_m: float) -> NDArray[np.flo
 
 
 def covering_m(radius_m: float) -> float:
-    """The radius of discs s apart that cover an arm's flank between them too: sqrt(r^2 + (s/2)^2)."""
+    """Return the radius at which discs s apart cover the whole width of the arm: sqrt(r^2 + (s/2)^2)."""
     return radius_m * math.hypot(1.0, SPACING / 2.0)
 
 
 def beyond(discs: tuple[Disc, ...], base_radius_m: float) -> tuple[Disc, ...]:
-    """The discs that reach out of a base of this radius."""
+    """Return the discs that reach out of a base of this radius."""
     return tuple(disc for disc in discs if math.hypot(disc[0], disc[1]) + disc[2] > base_radius_m)

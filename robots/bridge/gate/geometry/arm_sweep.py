@@ -20,7 +20,7 @@ _CORNER_M = CELL_M * math.sqrt(0.5)  # no disc's middle is farther than this fro
 Floats = NDArray[np.float64]
 LinksAt = Callable[
     [Mapping[str, float | Floats]], Floats
-]  # (moments, links, 2 or 3), by joints at these moments
+]  # places of the links (moments, links, 2 or 3), from the joints at these moments
 
 
 class Motion(NamedTuple):
@@ -46,10 +46,10 @@ def swept(
     ends: Sequence[int] = (),
     end_m: float = 0.0,
 ) -> tuple[Disc, ...]:
-    """The discs of an arm of this radius on its way from where it is through all points of the motion, joints in step.
+    """Return discs that cover an arm of this radius from `present` through all points of the motion.
 
-    It may reach `end_m` farther from the links with the numbers `ends`: what is there nobody described.
-    KeyError: `present` lacks a joint.
+    All joints move in step. The arm may reach `end_m` farther from the links with the numbers `ends`: their
+    parts are missing in the robot's description. Raises KeyError if `present` lacks a joint.
     """
     joints = np.array([[present[joint] for joint in motion.joints], *motion.points])
     moments = np.concatenate([_between(begin, end) for begin, end in pairwise(joints)])
@@ -63,13 +63,13 @@ def swept(
 
 
 def _between(begin: Floats, end: Floats) -> Floats:
-    """Both ends, and as much between them that the joints together move no more than a step at a time."""
+    """Return both ends and enough postures between them: from one to the next, joints move `STEP` at most."""
     steps = max(1, math.ceil(float(np.abs(end - begin).sum()) / STEP))
     return np.linspace(begin, end, steps + 1)
 
 
 def thinned(middles: Floats, radius_m: float) -> tuple[Disc, ...]:
-    """One disc a cell, that covers all discs of this radius that have their middle (N, 2) there."""
+    """Return one disc for each cell: it covers all discs of this radius with their middle (N, 2) there."""
     columns, rows = np.rint(middles / CELL_M).astype(np.int64).T
     cells = np.unique((columns << 32) + rows)
     rows = (cells + (1 << 31) & 0xFFFFFFFF) - (1 << 31)
@@ -81,9 +81,10 @@ def thinned(middles: Floats, radius_m: float) -> tuple[Disc, ...]:
 def intruder(
     discs: Sequence[Disc], obstacles: Obstacles, gaps: NDArray[np.float64], arm: Sequence[Disc] = ()
 ) -> Intruder | None:
-    """The obstacle in the swept space that is nearest to the base (`gaps`, one for each obstacle).
+    """Return the obstacle in the swept space that is nearest to the base (`gaps`: one for each obstacle).
 
-    An obstacle well within the present arm (`arm`) is above it, below it, or the arm itself.
+    An obstacle deep inside the present arm (`arm`) does not count: it is above the arm, below it, or the arm
+    itself.
     """
     inside = (_depth(discs, obstacles.points) >= 0.0) & (_depth(arm, obstacles.points) < UNDER_M)
     rows = np.flatnonzero(inside)
@@ -95,7 +96,7 @@ def intruder(
 
 
 def _depth(discs: Sequence[Disc], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how deep each point is within the union of the discs; negative: that far outside."""
+    """Return how deep each point is inside the union of the discs (m); negative outside."""
     deepest = np.full(len(points), -math.inf)
     for x, y, radius in discs:
         np.maximum(deepest, radius - np.hypot(points[:, 0] - x, points[:, 1] - y), out=deepest)

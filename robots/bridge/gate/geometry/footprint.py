@@ -15,13 +15,13 @@ from robots.bridge.gate.geometry.planar import Path, Points, from_columns
 from robots.bridge.gate.values import GateProfile, Pose, Velocity
 
 Band = tuple[float, float]
-Quick = NDArray[np.float32]  # a roll-out compares poses by the thousand: 2 um are exact enough there
+Quick = NDArray[np.float32]  # a roll-out compares thousands of poses: an error of 2 um is small enough there
 
 
 class Spread(NamedTuple):
-    """How far the base may be from a pose, and turned (radians) from it; none negative.
+    """How far the base may be from a pose (metres, in the base's directions there) and turned (radians).
 
-    Metres are along the sides of the base as it stands there. More than a quarter turn counts as all turns.
+    No number is negative. More than a quarter turn counts as any turn.
     """
 
     ahead: float
@@ -35,10 +35,10 @@ class Spread(NamedTuple):
 class Footprint(Protocol):
     """Interface of a hull. Points are (N, 2) in the base frame.
 
-    `demanded_share`: the part of a gap narrower than the margin that must stay free while the robot gets away.
-    `pose_spacing_m`: way between two checked poses of a roll-out; what stands between them is missed by little.
-    `turns_freely`: turning on the spot, it touches nothing new.
-    `sharpness`: the largest ratio of a point's distance to its gap, since edges give the gaps beyond a corner.
+    * `demanded_share`: the part of a too narrow gap that must remain while the robot moves away.
+    * `pose_spacing_m`: way between two checked poses of a roll-out; between them gaps are hardly smaller.
+    * `turns_freely`: a turn on the spot touches no point.
+    * `sharpness`: largest ratio of a point's distance to its gap; beyond corners, gaps count from edge lines.
     """
 
     demanded_share: float
@@ -47,19 +47,19 @@ class Footprint(Protocol):
     sharpness: float
 
     def reach(self, growth_m: float) -> float:
-        """Radius about the base origin that holds the hull grown by `growth_m`."""
+        """Return the radius about the base origin that holds the hull grown by `growth_m`."""
 
     def gaps(self, points: Points) -> Metres:
         """Return how far each point lies outside the hull; negative inside."""
 
     def gaps_about(self, there: Pose, spread: Spread, points: Points, near_m: float) -> Metres:
-        """Return no more than the distance from the hull of a base anywhere in this spread about `there`.
+        """Return lower bounds of the points' gaps for a base anywhere in this spread about `there`.
 
-        Of what is above `near_m`, only that it is.
+        Bounds above `near_m` may be rough.
         """
 
     def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
-        """Time until the hull, grown, first touches one of the points, which lie outside; for each twist.
+        """Return for each twist the first contact of the grown hull with one of the points outside.
 
         The reserve is left on the path.
         """
@@ -67,22 +67,22 @@ class Footprint(Protocol):
     def meets_s(
         self, x: float, y: float, way: Way, twist: Velocity, growth_m: float, reserve_m: float
     ) -> float:
-        """Return the same for one point, seen along the way; infinity also where that is not known cheaply."""
+        """Return the same for one point, seen along the way: the time (s). Infinity also if it is costly."""
 
     def bands(self, twist: Velocity) -> list[Band]:
-        """Return which tracks the hull sweeps on this arc: to the left of a straight way, or distances from C."""
+        """Return the tracks (`arc.track`) that the hull sweeps on this arc."""
 
     def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
-        """The least gap that each point has on each row of a path, (rows, N).
+        """Return the least gap of each point on each row of a path, (rows, N).
 
-        Points that drift (m/s) move on with the path's time.
+        Points with a drift (m/s) move with the path's time.
         """
 
 
 class Disc:
     """A disc about the base origin."""
 
-    demanded_share = 1.0  # getting away from anything, a disc need not come nearer to it first
+    demanded_share = 1.0  # a disc that moves away from a point need not come nearer to it first
     pose_spacing_m = 0.04
     turns_freely = True
     sharpness = 1.0
@@ -105,7 +105,7 @@ class Disc:
 
     def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
         firsts = arc.disc_contacts(courses, 0.0, 0.0, self.radius_m + growth, 0.0)
-        # Turning a disc brings it no nearer to anything: the base's path counts.
+        # A turn brings a disc no nearer to a point: the reserve is on the base's path.
         return [
             first if first is arc.NEVER else Contact(first.until_s - reserve_m / courses.v, first.row)
             for first in firsts
@@ -126,7 +126,7 @@ class Disc:
 class Discs:
     """Several discs, fixed to each other: a long base, or an arm that reaches out. Their union is the hull."""
 
-    # turning out of a wall, one disc may come a little nearer to it before another leaves
+    # while the hull turns away from a wall, one disc may first come a little nearer to it
     demanded_share = 0.5
     pose_spacing_m = 0.04
     turns_freely = False
@@ -187,7 +187,7 @@ class Discs:
 class Polygon:
     """A convex outline, counter-clockwise."""
 
-    demanded_share = 0.5  # a corner that turns out of a wall may come a little nearer to it first
+    demanded_share = 0.5  # while the hull turns away from a wall, a corner may first come a little nearer
     pose_spacing_m = 0.025
     turns_freely = False
 
@@ -197,17 +197,17 @@ class Polygon:
         self._corners = [(float(x), float(y)) for x, y in outline]
         lengths = self.edges.lengths.tolist()
         self._sides = list(zip(self._corners, self.edges.along.tolist(), lengths, strict=True))
-        along = self.edges.along @ self.edges.vertices.T  # of each edge, where the corners are
+        along = self.edges.along @ self.edges.vertices.T  # of each edge: the corners' coordinates along it
         before, after = -along.min(axis=1), along.max(axis=1)
         # of each edge: its line, how far the hull reaches to either side of the normal, and the turns that bring a
-        # corner so far out as it gets
+        # corner farthest out
         peaks = np.arctan2(before, self.edges.offsets), np.arctan2(after, self.edges.offsets)
         columns = *self.edges.normals.T, self.edges.offsets, before, after, *peaks
         self._lines = np.array(columns).T.tolist()
         self._columns = np.array((*self.edges.normals.T, self.edges.offsets))[..., None, None]
         distances: list[float] = np.hypot(*self.edges.vertices.T).tolist()
         reaches = set(zip(distances, self.edges.corner_stretch.tolist(), strict=True))
-        self._corner_reaches: list[tuple[float, float]] = sorted(reaches)  # those of a box are all the same
+        self._corner_reaches: list[tuple[float, float]] = sorted(reaches)  # equal corners have one entry
 
     def reach(self, growth_m: float) -> float:
         return max([distance + growth_m * stretch for distance, stretch in self._corner_reaches])
@@ -216,7 +216,7 @@ class Polygon:
         return self.edges.gaps(points)
 
     def gaps_about(self, there: Pose, spread: Spread, points: Points, near_m: float) -> Metres:
-        """One product of the edges' lines, turned to `there`, and the points. Each edge lies as far out as it gets."""
+        """Multiply the points once with the edges' lines at `there`, each as far out as it can get."""
         cos, sin = math.cos(there.yaw), math.sin(there.yaw)
         ahead, behind, left, right, turned_left, turned_right = spread
         reach_m = self.reach(0.0) if max(turned_left, turned_right) > math.pi / 2.0 else 0.0
@@ -226,7 +226,8 @@ class Polygon:
         for row, (nx, ny, offset, before, after, peak_left, peak_right) in enumerate(self._lines):
             normals[row, 0] = across = cos * nx - sin * ny
             normals[row, 1] = up = sin * nx + cos * ny
-            # How far out along the normal the hull swings: a point (offset, aside) turns on a circle about the origin.
+            # How far out along the normal the hull swings: a corner (offset, aside) moves on a circle about
+            # the origin.
             if reach_m:
                 out = reach_m
             else:
@@ -276,9 +277,9 @@ class Polygon:
         return least
 
     def _ring(self, cx: float, cy: float) -> tuple[float, float]:
-        """Nearest and farthest distance of the hull from (cx, cy); 0 nearest if the point is inside.
+        """Return the least (0 if the point is inside) and the greatest distance of the hull from (cx, cy).
 
-        Plain numbers: for a handful of corners they are quicker than arrays.
+        Plain numbers: for a few corners they are quicker than arrays.
         """
         farthest = max(math.hypot(x - cx, y - cy) for x, y in self._corners)
         nearest, inside = math.inf, True
@@ -297,7 +298,7 @@ def clearances(tracks: Metres, twist: Velocity, footprint: Footprint) -> Metres:
 
 
 def footprint_of(profile: GateProfile) -> Footprint:
-    """The hull that a profile describes. ValueError if it describes none."""
+    """Return the hull that a profile describes. Raises ValueError if it describes none."""
     if profile.discs is not None:
         return Discs(profile.discs)
     if profile.outline is not None:
@@ -308,12 +309,12 @@ def footprint_of(profile: GateProfile) -> Footprint:
 
 
 def _from(points: Points, x: float, y: float) -> Points:
-    """Points as seen from (x, y)."""
+    """Return the points relative to (x, y)."""
     return from_columns(points[:, 0] - x, points[:, 1] - y)
 
 
 def _disc_band(x: float, y: float, radius_m: float, twist: Velocity) -> Band:
-    """The tracks that a disc about (x, y) sweeps: a strip, or a ring about the centre of rotation."""
+    """Return the tracks that a disc about (x, y) sweeps: a strip, or a ring about the centre of rotation."""
     middle = arc.track(x, y, twist)
     return middle - radius_m, middle + radius_m
 
@@ -321,14 +322,15 @@ def _disc_band(x: float, y: float, radius_m: float, twist: Velocity) -> Band:
 def _disc_gaps_about(
     there: Pose, at_x: float, at_y: float, radius_m: float, spread: Spread, points: Points, near_m: float
 ) -> Metres:
-    """Gaps of a disc about (x, y) of the base: distances from the box in which its middle is, less the radius.
+    """Return the gaps of a disc about (`at_x`, `at_y`) of the base, as in `Footprint.gaps_about`.
 
-    First from the circle about this box, which costs less.
+    A gap is the distance from the box in which the disc's middle may be, minus the radius. Points that are
+    far from the circle about this box get the distance from the circle, which costs less.
     """
     x, y = points.T
     ahead, behind, left, right, _, _ = spread
     cos, sin = math.cos(there.yaw), math.sin(there.yaw)
-    # The middle of the box, as the base is turned.
+    # The middle of the box, in the directions of the base.
     box_x = at_x + (ahead - behind) / 2.0
     box_y = at_y + (left - right) / 2.0
     half_x, half_y = (ahead + behind) / 2.0, (left + right) / 2.0
@@ -351,7 +353,7 @@ def _least(arrays: list[Metres]) -> Metres:
 
 
 def _least_distances(path: Path, points: Points, drift: Points | None) -> Quick:
-    """Distances from the poses' origins to points p + u t: |p|^2 - 2 p.c + |c|^2, and the terms of the drift u."""
+    """Return least distances of points p + u t from pose origins c: |p|^2 - 2 p.c + |c|^2, and terms of u."""
     x, y, time_s = path.x, path.y, path.time_s
     px, py = points.T
     places: list[Metres | float] = [x**2 + y**2, 1.0, -2.0 * x, -2.0 * y]
@@ -371,7 +373,7 @@ def _product(
     moments: list[Metres | float],
     points: tuple[int, ...],
 ) -> Quick:
-    """One matrix product of the terms of poses and points, (*poses, N)."""
+    """Return the matrix product of the terms of poses and points, (*poses, N)."""
     rows = _stacked(places, poses).reshape(len(places), -1).T.copy()
     product: Quick = (rows @ _stacked(moments, points)).reshape(*poses, -1)
     return product

@@ -1,4 +1,4 @@
-"""Planar frames: poses, and points carried between them. Points are (N, 2) arrays in metres."""
+"""Planar frames: transform poses and points between them. Points are (N, 2) arrays in metres."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
 class Path(NamedTuple):
-    """Poses that follow each other, several such rows at once: each array is (rows, poses)."""
+    """Several rows of poses that follow each other: each array is (rows, poses)."""
 
     x: NDArray[np.float64]
     y: NDArray[np.float64]
@@ -26,23 +26,23 @@ class Path(NamedTuple):
 
 
 def wrapped(angle: float) -> float:
-    """The same angle in -pi..pi."""
+    """Return the same angle in -pi..pi."""
     return math.remainder(angle, math.tau)
 
 
 def from_columns(x: NDArray[np.float64], y: NDArray[np.float64]) -> Points:
-    """Points (N, 2) whose two columns each lie together in memory, as the arithmetic reads them."""
+    """Return points (N, 2) with each column contiguous in memory: quicker for the arithmetic."""
     return np.array((x, y)).T
 
 
 def chosen(points: Points, rows: NDArray[np.intp]) -> Points:
-    """Some of the points, their columns together in memory again."""
+    """Return some of the points, again with contiguous columns."""
     some: Points = points.T.take(rows, axis=1).T
     return some
 
 
 def placed(points: Points, pose: Pose) -> Points:
-    """Points given in the frame that stands at `pose`, in the frame in which `pose` is given."""
+    """Transform points from the frame at `pose` to the frame in which `pose` is given."""
     turn, shift = np.empty((2, 2)), np.empty((2, 1))  # filled one by one: quicker than from nested tuples
     turn[0, 0] = turn[1, 1] = math.cos(pose.yaw)
     turn[1, 0] = sin = math.sin(pose.yaw)
@@ -54,21 +54,21 @@ def placed(points: Points, pose: Pose) -> Points:
 
 
 def seen_from(pose: Pose, viewer: Pose) -> Pose:
-    """`pose` as `viewer` sees it, both given in one frame."""
+    """Return `pose` in the frame at `viewer`; both are given in one frame."""
     dx, dy = pose.x - viewer.x, pose.y - viewer.y
     cos, sin = math.cos(viewer.yaw), math.sin(viewer.yaw)
     return Pose(cos * dx + sin * dy, -sin * dx + cos * dy, wrapped(pose.yaw - viewer.yaw))
 
 
 def put(pose: Pose, base: Pose) -> Pose:
-    """`pose`, given in the frame that stands at `base`, in the frame in which `base` is given."""
+    """Transform `pose` from the frame at `base` to the frame in which `base` is given."""
     cos, sin = math.cos(base.yaw), math.sin(base.yaw)
     x, y = base.x + cos * pose.x - sin * pose.y, base.y + sin * pose.x + cos * pose.y
     return Pose(x, y, wrapped(base.yaw + pose.yaw))
 
 
 def joined(parts: list[Points]) -> Points:
-    """All points of several arrays, in order."""
+    """Return all points of several arrays, in order."""
     some = [part.T for part in parts if len(part)]
     if len(some) < 2:
         return some[0].T if some else NO_POINTS

@@ -1,40 +1,43 @@
 """Empty boxes around the robot certify that no point limits a twist, without a check of every arc and pose.
 
-The gate checks points twice: `restraint.restrain` (methods 1 to 5), then `rollout.safe_share` (method 6). Each check
-has a certificate: if its boxes hold no point, the check would change nothing, so it is skipped. If a box holds a
-point, the check decides. So a box that is too large costs time only.
+The gate checks points twice: `safe_twist.restrain` (methods 1 to 5), then `rollout.safe_share` (method 6).
+Each check has a certificate: if its boxes hold no point, the check would change nothing, so it is skipped. If
+a box holds a point, the check decides. So a box that is too large costs time only.
 
-The certificate assumes nothing about the past: the points are current. `ObstacleCache` transforms them to the newest
-pose when odometry comes, and renews them with each scan, picture, echo or expiry. All rules without points are decided
-before: missing and stale data, posture, blind directions, depth camera, latency, the operator's delay, rate limits.
+The certificate assumes nothing about the past: the points are current. `ObstacleCache` transforms them to the
+newest pose when odometry comes, and renews them with each scan, picture, echo or expiry. All rules without
+points are decided before: missing and stale data, posture, blind directions, depth camera, latency, the
+operator's delay, robot limits, and (before the second check) rate limits.
 
 A box lies about the base origin, x ahead along the way and y to the left. Let the wanted twist have vy = 0 and
-v = |vx|, and let radius(m) be the radius about the base origin that holds the hull, arm and all, grown by m.
+v = |vx|, and let radius(m) be the radius about the base origin that holds the hull with the arm, grown by m.
 
-*Braking* (first check). It follows arcs with the speed v and the turn rates wanted, measured and sent last. It takes
-nothing away if on each of them the hull, grown by at most m_lat, touches nothing within T + T_b / 2, with m_front left
-along the path of the point. With R = v / |w| and r = radius(m_lat), a point that can be touched is at least R - r away
-from the centre of rotation, so this reserve is an angle of at most m_front / (R - r). Until then the base turns by
-theta = |w| (T + T_b / 2) + m_front / (R - r), goes at most R theta ahead and, as 1 - cos t <= t^2 / 2, at most
-R theta^2 / 2 aside; all that it touches is within r of there. With theta <= pi / 2 it does not come back. Straight on,
-that is v (T + T_b / 2) + m_front ahead and nothing aside. The largest |w| gives the largest box; its corners
-are rounded by r. Turning on the spot (v = 0), only what is within radius(m_lat) + m_front is considered at all.
+*Braking* (first check). It follows arcs with the speed v and the turn rates wanted, measured and sent last.
+It changes nothing if on each arc the hull, grown by at most m_lat, touches nothing within T + T_b / 2, with
+m_front left along the path of the point. With R = v / |w| and r = radius(m_lat), a point that can be touched
+is at least R - r away from the centre of rotation, so this reserve is an angle of at most m_front / (R - r).
+In this time the base turns by at most theta = |w| (T + T_b / 2) + m_front / (R - r). It goes at most R theta
+ahead and, as 1 - cos t <= t^2 / 2, at most R theta^2 / 2 aside. It touches only points within r of this area.
+With theta <= pi / 2 it does not come back. On a straight way it goes v (T + T_b / 2) + m_front ahead and
+nothing aside. The largest |w| gives the largest box; its corners are rounded by r. In a turn on the spot
+(v = 0), the check considers only points within radius(m_lat) + m_front.
 
-*Passing* (first check). Above v_creep it considers points ahead with a gap below `slowing` + `harmless`; they are
-within L = radius(slowing + harmless). Of these it considers, on each arc, those that the hull passes by less than
-`harmless`; they are within q = radius(0) + harmless of the arc's circle. From (R - q)^2 < x^2 + (y - R)^2 < (R +
-q)^2 and x^2 + y^2 < L^2 follows |y| < q + L^2 / 2R.
+*Passing* (first check). Above v_creep the check considers points ahead with a gap below `slowing` +
+`harmless`; they are within L = radius(slowing + harmless). Of these it considers, on each arc, the points
+that the hull passes by less than `harmless`; they are within q = radius(0) + harmless of the arc's circle.
+From (R - q)^2 < x^2 + (y - R)^2 < (R + q)^2 and x^2 + y^2 < L^2 follows |y| < q + L^2 / 2R.
 
-*Playing* (second check). It plays recent commands and the candidate for T and one period, then full braking. A base
-brings each of its speeds monotonically towards what is commanded. So no speed is ever beyond the extremes of its axis
-among the measured twist, what was sent lately and the candidate: V forward, N backward, S sideways (wheels slip), W
-turning. Let P(u) be u (T + period) + u^2 / 2a. Without S the base goes at most P(V) ahead and, while its heading is at
-most Theta = W (T + period) + W^2 / 2 alpha <= pi / 2 off, at most P(N) back; aside it goes at most
-Theta (P(V) + P(N)). S adds at most P(S) in any direction. Points farther from this area than radius(m_hard) are clear.
+*Playing* (second check). It plays recent commands and the candidate for T and one period, then full braking.
+A base changes each of its speeds monotonically towards the commanded speed. So no speed is ever beyond the
+extremes of its axis among the measured twist, the recent commands and the candidate: V forward, N backward, S
+sideways (wheels slip), W turning. Let P(u) be u (T + period) + u^2 / 2a. The heading changes by at most
+Theta = W (T + period) + W^2 / 2 alpha, and Theta <= pi / 2 is required. Without S the base then goes at most
+P(V) ahead, P(N) back and Theta (P(V) + P(N)) aside. S adds at most P(S) in any direction. Points farther from
+this area than radius(m_hard) are clear.
 
-Where the proof would need more, nothing is certified: a wanted way sideways, an arc so tight that R <= r, points that
-move (second check), a command from the future (a clock was set). `SLACK_M` is far above what rounding does to these
-sums, also to the 32 bits of the second check, within `LONGEST_M`.
+Nothing is certified in cases that the proof does not cover: a wanted motion sideways, an arc with R <= r,
+moving points (second check), a command from the future (a clock was set). Within `LONGEST_M`, `SLACK_M` is
+much larger than the rounding errors of these sums, also with the 32 bits of the second check.
 """
 
 from __future__ import annotations
@@ -61,7 +64,7 @@ def restrains_nothing(
     footprint: Footprint,
     profile: GateProfile,
 ) -> bool:
-    """Return whether `restraint.restrain`, with the same arguments, surely returns `wanted` unchanged."""
+    """Return whether `safe_twist.restrain`, with the same arguments, surely returns `wanted` unchanged."""
     if wanted.vy != 0.0:
         return False
     v, w = abs(wanted.vx), max(abs(wanted.w), *map(abs, turn_rates))
@@ -96,7 +99,7 @@ def _are_clear(corridors: Corridors, box: Box | None, *, reverse: bool = False) 
 
 
 def _braked(v: float, w: float, footprint: Footprint, profile: GateProfile) -> Box | None:
-    """Return the space that the hull may touch before it stands."""
+    """Return the box that holds all points that the hull may touch before the base stands."""
     radius = footprint.reach(profile.parameters.lateral_margin_m)
     if v == 0.0:
         around_m = radius + profile.parameters.front_margin_m
@@ -113,7 +116,7 @@ def _braked(v: float, w: float, footprint: Footprint, profile: GateProfile) -> B
 
 
 def _passed(v: float, w: float, footprint: Footprint, profile: GateProfile) -> Box | None:
-    """Return the space next to the hull in which points slow it down."""
+    """Return the box that holds all points that may slow the base as near misses."""
     parameters = profile.parameters
     if v <= parameters.creep_mps:
         return Box(0.0, 0.0, 0.0)
@@ -128,7 +131,7 @@ def _passed(v: float, w: float, footprint: Footprint, profile: GateProfile) -> B
 def _played(
     twists: Sequence[Velocity], footprint: Footprint, profile: GateProfile, period_s: float
 ) -> Box | None:
-    """Box in which the hull can be until everything is obeyed and it has braked."""
+    """Return the box in which the hull is until the base has obeyed all commands and has braked."""
     linear, angular = braking.deceleration(profile)
     played_s = profile.parameters.latency_s + period_s
     vx, vy, w = zip(*twists, strict=True)

@@ -1,4 +1,4 @@
-"""Boxes about the base, and whether one holds a point: the question of every certificate."""
+"""Check for the certificates whether a box about the base holds a point."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 from robots.bridge.gate.geometry.arc import Metres
 from robots.bridge.gate.geometry.planar import Points
 
-GUESSES = 3  # a decision tries three boxes
+GUESSES = 3  # a decision checks three boxes
 
 
 class Box(NamedTuple):
-    """A part of the plane about the base origin, along a way: metres ahead, behind, and to either side.
+    """A box about the base origin, along a way: metres ahead, behind, and to either side.
 
     `rounded`: the radius of its corners, no longer than any side.
     """
@@ -28,10 +28,10 @@ class Box(NamedTuple):
 
 
 class Corridors:
-    """The points (base frame) along all ways straight ahead and back. Most decisions ask for no more than one box.
+    """The points (base frame) for checks of boxes ahead and back.
 
-    `guesses`: rows that were in boxes of earlier points. They are tried first, since most boxes hold the same point.
-    A wrong guess costs time only.
+    `guesses`: rows of points that were in earlier boxes. They are checked first, since most boxes hold the
+    same point as before. A wrong guess costs time only.
     """
 
     def __init__(self, points: Points, guesses: Sequence[int] = ()) -> None:
@@ -52,9 +52,9 @@ class Corridors:
         return np.abs(self._points[:, 1])
 
     def are_clear(self, box: Box, *, reverse: bool = False) -> bool:
-        """Return whether no point is in the box, or on its border; in reverse its way points backwards.
+        """Return whether no point is in the box or on its border. A NaN point is in no box.
 
-        A NaN point is in none.
+        `reverse`: the way of the box points backwards.
         """
         ahead, behind = (box.behind, box.ahead) if reverse else (box.ahead, box.behind)
         aside, rounded = box.aside, box.rounded
@@ -74,7 +74,7 @@ class Corridors:
             return True
         rows = within.nonzero()[0]
         x_in, y_in = xs.take(rows), self._aside.take(rows)
-        # How far each lies beyond the straight parts of the sides: in a corner, if along both.
+        # Distances beyond the straight parts of the sides; a point beyond both of them is in a corner.
         beyond_x = np.maximum(np.maximum(x_in - (ahead - rounded), (rounded - behind) - x_in), 0.0)
         beyond_y = np.maximum(y_in - (aside - rounded), 0.0)
         squares = beyond_x * beyond_x + beyond_y * beyond_y

@@ -1,9 +1,9 @@
-"""Roll-out: does a twist still let the robot stop clear of everything? Played pose by pose (docs/gate.md, 6).
+"""Roll-out: check pose by pose whether the robot can stop without contact after a twist (docs/gate.md, 6).
 
-The arcs of methods 1 to 5 are followed exactly only by a base without limits. A real one still obeys what was sent
-a moment ago, and changes its speeds no faster than it can, which bends the arc. So the motion is played: the
-commands on their way, one period of the candidate, then full braking. Pure: everything is an argument, nothing
-is kept.
+Only a base without rate limits would follow the arcs of methods 1 to 5 exactly. A real base still executes
+earlier commands, and its speeds change at limited rates, which bends the arc. So the roll-out computes
+("plays") the motion: the commands on their way, one period of the candidate, then full braking. The functions
+are pure.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.safe_twist import STANDING_MPS, way_out
 from robots.bridge.gate.values import GateProfile, Pose, Velocity
 
-MOVER_MARGIN_M = 0.10  # to moving points, in place of m_hard: their future place is a guess
-SHARES = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1, 0.0)  # of the candidate; the largest that is clear
-PIECE_S = 0.05  # a queue is played in pieces no longer than this
-MOST_POSES = 60  # of one braking
-REMEMBERED_S = 1.0  # commands: longer than any latency
+MOVER_MARGIN_M = 0.10  # margin of moving points, instead of m_hard: their future place is a guess
+SHARES = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1, 0.0)  # of the candidate; the largest clear share is taken
+PIECE_S = 0.05  # longest time step in which queued commands are played
+MOST_POSES = 60  # largest number of poses of one braking
+REMEMBERED_S = 1.0  # commands are kept for this time, which is longer than any latency
 LONGEST_STEP_S = 0.1  # a longer pause does not allow a larger step
-_EXACT_M = 0.0001  # a roll-out computes gaps in 32 bits
+_EXACT_M = 0.0001  # more than the rounding error of the gaps: a roll-out computes them in 32 bits
 
 
 class Sent(NamedTuple):
@@ -42,14 +42,14 @@ class Sent(NamedTuple):
 
 
 class Rolled(NamedTuple):
-    """Share of a candidate that may be sent, and the row of the point that stands in the way (-1: none does)."""
+    """Share of a candidate that may be sent, and the row of the point that limits it (-1: no point does)."""
 
     share: float
     row: int = -1
 
 
 class _State(NamedTuple):
-    """The base at one moment of the play."""
+    """State of the base at one moment of the roll-out."""
 
     x: float
     y: float
@@ -77,7 +77,7 @@ class Commands:
         self._sent: deque[tuple[float, Velocity]] = deque()
 
     def add(self, velocity: Velocity, now_s: float) -> None:
-        """Take note of the newest command. A repeated command keeps its first time."""
+        """Store the newest command. A repeated command keeps the time at which it was first sent."""
         if not self._sent or self._sent[-1][1] != velocity:
             self._sent.append((now_s, velocity))
         while len(self._sent) > 1 and now_s - self._sent[1][0] > REMEMBERED_S:
@@ -106,12 +106,12 @@ def safe_share(
     period_s: float,
     latency_s: float,
 ) -> Rolled:
-    """The largest share of `candidate`, on a grid, after which the robot can still brake clear of all points.
+    """Return the largest of `SHARES` of `candidate` after which the robot can brake clear of all points.
 
-    `queue` are the commands sent lately, oldest first; the newest of those older than `latency_s` is taken to be
-    in effect. `velocity` is the measured one. `drift` is each point's own velocity in m/s (None: all stand),
-    and what moves keeps a wider margin. The robot need not come nearer to anything than stopping now would bring
-    it, and no more than that distance is ever demanded (method 4).
+    `queue`: the recent commands, oldest first. The newest command that is older than `latency_s` is assumed
+    to be in effect. `velocity`: the measured velocity. `drift`: the velocity of each point in m/s (None: all
+    points stand); moving points get a wider margin. The gate never demands more distance to a point than the
+    robot would keep if it braked now (method 4).
     """
     if _only_turns_a_disc(candidate, queue, velocity, footprint):
         return CLEAR
@@ -142,8 +142,8 @@ def safe_share(
     unavoidable = np.minimum(footprint.least_gaps(_path(onset), points, drift)[0], stopping)
     demanded = _demanded(unavoidable, drift, profile, footprint)
     clear = (after - demanded).min(axis=1) >= 0.0
-    # If braking now already comes too near to a standing point, shares that brake no more than zero are not tried:
-    # a base may brake better than is counted on.
+    # If even braking now ends too near to a standing point, a share that brakes as hard as share 0 in this
+    # calculation is not tried: the real base may brake harder than assumed, but only if zero is sent.
     stands = slice(None) if drift is None else ~drift.any(axis=1)
     in_time = bool((stopping >= margins)[stands].all())
     tried = [
@@ -154,9 +154,10 @@ def safe_share(
 
 
 def stepped_up(sent: Velocity, wanted: Velocity, profile: GateProfile, dt_s: float) -> Velocity:
-    """Return `wanted`, raised from `sent` no faster than the base can follow in `dt_s`; lowered at once.
+    """Return `wanted`, but with no speed raised from `sent` faster than the base can follow in `dt_s`.
 
-    Axis by axis, as the base does it. So what is sent is what the base does, and a play of it is true.
+    A speed is lowered at once. Each axis is limited separately, as in the base. So the base can follow the
+    twists that are sent, and the roll-out computes its real motion.
     """
     limits = profile.limits
     linear, angular = limits.linear_mps2 * dt_s, limits.angular_radps2 * dt_s
@@ -176,7 +177,7 @@ def _raised(sent: float, wanted: float, step: float) -> float:
 def _only_turns_a_disc(
     candidate: Velocity, queue: Sequence[Sent], velocity: Velocity, footprint: Footprint
 ) -> bool:
-    """Return whether a disc stands or turns on the spot, and nothing on its way to it says otherwise."""
+    """Return whether the hull is a disc, and it only turns or stands, now and by commands and candidate."""
     if not footprint.turns_freely:
         return False
     twists = (candidate, velocity, *(sent.velocity for sent in queue))
@@ -184,16 +185,16 @@ def _only_turns_a_disc(
 
 
 def _rates(profile: GateProfile) -> _Rates:
-    """The base speeds up as fast as it can, and brakes as surely as the gate counts on."""
+    """Return the rates of a base that speeds up at its full rate and brakes at the usable deceleration."""
     linear, angular = braking.deceleration(profile)
     return _Rates(profile.limits.linear_mps2, linear, profile.limits.angular_radps2, angular)
 
 
-# --- the play -------------------------------------------------------------------------------------
+# --- computing the motion -------------------------------------------------------------------------
 
 
 def _played(queue: Sequence[Sent], velocity: Velocity, rates: _Rates, latency_s: float) -> list[_State]:
-    """The base from now until everything that was sent has taken effect."""
+    """Return the states of the base from now until all sent commands have taken effect."""
     states = [_State(0.0, 0.0, 0.0, 0.0, velocity)]
     obeyed = velocity
     for sent in queue:
@@ -204,7 +205,7 @@ def _played(queue: Sequence[Sent], velocity: Velocity, rates: _Rates, latency_s:
 
 
 def _obey(command: Velocity, until_s: float, states: list[_State], rates: _Rates) -> None:
-    """Go on with one command until a moment, in short pieces."""
+    """Append the states under one command until a moment, in short time steps."""
     state = states[-1]
     left_s = until_s - state[3]
     if left_s <= 0.0:
@@ -216,7 +217,7 @@ def _obey(command: Velocity, until_s: float, states: list[_State], rates: _Rates
 
 
 def _moved(state: _State, command: Velocity, rates: _Rates, span_s: float) -> _State:
-    """The base a short span later, its speeds having changed evenly."""
+    """Return the state of the base a short time later; its speeds change evenly in this time."""
     x, y, yaw, time_s, before = state
     vx_after, vy_after, w_after = after = (
         before if before == command else _followed_up(before, command, rates, span_s)
@@ -236,7 +237,7 @@ def _moved(state: _State, command: Velocity, rates: _Rates, span_s: float) -> _S
 
 
 def _followed_up(before: Velocity, command: Velocity, rates: _Rates, span_s: float) -> Velocity:
-    """The speeds a short span later, on their way to the commanded ones."""
+    """Return the speeds a short time later, changed towards the commanded speeds."""
     vx, vy, w = before
     vx_asked, vy_asked, w_asked = command
     linear_up, linear_down, angular_up, angular_down = rates
@@ -248,7 +249,7 @@ def _followed_up(before: Velocity, command: Velocity, rates: _Rates, span_s: flo
 
 
 def _changed(speed: float, command: float, up: float, down: float) -> float:
-    """A speed on its way to the commanded one, quicker away from zero than towards it."""
+    """Return a speed changed towards the command: by at most `up` away from zero, `down` towards zero."""
     if command > speed:
         reached = speed + (up if speed >= 0.0 else down)
         return reached if reached < command else command
@@ -259,7 +260,7 @@ def _changed(speed: float, command: float, up: float, down: float) -> float:
 def _stopped(
     begun: Sequence[_State], rates: _Rates, footprint: Footprint, lead: Sequence[_State] = ()
 ) -> Path:
-    """From each state a row: the states that `lead` to it, then full braking to standstill."""
+    """Return a row for each state of `begun`: the states `lead` before it, then full braking to the end."""
     xs, ys, yaws, times_s, velocities = zip(*begun, strict=True)
     vxs, vys, ws = zip(*velocities, strict=True)
     poses = max([_poses_until_still(velocity, rates, footprint) for velocity in velocities])
@@ -288,7 +289,7 @@ def _stopped(
 
 
 def _braked(passed_s: Metres, speeds: Sequence[float], rate: float) -> Metres:
-    """Distance that each speed has carried, a row each, while it was braked at this rate."""
+    """Return the distance that each speed has covered at the times `passed_s` of braking, one row each."""
     ends_s = _column([abs(speed) / rate for speed in speeds])
     half = _column([math.copysign(rate / 2.0, speed) for speed in speeds])
     braked_s = np.minimum(passed_s, ends_s)
@@ -297,7 +298,7 @@ def _braked(passed_s: Metres, speeds: Sequence[float], rate: float) -> Metres:
 
 
 def _column(numbers: Sequence[float]) -> Metres | float:
-    """One number for each row. A single one stays plain: numpy is slower to make an array of it than to use it."""
+    """Return a column of numbers, one for each row; a single number stays a float: an array is slower."""
     return numbers[0] if len(numbers) == 1 else np.array(numbers)[:, None]
 
 
@@ -308,7 +309,7 @@ def _still_s(velocity: Velocity, rates: _Rates) -> float:
 
 
 def _poses_until_still(velocity: Velocity, rates: _Rates, footprint: Footprint) -> int:
-    """Return how many poses are close enough together, though no more than `MOST_POSES`."""
+    """Return how many poses a braking needs so that they are close together, at most `MOST_POSES`."""
     vx, vy, w = map(abs, velocity)
     still_s = _still_s(velocity, rates)
     swing_m = 0.0 if footprint.turns_freely else footprint.reach(0.0)
@@ -317,7 +318,7 @@ def _poses_until_still(velocity: Velocity, rates: _Rates, footprint: Footprint) 
 
 @cache
 def _evenly_along_a_braked_way(poses: int) -> Metres:
-    """Shares of the time of braking, (1, poses + 1): dense while the robot is fast."""
+    """Return shares of the braking time for poses at equal distances, (1, poses + 1): dense at high speed."""
     shares: Metres = 1.0 - np.sqrt(1.0 - np.linspace(0.0, 1.0, poses + 1))
     return shares[None]
 
@@ -326,7 +327,7 @@ def _path(states: list[_State]) -> Path:
     return Path(*np.array([state[:4] for state in states]).T[:, None])
 
 
-# --- obstacles on the way -------------------------------------------------------------------------
+# --- points near the path -------------------------------------------------------------------------
 
 
 def _near(
@@ -338,10 +339,11 @@ def _near(
     profile: GateProfile,
     period_s: float,
 ) -> Rows:
-    """Rows of the points that the hull may come too near to; the others are farther than it moves.
+    """Return the rows of the points to which the hull may come too near; the others are out of its reach.
 
-    With a smaller share of the candidate the base is never faster, and begins to brake nearby: in one period speeds
-    differ by no more than they can change, and so does its heading.
+    No row is returned if the whole candidate is surely clear. With a smaller share of the candidate, the base
+    is never faster, and it begins to brake at nearly the same pose: in one period, rate limits allow only
+    small differences of speed and heading.
     """
     swing_m = 0.0 if footprint.turns_freely else footprint.reach(0.0)
     spread = _spread(onset, whole, rates)
@@ -354,10 +356,10 @@ def _near(
 
 
 def _spread(onset: list[_State], whole: _State, rates: _Rates) -> Spread:
-    """Where the base may be before it brakes from `whole`, and while it does.
+    """Return where the base may be before it brakes from `whole`, and while it brakes.
 
-    It brakes each of its speeds by itself. So it goes v^2 / 2a at most, while its heading is off by w^2 / 2 alpha at
-    most: all of it ahead, and aside no more than the sine of that.
+    The base brakes each axis separately. So it moves at most d = v^2 / 2a, and its heading changes by at most
+    theta = w^2 / 2 alpha. It may move d ahead, but at most d sin(theta) aside.
     """
     (x, y, yaw, _, (vx, vy, w)), down = whole, rates.linear_down
     cos, sin = math.cos(yaw), math.sin(yaw)
@@ -391,7 +393,7 @@ def _spread(onset: list[_State], whole: _State, rates: _Rates) -> Spread:
 
 
 def _within(points: Points, drift: Points | None, path: Path, footprint: Footprint) -> NDArray[np.intp]:
-    """Indices of the points that the hull could come near to on this path, wherever else it turns."""
+    """Return the indices of the points that the hull may come near on this path, whatever its heading is."""
     x, y = points.T
     reach = footprint.reach(MOVER_MARGIN_M)
     if drift is not None:
@@ -410,7 +412,7 @@ def _moving(drift: Points) -> NDArray[np.bool_]:
 
 
 def _margins(count: int, drift: Points | None, profile: GateProfile) -> Metres:
-    """Return how far the hull must stay from each point."""
+    """Return the margin that the hull must keep from each point, metres."""
     hard = np.full(count, profile.parameters.hard_margin_m)
     return hard if drift is None else np.where(_moving(drift), MOVER_MARGIN_M, hard)
 
@@ -418,7 +420,10 @@ def _margins(count: int, drift: Points | None, profile: GateProfile) -> Metres:
 def _demanded(
     unavoidable: Metres, drift: Points | None, profile: GateProfile, footprint: Footprint
 ) -> Growth:
-    """Return the margins, but never more than stopping now would leave (method 4); apart for moving points."""
+    """Return the demanded distances: the margins, but at most what braking now would leave (method 4).
+
+    Standing and moving points are computed separately.
+    """
     share = footprint.demanded_share
     hard = profile.parameters.hard_margin_m
     if drift is None or not (moving := _moving(drift)).any():

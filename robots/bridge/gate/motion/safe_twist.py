@@ -1,6 +1,6 @@
-"""The largest part of a wanted twist that is safe among known points (docs/gate.md, 1-5).
+"""Compute the largest part of a wanted twist that is safe among known points (docs/gate.md, 1-5).
 
-Pure: no state.
+The functions are pure.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from robots.bridge.gate.geometry.planar import Points, chosen
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.values import GateProfile, Parameters, Velocity
 
-WAY_OUT_M = 0.0001  # a point is never asked to be farther away than it is, less this
-STANDING_MPS = 0.01  # slower than this is standing: the last centimetre would take for ever
-TURN_TOLERANCE_RADPS = 0.1  # a turn rate this near to the one asked for bends the arc by 2 cm in 1 m at most
-TURN_SHARES = (1.0, 0.7, 0.4)  # tried in this order when rotation is given back
-GUESSES = 2  # points that are kept as guesses of what forbids a turn
+WAY_OUT_M = 0.0001  # the demanded clearance is smaller than the real one by at least this
+STANDING_MPS = 0.01  # a slower robot counts as standing: otherwise the last centimetre would take very long
+TURN_TOLERANCE_RADPS = 0.1  # turn rates that differ by less count as one arc: at 1 m/s, 5 cm apart after 1 m
+TURN_SHARES = (1.0, 0.7, 0.4)  # of the wanted turn, tried in this order when rotation is given back
+GUESSES = 2  # number of points that are kept because they may forbid the next turn, too
 NOTHING = 1e-6  # m/s or rad/s
 _WHOLE = 0.999
-_SURELY_NOT_WHOLE = 0.998  # far below, compared with what rounding does
+_SURELY_NOT_WHOLE = 0.998  # the distance to `_WHOLE` is much larger than rounding errors
 
 OBSTACLE = "obstacle"
 NEAR_MISS = "near_miss"
@@ -44,7 +44,7 @@ FREE = Share(1.0)
 
 
 class Cause(NamedTuple):
-    """The point that limits a twist, and by which rule. `source` as in `Obstacles`."""
+    """The point that limits a twist, and the rule. `source` as in `Obstacles`."""
 
     rule: str
     point: tuple[float, float]
@@ -53,9 +53,10 @@ class Cause(NamedTuple):
 
 
 class Surroundings(NamedTuple):
-    """The points by which twists are judged that set out one way, equally fast, and differ in their turn only.
+    """The points for the check of twists that have the same direction and speed, and different turn rates.
 
-    `points` are seen along this `way`; how far each is from the hull, and how far the hull is grown for them.
+    `points` are seen along the direction `way`. `gaps`: their distances from the hull. `growth`: how far the
+    hull is grown for them.
     """
 
     points: Points
@@ -73,7 +74,7 @@ class Surroundings(NamedTuple):
 class Restraint(NamedTuple):
     """The safe twist, and the cause of its reduction.
 
-    `guesses`: rows of the points that forbade turns, the newest first. They mostly do so in the next decision, too.
+    `guesses`: rows of the points that forbade turns, the newest first. Mostly they forbid the next turn, too.
     """
 
     velocity: Velocity
@@ -91,11 +92,12 @@ def restrain(
     expected: float = 1.0,
     guesses: Sequence[int] = (),
 ) -> Restraint:
-    """The safe part of `wanted`.
+    """Return the safe part of `wanted`.
 
-    `turn_rates` are those the base has or is about to have (rad/s): until it turns as wanted it follows
-    their arcs at the wanted speed, so these must be clear too. `expected` costs or saves time only: if the safe share
-    is smaller, only the points that are near enough for that were looked at. So do the last decision's `guesses`.
+    `turn_rates` (rad/s): the base has them now or soon. Until it turns as wanted, it follows their arcs at
+    the wanted speed, so these arcs must be clear, too. `expected` and `guesses` (of the last decision) change
+    only the computing time: if the safe share is smaller than `expected`, only the points near enough for
+    such a share are checked.
     """
     followed = (wanted._replace(w=w) for w in _differing(turn_rates, wanted.w))
     arcs = (wanted, *(twist for twist in followed if any(twist)))
@@ -123,11 +125,11 @@ def restrain(
 
 
 def way_out(gaps: Metres, lateral_margin_m: float, demanded_share: float) -> Growth:
-    """Return how far the hull is grown: by the lateral margin, but never demand more clearance than there is.
+    """Return how far the hull is grown (m): by the lateral margin, but at most by the present clearance.
 
-    Beside a wall the margin shrinks for all points alike, else the wall's next metre would hold the robot; it
-    does not shrink below the hull itself, except for points that are inside already: only then it is not the same
-    for all points, but each has its own.
+    Beside a wall the growth is reduced equally for all points; otherwise the next metre of the wall would
+    stop the robot. If a point is inside the hull already, each point has its own growth: negative for the
+    points inside, zero for the others.
     """
     narrowest = float(np.minimum.reduce(gaps, initial=math.inf))
     least = min(narrowest - WAY_OUT_M, demanded_share * narrowest - WAY_OUT_M, lateral_margin_m)
@@ -137,7 +139,7 @@ def way_out(gaps: Metres, lateral_margin_m: float, demanded_share: float) -> Gro
 
 
 def _limit(arcs: Sequence[Velocity], surroundings: Surroundings) -> Share:
-    """The largest share at which every one of these twists is safe."""
+    """Return the largest share at which all of these twists are safe."""
     courses = arc.courses(surroundings.points, surroundings.way, arcs)
     limit = min(_braking_shares(arcs, courses, surroundings), key=_by_share)
     passed = _passed(arcs[0], surroundings, limit.share)
@@ -149,10 +151,11 @@ def _limit(arcs: Sequence[Velocity], surroundings: Surroundings) -> Share:
 def _first_whole(
     twists: Sequence[Velocity], rows: list[int], surroundings: Surroundings
 ) -> tuple[Velocity | None, list[int]]:
-    """Return the first of these twists, which differ in their turn, that is safe as it is; None if none is.
+    """Return the first of these twists that is completely safe (None: none is), and `rows` in a new order.
 
-    The point that is in the way of one turn is mostly in the way of the others, too, which costs little to find out.
-    `rows` are points that may be in the way, the likeliest first; return them also, those that were come first.
+    The twists differ only in their turn rates. `rows` are points that may forbid a turn, the likeliest first.
+    A point that forbids one turn mostly forbids the others, too, and a check of one point is quick. In the
+    returned rows the points that did forbid a turn come first.
     """
     for twist in twists:
         met = next((row for row in rows if _is_stopped_by(row, twist, surroundings)), -1)
@@ -168,13 +171,13 @@ def _first_whole(
 
 
 def _passes(twist: Velocity, courses: Courses, surroundings: Surroundings) -> bool:
-    """Return whether the twist of these courses is not slowed by what it passes."""
+    """Return whether no near miss slows the twist of these courses."""
     passed = _passed(twist, surroundings, 1.0)
     return not len(passed) or _passing_share([twist], courses, passed, surroundings, 1.0).share > _WHOLE
 
 
 def _is_stopped_by(row: int, twist: Velocity, surroundings: Surroundings) -> bool:
-    """Return whether this point alone surely keeps the twist from being safe as it is; False where it is close."""
+    """Return whether this point alone surely makes the complete twist unsafe; False in doubt."""
     profile, growth = surroundings.profile, surroundings.growth
     if not isinstance(growth, float):
         return False
@@ -191,7 +194,7 @@ def _by_share(limit: Share) -> float:
 
 
 def _braking_shares(twists: Sequence[Velocity], courses: Courses, surroundings: Surroundings) -> list[Share]:
-    """Braking ends before contact, with the front margin left along the path (methods 1 and 2)."""
+    """Return the share of each twist whose braking ends m_front before contact (methods 1 and 2)."""
     profile = surroundings.profile
     margin_m, latency_s = profile.parameters.front_margin_m, profile.parameters.latency_s
     contacts = surroundings.footprint.contacts(courses, surroundings.growth, margin_m)
@@ -206,9 +209,9 @@ def _braking_shares(twists: Sequence[Velocity], courses: Courses, surroundings: 
 
 
 def _passed(twist: Velocity, surroundings: Surroundings, below: float) -> Rows:
-    """Points so near ahead that `_passing_share` may be smaller than `below`, on whichever arc.
+    """Return the rows of points ahead that may make `_passing_share` smaller than `below` on some arc.
 
-    The others are farther away than the robot needs to slow down for them from this share of the twist.
+    The other points are so far away that at the share `below` the robot need not slow down for them yet.
     """
     v = below * arc.speed(twist)
     parameters = surroundings.profile.parameters
@@ -221,18 +224,19 @@ def _passed(twist: Velocity, surroundings: Surroundings, below: float) -> Rows:
 
 
 def harmless_m(v: float, parameters: Parameters) -> float:
-    """The clearance at which a near miss allows this speed."""
+    """Return the clearance (m) at which a near miss allows this speed (m/s)."""
     return parameters.lateral_margin_m + (v - parameters.creep_mps) * parameters.near_miss_s
 
 
 def _passing_share(
     twists: Sequence[Velocity], courses: Courses, passed: Rows, surroundings: Surroundings, below: float
 ) -> Share:
-    """Passing close by is slow (method 3): v <= v_creep + (clearance - m_lat) / c_lat where the hull is nearest.
+    """Return the largest share at which every arc passes the `passed` points slowly enough (method 3).
 
-    Of the `passed` points, on each arc. Before that place the robot may be as fast as still lets it brake to this
-    speed; the gap shrinks at most as fast as the robot moves, so gap - clearance is a distance that is surely left.
-    Only a share `below` a known one need be found.
+    Where the hull is nearest to a point: v <= v_creep + (clearance - m_lat) / c_lat. Before that place the
+    robot may be faster, if it can still brake to this speed: the gap shrinks at most as fast as the robot
+    moves, so at least the distance gap - clearance is left. A share that is not smaller than `below` may be
+    returned as 1.
     """
     parameters, footprint = surroundings.profile.parameters, surroundings.footprint
     each = [
@@ -257,9 +261,9 @@ def _passing_share(
 def _give_rotation_back(
     wanted: Velocity, limit: Share, guesses: list[int], surroundings: Surroundings
 ) -> tuple[Velocity, list[int]]:
-    """The scaled twist with the largest safe part of the wanted turn (method 5), and the next guesses.
+    """Return the scaled twist with the largest safe part of the wanted turn (method 5), and the next guesses.
 
-    So, nose at the wall and the stick held diagonally, the robot still turns.
+    So a robot with its nose at a wall still turns while the stick is held diagonally.
     """
     scaled = wanted.scaled(limit.share)
     if arc.speed(scaled) < STANDING_MPS:
@@ -274,7 +278,7 @@ def _give_rotation_back(
 
 
 def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:
-    """The turn rates that make another arc than `w` does, each once."""
+    """Return the turn rates whose arcs differ from the arc of `w`, without duplicates."""
     differing: list[float] = []
     for rate in turn_rates:
         if all(abs(rate - known) > TURN_TOLERANCE_RADPS for known in (w, *differing)):
@@ -283,11 +287,12 @@ def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:
 
 
 def _reach(share: float, arcs: Sequence[Velocity], footprint: Footprint, profile: GateProfile) -> float:
-    """The distance from the base origin beyond which no point makes a smaller `share` of these twists unsafe.
+    """Return the distance from the base origin beyond which no point makes this `share` of the twists unsafe.
 
-    Braking: until a contact, less its reserve, the base goes at least the point's distance less the grown hull and
-    m_front; a share that is braked within `share` times the way of the whole twist is at least that. Passing: see
-    `_passed`. Nor does such a point change the growth (`way_out`), or what is given back of the turn.
+    Braking: before a contact, the base can move at least the point's distance minus the grown hull and
+    m_front. If this is `share` times the stopping way of the whole twist or more, at least `share` is safe.
+    Passing: see `_passed`. A point beyond this distance changes neither the growth (`way_out`) nor the
+    rotation that is given back.
     """
     parameters = profile.parameters
     widest = max(arcs, key=_turning)  # it takes the longest to brake
@@ -311,12 +316,12 @@ def _turning(twist: Velocity) -> float:
 
 
 def is_still(twist: Velocity) -> bool:
-    """Return whether the twist asks for nothing at all."""
+    """Return whether the twist is exactly zero."""
     return twist.vx == 0.0 and twist.vy == 0.0 and twist.w == 0.0
 
 
 def clamped(asked: Velocity, profile: GateProfile) -> Velocity:
-    """The twist within the robot's limits, axis by axis; tiny values become zero."""
+    """Return the twist limited to the robot's limits, each axis separately; tiny values become zero."""
     limits = profile.limits
     within = (
         min(max(asked.vx, -limits.reverse_mps), limits.forward_mps),
@@ -327,5 +332,5 @@ def clamped(asked: Velocity, profile: GateProfile) -> Velocity:
 
 
 def is_finite(twist: Velocity) -> bool:
-    """Return whether all three numbers are numbers."""
+    """Return whether all three numbers are finite."""
     return all(math.isfinite(axis) for axis in twist)

@@ -1,10 +1,10 @@
 """The depth camera as two sources of obstacles: the newest picture, and the memory of earlier ones.
 
-A point stays in memory until a later picture sees through its place: the edge of a table leaves the picture by its
-lower border long before the robot is there. Memory fades with the odometry's errors, so only while the robot moves: a
-robot that stands at a table for minutes still knows it.
+A point is kept in memory until a later picture sees through its place: the edge of a table leaves the picture
+at the lower border long before the robot is there. Memory ages only while the robot moves, because only then
+the odometry's error grows: a robot that stands at a table for minutes still remembers it.
 
-Leaves out what is the robot itself: its body and arm.
+The robot's own body and arm are left out.
 """
 
 from __future__ import annotations
@@ -58,26 +58,27 @@ from robots.bridge.gate.values import DepthView, Kind, Pose, SensorHealth
 
 Flags = NDArray[np.bool_]
 
-# A head that looks ahead sees table height at one of these distances at least.
+# A head that looks ahead sees table height at one or more of these distances.
 TABLE_M = 0.7
 AHEAD_M = (1.2, 1.6, 2.0, 2.5)
-# Half the robot's width at 1.2 m: with this margin to the edge, the whole path is in the picture.
+# Angle of half the robot's width at 1.2 m: with this margin to the edge, the whole path is in the picture.
 EDGE_RAD = 0.24
-# A moving person is missing in one of this many earlier pictures: within a second they left their earlier place.
+# One of this many earlier pictures shows the place of a moving person free: a second ago the person was
+# elsewhere.
 LOOKS_BACK = 3
 LOOK_EVERY_S = 0.33
 CAME_M = 2.0  # from the robot: farther objects are seen often enough before they are near
 FOOT_M = 0.1
 NEAR_CELLS = 2
 FEET_CELLS = 128  # 12.8 m, twice as far as the memory reaches
-PASSED_S = 2.0  # a walking person is remembered for this time, as by a laser
-MET_M = 0.03  # a beam that ends farther behind a column did not meet it
+PASSED_S = 2.0  # a walking person is remembered for this time, as in a laser's memory
+MET_M = 0.03  # a beam that ends farther behind a column did not hit it
 MISSES_COUNT = 3  # a miss weighs this many times as much as a hit
 HANGS = 3  # sightings without feet; with fewer the obstacle may have moved between scan and picture
 JOINED_M = 0.12  # nearer columns belong to one thing
-NEAR_HULL_M = 0.4  # what is farther is seen when the robot comes nearer
-LENS_AHEAD_M = 0.15  # of the axis about which the head turns
-MIDDLE_RAD = 0.3  # a place this near to the middle is in the picture anyhow
+NEAR_HULL_M = 0.4  # places farther from the hull will be seen when the robot comes nearer
+LENS_AHEAD_M = 0.15  # distance of the lens from the axis about which the head turns
+MIDDLE_RAD = 0.3  # a place at a smaller angle from the middle is in the picture anyway
 MOVED_M = 0.005  # less motion counts as standing
 MOVED_RAD = 0.01
 
@@ -91,7 +92,10 @@ class Frame(NamedTuple):
 
 
 def frame_of(picture: Picture, to_base: Transform, view: DepthView) -> Frame:
-    """Do the costly part, without odometry, on any thread. Raises Malformed if the picture shows nothing."""
+    """Compute the frame of a picture. Raises Malformed if the picture shows nothing.
+
+    This is the costly part. It needs no odometry and may run on any thread.
+    """
     check_shown(picture, to_base)
     return Frame(picture, to_base, columns_of(picture, to_base, top_m(to_base, view.height_m)))
 
@@ -113,7 +117,7 @@ class DepthCamera:
         self._memory = Memory(DEPTH_LAYER)
         self._spans = _Spans(self._memory)
         self._frame: Frame | None = None
-        self._shows_tables = False  # of the newest picture
+        self._shows_tables = False  # whether the newest picture shows table height ahead
         self._seen = NO_POINTS  # odometry frame
         self._near_side = NearSide(view.blind_m)
         self._hidden = NO_POINTS  # possible obstacles in the blind range, odometry frame
@@ -124,14 +128,14 @@ class DepthCamera:
         self._resets = 0
         self.complaint = ""  # about the newest picture
         self._frames = 0
-        self._scans = 0  # that changed which points are overruled
+        self._scans = 0  # number of scans that changed which points are overruled
         # revision, points in the odometry frame, possible error of each
         self._unseen: tuple[int, Points, NDArray[np.float64]] = (-1, NO_POINTS, np.empty(0))
         self._shown = NO_POINTS, NO_POINTS, NO_POINTS  # seen, hidden, and both
         self._cells = (
             NO_POINTS,
             self._memory.entries(NO_POINTS),
-        )  # seen, and their cells: for each scan the same
+        )  # seen points, and their cells: computed once for each picture
         self._known: tuple[int, int, int, bool] = (0, 0, 0, False)
         self._revision = 0
 
@@ -156,11 +160,11 @@ class DepthCamera:
             self._looked_s = stamp_s
 
     def complain(self, why: str) -> None:
-        """Note why a picture cannot be used."""
+        """Take the reason why a picture cannot be used."""
         self.complaint = why
 
     def forget(self) -> None:
-        """Forget earlier pictures; the newest one stays."""
+        """Forget earlier pictures; keep the newest one."""
         self._memory.clear()
         self._near_side.clear()
 
@@ -185,7 +189,7 @@ class DepthCamera:
         )
 
     def _came(self, shown: Columns, new: Flags, base: Pose) -> Flags:
-        """Return which of the `new` columns moved there, because an earlier picture saw their place free."""
+        """Return which of the `new` columns moved there: an earlier picture showed their place free."""
         came = np.zeros(len(new), dtype=np.bool_)
         asked = np.flatnonzero(new & (np.abs(shown.points).max(axis=1, initial=0.0) < CAME_M))
         for then, there in self._looks:
@@ -198,9 +202,9 @@ class DepthCamera:
         return came
 
     def observe_scan(self, sweep: Sweep, sensor: Pose, laser: int = 0) -> None:
-        """Take a scan of a laser at `sensor` (odometry frame): an obstacle on feet is gone when its feet are.
+        """Take a scan of a laser at `sensor` (odometry frame): forget obstacles whose feet are gone.
 
-        The scan changes no result of another laser about places that it cannot see.
+        Other lasers' results about places that this laser cannot see remain valid.
         """
         self._feet.see(sweep, sensor, laser)
         remembered = self._memory.points(self._clock.now_s)
@@ -228,13 +232,13 @@ class DepthCamera:
             self._memory.forget(gone & ~held)
 
     def _without_robot(self, columns: Columns) -> Columns:
-        """Leave out columns within the robot's body and a small margin: they are the robot."""
+        """Return the columns that are not inside the robot's body and a small margin: those are the robot."""
         if not len(columns.points):
             return columns
         return columns.only(self.own_outline.gaps(columns.points) >= self._view.own_m)
 
     def _cannot_be_arm(self, points: Points) -> NDArray[np.bool_]:
-        """Return which points are too far from a moving or unknown arm to be it; only these are remembered."""
+        """Return which points are out of reach of a moving or unknown arm; only these are remembered."""
         if self.arm_reach is None:
             return np.ones(len(points), dtype=np.bool_)
         x, y, reach_m = self.arm_reach
@@ -278,7 +282,7 @@ class DepthCamera:
     def turn_to(self, places: Points) -> float | None:
         """Return the camera's heading towards the nearest of these places (base frame); None if none is near.
 
-        Its lens turns with the head, on a circle: the place is seen from the middle of it.
+        The lens moves on a circle when the head turns: the heading is computed from its middle.
         """
         if self._frame is None or not len(places):
             return None
@@ -316,7 +320,7 @@ class DepthCamera:
         return self._seen if len(self.places(trail, now_s)) else NO_POINTS
 
     def near_sides(self, trail: Trail) -> Points:
-        """Return places that an unseen near side may reach to, base frame of the newest odometry."""
+        """Return places to which an unseen near side may reach, base frame of the newest odometry."""
         self._forget_another_frame(trail)
         return placed(self._hidden, seen_from(ORIGIN, trail.newest)) if trail.newest else NO_POINTS
 
@@ -342,12 +346,12 @@ class DepthCamera:
         return self._unseen[1:]
 
     def seen_before(self, trail: Trail, now_s: float) -> Points:
-        """Return the same points without the places that only may be occupied."""
+        """Return the points of `unseen` without the places that are only assumed to be occupied."""
         points, _ = self.unseen(trail, now_s)
         return points if self.is_fresh(now_s) else points[: len(points) - len(self._hidden)]
 
     def heights(self, points: Points) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return between which heights (m) something was seen at points of this source, odometry frame."""
+        """Return the lowest and the highest height (m) seen at points of this source, odometry frame."""
         return self._spans.heights(points)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
@@ -382,7 +386,7 @@ class DepthMemory:
 
 
 class _MotionClock:
-    """Seconds in which the robot moved, from one picture to the next."""
+    """A clock that counts only seconds in which the robot moved, from one picture to the next."""
 
     def __init__(self) -> None:
         self.now_s = 0.0
@@ -422,7 +426,7 @@ class _Feet:
         return near
 
     def past(self, points: Points) -> Past:
-        """Return how far behind these places any laser saw."""
+        """Return how far behind these places the beams end; of several lasers the farthest counts."""
         surely, likely = np.full((2, len(points)), -math.inf)
         for sweep, sensor in self._scans.values():
             one = past(sweep, placed(points, seen_from(ORIGIN, sensor)))
@@ -465,7 +469,7 @@ def _widened(grid: Flags) -> Flags:
 
 
 class _Spans:
-    """Heights at which something was seen, and more, for each cell of a memory."""
+    """For each cell of a memory: heights at which something was seen, times, and results of laser scans."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
@@ -478,7 +482,7 @@ class _Spans:
         self._marked = np.zeros(CELLS * CELLS, dtype=np.bool_)
 
     def note(self, points: Points, shown: Columns, new: Flags) -> None:
-        """Note that these columns are seen at `points` (odometry frame); for the `new` ones nothing is known yet."""
+        """Note that these columns are seen at `points` (odometry frame); reset the cells of `new` ones."""
         entries = self._memory.entries(points)
         fresh = entries[new]
         self._low[fresh], self._high[fresh], self._levels[fresh] = np.inf, -np.inf, 0
@@ -504,10 +508,10 @@ class _Spans:
         self._passes[entries] = 0
 
     def is_met(self, points: Points) -> Flags:
-        """Return which remembered columns the laser met where the camera saw them: tall ones, such as walls and legs.
+        """Return which remembered columns are tall, and hit by lasers where the camera saw them: walls, legs.
 
-        The laser's place counts for them, because remembered places suffer from the odometry. A column that stands
-        back at the floor (a counter) or hangs over its feet is not among them.
+        For them the laser's place counts, because remembered places contain the odometry's error. Columns
+        that are set back at the floor (a counter) or hang over their feet are not among them.
         """
         entries = self._memory.entries(points)
         met = np.flatnonzero(self._met[entries] > 0)
@@ -539,7 +543,7 @@ class _Spans:
     def hold_together(self, points: Points, gone: Flags) -> Flags:
         """Return which of the `gone` columns are connected with columns without feet: they hang as well.
 
-        So the edge of a desk stays when a person in front of it leaves.
+        So the edge of a desk is kept when a person in front of it leaves.
         """
         entries = self._memory.entries(points)
         left = np.flatnonzero(gone & ~self._came[entries])
@@ -555,12 +559,12 @@ class _Spans:
         return held
 
     def hangs(self, points: Points) -> Flags:
-        """Return which remembered columns no laser can correct: it saw nothing below them."""
+        """Return which remembered columns hang: lasers see nothing below them and cannot correct them."""
         hangs: Flags = self._hung.take(self._memory.entries(points)) == HANGS
         return hangs
 
     def overrule(self, points: Points, overruled: Flags, laser: int) -> bool:
-        """Note which remembered points a scan overrules; return whether that changed."""
+        """Note which remembered points a scan overrules; return whether this changed."""
         entries = self._memory.entries(points)
         before, bit = self._overruled[entries], np.uint8(1 << laser % 8)
         after = np.where(overruled, before | bit, before & ~bit)
@@ -573,7 +577,7 @@ class _Spans:
         return overruled
 
     def pass_below(self, points: Points, free: Flags, tells: Flags) -> Flags:
-        """Note one scan: of the points that it `tells` about, the `free` ones have no feet. Return which are gone."""
+        """Note one scan, which can judge the points `tells`; `free` have no feet. Return which are gone."""
         entries = self._memory.entries(points)
         passes = self._passes[entries]
         self._passes[entries] = np.where(free, passes + 1, np.where(tells, 0, passes))
@@ -599,7 +603,7 @@ class _Spans:
 
 
 def _shows_tables(frame: Frame) -> bool:
-    """Return whether the picture's middle column shows table height at a distance that matters."""
+    """Return whether the picture's middle column shows table height at one of the distances `AHEAD_M`."""
     to_base, down = frame.to_base, frame.picture.down
     level = math.hypot(to_base[0, 2], to_base[1, 2])  # length of the optical axis in the floor's plane
     if level < 1e-3:

@@ -1,9 +1,10 @@
 """Correct the heading by comparing two scans of one laser: slipping wheels report turns that did not happen.
 
-The points of the older scan are rotated by each possible turn and compared with the newer scan. A turn is accepted
-only if it explains the newer scan well, and far better than the odometry does: a walking person is outvoted by the
-rest of the room, and in a round or empty room nothing is corrected. If two comparisons in a row found the same share
-of the reported turn, that share stays in force while the laser sees too little to compare.
+The points of the older scan are rotated by each possible turn and compared with the newer scan. A turn is
+accepted only if it explains the newer scan well, and far better than the odometry does: the rest of the room
+outweighs a walking person, and in a round or empty room nothing is corrected. If two comparisons in a row
+find an error in the same direction, the smaller error is also corrected while the laser sees too little to
+compare.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from robots.bridge.gate.sensing.scan import Sweep
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import Pose
 
-LEAST_TURN_RAD = 0.26  # reported between two scans that are compared
+LEAST_TURN_RAD = 0.26  # least reported turn between two scans that are compared
 MOST_TURN_RAD = 1.0  # after a larger turn they have too little in common
 MOST_WAY_M = 0.5  # the same for distance
 ORDINARY_RAD, ORDINARY_SHARE = 0.026, 0.1  # smaller errors of the odometry are ignored
@@ -33,8 +34,8 @@ APART_M = 0.2  # neighbouring points farther apart belong to two things
 COARSE_RAD, FINE_RAD = 0.0175, 0.0035
 SAME_M = 0.15  # points farther apart are different things; larger distances count as this
 FITS_M = 0.05  # average distance: noise of two scans, and a few moved points
-EVEN_M = 0.002  # the result is the middle of all turns that fit as well within this
-BETTER = 2.0  # times
+EVEN_M = 0.002  # turns whose fit differs by less count as equally good: the result is their mean
+BETTER = 2.0  # the result must fit this many times better than the odometry's turn
 
 Floats = NDArray[np.float64]
 
@@ -105,7 +106,7 @@ class Heading:
         x, y, yaw = self.laser.pose
 
         def apart_m(turns: Floats) -> Floats:
-            """Return the average distance of the scans for each turn of the base; neighbouring beams count as well."""
+            """Return the average distance of the scans for each turn; neighbouring beams count, too."""
             rays = (ahead * np.exp(-1j * turns)[:, None] - complex(x, y)) * np.exp(-1j * yaw)
             far, beams = np.abs(rays), beams_at(now, np.angle(rays)) + 1
             apart = np.full(far.shape, SAME_M)

@@ -1,6 +1,6 @@
 """Laser memory as a separate source: points that the current scan cannot judge.
 
-`point_memory.py` stores the points and knows how long each one lives.
+`point_memory.py` stores the points and decides how long each point is kept.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from robots.bridge.gate.values import Kind, SensorHealth
 class LaserMemory:
     """The memory of one laser.
 
-    It changes only with a new scan; when scans stop coming, the gate stops the robot anyway.
-    It gives only points of which the newest scan cannot tell whether they are still there.
+    It changes only with a new scan; without new scans, the gate stops the robot anyway. It returns only
+    points that the newest scan cannot judge.
     """
 
     kind: Kind = "memory"
@@ -33,7 +33,7 @@ class LaserMemory:
         self._resets = 0
 
     def learn(self, trail: Trail, now_s: float) -> None:
-        """Take in the laser's newest scan. One that does not match the odometry teaches nothing."""
+        """Learn from the laser's newest scan. A scan that does not match the odometry is ignored."""
         sweep, stamp_s = self._laser.sweep, self._laser.freshness.stamp_s
         base = None if stamp_s is None else trail.pose_at(stamp_s)
         if sweep is None or base is None:
@@ -67,5 +67,5 @@ class LaserMemory:
         return outside_robot(self._as_seen.places(trail), trail.newest, self._laser.footprint)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
-        """As good as the laser."""
+        """Return the laser's state."""
         return self._laser.health(trail, now_s)._replace(name=self.name)

@@ -1,8 +1,8 @@
 """Moving obstacles (docs/gate.md, 10): points that stand where the scan of 0.4 s ago saw free space.
 
-Free space that is occupied now proves that something came; the robot's own motion, edges and occlusion prove
-nothing and are left alone. How fast it came is the way from an object that is no longer where it was to the one that
-appeared. Everything is in the odometry frame; times are the robot's own stamps.
+If a place that was free is occupied now, something came. Changes by the robot's own motion, at edges and by
+occlusion prove nothing and are ignored. The speed is computed from the way between an object that vanished
+and the object that appeared. Everything is in the odometry frame; times are the robot's own stamps.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ APART_M = 0.20  # between two neighbouring points of different objects
 LARGEST_M = 1.0  # a wider object is no person: only newly appeared parts count
 LEAST_MPS = 0.2
 MOST_MPS = 2.0
-SLACK_M = 0.15  # of an object's middle, of which now another part is seen
+SLACK_M = 0.15  # error of an object's middle: another part of it may be visible now
 SAME_M = 0.15  # a point this near to one of a mover moves with it
-TOLERANCE_RAD = 0.012  # of the odometry's yaw within 0.4 s
-SWEEP_S = 0.03  # of a turning robot's scan, the ends are this much younger or older than its middle
+TOLERANCE_RAD = 0.012  # error of the odometry's yaw within 0.4 s
+SWEEP_S = 0.03  # the ends of a scan are this much older or younger than its middle, which matters in a turn
 
 Flags = NDArray[np.bool_]
 
@@ -63,7 +63,7 @@ class _Mover(NamedTuple):
 
 
 class _Thing(NamedTuple):
-    """Return the rows that locate an object, and their middle."""
+    """The rows of the points of an object, and their middle."""
 
     rows: NDArray[np.intp]
     middle: NDArray[np.float64]
@@ -74,7 +74,7 @@ class Movers:
 
     def __init__(self) -> None:
         self._looks: deque[_Look] = deque()
-        self._found: list[_Mover] | None = []  # None: the newest scan has not been asked
+        self._found: list[_Mover] | None = []  # None: not computed for the newest scan yet
         self._frame = 0
 
     @property
@@ -84,7 +84,7 @@ class Movers:
 
     @property
     def _movers(self) -> list[_Mover]:
-        """Computed once per scan, and only while somebody drives."""
+        """The movers of the newest scan, computed once per scan, and only while somebody drives."""
         if self._found is None:
             then, now = self._looks[0], self._looks[-1]
             known = LOOK_BACK_S / 2.0 <= now.stamp_s - then.stamp_s <= OLDEST_LOOK_S
@@ -112,7 +112,7 @@ class Movers:
         self._found = []
 
     def drift(self, points: Points) -> Points:
-        """The velocity (m/s) of each point."""
+        """Return the velocity (m/s) of each point; 0 if it belongs to no mover."""
         drift = np.zeros_like(points)
         for mover in self._movers:
             (left, low), (right, high) = mover.points.min(axis=0) - SAME_M, mover.points.max(axis=0) + SAME_M
@@ -124,7 +124,7 @@ class Movers:
 
 
 def _movers(then: _Look, now: _Look) -> Iterator[_Mover]:
-    """Each object that appeared, and one that is gone that it may have been."""
+    """Return the objects that appeared, each with its velocity from the place of an earlier object."""
     appeared = _seen_through(then, now, now.points)
     if np.count_nonzero(appeared) < LEAST_POINTS:
         return
@@ -133,14 +133,15 @@ def _movers(then: _Look, now: _Look) -> Iterator[_Mover]:
     gone, covered = list(_things(then.points, vanished)), list(_things(then.points, hidden))
     passed_s = now.stamp_s - then.stamp_s
     for thing in _things(now.points, appeared):
-        # A person who comes straight on hides their earlier place: look there only if nothing vanished.
+        # A person who walks straight towards the laser hides their earlier place: check hidden places only if
+        # nothing vanished.
         velocity = _velocity(thing, gone, passed_s) or _velocity(thing, covered, passed_s)
         if velocity is not None:
             yield _Mover(now.points[thing.rows], velocity)
 
 
 def _velocity(thing: _Thing, before: list[_Thing], passed_s: float) -> tuple[float, float] | None:
-    """Return the motion from the nearest earlier point; None if none can have come so far, or it hardly moved."""
+    """Return the velocity from the nearest earlier object; None if it is too far away, or hardly moved."""
     shifts = [thing.middle - other.middle for other in before]
     shift = min(shifts, key=lambda shift: math.hypot(*shift), default=None)
     if shift is None or math.hypot(*shift) > MOST_MPS * passed_s + SLACK_M:
@@ -153,7 +154,7 @@ def _velocity(thing: _Thing, before: list[_Thing], passed_s: float) -> tuple[flo
 
 
 def _things(points: Points, marked: Flags) -> Iterator[_Thing]:
-    """Return the objects with enough marked points: whole, or the marked part of one that is too large."""
+    """Return the objects with enough marked points; of a too large object, only the marked points."""
     if not len(points):
         return
     steps = np.hypot(*np.diff(points, axis=0).T)
@@ -167,13 +168,11 @@ def _things(points: Points, marked: Flags) -> Iterator[_Thing]:
 
 
 def _seen_through(observer: _Look, other: _Look, places: Points) -> Flags:
-    """Return whether one scan saw free space where another hit, with the uncertain yaw between them."""
+    """Return at which `places` of the other scan the observer saw free space, whatever the yaw's error is."""
     passed_s = abs(other.stamp_s - observer.stamp_s)
     turned = abs(wrapped(other.sensor.yaw - observer.sensor.yaw))
     tolerance = TOLERANCE_RAD + SWEEP_S * turned / passed_s
-    rows = np.arange(
-        len(places)
-    )  # of points that every check so far passed through: few standing points pass the first
+    rows = np.arange(len(places))  # points that passed all checks so far: few standing points pass the first
     for aside in (0.0, -tolerance, tolerance):
         sensor = observer.sensor._replace(yaw=observer.sensor.yaw + aside)
         rows = rows[seen_free(observer.sweep, _seen_by(sensor, chosen(places, rows)))]
@@ -183,5 +182,5 @@ def _seen_through(observer: _Look, other: _Look, places: Points) -> Flags:
 
 
 def _seen_by(sensor: Pose, places: Points) -> Points:
-    """Places in the frame of a sensor."""
+    """Return places in the frame of a sensor."""
     return placed(places, seen_from(ORIGIN, sensor)) if len(places) else NO_POINTS

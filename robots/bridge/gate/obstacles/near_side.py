@@ -1,9 +1,12 @@
-"""The blind range of a depth camera is unseen, not free.
+"""Places in a depth camera's blind range count as unseen, not as free.
 
-A camera such as the Xtion measures nothing within half a metre. If the robot was parked at a table, the camera shows
-only the far part; the near edge is in no picture. So an obstacle that reaches into the blind range is assumed to
-reach to the robot, unless its near edge was seen before from farther away. The assumption holds while the obstacle is
-remembered and out of the picture, also when the robot turns or the pictures end.
+A camera such as the Xtion measures nothing within half a metre. If the robot was parked at a table, the
+camera shows only the far part of the table; no picture shows its near edge. So the gate assumes that an
+obstacle at the border of the blind range reaches to the robot, unless a picture from farther away showed its
+near edge. The assumption lasts while the obstacle is remembered and out of the picture, also when the robot
+turns or the pictures end.
+
+A *top* is a column of the picture that may be a part of such an obstacle: flat, and next to the blind range.
 """
 
 from __future__ import annotations
@@ -27,23 +30,23 @@ from robots.bridge.gate.values import Pose
 
 Flags = NDArray[np.bool_]
 
-STEP_M = 2.0 * CELL_M  # a place nearer by this would show whether the obstacle ends
+STEP_M = 2.0 * CELL_M  # at the place that is nearer by this, a picture would show whether the obstacle ends
 FLAT_M = 0.10  # a taller column is a vertical face: its near side was measured
-ASIDE_M = 1.5 * CELL_M  # an edge this near to the line to the robot belongs to the same obstacle
+ASIDE_M = 1.5 * CELL_M  # an edge this near to the line from a top to the robot belongs to the same obstacle
 SAME_M = 0.06  # largest distance between an edge and its remembered place
-HULL_M = 0.02  # nothing is assumed nearer to the hull: the robot would have touched it
-NEAR_M = 1.5  # from the base: farther than any blind range
+HULL_M = 0.02  # nearer places are assumed free: the robot would have touched the obstacle
+NEAR_M = 1.5  # from the base, largest distance of edges and hidden places: more than any blind range
 
 
 class NearSide:
-    """Near edges that one camera has seen, and places that may hide an obstacle's unseen near side."""
+    """Near edges that one camera has seen, and places that may be an obstacle's unseen near side."""
 
     def __init__(self, blind_m: float) -> None:
-        """`blind_m`: along the camera's axis; the camera measures nothing nearer."""
+        """`blind_m`: distance along the camera's axis; the camera measures nothing nearer."""
         self._blind_m = blind_m
         self._edges = Memory(DEPTH_LAYER)
         self._tops = self._places = (
-            NO_POINTS  # visible tops, and places that they may reach to; odometry frame
+            NO_POINTS  # tops that were seen, and places to which they may reach; odometry frame
         )
         self._top_of: NDArray[np.intp] = np.empty(0, dtype=np.intp)  # of each place, its row in `_tops`
 
@@ -61,10 +64,10 @@ class NearSide:
         body: Footprint,
         now_s: float,
     ) -> Points:
-        """Return places that may be occupied in the blind range of the camera at `to_base`, odometry frame.
+        """Return the places in the blind range of the camera that may be occupied, odometry frame.
 
-        `shown` is its picture (base frame) from `base`, `remembered` (odometry frame) the points kept from earlier
-        ones.
+        `shown`: the columns of its picture (base frame), taken with the camera at `to_base` and the robot at
+        `base`. `remembered`: the points kept from earlier pictures (odometry frame).
         """
         cut = self._is_cut(shown, to_base)
         places = placed(shown.points, base)
@@ -93,14 +96,14 @@ class NearSide:
         self._tops = chosen(self._tops, np.flatnonzero(tops))
 
     def _add(self, tops: Points, base: Pose, body: Footprint) -> None:
-        """Add tops (base frame) that may reach to the robot."""
+        """Add tops (base frame) that may reach to the robot, and their hidden places."""
         places, top_of = _filled(tops, body)
         self._places = np.concatenate((self._places, placed(places, base)))
         self._top_of = np.concatenate((self._top_of, len(self._tops) + top_of))
         self._tops = np.concatenate((self._tops, placed(tops, base)))
 
     def _is_cut(self, shown: Columns, to_base: Transform) -> Flags:
-        """Return which tops may continue nearer: the next place at their height cannot be measured."""
+        """Return which columns are flat and may continue nearer, where the camera cannot measure."""
         x, y = shown.points.T
         far = np.maximum(np.hypot(x, y), STEP_M)
         x, y = x - STEP_M * x / far, y - STEP_M * y / far
@@ -124,7 +127,7 @@ def _coincide(points: Points, others: Points) -> Flags:
 
 
 def _without_edge(cut: Points, edges: Points) -> Points:
-    """Return those of `cut` without a known edge between them and the robot."""
+    """Return the points of `cut` that have no known edge between them and the robot."""
     far = np.maximum(np.hypot(*cut.T), STEP_M)
     along = cut @ edges.T / far[:, None]
     aside = np.abs(cut[:, :1] * edges[:, 1] - cut[:, 1:] * edges[:, 0]) / far[:, None]
@@ -133,7 +136,7 @@ def _without_edge(cut: Points, edges: Points) -> Points:
 
 
 def _filled(cut: Points, body: Footprint) -> tuple[Points, NDArray[np.intp]]:
-    """Return places from `cut` to the hull, and the row in `cut` of each."""
+    """Return the places on the lines from `cut` to the hull, and for each place its row in `cut`."""
     far = np.hypot(*cut.T)
     steps = np.arange(CELL_M, NEAR_M, CELL_M)
     share = 1.0 - steps[:, None] / far

@@ -1,7 +1,7 @@
 """All points of the sources at the newest pose, ready before a command needs them.
 
-Sources keep their points in the odometry frame, so a new pose moves all of them at once, and a sonar's reading between
-two scans costs only its few points.
+Sources keep their points in the odometry frame. So a new pose needs only one transformation of all points,
+and a sonar's reading between two scans costs only its few points.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ class ObstacleCache:
         self._numbers = np.arange(len(sources))
         self._counts: list[int] = []
         self._rows = self._numbers[:0]  # the source of each point
-        self._places = NO_POINTS  # all of them, odometry frame
+        self._places = NO_POINTS  # the points of all sources, odometry frame
         self._trail_revision = -1
         self._newest: Obstacles | None = None
         self._corridors: Corridors | None = None
         self._met: list[int] = []  # rows of the last corridors that were in a box
 
     def obstacles(self, now_s: float) -> Obstacles:
-        """All points, base frame of the newest odometry."""
+        """Return all points, base frame of the newest odometry."""
         parts = [source.places(self._trail, now_s) for source in self._sources]
         if any(part is not known for part, known in zip(parts, self._parts, strict=True)):
             self._parts, self._newest = parts, None
@@ -52,14 +52,14 @@ class ObstacleCache:
         return self._newest
 
     def newest(self, now_s: float) -> tuple[Obstacles, Corridors]:
-        """Return the same with corridors, which only decisions need."""
+        """Return the same points with their corridors, which only decisions need."""
         obstacles = self.obstacles(now_s)
         if self._corridors is None:
             self._corridors = Corridors(obstacles.points, self._met)
         return obstacles, self._corridors
 
     def as_seen(self, now_s: float) -> Obstacles:
-        """All points where they were seen or heard, base frame of the newest odometry: none is assumed to be nearer."""
+        """Return all points at their measured places, base frame of the newest odometry."""
         parts = [source.as_seen(self._trail, now_s) for source in self._sources]
         points = placed(joined(parts), seen_from(ORIGIN, self._trail.newest or ORIGIN))
         return Obstacles(

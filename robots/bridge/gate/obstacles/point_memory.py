@@ -1,9 +1,9 @@
-"""Memory of points that no sensor sees now (docs/gate.md, 7): odometry frame, forgotten in time.
+"""Memory of points that no sensor sees now (docs/gate.md, 7), in the odometry frame, for a limited time.
 
-Two clocks of forgetting: seconds since a point was last seen, and the way since, because the odometry drifts with it:
-metres, and turns as so many metres more. Until then a point comes nearer by what the odometry may be off. Points that
-were watched for long live long; what was seen in passing (a ghost, a person who walks by) lives for the shortest
-life. Evidence of free space forgets at once.
+Two limits end the life of a point: the seconds since it was last seen, and the way since then (metres; a turn
+counts as some metres), because the odometry drifts with the way. Until then a point is moved nearer by the
+possible drift. Points that were watched for long have a long life. Points that were seen in passing (a ghost,
+a person who walks by) have the shortest life. Two observations of free space in a row end every life.
 """
 
 from __future__ import annotations
@@ -29,43 +29,41 @@ from robots.bridge.gate.timing.tremble import Way
 from robots.bridge.gate.values import Pose
 
 CELLS = 256  # along each side of the grid, a power of two: 6.4 m of 2.5 cm
-PASSES = 2  # observations that see free space where a point is remembered, until it is forgotten
-GAP_S = 0.2  # a cell that was not seen for longer was not watched meanwhile
-BRIEFLY_S = 0.6  # watched no longer than this is seen in passing: shortest life
-LONG_S = 2.0  # watched for this long: longest life
-TURN_M = 0.5  # of way, for each radian turned
-SURE_M = 0.5  # of way without odometry error: points that leave the view next to the hull
-DOUBT_SHARE = 0.03  # of all way more
+PASSES = 2  # a point is forgotten after this many observations of free space at its place
+GAP_S = 0.2  # of the time between two sightings of a cell, at most this counts as watched
+BRIEFLY_S = 0.6  # a point that was watched for no longer was seen in passing: shortest life
+LONG_S = 2.0  # a point that was watched for this time has the longest life
+TURN_M = 0.5  # a turn by one radian counts as this way
+SURE_M = 0.5  # way without odometry error: for points that leave the view next to the hull
+DOUBT_SHARE = 0.03  # odometry error for each metre of further way
 MOST_DOUBT_M = 0.10
-KEEP_OFF_M = 0.03  # from the hull: drift brings nothing nearer
-NEAR_LASTS = 2.0  # near points stay for this many times as much way
-NEWEST_SHARE = 0.2  # of the newest place in the mean of those seen in a cell
+KEEP_OFF_M = 0.03  # drift moves no point nearer to the hull than this
+NEAR_LASTS = 2.0  # near points are kept for this many times as much way
+NEWEST_SHARE = 0.2  # weight of the newest place in the mean of the places seen in a cell
 
 
 class Layer(NamedTuple):
     """Duration and resolution of the memory of one kind of sensor.
 
-    Lives are counted from when a point was last seen, or near.
+    A life counts from the last moment at which the point was seen, or near.
     """
 
     shortest_life_s: float
     longest_life_s: float
     travel_m: float
-    near_m: float = (
-        0.0  # from the robot's middle: while it is nearer than this, time forgets nothing, and way later
-    )
+    near_m: float = 0.0  # from the robot's middle: nearer points are not forgotten by time, and later by way
     cell_m: float = 0.025
 
 
 LASER_LAYER = Layer(2.0, 30.0, 6.0)
-# Distance driven bounds the error of a remembered place; time says nothing about a table behind the robot.
+# The error of a remembered place grows with the way, not with time: a table behind the robot is still there.
 DEPTH_LAYER = Layer(
     20.0, 90.0, 6.0, near_m=1.2
 )  # a table top is out of view for long before the robot is past it
 
 
 def grown(points: Points, doubts_m: NDArray[np.float64], footprint: Footprint) -> Points:
-    """The points outside the hull (base frame), as much nearer to it as each may be off, though none into it."""
+    """Return the points outside the hull (base frame), each nearer by its possible error, but not inside."""
     if not len(points):
         return points
     gaps = footprint.gaps(points)
@@ -87,7 +85,7 @@ def grown(points: Points, doubts_m: NDArray[np.float64], footprint: Footprint) -
 
 
 def outside_robot(places: Points, base: Pose | None, footprint: Footprint) -> Points:
-    """Return the places (odometry frame) outside the hull of a robot at `base`: none inside it can be true."""
+    """Return the places (odometry frame) outside the hull of a robot at `base`: places inside are wrong."""
     if base is None or not len(places):
         return NO_POINTS
     gaps = footprint.gaps(placed(places, seen_from(ORIGIN, base)))
@@ -95,10 +93,11 @@ def outside_robot(places: Points, base: Pose | None, footprint: Footprint) -> Po
 
 
 class Memory:
-    """One layer: a grid that rolls with the robot, at most one point in each cell.
+    """One layer: a grid that moves with the robot, with at most one point in each cell.
 
-    Its arrays are of fixed size and indexed by the cell's coordinates modulo `CELLS`. No two remembered points share
-    an entry, because whatever is more than `reach_m` away from the robot along x or y is forgotten first.
+    Its arrays have a fixed size; their index is the cell's coordinates modulo `CELLS`. No two remembered
+    points share an entry, because points more than `reach_m` away from the robot along x or y are forgotten
+    first.
     """
 
     def __init__(self, layer: Layer) -> None:
@@ -109,7 +108,7 @@ class Memory:
         )
         self._passes = np.zeros(CELLS * CELLS, dtype=np.int8)
         self._lives = np.zeros(CELLS * CELLS, dtype=np.bool_)
-        # scratch: which of several points in a cell is last
+        # working memory: which of several points in a cell is last
         self._order = np.zeros(CELLS * CELLS, dtype=np.intp)
         # the entries that live, in order of `points`
         self._cells: NDArray[np.intp] = np.empty(0, dtype=np.intp)
@@ -122,12 +121,12 @@ class Memory:
     # --- state ----------------------------------------------------------------------------------
 
     def revision(self, now_s: float) -> int:
-        """Differs whenever `points` differ."""
+        """Return a number that changes whenever `points` change."""
         self._expire(now_s)
         return self._revision
 
     def points(self, now_s: float) -> Points:
-        """The remembered points, odometry frame. Rows keep their order until `revision` changes."""
+        """Return the remembered points, odometry frame. Rows keep their order until `revision` changes."""
         self._expire(now_s)
         if self._points is None:
             self._points = from_columns(self._x.take(self._cells), self._y.take(self._cells))
@@ -140,8 +139,8 @@ class Memory:
         return np.minimum(np.maximum(doubts_m, 0.0), MOST_DOUBT_M)
 
     def entries(self, points: Points) -> NDArray[np.intp]:
-        """Rows of the arrays with the cells of these places; within the memory's reach no two cells share one."""
-        if points is self._points:  # asked again and again for all that is remembered
+        """Return the entries of these places' cells; within the memory's reach each cell has its own."""
+        if points is self._points:  # a frequent case: all remembered points
             return self._cells
         x, y = points.T
         column = np.floor(x / self._layer.cell_m).astype(np.intp) & (CELLS - 1)
@@ -152,7 +151,7 @@ class Memory:
     # --- input ----------------------------------------------------------------------------------
 
     def follow(self, pose: Pose, now_s: float) -> None:
-        """Move the robot to `pose` (odometry frame): forget points that are old, far, or seen long ago on the way."""
+        """Move the robot to `pose` (odometry frame): forget points by age, distance and way."""
         self._way.follow(pose)
         self._travelled_m = self._way.driven_m + TURN_M * self._way.turned_rad
         cells = self._cells
@@ -164,10 +163,11 @@ class Memory:
         self._forget(far | (self._expires_s[cells] < now_s) | (lasts_m < self._travelled_m))
 
     def see(self, points: Points, pose: Pose, now_s: float) -> None:
-        """Something is at `points` (odometry frame), seen now by the robot at `pose`.
+        """Store `points` (odometry frame) that the robot at `pose` sees now.
 
-        A cell keeps the mean of the places seen in it, the newer ones weighing more: what leaves the view must not
-        stay where noise had it last, or a wall that is passed closely blocks the way.
+        A cell keeps the mean of the places seen in it; newer places have more weight. Without the mean, a
+        point that leaves the view would keep its last noise, and a wall that the robot passes closely would
+        block the way.
         """
         self.follow(pose, now_s)
         x, y = points.T
@@ -192,14 +192,14 @@ class Memory:
         self._changed()
 
     def knows(self, points: Points) -> NDArray[np.bool_]:
-        """In whose cells something is remembered, of points (odometry frame) that are within reach of the robot."""
+        """Return which points (odometry frame, within reach) have a remembered point in their cell."""
         known: NDArray[np.bool_] = self._lives[self.entries(points)]
         return known
 
     def pass_through(self, free: NDArray[np.bool_]) -> None:
-        """One observation saw free space at these of `points`; the second one in a row forgets them.
+        """Take an observation of free space at these of `points`; the second one in a row forgets them.
 
-        In a row: seeing the point once more restarts the count.
+        A new sighting of the point restarts the count.
         """
         self._passes[self._cells[free]] += 1
         self._forget(self._passes[self._cells] >= PASSES)
@@ -216,7 +216,7 @@ class Memory:
     # --- within -------------------------------------------------------------------------------
 
     def _one_per_cell(self, cells: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Each cell once, and the number of the last point in it."""
+        """Return each cell once, and the number of the last point in it."""
         numbers = np.arange(len(cells))
         self._order[cells] = numbers
         kept = np.flatnonzero(self._order[cells] == numbers)

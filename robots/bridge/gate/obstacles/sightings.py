@@ -12,20 +12,20 @@ from robots.bridge.gate.geometry.planar import Points, wrapped
 from robots.bridge.gate.sensing.scan import Sweep
 
 BEHIND_M = 0.12  # beams that end this far behind a place passed through it
-SAME_M = 0.10  # a beam that ends this little before a place may have met its obstacle
+SAME_M = 0.10  # a beam that ends less than this before a place may have hit the obstacle there
 
 
 class Sight(NamedTuple):
-    """For each place, whether something there would be in this scan, and whether the scan saw through it."""
+    """For each place, whether this scan can judge it (`vouched`), and whether the scan saw through it."""
 
     vouched: NDArray[np.bool_]
     through: NDArray[np.bool_]
 
 
 class Past(NamedTuple):
-    """Least distance behind each place at which the nearest three beams end, metres: -inf if one of them is unknown.
+    """Least distance (m) behind each place at which the nearest three beams end; -inf if one is unknown.
 
-    In `surely`, a beam that hit something single counts as any other.
+    A beam that hit something alone (probably noise) counts as unknown in `likely`, but not in `surely`.
     """
 
     surely: NDArray[np.float64]
@@ -33,11 +33,11 @@ class Past(NamedTuple):
 
 
 def sight(sweep: Sweep, places: Points) -> Sight:
-    """`places` in the sensor's frame.
+    """Return which of `places` (sensor's frame) the scan can judge, and which it saw through.
 
-    Nothing is said of what is outside the field of view, behind what is hit, or where one of the three nearest
-    beams measured nothing. A beam that noise may have shortened or lengthened shows nothing, but three in a row that
-    end well behind a place do pass through it.
+    It cannot judge places outside the field of view, behind a hit, or where one of the three nearest beams
+    measured nothing. A beam that hit something alone is probably noise and proves nothing. But if all three
+    beams end well behind a place, the scan saw through it.
     """
     surely, likely = past(sweep, places)
     through = surely > BEHIND_M
@@ -45,26 +45,26 @@ def sight(sweep: Sweep, places: Points) -> Sight:
 
 
 def past(sweep: Sweep, places: Points) -> Past:
-    """`places` in the sensor's frame."""
+    """Return how far behind `places` (sensor's frame) the beams end."""
     beams, distances = _looked_at(sweep, places)
     return Past(sweep.least_ends[beams] - distances, sweep.least_sure_ends[beams] - distances)
 
 
 def seen_free(sweep: Sweep, places: Points) -> NDArray[np.bool_]:
-    """The `through` of `sight`, for less."""
+    """Return only `through` of `sight`, at a lower cost."""
     beams, distances = _looked_at(sweep, places)
     free: NDArray[np.bool_] = sweep.least_ends[beams] - distances > BEHIND_M
     return free
 
 
 def _looked_at(sweep: Sweep, places: Points) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """The beam nearest to each of `places`, and how far it is."""
+    """Return the beam nearest to each of `places`, and the distance of the place."""
     x, y = places.T
     return beams_at(sweep, np.arctan2(y, x)), np.sqrt(x * x + y * y)
 
 
 def beams_at(sweep: Sweep, bearings: NDArray[np.float64]) -> NDArray[np.intp]:
-    """The beam nearest to each bearing (-pi..pi); out of view, the number of beams."""
+    """Return the beam nearest to each bearing (-pi..pi); out of view, the number of beams."""
     beams = len(sweep.ranges)
     turned = (bearings - wrapped(sweep.angle_min)) * math.copysign(1.0, sweep.increment)
     turned += math.tau * (turned < 0.0)

@@ -1,18 +1,20 @@
 """Sonar memory: echoes as arcs, kept until a sensor that covers the place shows it free (docs/gate.md, 7).
 
-An echo says: something is on this arc, nobody knows where on it. A thin leg leaves the cone while it is still in the
-way, and then the sonar is silent. So a silent sonar and a free place are distinguished:
+An echo means that an obstacle is somewhere on this arc. A thin leg may leave the cone while it is still in
+the way, and then the sonar gets no echo. So a missing echo alone does not prove that a place is free:
 
-* A later reading shows free what lies in the middle of its cone and well before its range. The cone's rim shows
-  nothing: a cone may be narrower than it is described, or the thing be too thin there.
-* A sensor that stands where it heard something several times, and hears it no longer, shows the whole arc free. With
-  it goes what the same thing left behind on the way there.
-* A depth picture shows free what it looks through at all heights that sonars hear. A laser looks through one plane
-  only, below seats and drawers: it has a say where the robot has no depth camera, since there it is trusted with the
-  whole way ahead anyhow. Neither has a say about what is heard now: glass is met by the sonar alone.
+* A later reading shows that places in the middle of its cone, well before its range, are free. Places at
+  the cone's rim are kept: the cone may be narrower than described, or the obstacle may be too thin there.
+* If a sonar stands where it got an echo several times, and gets it no longer, the whole arc is free. Then the
+  places that the same obstacle left in memory on the way there are free, too.
+* Places that a depth picture sees through at all heights that sonars cover are free. A laser sees only one
+  plane, below seats and drawers. It counts only if the robot has no depth camera, because the gate then
+  relies on the laser for the whole way ahead anyway. Neither removes a place of a present echo: only the
+  sonar detects glass.
 
-Echoes get lost: nothing heard counts for less than something heard farther off, and less still from a sonar that just
-had an echo again. Near standstill the smallest of the last readings stays, so noise does not let the robot creep.
+Echoes get lost. So a reading without an echo counts less than an echo from farther away, and still less if
+the sonar recently got a lost echo again. Near standstill the smallest of the last readings is kept, so noise
+does not make the robot creep.
 """
 
 from __future__ import annotations
@@ -36,21 +38,21 @@ from robots.bridge.gate.values import Kind, Pose, SensorHealth
 Flags = NDArray[np.bool_]
 
 LIVE_S = 0.5  # an echo counts as current for this time
-NOISE_M = 0.08  # ranges that differ by less may be of one thing
-SURE_SHARE = 0.6  # of the cone about its axis: obstacles there are surely heard
+NOISE_M = 0.08  # ranges that differ by less may belong to one obstacle
+SURE_SHARE = 0.6  # of the cone about its axis: obstacles there surely give an echo
 SAME_PLACE_M = 0.001  # a sensor that moved less stands; 5 mm may take a leg out of its cone
 SAME_PLACE_RAD = 0.002
-UNSTEADY_S = 20.0  # a sonar that lost an echo lately and had it again: then its silences count half
-SURELY_HEARD = 3  # times from one place: then it is no echo of the cone's rim
+UNSTEADY_S = 20.0  # for this time after a sonar got a lost echo again, its evidence counts half
+SURELY_HEARD = 3  # after so many echoes at one place of the sonar, the obstacle is not at the cone's rim
 GONE = 6.0  # evidence, in a row, after which a free place is forgotten:
 FARTHER_COUNTS, NOTHING_COUNTS = 2.0, 1.5
 SAME_THING_S = 1.0  # an echo within this time at a possible place is the same obstacle
-SAME_THING_M = 0.5  # as far from one place of a thing are others: a person with a stride
-HEARD_BETWEEN_M = (0.15, 0.6)  # heights: sonars are mounted at knee height and hear little below and above
-GRAIN_M = 0.04  # places nearer to each other are one
+SAME_THING_M = 0.5  # places of one obstacle are no farther apart: a person's stride
+HEARD_BETWEEN_M = (0.15, 0.6)  # heights: sonars are mounted at knee height and detect little below and above
+GRAIN_M = 0.04  # places nearer to each other count as one
 REACH_M = 2.0  # from the robot; farther places are out of every sonar's reach
-TRAVEL_M = 4.0  # after which the odometry no longer knows well where it was
-MOST = 300  # places; those heard now and the nearest are kept
+TRAVEL_M = 4.0  # way after which a place is forgotten: the odometry's error is too large
+MOST = 300  # places; present echoes and the nearest places are kept
 
 # The rows of the table.
 X, Y, SONAR, FROM_X, FROM_Y, FROM_YAW, HEARD_S, HEARD_M, THING, PASSES, TIMES = range(11)
@@ -69,7 +71,7 @@ class Reading(NamedTuple):
 class SonarMemory:
     """The arcs of all sonars of a robot, as places in the odometry frame.
 
-    As a source it gives what is heard no longer; the sonars give what they hear.
+    As a source it returns places without a present echo; the sonars return their present echoes.
     """
 
     kind: Kind = "memory"
@@ -83,16 +85,16 @@ class SonarMemory:
         self._here = ORIGIN
         self._now_s = -math.inf
         self._things = 0
-        self._unsteady_s: dict[int, float] = {}  # when each sonar last had a lost echo again
+        self._unsteady_s: dict[int, float] = {}  # when each sonar last got a lost echo again
         self._resets = 0
-        self._changed = True  # since the places were divided:
-        self._heard: dict[int, Points] = {}  # by each sonar now
+        self._changed = True  # whether places changed since they were divided into these two:
+        self._heard: dict[int, Points] = {}  # present echoes of each sonar
         self._remembered = NO_POINTS
 
     # --- state ----------------------------------------------------------------------------------
 
     def heard(self, sonar: int, trail: Trail) -> Points:
-        """The present echo, odometry frame."""
+        """Return the places of a sonar's present echo, odometry frame."""
         return self._heard.get(sonar, NO_POINTS) if self._is_known(trail) else NO_POINTS
 
     def places(self, trail: Trail, now_s: float) -> Points:
@@ -105,11 +107,11 @@ class SonarMemory:
         return self.places(trail, now_s)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
-        """Memory does not fail; each sonar has its own state."""
+        """Return a good state: memory does not fail, and each sonar has its own state."""
         return SensorHealth(self.name, "sonar", True, None, "")
 
     def everything(self) -> Points:
-        """All places, odometry frame, in the order of `pass_through`."""
+        """Return all places, odometry frame, in the order of `pass_through`."""
         return from_columns(self._table[X], self._table[Y])
 
     def _lately(self) -> Flags:
@@ -117,7 +119,7 @@ class SonarMemory:
         return lately
 
     def _is_known(self, trail: Trail) -> bool:
-        """Divide the places into those heard now and the others; return whether any is known in this frame."""
+        """Divide the places into present echoes and others; return whether they are valid in this frame."""
         if self._changed:
             self._changed = False
             lately, sonars = self._lately(), self._table[SONAR]
@@ -144,25 +146,25 @@ class SonarMemory:
         self._changed = True
 
     def look(self, frame: Frame, base: Pose, now_s: float) -> None:
-        """A depth picture came that was taken when the robot was at `base`."""
+        """Take a depth picture that was taken when the robot was at `base`."""
         if self._table.shape[1]:
             places = placed(self.everything(), seen_from(ORIGIN, base))
             low, high = (np.full(len(places), height_m, dtype=np.float32) for height_m in HEARD_BETWEEN_M)
             self.pass_through(seen_through(frame.picture, frame.to_base, Columns(places, low, high)), now_s)
 
     def scan(self, sweep: Sweep, laser: Pose, base: Pose, now_s: float) -> None:
-        """A scan came; `laser` is its pose on the robot, which was at `base`."""
+        """Take a scan; `laser` is the laser's pose on the robot, which was at `base`."""
         if self._table.shape[1]:
             there = placed(self.everything(), seen_from(ORIGIN, put(laser, base)))
             self.pass_through(seen_free(sweep, there), now_s)
 
     def pass_through(self, free: Flags, now_s: float) -> None:
-        """A sensor that covers these of `places` looked through them: those that are heard now stay."""
+        """Take evidence of a sensor that these of `everything` are free; present echoes are kept."""
         self._table[PASSES, free & (self._table[HEARD_S] < now_s - LIVE_S)] += FARTHER_COUNTS
         self._keep(self._table[PASSES] < GONE)
 
     def forget(self) -> None:
-        """Forget places that are no longer heard."""
+        """Forget places without a present echo."""
         self._keep(self._lately())
 
     def clear(self) -> None:
@@ -183,7 +185,7 @@ class SonarMemory:
             self._resets = trail.resets
             self.clear()
         self._now_s = now_s
-        self._here = trail.newest or base  # stamps of several sonars go to and fro
+        self._here = trail.newest or base  # the stamps of several sonars are not in order
         self._way.follow(self._here)
         if not self._table.shape[1]:
             return
@@ -200,7 +202,7 @@ class SonarMemory:
         return np.hypot(dx, dy), off
 
     def _heard_from(self, sonar: int, eye: Pose) -> Flags:
-        """Echoes of this sonar from its present place."""
+        """Return which places are echoes that this sonar got at its present place."""
         table = self._table
         turned = np.abs(np.remainder(table[FROM_YAW] - eye.yaw + math.pi, math.tau) - math.pi)
         moved = np.hypot(table[FROM_X] - eye.x, table[FROM_Y] - eye.y)
@@ -234,7 +236,7 @@ class SonarMemory:
         self._keep(~gone)
 
     def _of_the_same_things(self, left: Flags) -> Flags:
-        """Earlier, nearby echoes of the obstacles at these places."""
+        """Return the earlier, nearby echoes of the obstacles at these places."""
         table = self._table
         mates = self._belongs_to(left) & (table[HEARD_S] <= table[HEARD_S, left].max())
         near = np.hypot(table[X][:, None] - table[X, left], table[Y][:, None] - table[Y, left]) < SAME_THING_M
@@ -242,14 +244,14 @@ class SonarMemory:
         return of_them
 
     def _belongs_to(self, places: Flags) -> Flags:
-        """All echoes of the obstacles at these places."""
+        """Return all echoes of the obstacles at these places."""
         belongs = np.zeros(self._table.shape[1], dtype=np.bool_)
         for thing in set(self._table[THING, places].tolist()):
             belongs |= self._table[THING] == thing
         return belongs
 
     def _add(self, reading: Reading, eye: Pose, arc: Points, now_s: float) -> None:
-        """Something is on this arc."""
+        """Add the arc of an echo."""
         table = self._table
         distance, off = self._seen_from(eye)
         again = (np.abs(distance - reading.free_m) <= NOISE_M) & (off <= reading.fov / 2.0)

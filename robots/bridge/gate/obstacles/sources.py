@@ -17,8 +17,8 @@ from robots.bridge.gate.words import figure
 
 # most beams this near to the direction of travel must measure something
 LASER_WATCHES_RAD = math.radians(20.0)
-SONAR_WATCHES_RAD = math.pi / 3.0  # a sonar this near to the direction of travel looks out for it
-# No obstacle stays close to a sonar while the robot goes or turns this far from where it heard it first.
+SONAR_WATCHES_RAD = math.pi / 3.0  # a sonar whose axis is this near to the direction of travel watches it
+# If a close echo lasts while the robot moves or turns this far, it is no obstacle: it moves with the robot.
 OWN_ECHO_M, OWN_ECHO_RAD = 0.3, math.pi / 2.0
 
 
@@ -33,10 +33,10 @@ class Source(Protocol):
         """Return obstacles (N, 2) in the odometry frame: the same array as long as nothing has changed."""
 
     def as_near_as_may_be(self, points: Points) -> Points:
-        """Return its points, base frame of the newest odometry, as near to the hull as they may be."""
+        """Return its `points` (base frame of the newest odometry), nearer by their possible error."""
 
     def as_seen(self, trail: Trail, now_s: float) -> Points:
-        """Return its obstacles where they were seen or heard, odometry frame: none is assumed to be nearer."""
+        """Return its obstacles at their measured places, odometry frame."""
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         """Return the state of its sensor."""
@@ -87,7 +87,7 @@ class Laser:
         return scan.outside_hull(placed(sweep.points(), self.pose), self.footprint)
 
     def covers(self, direction: float) -> bool:
-        """Return whether the newest scan watches a direction of the base frame; a half-covered laser may not."""
+        """Return whether the newest scan watches a direction (base frame): a laser may be partly covered."""
         if direction not in self._covered:
             sweep = self.sweep
             covered = sweep is not None and sweep.looks_to(direction - self.pose.yaw, LASER_WATCHES_RAD)
@@ -137,11 +137,11 @@ class Sonar:
         self._memory = memory
         self._range_m: float | None = None
         self._complaint = ""
-        self._close_m = math.inf  # the least range since all were close
-        self._close_at: Pose | None = None  # where the robot was then
-        self._resets = 0  # of the frame of that place
+        self._close_m = math.inf  # the least range since all echoes are close
+        self._close_at: Pose | None = None  # pose of the robot at the first close echo
+        self._resets = 0  # identifies the odometry frame of that pose
         self.own_echo = (
-            ""  # why its echo is hardly an obstacle, and the remedy; it counts as one all the same
+            ""  # why its echo is probably no obstacle, and the remedy; it still counts as an obstacle
         )
 
     def observe(
@@ -167,7 +167,7 @@ class Sonar:
             )
 
     def _follow_close(self, range_m: float, base: Pose, resets: int) -> None:
-        """Note whether a close echo goes with the robot: crosstalk, a cable in the cone, or the robot itself."""
+        """Check whether a close echo moves with the robot: crosstalk, a cable in the cone, or the robot."""
         if range_m > CLOSE_ECHO_M:
             self._close_m, self._close_at, self.own_echo = math.inf, None, ""
             return
@@ -210,17 +210,17 @@ class Sonar:
 
 
 class Carried:
-    """Points of one moment, carried to the odometry frame."""
+    """Points of one moment, transformed to the odometry frame."""
 
     def __init__(self, points: Points = NO_POINTS, stamp_s: float | None = None) -> None:
         """`points` in the base frame at `stamp_s`."""
         self._points = points
         self._stamp_s = stamp_s
-        self._base: Pose | None = None  # where the base was then, as far as is known by now
+        self._base: Pose | None = None  # last known pose of the base at that moment
         self._places = NO_POINTS
 
     def places(self, trail: Trail) -> Points:
-        """Return where they are in the odometry frame; none if the pose is unknown."""
+        """Return the points in the odometry frame; no points if the pose is unknown."""
         base = None if self._stamp_s is None else trail.pose_at(self._stamp_s)
         if base is None or not len(self._points):
             return NO_POINTS

@@ -1,1 +1,1 @@
-"""From measurements to points in the base frame."""
+"""Convert measurements to points in the base frame."""

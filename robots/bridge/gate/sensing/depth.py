@@ -1,9 +1,9 @@
 """From depth pictures to obstacle columns (docs/gate.md, 7 and 8).
 
-A picture is thinned out before anything else: one measurement for each square of pixels, in a view of the message's
-own bytes. Clouds become pictures, so that all that follows is the same for both. A camera's frame is the optical one:
-x right, y down, z ahead. Floor and ceiling are removed here, by the camera's pose alone. The robot's own body and arm
-are removed later, in `obstacles/depth_camera.py`.
+First a picture is thinned: one measurement is kept for each square of pixels, without a copy of the message's
+bytes. Clouds are converted to pictures, so that the later steps are the same for both. A camera's frame is
+the optical frame: x right, y down, z ahead. Floor and ceiling are removed here, by the camera's pose alone.
+The robot's own body and arm are removed later, in `obstacles/depth_camera.py`.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ Floats = NDArray[np.float32]
 Levels = NDArray[np.uint16]
 Transform = NDArray[np.float64]  # (4, 4), from the camera's frame to the base frame
 
-COLUMNS = 160  # of a thinned picture, about
+COLUMNS = 160  # approximate number of pixel columns in a thinned picture
 MOST_PIXELS = 4096  # along a side
 LEAST_WIDE, LEAST_HIGH = 3, 2  # a place is checked in a pixel column and its two neighbours
 NEAREST_M = 0.25
-LEAST_AHEAD_M = 0.05  # nearer points are not in its picture
+LEAST_AHEAD_M = 0.05  # points nearer to the camera are not in its picture
 FARTHEST_M = 4.0  # twice the stopping distance from 1 m/s; beyond, tilt errors turn the floor into obstacles
 FLOOR_M = 0.05  # lower points count as floor; the laser sees most of them
 TILT_ERROR = 0.01  # metres of height for each metre of distance: half a degree
 NOISE_PER_M = 0.0015  # sigma of a structured-light camera, by the square of the distance
-NOISE_SIGMAS = 1.5  # of the height error from noise along the ray
+NOISE_SIGMAS = 1.5  # of the height error from noise along the ray: smaller heights count as floor
 ABOVE_CAMERA_M = 0.08  # the head's top and a margin: the robot passes below higher things
 CELL_M = 0.05
 HITS = 3  # in one cell; fewer are noise
-LEAST_SHOWN_SHARE = 0.3  # of the floor within reach; shiny and dark floors are measured in parts
-LEAST_FLOOR_SHARE = 0.05  # of a picture; one with less floor within reach is not judged by it
-BEHIND_M = 0.10  # a measurement this far behind a place passed through it
-FLOOR_BEHIND_M = 0.03  # the same for the floor, which is near behind low things
-WIDEST_SHARE = 0.4  # cosine of the angle to the side at which the corner of a lowered camera's picture looks
-HEIGHTS = 6  # of a column that are looked at to see through it
-LEVEL_M = 0.1  # a column seen at every level is one thing: a part of it shows the whole
+LEAST_SHOWN_SHARE = 0.3  # of the floor within reach; of shiny and dark floors only parts are measured
+LEAST_FLOOR_SHARE = 0.05  # of a picture; with less floor within reach a picture is not checked
+BEHIND_M = 0.10  # a ray that was measured this far behind a place passed through the place
+FLOOR_BEHIND_M = 0.03  # the same for the floor, which is close behind low things
+WIDEST_SHARE = 0.4  # cosine of the largest sideways angle in the picture of a lowered camera
+HEIGHTS = 6  # number of heights at which a column's place is checked for free space
+LEVEL_M = 0.1  # height of a level; a column seen at every level is one thing, present or gone as a whole
 TALL_M = 0.25  # shorter columns have no inner part
-END_M = 0.08  # of a thing; noise may have made it longer
+END_M = 0.08  # ends of a thing that are not its inner part: noise may have made it longer
 
 _HALF = math.ceil((FARTHEST_M + 1.0) / CELL_M)  # cells from the base to the edge of the counting grid
 _SIDE = 2 * _HALF
@@ -59,18 +59,18 @@ class Lens(NamedTuple):
 
     @property
     def makes_sense(self) -> bool:
-        """Return whether a camera can have it: an uncalibrated one reports zeros."""
+        """Return whether a camera can have this lens: an uncalibrated camera reports zeros."""
         return all(map(math.isfinite, self)) and self.fx > 0.0 and self.fy > 0.0
 
     @classmethod
     def seeing(cls, fov: float, width: int, height: int) -> Lens:
-        """One with a horizontal field of view (radians) and its middle in the middle."""
+        """Return a lens with this horizontal field of view (radians) and its axis in the picture's middle."""
         focal = width / 2.0 / math.tan(fov / 2.0)
         return cls(focal, focal, width / 2.0, height / 2.0)
 
 
 class DepthImage(NamedTuple):
-    """A depth image as it came: `encoding` 32FC1 (metres) or 16UC1 (millimetres), rows `step` bytes apart."""
+    """A received depth image: `encoding` 32FC1 (metres) or 16UC1 (millimetres), rows `step` bytes apart."""
 
     width: int
     height: int
@@ -81,7 +81,7 @@ class DepthImage(NamedTuple):
 
 
 class Cloud(NamedTuple):
-    """A point cloud as it came; `offsets` of the 32-bit floats x, y, z within a point, bytes."""
+    """A received point cloud; `offsets`: bytes to the 32-bit floats x, y, z within a point."""
 
     width: int
     height: int
@@ -93,9 +93,10 @@ class Cloud(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """Distances along the optical axis (rows, columns), metres: NaN is not known, infinity is nothing in reach.
+    """Distances along the optical axis (rows, columns), metres. NaN: unknown; infinity: nothing within reach.
 
-    `right` and `down` are where columns and rows look, as parts of that distance.
+    `right` and `down`: the directions of columns and rows, in metres to the right and down for each metre
+    ahead.
     """
 
     ahead: Floats
@@ -104,9 +105,9 @@ class Picture(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Obstacles: places in the base frame, and between which heights something was seen there (metres).
+    """Obstacles: places in the base frame, with the lowest and highest height seen there (metres).
 
-    Bit n of `levels` says that something was seen between n and n + 1 times `LEVEL_M`; None: nobody knows where.
+    Bit n of `levels` is set if something was seen between n and n + 1 times `LEVEL_M`; None: unknown.
     """
 
     points: Points
@@ -115,7 +116,7 @@ class Columns(NamedTuple):
     levels: Levels | None = None
 
     def only(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Columns:
-        """Return some of them."""
+        """Return some of the columns."""
         levels = None if self.levels is None else self.levels[kept]
         return Columns(self.points.T[:, kept].T, self.low[kept], self.high[kept], levels)
 
@@ -152,7 +153,7 @@ def picture_of_image(image: DepthImage, lens: Lens) -> Picture:
 
 
 def picture_of_cloud(cloud: Cloud, fov: float) -> Picture:
-    """Return a cloud's nearest points as a picture of a camera in its place. Raises Malformed."""
+    """Return a cloud as a picture of a camera at its origin, with the nearest points. Raises Malformed."""
     x, y, z = _coordinates(cloud)
     columns, rows = COLUMNS, COLUMNS * 3 // 4
     lens = Lens.seeing(fov, columns, rows)
@@ -171,7 +172,7 @@ def picture_of_cloud(cloud: Cloud, fov: float) -> Picture:
 
 
 def _coordinates(cloud: Cloud) -> tuple[Floats, Floats, Floats]:
-    """x, y, z of a thinned cloud, flat."""
+    """Return x, y, z of a thinned cloud, flat."""
     if cloud.width < 1 or cloud.height < 1 or cloud.width * cloud.height > MOST_PIXELS**2:
         raise Malformed("its clouds have no points, or far too many")
     if not all(0 <= cloud.offsets.get(axis, -1) <= cloud.point_step - 4 for axis in "xyz"):
@@ -208,7 +209,7 @@ def _check_size(width: int, height: int) -> None:
 
 
 def _thinning(width: int, height: int) -> int:
-    """The side of the squares of which one pixel is taken; at least two squares fit either way."""
+    """Return the side of the squares of which one pixel is kept; at least two squares fit each way."""
     return max(min(width // COLUMNS, height // 2), 1)
 
 
@@ -242,7 +243,7 @@ def check_shown(picture: Picture, to_base: Transform) -> None:
 
 
 def columns_of(picture: Picture, to_base: Transform, highest_m: float) -> Columns:
-    """Points between floor and robot height, in cells of 5 cm with at least three hits."""
+    """Return the points between floor and robot height, in cells of 5 cm with at least three hits."""
     ahead = picture.ahead
     turned = to_base.astype(np.float32)
     with np.errstate(invalid="ignore", over="ignore"):
@@ -273,7 +274,7 @@ def _floor_error(ahead: Floats) -> Floats:
 
 
 def _counted(x: Floats, y: Floats, height: Floats) -> Columns:
-    """Return the middle of the hits in each cell with enough of them."""
+    """Return a column at the mean place of the hits in each cell with enough hits, without inner cells."""
     near = np.maximum(np.abs(x), np.abs(y)) < _HALF * CELL_M
     x, y, height = x[near], y[near], height[near]
     cells = _cell(x) * _SIDE + _cell(y)
@@ -299,7 +300,7 @@ def _level(height: Floats) -> Levels:
 def is_one_thing(columns: Columns, gaps: bool = False) -> NDArray[np.bool_]:
     """Return which columns are tall, and something was seen at each level between their ends.
 
-    With `gaps`, two levels in a row may lack.
+    With `gaps`, two levels in a row may be missing.
     """
     if columns.levels is None:
         return np.zeros(len(columns.points), dtype=np.bool_)
@@ -319,7 +320,7 @@ def _cell(along: Floats) -> NDArray[np.intp]:
 
 
 def _rim(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return the occupied cells with a free neighbour: the inside of a table top is reached only over its edge."""
+    """Return the occupied cells with a free neighbour: a robot reaches a table top's inside over its edge."""
     grid = occupied.reshape(_SIDE, _SIDE)
     inside = np.zeros_like(grid)
     inside[1:-1, 1:-1] = grid[:-2, 1:-1] & grid[2:, 1:-1] & grid[1:-1, :-2] & grid[1:-1, 2:]
@@ -330,7 +331,11 @@ def _rim(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
 
 
 class _Evidence(NamedTuple):
-    """Evidence of a picture about columns: at which `heights` it sees through, and whether a height denies that."""
+    """Evidence of a picture about columns.
+
+    `through`: at which of the `heights` the picture sees through them. `denied`: at one height something is
+    there.
+    """
 
     heights: Floats  # (HEIGHTS, columns)
     through: NDArray[np.bool_]
@@ -338,7 +343,7 @@ class _Evidence(NamedTuple):
 
 
 def came_since(picture: Picture, to_base: Transform, columns: Columns) -> NDArray[np.bool_]:
-    """Return which columns (base frame of the picture) an earlier picture did not show there: they moved there."""
+    """Return which columns (base frame of the picture) moved there: this earlier picture saw through."""
     evidence = _evidence(picture, to_base, columns)
     came: NDArray[np.bool_] = ~evidence.denied & evidence.through.any(axis=0)
     return came
@@ -347,8 +352,9 @@ def came_since(picture: Picture, to_base: Transform, columns: Columns) -> NDArra
 def seen_through(picture: Picture, to_base: Transform, columns: Columns) -> NDArray[np.bool_]:
     """Return which columns (base frame) are gone: the picture shows the floor, or a point well behind, at their place.
 
-    For one tall thing a height between its ends is enough; otherwise each height must be free. A height that
-    still measures something denies both. Heights out of view, unmeasured or hidden give no evidence.
+    For one tall thing a free height between its ends is enough; otherwise each height must be free. If
+    something is still measured at any height, the column is not gone. Heights out of view, unmeasured or
+    hidden give no evidence.
     """
     gone = np.zeros(len(columns.points), dtype=np.bool_)
     before = np.flatnonzero(_may_be_in_view(to_base, columns.points))
@@ -361,7 +367,7 @@ def seen_through(picture: Picture, to_base: Transform, columns: Columns) -> NDAr
 
 
 def _may_be_in_view(to_base: Transform, points: Points) -> NDArray[np.bool_]:
-    """Leave out most points next to and behind a camera, at little cost."""
+    """Exclude, at low cost, most points next to and behind a camera; return which points may be in view."""
     x, y = points[:, 0] - to_base[0, 3], points[:, 1] - to_base[1, 3]
     level = math.hypot(to_base[0, 2], to_base[1, 2])
     ahead = to_base[0, 2] * x + to_base[1, 2] * y

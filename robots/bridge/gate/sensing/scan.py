@@ -19,12 +19,12 @@ SAME_SURFACE_M = 0.05  # neighbouring beams that differ by less hit the same sur
 INSIDE_HULL_M = 0.03  # points deeper than this in the hull are the robot itself
 MOST_BEAMS = 20_000
 FINEST_RAD = 1e-5  # between two beams; with less, beam numbers overflow
-LEAST_KNOWN_SHARE = 0.5  # a scan, or a part of it, that mostly measures nothing vouches for nothing
-CONE_POINTS = 9  # over a cone of 0.5 rad at 1 m they stand 6 cm apart
+LEAST_KNOWN_SHARE = 0.5  # of the beams of a scan, or of a part of it; with fewer it proves nothing
+CONE_POINTS = 9  # points on an echo's arc: 6 cm apart over a cone of 0.5 rad at 1 m
 
 
 class Malformed(ValueError):
-    """A measurement that makes no sense, and why, in words."""
+    """A measurement that is not valid, with the reason in words."""
 
 
 class Sweep:
@@ -33,7 +33,7 @@ class Sweep:
     def __init__(
         self, ranges: Any, angle_min: float, increment: float, range_min_m: float, range_max_m: float
     ) -> None:
-        """Check everything; Malformed if the scan cannot be one."""
+        """Check all values; raise Malformed if the scan is not valid."""
         try:
             self.ranges = np.asarray(ranges, dtype=np.float64)
             numbers = [float(number) for number in (angle_min, increment, range_min_m, range_max_m)]
@@ -73,7 +73,7 @@ class Sweep:
     def ends(self) -> NDArray[np.float64]:
         """Return how far each beam surely reached: +inf is free; NaN and ranges out of bounds give -inf.
 
-        -inf is closer than `range_min_m` and taken to be right there.
+        A range of -inf means nearer than `range_min_m`, and counts as `range_min_m`.
         """
         ends = np.where(np.isneginf(self.ranges), self.range_min_m, self.ranges)
         known = (ends >= self.range_min_m) & ((ends < self.range_max_m) | np.isposinf(ends))
@@ -81,9 +81,9 @@ class Sweep:
 
     @cached_property
     def known(self) -> NDArray[np.bool_]:
-        """Beams that measured something, or that nothing is there.
+        """Beams that measured an obstacle or free space.
 
-        A number below `range_min_m` is neither: lasers send 0 for what they cannot measure, or when they are covered.
+        A range below `range_min_m` is neither: lasers send 0 if they cannot measure or are covered.
         """
         return ~np.isneginf(self.ends)
 
@@ -101,22 +101,22 @@ class Sweep:
 
     @cached_property
     def _known_before(self) -> NDArray[np.intp]:
-        """Return how many of the beams before each one are known, and how many of all."""
+        """Return the number of known beams before each beam, and at the end the number of all known beams."""
         return np.concatenate(([0], np.cumsum(self.known)))
 
     @cached_property
     def alone(self) -> NDArray[np.bool_]:
-        """Beams with a hit that no neighbour shares: probably noise."""
+        """Beams with a hit but without a neighbour at a similar range: probably noise."""
         return np.isfinite(self.ends) & ~has_neighbour(self._hits, self._steps)
 
     @cached_property
     def _hits(self) -> NDArray[np.float64]:
-        """Return how far each beam reached that hit something, NaN for the others."""
+        """Return the ranges of the beams that hit something, NaN for the others."""
         return np.where(np.isfinite(self.ends), self.ends, np.nan)
 
     @cached_property
     def _steps(self) -> list[NDArray[np.float64]]:
-        """Return how much the beams differ."""
+        """Return the range differences of neighbouring beams."""
         return differences(self._hits)
 
     @cached_property
@@ -126,7 +126,7 @@ class Sweep:
 
     @cached_property
     def least_sure_ends(self) -> NDArray[np.float64]:
-        """The same, where beams that hit something `alone` reached nowhere."""
+        """The same, but with -inf for the beams in `alone`."""
         return self._least_of_three(np.where(self.alone, -math.inf, self.ends))
 
     def _least_of_three(self, ends: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -138,14 +138,15 @@ class Sweep:
         return least
 
     def points(self) -> Points:
-        """The hits, in the sensor's frame."""
+        """Return the hits in the sensor's frame."""
         return self._at(self.ends)
 
     def steadied(self) -> Points:
-        """As `points`, with each range averaged over neighbouring beams that met the same surface.
+        """Return `points`, with each range averaged over neighbouring beams that hit the same surface.
 
-        Of many errors the largest counts: noise narrows every door, and in what is remembered it stays. Who
-        compares scan with scan takes `points`: an average over the edge of a thing is where nothing is.
+        Without the average, noise would narrow every door, because the nearest points count, and memory would
+        keep the error. To compare scans, use `points`: near an edge, an average may be at a place where
+        nothing is.
         """
         hits = self._hits
         total, count = hits.copy(), np.ones(len(hits))
@@ -159,14 +160,14 @@ class Sweep:
         return self._at(total / count)
 
     def _at(self, ranges: NDArray[np.float64]) -> Points:
-        """Ends of the beams that hit something, if they are as long as this."""
+        """Return the ends of the beams that hit something, for these ranges of all beams."""
         kept, cos, sin = self._rays
         ends = ranges.take(kept)
         return from_columns(ends * cos, ends * sin)
 
     @cached_property
     def _rays(self) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
-        """The beams that hit something, and where they point."""
+        """The beams that hit something, not alone, and the cosines and sines of their angles."""
         kept = np.flatnonzero(np.isfinite(self.ends) & ~self.alone)
         angles = self.angle_min + self.increment * kept
         return kept, np.cos(angles), np.sin(angles)
@@ -178,10 +179,10 @@ def differences(hits: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def has_neighbour(hits: NDArray[np.float64], steps: list[NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """Beams with another within two beams and 10 cm of range: noise stands alone, the thinnest leg does not.
+    """Return the beams with another hit within two beams and 10 cm of range: a thin leg has one, noise none.
 
-    NaN marks no hit, `steps` are the `differences`. The last beam is a neighbour of the first: so it is on a full
-    circle, and elsewhere it only keeps more.
+    `hits`: NaN is no hit. `steps`: the `differences`. The last beam counts as a neighbour of the first: this
+    is true on a full circle, and elsewhere it only keeps more beams.
     """
     kept = np.zeros(len(hits), dtype=np.bool_)
     for beams, step in enumerate(steps, 1):
@@ -195,7 +196,7 @@ def has_neighbour(hits: NDArray[np.float64], steps: list[NDArray[np.float64]]) -
 
 
 def outside_hull(points: Points, footprint: Footprint) -> Points:
-    """The points that are not the robot's own body."""
+    """Return the points that are not the robot's own body."""
     if not len(points):
         return points
     outside = footprint.gaps(points) >= -INSIDE_HULL_M
@@ -203,9 +204,10 @@ def outside_hull(points: Points, footprint: Footprint) -> Points:
 
 
 def cone_points(range_m: float, max_range_m: float, pose: Pose, fov: float) -> Points:
-    """Possible places of an echo: an arc across the sonar's cone, base frame.
+    """Return the possible places of an echo: an arc across the sonar's cone, base frame.
 
-    Nothing at or beyond `max_range_m`; -inf is right at the sensor. Malformed if the range is no range.
+    No points at or beyond `max_range_m`; -inf is directly at the sensor. Raises Malformed if the range is not
+    valid.
     """
     if math.isnan(range_m) or (range_m < 0.0 and not math.isinf(range_m)):
         raise Malformed("its ranges make no sense")

@@ -9,11 +9,11 @@ from robots.bridge.gate.geometry.planar import wrapped
 from robots.bridge.gate.values import Pose, Sector
 
 AT_M = 1.0  # sectors are computed for this distance
-LEAST_RAD = math.radians(3.0)  # a narrower sector is no gap
+LEAST_RAD = math.radians(3.0)  # narrower gaps are ignored
 
 
 def sector_of(mount: Pose, first: float, span: float) -> Sector:
-    """The sector about the base that a field of view covers: `span` radians from `first` on, sensor's frame."""
+    """Return the sector about the base that a sensor covers: `span` radians from `first`, sensor's frame."""
     if span >= math.tau:
         return 0.0, math.tau
     edges = [mount.yaw + first, mount.yaw + first + span]
@@ -24,7 +24,7 @@ def sector_of(mount: Pose, first: float, span: float) -> Sector:
 
 
 def gaps_between(covered: Iterable[Sector]) -> list[Sector]:
-    """The parts of a full turn that none of these sectors covers, each from -pi..pi on counter-clockwise."""
+    """Return the sectors that none of these covers; each begins in -pi..pi and goes counter-clockwise."""
     pieces: list[Sector] = []
     for start, end in covered:
         first = wrapped(start)

@@ -1,6 +1,7 @@
-"""The time in which the robot's computer acknowledges sent bytes, without its clock.
+"""Measure the time until the robot's computer acknowledges sent bytes, without its clock.
 
-Between two looks an acknowledgement may have come at any moment, so the result is the shortest possible time.
+An acknowledgement may have come at any moment between two checks, so the result is the shortest possible
+time.
 """
 
 from __future__ import annotations
@@ -8,24 +9,24 @@ from __future__ import annotations
 import math
 from collections import deque
 
-MOST = 1000  # writes that are not acknowledged; a connection's buffer is full before
+MOST = 1000  # writes that are not acknowledged; a connection's buffer is full earlier
 
 
 class Echo:
     """One connection. Bytes are counted from its beginning."""
 
     def __init__(self) -> None:
-        # bytes so far, and when they were written
+        # writes without acknowledgement: total bytes at the end of each, and its time
         self._unheard: deque[tuple[int, float]] = deque(maxlen=MOST)
         self._looked_s = -math.inf
         self._last_s = math.inf
 
     def wrote(self, total: int, now_s: float) -> None:
-        """So many bytes are written now."""
+        """Take the total of bytes that are written now."""
         self._unheard.append((total, now_s))
 
     def took_s(self, acknowledged: int, now_s: float) -> float | None:
-        """Return the duration of an acknowledgement (s), after so many acknowledged bytes; None without news."""
+        """Return the time (s) until an acknowledgement; None: nothing new. `acknowledged`: total bytes."""
         newest_s = None
         while self._unheard and self._unheard[0][0] <= acknowledged:
             newest_s = self._unheard.popleft()[1]

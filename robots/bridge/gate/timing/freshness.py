@@ -15,7 +15,7 @@ ODOMETRY_STALE_S = 0.2
 SONAR_STALE_S = 0.5
 DEPTH_STALE_S = 0.5
 SONAR_STALE_MPS = 0.1
-CLOCK_SET_BACK_S = 1.0  # an older stamp by this much means that the clock was set back, not a late message
+CLOCK_SET_BACK_S = 1.0  # a stamp that is older by this much means that the clock was set back
 
 
 class Freshness:

@@ -1,17 +1,19 @@
 """The latency from a command to odometry that shows it, measured while the robot drives (docs/gate.md, 11).
 
-After each sufficient change of the commands, the odometry is compared with the motion of a base with the profile's
-accelerations that gets these commands d seconds late; the d that fits best is one measurement. A base that is slower
-than its profile counts as later, which is safe; a base that does something else (a person's joystick has priority,
-wheels slip) fits badly and gives no measurement.
+After each large enough change of the commands, the odometry is compared with the calculated motion of a base
+that has the profile's accelerations and receives these commands d seconds late. The d that fits best is one
+measurement. A base that is slower than its profile gives a longer delay, which is safe. A base that does
+something else (a person's joystick has priority, wheels slip) fits badly and gives no measurement.
 
-Until the robot has answered once, and while its answer takes longer than the measured latency, any delay fits the
-odometry, so the longest delay is assumed. The answer's own delay counts until the measurement is done.
+The robot *answers* when it begins to obey a new command. Until it has answered once, and while its answer
+takes longer than the measured latency, any delay is possible, so the longest delay is assumed. The delay of a
+late answer counts until its measurement is complete.
 
-Between two such changes a link may grow slow: every message still comes, one per period, but later and later. The
-stamps show this for any clock of the robot: arrival less stamp rises above its minimum. If only commands come later,
-their acknowledgements show it: they take longer than their minimum; and a base without commands brakes by itself. The
-age of the newest odometry, by its stamp, counts at every moment, whether odometry is late or silent.
+Between two such changes the connection may become slow: every message still comes, one per period, but later
+and later. The stamps show this, whatever the robot's clock is set to: arrival minus stamp rises above its
+minimum. If only commands come later, their acknowledgements take longer than their minimum, and a base
+without commands brakes by itself. The age of the newest odometry, by its stamp, always counts, whether
+odometry is late or has stopped.
 """
 
 from __future__ import annotations
@@ -25,40 +27,41 @@ from numpy.typing import NDArray
 
 from robots.bridge.gate.values import Limits, Velocity
 
-ADDED_S = 0.05  # added to the 95 % quantile of the measurements: one period of the gate
-LEAST_S = 0.10  # however quick the robot is: a period of the gate, and one of the laser's that is carried by odometry
+ADDED_S = 0.05  # added to the slowest measurement after fading: one period of the gate
+LEAST_S = 0.10  # for any robot: a period of the gate, and a period of the laser (odometry carries its points)
 KEPT = 12  # measurements
-FADES_S = 0.015  # each later measurement takes so much off an earlier one, down to the median
-FADES = 0.005  # and each second, in seconds
-FORGOTTEN_S = 60.0  # of rest, after which the measurements are no longer valid for the next drive
-ENOUGH = 8  # with fewer the assumed latency is kept, if it is longer
+FADES_S = 0.015  # each later measurement reduces an earlier one by this, down to the median
+FADES = 0.005  # each second reduces a measurement by this, in seconds
+FORGOTTEN_S = 60.0  # after this rest, the measurements are no longer valid for the next drive
+ENOUGH = 8  # with fewer measurements the assumed latency is kept, if it is longer
 
-LONGEST_S = 0.8  # delays are looked for up to this
+LONGEST_S = 0.8  # longest delay that is considered
 _STEP_S = 0.01
-_WINDOW_S = 1.2  # of odometry that is compared
+_WINDOW_S = 1.2  # duration of the odometry that is compared
 _CHANGE = (0.12, 0.30)  # m/s, rad/s: the smallest change that is measured
-_RESPONSE = (0.03, 0.08)  # m/s, rad/s: from here on the base has begun to obey
-_SURPRISE_S = 0.05  # a wait longer than measured by this has an unknown end
-_ASKED = 3.0  # responses: smaller changes need no answer
-_ASTRAY = 2.0  # responses: the base does something other than commanded, for long
-_SAGS = 1.5  # responses: the base got slower than all that was commanded
-_MISFIT = 0.2  # of the change: a worse fit is ignored
+_RESPONSE = (0.03, 0.08)  # m/s, rad/s: a base that changed its speed by this has begun to obey
+_SURPRISE_S = 0.05  # an answer that takes longer than measured by this may take any time
+# The next three are in units of `_RESPONSE`:
+_ASKED = 3.0  # smaller changes of the command need no answer
+_ASTRAY = 2.0  # a base that is farther from a command than before by more than this does something else
+_SAGS = 1.5  # a base that is slower than all its commands by more than this brakes by itself
+_MISFIT = 0.2  # share of the speed change: a worse fit gives no measurement
 
 LATELY_S = 0.2  # the quickest message in this time counts: a single late one is jitter
 LEAST_MESSAGES = 3
-JITTER_S = 0.02  # of the quickest
+JITTER_S = 0.02  # jitter of the quickest message
 USUAL = 0.1  # weight of the newest gap between two stamps in the usual gap
-# Seconds per second: a lasting delay becomes the usual one this slowly, and so does a slow clock.
+# Seconds per second: at this rate a lasting delay, also one from a slow clock, becomes the new minimum.
 ACCEPTED = 0.002
 MOST_BACKLOG_S = 1.0
-BOTH_WAYS = 2.0  # commands go the way that messages come
-HICCUP_S = 0.06  # of silence that a radio makes now and then
+BOTH_WAYS = 2.0  # commands use the same connection as messages: both directions are late
+HICCUP_S = 0.06  # a silence that is normal for a radio connection
 
 Sample = tuple[float, float]  # seconds, m/s or rad/s
 
 
 class Latency:
-    """Measures one robot. `sent` and `moved` in the order of their times (seconds, one monotonic clock)."""
+    """The latency of one robot. Call `sent` and `moved` in order of time (seconds, one monotonic clock)."""
 
     def __init__(self, limits: Limits, assumed_s: float) -> None:
         self._limits = limits
@@ -66,36 +69,36 @@ class Latency:
         self.forget()
 
     def forget(self) -> None:
-        """Forget all: after a restart of the robot its delays, its clock and earlier commands say nothing."""
+        """Forget everything: after the robot's restart, old delays, stamps and commands are not valid."""
         self._axes = (
             _Axis(self._limits.linear_mps2, _CHANGE[0], _RESPONSE[0]),
             _Axis(self._limits.angular_radps2, _CHANGE[1], _RESPONSE[1]),
         )
-        self._measured: deque[Sample] = deque(maxlen=KEPT)  # when, and how long
+        self._measured: deque[Sample] = deque(maxlen=KEPT)  # time of each measurement, and the latency
         self._median_s = self._slowest_s = (
-            0.0  # of these; the slowest as it would have been at time 0, unfaded
+            0.0  # of these; the slowest without its fading by time, which is subtracted later
         )
         self._answered = False
-        self._answer_s = 0.0  # the last late one, until it is measured
+        self._answer_s = 0.0  # delay of the last late answer, until it is measured
         self._doubtful_until_s = -math.inf
         self._rests_since_s: float | None = None
         self._odometry = Backlog()
         self._backlogs = {"odometry": self._odometry}
         self._commands = Backlog()
-        self._later_s = 0.0  # than at best, by the newest arrivals
+        self._later_s = 0.0  # delay beyond the minimum, by the newest arrivals
 
     def arrived(self, source: str, stamp_s: float, arrival_s: float) -> None:
-        """Something new came from a source: odometry, or a laser."""
+        """Take the arrival of a new message of a source: odometry, or a laser."""
         self._backlogs.setdefault(source, Backlog()).arrived(stamp_s, arrival_s)
         self._reckon_backlogs()
 
     def acknowledged(self, took_s: float, now_s: float) -> None:
-        """So long the robot's machine took to acknowledge a twist: the way there and back."""
+        """Take the round-trip time (s) of a twist and its acknowledgement by the robot's computer."""
         self._commands.took(took_s, now_s)
         self._reckon_backlogs()
 
     def sent(self, velocity: Velocity, now_s: float) -> None:
-        """A twist was published."""
+        """Take a published twist."""
         if any(velocity):
             self._rests_since_s = None
         elif self._rests_since_s is None:
@@ -108,7 +111,7 @@ class Latency:
         self._wonder(now_s)
 
     def moved(self, velocity: Velocity, now_s: float) -> None:
-        """Odometry arrived."""
+        """Take the velocity of new odometry."""
         expected_s = self._expected_s(now_s)
         for axis, value in zip(self._axes, (velocity.vx, velocity.w), strict=True):
             seen = axis.moved(value, now_s)
@@ -124,20 +127,20 @@ class Latency:
         self._wonder(now_s)
 
     def _wonder(self, now_s: float) -> None:
-        """A base that does not answer in time, or does something else, may obey at any time."""
+        """Note a base that does not answer in time or does something else: it may obey at any time."""
         late = self._waited_s(now_s) > self._expected_s(now_s) + _SURPRISE_S
         if late or any(axis.is_astray or axis.sags for axis in self._axes):
             self._doubtful_until_s = now_s + LONGEST_S
 
     @property
     def measured_s(self) -> float | None:
-        """Measured latency: the slowest recent one plus 50 ms; None with too few measurements."""
+        """Measured latency: the slowest recent measurement plus 50 ms; None with too few measurements."""
         return self._from_measurements(self._measured[-1][0]) if len(self._measured) >= ENOUGH else None
 
     def in_force_s(self, now_s: float) -> float:
-        """Return the latency for display: measured, else assumed.
+        """Return the latency for display and speed limits: measured, else assumed.
 
-        It is longer while the robot's answer takes longer, and while its messages come later than at best.
+        It is longer while the robot's answer takes longer, and while its messages are late.
         """
         return max(self._expected_s(now_s), min(self._waited_s(now_s), LONGEST_S)) + self.lateness_s(now_s)
 
@@ -152,11 +155,11 @@ class Latency:
         return max(forward.waited_s(now_s), turning.waited_s(now_s))
 
     def _expected_s(self, now_s: float) -> float:
-        """Decide by the earlier behaviour."""
+        """Return the latency to expect from the earlier behaviour."""
         return max(self._from_measurements(now_s), self._answer_s)
 
     def lateness_s(self, now_s: float) -> float:
-        """Return how much later than at best the robot's messages come now, and so zeros would reach it."""
+        """Return by how much the robot's messages are later now than at best (s): zeros would be as late."""
         age_s = self._odometry.age_s(now_s)
         return max(self._later_s, age_s, BOTH_WAYS * age_s - HICCUP_S)
 
@@ -165,14 +168,14 @@ class Latency:
         self._later_s = max(BOTH_WAYS * later_s, self._commands.later_s)
 
     def _from_measurements(self, now_s: float) -> float:
-        """The slowest measurement, faded, and 50 ms; no less than the median of all."""
+        """Return the slowest measurement after fading, at least the median of all, plus 50 ms."""
         if not self._measured:
             return self._assumed_s
         late_s = max(self._median_s, self._slowest_s - FADES * now_s) + ADDED_S
         return max(late_s, LEAST_S if len(self._measured) >= ENOUGH else self._assumed_s)
 
     def _sum_up(self) -> None:
-        """Values that all queries need of the measurements."""
+        """Compute the values of the measurements that all queries need."""
         newest = len(self._measured) - 1
         self._median_s = sorted(late_s for _, late_s in self._measured)[len(self._measured) // 2]
         self._slowest_s = max(
@@ -182,18 +185,18 @@ class Latency:
 
 
 class Backlog:
-    """Delay of one source's messages beyond the best, by their stamps; or the longer time that they take."""
+    """Delay of one source's messages beyond the shortest delay: by their stamps, or by measured times."""
 
     def __init__(self) -> None:
-        self._lately: deque[Sample] = deque()  # arrivals, and how much later than its stamp each came
+        self._lately: deque[Sample] = deque()  # times of arrival, and arrival minus stamp
         self._best_s = math.inf
-        self._quicker_s: float | None = None  # one message came so much sooner than the best one
+        self._quicker_s: float | None = None  # delay of one message that was much quicker than the best one
         self._stamp_s = -math.inf
-        self._gap_s = 0.0  # between stamps, usually
-        self.later_s = 0.0  # by how much even the quickest of late came later than the best one, jitter apart
+        self._gap_s = 0.0  # usual gap between stamps
+        self.later_s = 0.0  # delay of the quickest recent message beyond the best one, without jitter
 
     def arrived(self, stamp_s: float, arrival_s: float) -> None:
-        """Something new came. Stamps go back only where a clock was set."""
+        """Take the arrival of a new message. If stamps go back, a clock was set."""
         if stamp_s < self._stamp_s:
             self._lately.clear()
             self._best_s = math.inf
@@ -203,14 +206,14 @@ class Backlog:
         self.took(arrival_s - stamp_s, arrival_s)
 
     def age_s(self, now_s: float) -> float:
-        """Return the age of the newest message beyond the usual, by its stamp."""
+        """Return by how much the newest message is older than usual, by its stamp (s)."""
         best_s = (
             min(self._best_s, self._lately[-1][1]) if self._lately else self._best_s
         )  # a stamp may be ahead
         return min(max(now_s - self._stamp_s - best_s - self._gap_s - JITTER_S, 0.0), MOST_BACKLOG_S)
 
     def took(self, after_s: float, now_s: float) -> None:
-        """Something came so long after it was sent, by one clock or by two that keep step."""
+        """Take the time (s) from sending to arrival of a message, by one clock or two equally fast clocks."""
         passed_s = now_s - self._lately[-1][0] if self._lately else 0.0
         self._lately.append((now_s, after_s))
         while now_s - self._lately[0][0] > LATELY_S and len(self._lately) > LEAST_MESSAGES:
@@ -218,7 +221,7 @@ class Backlog:
         best_s = self._best_s + ACCEPTED * max(passed_s, 0.0)
         if after_s >= best_s - JITTER_S or math.isinf(best_s):
             self._best_s = min(best_s, after_s)
-        elif self._quicker_s is None:  # a wrong stamp, perhaps: a second such message shows that it is right
+        elif self._quicker_s is None:  # the stamp may be wrong: a second such message confirms it
             self._best_s, self._quicker_s = best_s, after_s
         else:
             self._best_s, self._quicker_s = max(after_s, self._quicker_s), None
@@ -229,9 +232,9 @@ class Backlog:
 class _Seen(NamedTuple):
     """Evidence of one odometry sample for one axis."""
 
-    answer_s: float | None = None  # so long after the command the base began to obey, or longer
+    answer_s: float | None = None  # time from the command until the base began to obey; it may be longer
     is_exact: bool = False  # the response cannot belong to an earlier command
-    measured_s: float | None = None  # the delay of which this sample completes the measurement
+    measured_s: float | None = None  # the measured delay, if this sample completes a measurement
 
 
 class _Axis:
@@ -242,21 +245,21 @@ class _Axis:
         self._change = change
         self._response = response
         self._commands: deque[Sample] = deque()
-        self._before = 0.0  # the command that held before the oldest of these
+        self._before = 0.0  # the command before the oldest of these
         self._odometry: list[Sample] = []  # since the change
         self._speed: float | None = None
-        self._since_s: float | None = None  # the change began
+        self._since_s: float | None = None  # time at which the change began
         self._steady: float | None = None  # the speed that the base has kept since it last changed
         self._asked = 0.0
         self._asked_s: float | None = (
-            None  # since when something else is asked than the base does, and nothing comes
+            None  # time since which the command differs from the base's speed, without an answer
         )
-        self._other_s = -math.inf  # when something else than the steady speed was last asked
+        self._other_s = -math.inf  # last time at which the command differed from the steady speed
         self._is_exact = False
-        self._held: Sample = (math.inf, 0.0)  # since when this, or nearly this, is sent
-        self._off = math.inf  # how near the base came to it since any delay was over
+        self._held: Sample = (math.inf, 0.0)  # time since which this command, or nearly this, is sent
+        self._off = math.inf  # smallest distance of the speed from it, after the longest possible delay
         self.is_astray = False
-        self.sags = False  # it brakes by itself, as bases do without commands: they may come later
+        self.sags = False  # the base brakes by itself, as bases do without commands: commands may be late
 
     def sent(self, value: float, now_s: float) -> None:
         last = self._commands[-1][1] if self._commands else self._before
@@ -271,7 +274,7 @@ class _Axis:
         self._ask(value, now_s)
 
     def moved(self, value: float, now_s: float) -> _Seen:
-        """The evidence of this sample."""
+        """Take a speed of the odometry; return its evidence."""
         self._speed = value
         off = abs(value - self._held[1])
         if now_s - self._held[0] > LONGEST_S:
@@ -292,12 +295,12 @@ class _Axis:
         return self._steady is not None and abs(value) < abs(self._steady) - self._response
 
     def _least_asked(self, value: float) -> float:
-        """Return the least speed this way that a command which may be in effect asks for."""
+        """Return the least speed, in the direction of `value`, of all commands that may be in effect."""
         way = math.copysign(1.0, value)
         return min(way * self._before, *(way * asked for _, asked in self._commands), math.inf)
 
     def waited_s(self, now_s: float) -> float:
-        """Return the time since a change that the base has not obeyed yet. A change that lasts too long is ignored."""
+        """Return the time since a command that the base has not obeyed yet; 0 if this lasts too long."""
         if (
             self._asked_s is None
             or self._steady is None
@@ -343,9 +346,10 @@ def best_delay(
     acceleration: float,
     change: float,
 ) -> float | None:
-    """The delay in seconds with which `commands` explain `odometry` best; None if none does, or too little changed.
+    """Return the delay (s) with which `commands` explain `odometry` best.
 
-    `before` is the command that held before the first of `commands`; speeds in m/s or rad/s.
+    None if no delay fits, or if the speed changed too little. `before`: the command before the first of
+    `commands`. Speeds in m/s or rad/s.
     """
     seen = np.array(odometry)
     times, speeds = seen[:, 0], seen[:, 1]
@@ -367,7 +371,7 @@ def _played(
     delays: NDArray[np.float64],
     acceleration: float,
 ) -> NDArray[np.float64]:
-    """Speeds (delays, times) of a base that takes `commands` up with each delay, within its acceleration."""
+    """Return the speeds (delays, times) of a base that obeys `commands` after each delay at its full rate."""
     history = np.array([(-math.inf, before), *commands])
     asked = history[np.searchsorted(history[:, 0], times[None, :] - delays[:, None], side="right") - 1, 1]
     speeds: NDArray[np.float64] = np.empty_like(asked)

@@ -9,11 +9,11 @@ from robots.bridge.gate.geometry.planar import ORIGIN, put, seen_from, wrapped
 from robots.bridge.gate.timing.tremble import Rest
 from robots.bridge.gate.values import Pose, Velocity
 
-KEPT = 200  # poses: 4 s at 50 Hz, and no sensor is used for longer than 0.5 s
+KEPT = 200  # poses: 4 s at 50 Hz; no sensor's data are used for longer than 0.5 s
 LARGEST_HOLE_S = 0.2  # longest interpolation between two poses, and extrapolation beyond the newest
-JUMP_M = 0.3  # beyond the possible motion of the base: the odometry was reset
+JUMP_M = 0.3  # if a pose is farther away than the base can move plus this, the odometry was reset
 JUMP_RAD = 0.5
-SILENT_S = 0.3  # the dead-man's time: after a longer silence it may be another robot
+SILENT_S = 0.3  # as long as the dead-man's time: after a longer silence it may be another robot
 
 
 class Trail:
@@ -26,7 +26,7 @@ class Trail:
         self._poses: list[Pose] = []
         self._velocity = Velocity(0.0, 0.0, 0.0)
         self.rest = Rest()
-        self._frame = ORIGIN  # of the odometry, after corrections of wrongly reported turns
+        self._frame = ORIGIN  # the odometry's frame after corrections of wrongly reported turns
         self._reported_yaw = 0.0
         self.turn_share = 1.0  # correction factor for turns that the odometry reports from now on
         self.revision = 0
@@ -57,8 +57,9 @@ class Trail:
     def is_continuous(self, stamp_s: float, pose: Pose, silent_s: float = math.inf) -> bool:
         """Return whether a pose that came `silent_s` after the last one is in the same frame.
 
-        It is not after a jump, a stamp that went back, or a hole. A hole must show in stamps and in arrivals: a clock
-        that was set forward leaves no silence, and a burst of late messages leaves no hole in the stamps.
+        It is not after a jump, a stamp that went back, or a hole. A hole counts only if stamps and arrivals
+        both show it: if a clock was set forward, there is no silence, and after a burst of late messages, no
+        hole in the stamps.
         """
         if not self._stamps:
             return True
@@ -77,7 +78,7 @@ class Trail:
     def turn(self, since_s: float, stamp_s: float, off: float) -> None:
         """Correct the yaw: from `since_s` to `stamp_s` the robot turned `off` radians more than the odometry reported.
 
-        Later poses follow. Raises ValueError if the pose at `stamp_s` is unknown.
+        Later poses are turned with it. Raises ValueError if the pose at `stamp_s` is unknown.
         """
         about = self.pose_at(stamp_s)
         if about is None:
@@ -112,7 +113,7 @@ class Trail:
         return None if pose is None else self.rest.steadied(pose)
 
     def _extrapolated(self, ahead_s: float) -> Pose | None:
-        """Move the newest pose on with its velocity: a scan is often stamped after the newest odometry."""
+        """Extrapolate the newest pose with its velocity: a scan's stamp is often newer than the odometry."""
         if ahead_s > LARGEST_HOLE_S:
             return None
         pose, velocity = self._poses[-1], self._velocity

@@ -7,18 +7,18 @@ import math
 from robots.bridge.gate.geometry.planar import wrapped
 from robots.bridge.gate.values import Pose, Velocity
 
-# Noise of 2 mm and 2 mrad (standard deviation) of single poses, with room for the rarest ones.
-TREMBLES_M, TREMBLES_RAD = 0.015, 0.015  # from an older pose that trembles, too
-OFF_M, OFF_RAD = 0.012, 0.012  # from the mean pose
-MEAN_SHARE = 0.125  # of the newest pose in the mean: at 2 mm, the mean trembles by 0.5 mm
-REST_M, REST_RAD = 0.003, 0.003  # the mean trembles less
-MOVED_M, MOVED_RAD = 0.001, 0.001  # a robot that moves has its resting pose pulled farther
-STANDS_S = 0.5  # without such a pull
-CANCEL_SHARE = 0.75  # speeds whose mean is below this share of the mean of their amounts cancel out
+# Limits for poses with a noise of 2 mm and 2 mrad (standard deviation), with room for rare larger errors.
+TREMBLES_M, TREMBLES_RAD = 0.015, 0.015  # distance from an older pose, which trembles, too
+OFF_M, OFF_RAD = 0.012, 0.012  # distance from the mean pose
+MEAN_SHARE = 0.125  # weight of the newest pose in the mean: at 2 mm, the mean trembles by 0.5 mm
+REST_M, REST_RAD = 0.003, 0.003  # distance of the resting pose from the mean, which trembles less
+MOVED_M, MOVED_RAD = 0.001, 0.001  # if the robot moves, its resting pose moves farther than this
+STANDS_S = 0.5  # a robot whose resting pose did not move for this time stands
+CANCEL_SHARE = 0.75  # speeds cancel out if their mean is below this share of the mean of their amounts
 
 
 class Way:
-    """The way of a robot. Poses that tremble about one place add none; shorter ways there and back are lost."""
+    """The way of a robot. Poses that tremble about one place add no way; nor do short ways there and back."""
 
     def __init__(self) -> None:
         self.driven_m = 0.0
@@ -26,7 +26,7 @@ class Way:
         self._from: Pose | None = None
 
     def follow(self, pose: Pose) -> None:
-        """Add the way to `pose`, once it is too far for noise."""
+        """Add the way to `pose` if it is too long for noise."""
         there = self._from or pose
         driven_m, turned = _apart_m(pose, there), abs(wrapped(pose.yaw - there.yaw))
         if self._from is None or driven_m > TREMBLES_M or turned > TREMBLES_RAD:
@@ -35,12 +35,12 @@ class Way:
             self._from = pose
 
     def jump(self) -> None:
-        """The next pose is in another frame: it adds no way."""
+        """Note that the next pose is in another frame: it adds no way."""
         self._from = None
 
 
 class Rest:
-    """The resting pose: stays while the robot stands, and follows the mean of its poses as on a short rope."""
+    """The resting pose: constant while the robot stands; it follows the mean pose at a short distance."""
 
     def __init__(self) -> None:
         self.pose: Pose | None = None
@@ -71,13 +71,14 @@ class Rest:
     def steadied(self, pose: Pose) -> Pose:
         """Return the resting pose if `pose` is so close to it that it may only tremble; else `pose`.
 
-        Up to 0.05 m/s (at 50 Hz) a moving robot is that close. Its resting pose moves with it, at most 11 mm behind.
+        A robot that moves at up to 0.05 m/s (at 50 Hz) is that close, too: its resting pose follows, at most
+        11 mm behind.
         """
         rest = self.pose
         return rest if rest is not None and _is_near(pose, rest, OFF_M - 0.001, OFF_RAD - 0.001) else pose
 
     def stands(self, still_mps: float, still_radps: float) -> bool:
-        """Return whether the newest velocity is below these limits, or is only noise while the resting pose stays."""
+        """Return whether the newest velocity is below these limits, or only noise at a constant pose."""
         speed_mps, turn_radps = math.hypot(self._velocity.vx, self._velocity.vy), abs(self._velocity.w)
         if speed_mps < still_mps and turn_radps < still_radps:
             return True
@@ -97,7 +98,7 @@ def _is_near(one: Pose, other: Pose, metres: float, radians: float) -> bool:
 
 
 def _pulled(behind: Pose, share: float, pose: Pose, metres: float, radians: float) -> Pose:
-    """Return `behind` with this share of its distance from `pose`, and no farther away from it than given."""
+    """Return `behind`, moved to this share of its distance from `pose`, but at most this far from it."""
     dx, dy = share * (behind.x - pose.x), share * (behind.y - pose.y)
     turned = share * wrapped(behind.yaw - pose.yaw)
     away_m = math.hypot(dx, dy)
