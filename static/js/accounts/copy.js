@@ -1,7 +1,7 @@
 /** Buttons that copy a field's text. They stay hidden without scripts. */
 
 /**
- * Copies the text, or selects it where the browser gives no clipboard: on plain HTTP from another computer.
+ * Copies the text, or selects it if the browser offers no clipboard: on plain HTTP from another computer.
  * @param {HTMLButtonElement} button
  * @param {HTMLInputElement} field
  * @returns {Promise<boolean>} whether it is copied

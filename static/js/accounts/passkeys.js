@@ -1,9 +1,9 @@
-// Passkeys by django-allauth's scripts: say why they cannot be used, instead of a button that does nothing.
+// Passkeys by django-allauth's scripts: if a passkey cannot be used, the page shows the reason.
 
 const BUTTONS =
   "#passkey_login, #mfa_webauthn_add, #mfa_webauthn_authenticate, #mfa_webauthn_reauthenticate";
 
-/** Put a sentence under the button that was pressed, read out by screen readers. */
+/** Put a sentence under the pressed button; screen readers read it. */
 function say(button, text) {
   const place =
     button.parentElement.querySelector("[data-passkey-note]") ?? document.createElement("p");

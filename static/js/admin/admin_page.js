@@ -1,4 +1,6 @@
-/** Every page of the admin: rows in place of JSON, names that appear while one types, names of the admin's own fields. */
+/**
+ * Every page of the admin: rows in place of JSON, suggested names of people, names of the admin's own fields.
+ */
 
 import { showRows } from "./pairs.js";
 import { suggestPeople } from "./people.js";
@@ -6,7 +8,7 @@ import { suggestPeople } from "./people.js";
 for (const box of document.querySelectorAll("textarea[data-pairs]")) showRows(box);
 for (const input of document.querySelectorAll("input[data-people]")) suggestPeople(input);
 
-/** The admin's fields that search while one types have no name for screen readers: they get their label's. */
+/** Give the admin's autocomplete fields a name for screen readers: the text of their label. */
 function nameFields() {
   for (const select of document.querySelectorAll("select.admin-autocomplete")) {
     const name = select.getAttribute("aria-label") ?? select.labels?.[0]?.textContent.trim();
@@ -17,7 +19,7 @@ function nameFields() {
     shown.removeAttribute("aria-labelledby");
     if (!value) continue;
     shown.setAttribute("aria-describedby", value.id);
-    value.removeAttribute("role"); // a field of its own, without a name
+    value.removeAttribute("role"); // with the role, it would be a second field without a name
     value.removeAttribute("aria-readonly");
   }
   for (const search of document.querySelectorAll(".select2-search__field:not([aria-label])")) {

@@ -1,13 +1,18 @@
 /**
- * Rows of name and value in place of a JSON box. Without this script the box is there to type into.
+ * Rows of name and value in place of a JSON box. Without this script, people type into the box.
  *
- * `data-pairs` of a textarea is "text" (all values are texts) or "grouped": a name such as "limits.forward_mps" is
- * an entry of a group, and values are numbers, null or JSON where they can be read so.
+ * `data-pairs` of a textarea is "text" (all values are texts) or "grouped": a name such as
+ * "limits.forward_mps" is an entry of a group, and values are numbers, null or JSON if they can be parsed,
+ * else texts.
  */
 
 import { make, makeButton } from "../lib/dom.js";
 
-/** Names and values of an object; null if it is none. @param {string} json @param {string} kind */
+/**
+ * Return names and values of an object; null if the text is no such object.
+ * @param {string} json
+ * @param {string} kind
+ */
 export function pairsOf(json, kind) {
   let value;
   try {
@@ -26,7 +31,11 @@ export function pairsOf(json, kind) {
   );
 }
 
-/** The object of these rows, as JSON; rows without a name are left out. @param {string[][]} pairs @param {string} kind */
+/**
+ * Return the object of these rows, as JSON; rows without a name are left out.
+ * @param {string[][]} pairs
+ * @param {string} kind
+ */
 export function jsonOf(pairs, kind) {
   const found = {};
   for (const [typed, value] of pairs) {
@@ -37,7 +46,7 @@ export function jsonOf(pairs, kind) {
       continue;
     }
     const dot = name.indexOf(".");
-    // Without a group the console refuses it and says so.
+    // The console refuses a name without a group, and gives the reason.
     if (dot < 0) found[name] = read(value);
     else {
       found[name.slice(0, dot)] ??= {};
@@ -63,11 +72,11 @@ function read(text) {
   }
 }
 
-/** Puts rows before a box, hides it, and keeps it up to date. @param {HTMLTextAreaElement} box */
+/** Put rows before a box, hide the box, and keep its text up to date. @param {HTMLTextAreaElement} box */
 export function showRows(box) {
   const kind = box.dataset.pairs;
   const pairs = pairsOf(box.value, kind);
-  if (pairs === null) return; // somebody must repair it by hand
+  if (pairs === null) return; // a person must repair the JSON in the box
   const [nameExample, valueExample] = (box.dataset.example ?? "=").split("=");
   const list = make("div", { className: "pairs-list" });
   const label = box.labels[0]?.textContent.replace(/:\s*$/, "") ?? "";

@@ -1,8 +1,10 @@
-/** The person filter of the log: names appear while one types. Without this script a name or a part of it is typed. */
+/**
+ * The person filter of the log: suggests names. Without this script, people type a name or a part of a name.
+ */
 
 const WAIT_MS = 200;
 
-/** @param {HTMLInputElement} input with `data-people`, the address that knows names */
+/** @param {HTMLInputElement} input with `data-people`, the address that returns names */
 export function suggestPeople(input) {
   const list = document.createElement("datalist");
   list.id = `${input.id}-people`;

@@ -1,4 +1,6 @@
-/** The reference of the API: Swagger UI, with the requests of this page signed as those of a person. */
+/**
+ * The reference of the API: Swagger UI. Its requests carry the CSRF token, as the person's own requests do.
+ */
 
 const main = document.querySelector("main");
 const token = document.querySelector('input[name="csrfmiddlewaretoken"]').value;

@@ -3,8 +3,9 @@
 const STRUCTURE = ".ec[role], .ec [role]:not([aria-level])";
 
 /**
- * The library builds a table of roles in which required rows are missing: none is read better than a broken one. Its
- * headings of days skip a level. Each booking is a link with its own words.
+ * Remove the library's table roles: required rows are missing, and screen readers read no table better than a
+ * broken table. Correct the headings of days, which skip a level. Remove the focus of bookings: each has a
+ * link with its words.
  * @param {HTMLElement} root
  */
 export function correctRoles(root) {

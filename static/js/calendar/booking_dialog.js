@@ -1,4 +1,4 @@
-/** Asks before a dragged slot is booked, with the fields of the form; shows every refusal and what is free instead. */
+/** Asks before a dragged slot is booked, with the form's fields; shows refusals, and free slots instead. */
 
 import { closable } from "../lib/dialog.js";
 import { make, makeButton, setText, show } from "../lib/dom.js";
@@ -12,8 +12,8 @@ export class BookingDialog {
 
   /**
    * @param {Record<string, HTMLElement>} part of the page
-   * @param {{new: string, waiting: string}} urls where a slot is booked, and waited for
-   * @param {() => void} done a slot was booked
+   * @param {{new: string, waiting: string}} urls for booking a slot, and for waiting for a slot
+   * @param {() => void} done is called when a slot was booked
    */
   constructor(part, urls, done) {
     this.#part = part;
@@ -27,7 +27,7 @@ export class BookingDialog {
     part["dialog-wait"].addEventListener("click", () => this.#wait());
   }
 
-  /** Asks about a slot that was dragged; without a robot the form asks. */
+  /** Asks about a slot that was dragged; without a robot, the page with the form opens. */
   ask(start, end, resource) {
     const robot = resource?.id;
     if (!robot) {
@@ -38,14 +38,18 @@ export class BookingDialog {
     this.#open(gettext("Book this slot?"), slotWords(resource.title, start, end));
   }
 
-  /** Tells why a booking was not changed. @param {string[]} texts @param {(free: object) => void} [choose] one that is free */
+  /**
+   * Shows why a booking was not changed.
+   * @param {string[]} texts
+   * @param {(free: object) => void} [choose] takes a free slot
+   */
   tell(texts, alternatives = [], choose = undefined) {
     this.#wish = null;
     this.#open(gettext("Not changed"), "");
     this.#list(texts, alternatives, choose);
   }
 
-  /** Closes it, if it is open. */
+  /** Closes the dialog, if it is open. */
   close() {
     this.#part.dialog.close();
   }

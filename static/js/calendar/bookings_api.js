@@ -33,7 +33,7 @@ export async function send(url, fields) {
   return { ok: false, texts, codes, alternatives: body?.alternatives ?? [] };
 }
 
-/** Calls back when another tab changed a booking. */
+/** Call `changed` when another tab has changed a booking. */
 export function bookingsChannel(changed) {
   new BroadcastChannel(CHANNEL).addEventListener("message", changed);
 }

@@ -8,7 +8,7 @@ import { correctRoles } from "./accessible.js";
 import { BookingDialog } from "./booking_dialog.js";
 import { bookingsChannel, readFeed, send } from "./bookings_api.js";
 
-const POLL_MS = 30_000; // without a connection, and for what the clock alone changes
+const POLL_MS = 30_000; // for a page without a connection, and for changes that come with time alone
 const READS_MS = 500; // between two reads when many book at once
 const PHONE_PX = 700;
 
@@ -20,7 +20,7 @@ export function startCalendar(main, library) {
   let range = null;
   let newest = "";
   let robots = "[]"; // the columns
-  let dragged = false; // the click that ends a drag follows no link
+  let dragged = false; // the click at the end of a drag must not follow a link
   const names = new Map(); // of robots, by slug
   const hint = part.hint.textContent;
   const phone = globalThis.innerWidth < PHONE_PX;
@@ -46,7 +46,7 @@ export function startCalendar(main, library) {
     eventContent: ({ event, timeText, view }) => ({
       domNodes: eventLines(event, timeText, view.type, names, oneUrl),
     }),
-    nowIndicator: sameClock(new Date()), // the library draws it by the browser's clock
+    nowIndicator: sameClock(new Date()), // the library uses the browser's clock, not the page's
     selectable: true,
     unselectAuto: true,
     allDaySlot: false,
@@ -84,7 +84,9 @@ export function startCalendar(main, library) {
     eventResize: (change) => drop(change),
   });
 
-  /** Reads the feed; if it cannot be read, the page says why: an empty calendar would look like a free one. */
+  /**
+   * Reads the feed; if that fails, the page shows the reason: an empty calendar would look like free robots.
+   */
   async function read(start, end) {
     try {
       const answer = await readFeed(feed, start, end, robot);
@@ -107,7 +109,7 @@ export function startCalendar(main, library) {
     if (!(await move(event, wallClock(event.start), wallClock(event.end)))) revert();
   }
 
-  /** Moves a booking, or shows why not and where it may go instead. */
+  /** Moves a booking, or shows the refusals and free slots instead. */
   async function move(event, startsAt, endsAt) {
     const answer = await send(`${oneUrl}${event.id}/`, {
       action: "move",
@@ -165,7 +167,7 @@ export function startCalendar(main, library) {
   };
 }
 
-/** Calls back when a booking changed. @param {string} path of the WebSocket */
+/** Call `changed` when a booking has changed. @param {string} path of the WebSocket */
 function listen(path, changed) {
   const socket = new LiveSocket(socketUrl(path));
   const heartbeat = new Heartbeat(socket);
@@ -183,7 +185,7 @@ function listen(path, changed) {
   };
 }
 
-/** Returns a function that calls `step` at once, but again only `pauseMs` later: then once for all calls between. */
+/** Returns a function that calls `step` at once, and again after `pauseMs`, once for all calls in between. */
 export function atMost(step, pauseMs) {
   let resting = false;
   let asked = false;
@@ -209,7 +211,7 @@ function withoutNow(text) {
   return text ? JSON.stringify({ ...JSON.parse(text), now: "" }) : "";
 }
 
-/** The hour in the page's zone, or in the browser's. @param {Date} now @param {string} [timeZone] */
+/** Return day and hour in a time zone, or in the browser's. @param {Date} now @param {string} [timeZone] */
 function clock(now, timeZone) {
   const parts = { timeZone, day: "numeric", hour: "2-digit", minute: "2-digit", hourCycle: "h23" };
   return new Intl.DateTimeFormat("en", parts).format(now);
@@ -220,14 +222,17 @@ export function sameClock(now, zone = document.documentElement.dataset.zone) {
   return clock(now, zone || undefined) === clock(now);
 }
 
-/** Begin of the day view: two hours before now in the page's zone. @param {Date} now */
+/**
+ * Return the time at which the day view begins: two hours before now in the page's zone.
+ * @param {Date} now
+ */
 export function scrollTime(now, zone = document.documentElement.dataset.zone) {
   const options = { timeZone: zone || undefined, hour: "2-digit", hourCycle: "h23" };
   const hour = Number(new Intl.DateTimeFormat("en", options).format(now));
   return `${String(Math.max(hour - 2, 0)).padStart(2, "0")}:00:00`;
 }
 
-/** The lines of a booking: time, person, and the robot where its column does not name it. */
+/** Return the lines of a booking: time, person, and the robot where its column does not name it. */
 function eventLines(event, timeText, view, names, oneUrl) {
   if (event.display === "background") return [make("small", { text: event.title })];
   const robot = view.startsWith("resource") ? [] : [names.get(event.resourceIds[0]) ?? ""];
@@ -238,7 +243,7 @@ function eventLines(event, timeText, view, names, oneUrl) {
   return [link];
 }
 
-/** A wall-clock time as the console reads it: "2026-03-02T14:30". @param {Date} at */
+/** Return a wall-clock time as the console reads it: "2026-03-02T14:30". @param {Date} at */
 export function wallClock(at) {
   const two = (number) => String(number).padStart(2, "0");
   const day = `${at.getFullYear()}-${two(at.getMonth() + 1)}-${two(at.getDate())}`;

@@ -1,10 +1,11 @@
-/** Lists of bookings ask before one is given up. */
+/** Lists of bookings: asks before a booking is given up. */
 
 import { parts, setText } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 
 /**
- * One dialog for all forms with `data-asks`: it says what is given up, and its yes has the button's word.
+ * Use one dialog for all forms with `data-asks`: it shows what is given up, and its yes button has the form's
+ * own word.
  * @param {HTMLElement} root has the forms and the dialog
  */
 export function askFirst(root) {

@@ -14,7 +14,7 @@ import { Views } from "./view_choice.js";
 
 const LOOK_MS = 100;
 const REPORT_MS = 200;
-const GONE_MS = 3000; // a picture that old is none: beside a plan nobody drives by it any more
+const GONE_MS = 3000; // an older picture does not count: beside a plan, nobody drives by it any more
 
 export class CameraPanel {
   #area;
@@ -33,20 +33,21 @@ export class CameraPanel {
   #reported = false;
   #reportMs = -Infinity;
   #mainSinceMs = 0; // since when the main camera is shown
-  #isKnown = false; // which cameras there are
+  #isKnown = false; // whether the list of cameras is known
   #observer;
   #timer;
   #listening = new AbortController();
 
   /**
-   * @param {HTMLElement} root of the page; data-camera is the address of the WebSocket, data-has-cameras says whether
-   *   to open it at once: pictures of a robot's camera take some time to begin
+   * @param {HTMLElement} root of the page; data-camera is the address of the WebSocket, data-has-cameras:
+   *   open it at once, because the first picture of a robot's camera takes some time
    * @param {Record<string, HTMLElement>} parts
    * @param {object} page
-   * @param {(order: object) => Promise<?object>} page.order sends a task; returns why it was refused
-   * @param {(ageMs: ?number) => void} page.report the age of the picture by which somebody drives; null: by none
+   * @param {(order: object) => Promise<?object>} page.order sends a task; returns the refusal or null
+   * @param {(ageMs: ?number) => void} page.report the age of the picture by which the person drives; null: no
+   *   picture
    * @param {(notice: object) => void} page.tell
-   * @param {(shown: boolean) => void} page.showScene the robot in 3D is shown instead, or no more
+   * @param {(shown: boolean) => void} page.showScene shows or hides the 3D view
    */
   constructor(root, parts, { order, report, tell, showScene = () => {} }) {
     this.#area = parts["picture-area"];
@@ -75,19 +76,19 @@ export class CameraPanel {
       this.#socket.open();
   }
 
-  /** @param {object} facts of the robot; they come again when it was edited */
+  /** @param {object} facts of the robot; they are set again after the robot was edited */
   set facts(facts) {
     this.#facts = facts;
     this.#floor.facts = facts;
     this.#show(facts.cameras ?? []);
   }
 
-  /** @param {?object} view the robot's newest; null: it is too old to go by */
+  /** @param {?object} view the robot's newest view; null: it is too old */
   set view(view) {
     this.#floor.view = view;
   }
 
-  /** @param {boolean} drives this tab has control */
+  /** @param {boolean} drives whether this tab has control */
   set drives(drives) {
     this.#drives = drives;
     this.#head.mayAct = drives;
@@ -129,14 +130,14 @@ export class CameraPanel {
     on(parts.snapshot, "click", () => this.#main.save(this.#facts?.slug));
   }
 
-  /** Tell the style sheet what the buttons of the view take: what runs lies beside them, never over them. */
+  /** Give the size of the view's buttons to the style sheet: running tasks must not cover them. */
   #makeRoom(root, { "view-bar": bar, "view-open": opener }) {
     const isBelow = getComputedStyle(bar).gridRowStart === "2";
     root.style.setProperty("--view-bar", `${isBelow ? bar.offsetHeight : 0}px`);
     root.style.setProperty("--view-open", `${opener.offsetWidth}px`);
   }
 
-  /** Both connections tell which cameras there are: the faster one does not wait for the other. */
+  /** Take a list of cameras. Both connections send it: the faster one does not wait for the other. */
   #show(cameras) {
     this.#isKnown = true;
     this.#views.cameras = cameras;
@@ -157,9 +158,9 @@ export class CameraPanel {
     this.#shown((view) => (view.why = text));
   }
 
-  /** Watch what is shown, and nothing else. */
+  /** Watch the cameras that are shown, and no others. */
   #follow() {
-    const isShown = this.#area.clientWidth > 0; // not on every tab
+    const isShown = this.#area.clientWidth > 0; // some tabs hide the picture
     this.#showScene(isShown && this.#views.view === "scene");
     const before = [this.#main, this.#second].map((view) => view.camera?.name);
     const main = isShown ? this.#views.main : null;
@@ -187,7 +188,7 @@ export class CameraPanel {
     this.#tellAge();
   }
 
-  /** Tell how old the picture is by which this person drives: the gate allows for it. */
+  /** Report the age of the picture by which this person drives: the gate takes it into account. */
   #tellAge() {
     if (!this.#drives) return;
     const nowMs = performance.now();
@@ -198,7 +199,7 @@ export class CameraPanel {
     this.#report(ageMs);
   }
 
-  /** Age of the picture by which this person drives, or null. With the plan beside it, a picture that is gone is none. */
+  /** Return the age of the picture by which this person drives. Null: none, or too old beside a plan. */
   #drivenBy() {
     if (!this.#main.camera) return null;
     const ageMs = this.#main.ageMs ?? performance.now() - this.#mainSinceMs;

@@ -1,4 +1,4 @@
-/** Paints one camera's pictures on a canvas: the newest one, and no older one after it. */
+/** Paints one camera's pictures on a canvas, never an older picture after a newer one. */
 
 import { fits } from "./frame.js";
 import { VideoStream } from "./video.js";
@@ -6,19 +6,19 @@ import { VideoStream } from "./video.js";
 const IMAGES = new Set(["jpeg", "png"]);
 
 /**
- * Events: "painted" (detail: {header, takenMs}), "done" (detail: {header, damaged}): the picture may be acknowledged.
- * A picture that cannot be decoded is damaged; nothing else comes of it.
+ * Events: "painted" (detail: {header, takenMs}), "done" (detail: {header, damaged}): the picture may be
+ * acknowledged. A picture that cannot be decoded is reported as damaged, and changes nothing else.
  */
 export class CameraPicture extends EventTarget {
   #canvas;
   #pen;
   #video;
-  #waiting = null; // an image that waits for the decoder; a newer one takes its place
+  #waiting = null; // an image that waits for the decoder; a newer image replaces it
   #decodes = false;
-  #taken = new Map(); // when they were taken, by number, of pictures in a decoder
+  #taken = new Map(); // of the pictures in a decoder: the times at which they were taken, by number
   #painted = null;
   #newest = -1; // number of the picture painted last
-  #round = 0; // what was decoded for an earlier camera or connection is not painted
+  #round = 0; // grows with each camera or connection: a picture of an earlier round is not painted
 
   /** @param {HTMLCanvasElement} canvas */
   constructor(canvas) {
@@ -45,21 +45,21 @@ export class CameraPicture extends EventTarget {
     if (!this.#decodes) this.#decodeImages();
   }
 
-  /** Another camera: nothing of the earlier one is shown. */
+  /** Begin with another camera: remove the picture of the earlier camera. */
   clear() {
     this.renumber();
     this.#painted = null;
     this.#pen.clearRect(0, 0, this.#canvas.width, this.#canvas.height);
   }
 
-  /** Another connection: the next picture may have any number. */
+  /** Begin with another connection: the next picture may have any number. */
   renumber() {
     this.#video.close();
     this.#begin();
     this.#newest = -1;
   }
 
-  /** @returns {Promise<?Blob>} the picture as a file: lossless if it came so */
+  /** @returns {Promise<?Blob>} the picture as a file: lossless if it was sent lossless */
   file() {
     const isLossless = this.#painted?.header.format === "png";
     return new Promise((resolve) =>
@@ -125,7 +125,7 @@ export class CameraPicture extends EventTarget {
   }
 }
 
-/** @returns {Promise<?ImageBitmap>} null: it is damaged */
+/** @returns {Promise<?ImageBitmap>} null: the image is damaged */
 async function decoded({ format }, bytes) {
   try {
     return await createImageBitmap(new Blob([bytes], { type: `image/${format}` }));

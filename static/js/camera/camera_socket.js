@@ -1,17 +1,17 @@
-/** The connection for a robot's cameras, apart from control: which are watched, their pictures, acknowledgements. */
+/** The connection for a robot's cameras, apart from control: receives and acknowledges pictures. */
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { CLOSED_FOR_GOOD, LiveSocket } from "../connection/socket.js";
 import { ConsoleClock } from "./console_clock.js";
 import { unpacked } from "./frame.js";
 
-const RATE_HZ = 30; // at most: the console sends what the network carries
+const RATE_HZ = 30; // at most: the console sends as many as the network can carry
 
 /**
- * Open only while a camera is shown, or about to be. While the page is hidden, no camera is watched.
- * Events: "open", "down" (detail: {isOver}; `isOver`: it does not connect again), "cameras" (detail: their list),
- * "picture" (detail: {header, bytes, takenMs}; `takenMs` by this page's clock), "state" (detail: {camera, refusal};
- * `camera` null: all of them), "notice", "refused" (detail: as sent).
+ * Open only while a camera is shown, or will be shown soon. While the page is hidden, no camera is watched.
+ * Events: "open", "down" (detail: {isOver}; `isOver`: it does not connect again), "cameras" (detail: their
+ * list), "picture" (detail: {header, bytes, takenMs}; `takenMs` by this page's clock), "state" (detail:
+ * {camera, refusal}; `camera` null: all of them), "notice", "refused" (detail: as sent).
  */
 export class CameraSocket extends EventTarget {
   #url;
@@ -22,12 +22,12 @@ export class CameraSocket extends EventTarget {
   #clock = new ConsoleClock();
   #watched = new Map(); // sizes by camera
   #isOver = false; // the console closed it for good
-  #listening = null; // ignore messages of a closed socket
+  #listening = null; // aborted by close(), so that messages of a closed socket are ignored
 
   /**
    * @param {string} url of the WebSocket
    * @param {Promise<boolean>} video whether this browser decodes H.264
-   * @param {number} rateHz at most so many pictures a second
+   * @param {number} rateHz the most pictures a second
    */
   constructor(url, video, rateHz = RATE_HZ) {
     super();
@@ -81,7 +81,7 @@ export class CameraSocket extends EventTarget {
     if (this.#watched.delete(camera)) this.#socket?.send({ t: "camera_end", camera });
   }
 
-  /** The picture was painted, or left out for a newer one, or could not be decoded. */
+  /** Acknowledge a picture: it was painted, was left out for a newer one, or could not be decoded. */
   acknowledge({ camera, number }, damaged) {
     const message = { t: "camera_ack", camera, number };
     this.#socket?.send(damaged ? { ...message, damaged } : message);
@@ -107,7 +107,7 @@ export class CameraSocket extends EventTarget {
   #opened() {
     this.#heartbeat.begin();
     this.#clock.clear();
-    this.#socket.send({ t: "ping", sent_ms: performance.now() }); // the first picture has an age, too
+    this.#socket.send({ t: "ping", sent_ms: performance.now() }); // so that the first picture has an age, too
     if (!document.hidden) this.#watchAsSeen();
     this.#tell("open");
   }
@@ -139,7 +139,8 @@ export class CameraSocket extends EventTarget {
     this.#heartbeat.heard({});
     const picture = unpacked(frame);
     if (!picture) return;
-    if (!this.#watched.has(picture.header.camera)) return; // it was on its way when its camera was put away
+    // It was sent before the page stopped watching its camera.
+    if (!this.#watched.has(picture.header.camera)) return;
     const takenMs = this.#clock.here(picture.header.taken_ms) ?? performance.now();
     this.#tell("picture", { ...picture, takenMs });
   }

@@ -1,12 +1,12 @@
-/** One camera on the page: its picture, how old that is, and why there is none. */
+/** One camera on the page: its picture, the age of the picture, or the reason why there is no picture. */
 
 import { make, mark, setTextOrHide } from "../lib/dom.js";
 import { CameraPicture } from "./camera_picture.js";
 
-const SAID_MS = 300; // the age of a newer picture is nobody's concern
-const OLD_MS = 500; // from then on it is grey
+const SAID_MS = 300; // the age of a newer picture is not shown
+const OLD_MS = 500; // an older picture is grey
 
-/** Age of a picture in words; empty while it is new. */
+/** Return the text about a picture's age; empty while the picture is new. */
 export function ageText(ageMs) {
   if (ageMs <= SAID_MS) return "";
   return interpolate(gettext("picture %s s old"), [(ageMs / 1000).toFixed(1)]);
@@ -28,8 +28,8 @@ export class CameraView extends EventTarget {
   #words;
   #picture;
   #camera = null;
-  #why = ""; // there are no pictures
-  #isDamaged = false; // the newest picture was
+  #why = ""; // why there are no pictures
+  #isDamaged = false; // whether the newest picture was damaged
 
   /** @param {HTMLElement} element holds .camera-picture (a canvas), .camera-age and .camera-words */
   constructor(element) {
@@ -43,7 +43,7 @@ export class CameraView extends EventTarget {
     this.#picture.addEventListener("done", ({ detail }) => this.#onDone(detail));
   }
 
-  /** @param {?object} camera as in the console's list; null: none is shown here */
+  /** @param {?object} camera as in the console's list; null: no camera is shown here */
   set camera(camera) {
     const isNew = camera?.name !== this.#camera?.name;
     this.#camera = camera;
@@ -60,13 +60,13 @@ export class CameraView extends EventTarget {
     return this.#picture.painted?.header ?? null;
   }
 
-  /** Age of the shown picture; null: none is shown. */
+  /** Age of the shown picture; null: no picture is shown. */
   get ageMs() {
     const { painted } = this.#picture;
     return painted ? Math.max(0, performance.now() - painted.takenMs) : null;
   }
 
-  /** @param {string} text why there are no pictures; empty: they come */
+  /** @param {string} text why there are no pictures; empty: there is no fault */
   set why(text) {
     this.#why = text;
     this.look();
@@ -89,7 +89,7 @@ export class CameraView extends EventTarget {
     this.#picture.renumber();
   }
 
-  /** Say how old the picture is. Called again and again: age grows also while nothing comes. */
+  /** Show the age of the picture. Called again and again: the age grows also while no picture comes. */
   look() {
     const ageMs = this.ageMs;
     const isOld = ageMs !== null && ageMs > OLD_MS;
@@ -98,7 +98,10 @@ export class CameraView extends EventTarget {
     setTextOrHide(this.#words, this.#text(ageMs));
   }
 
-  /** Save the picture to a file, which is named by the time at which it was taken. @param {string} robot its slug */
+  /**
+   * Save the picture to a file, which is named by the time at which it was taken.
+   * @param {string} robot its slug
+   */
   async save(robot) {
     const { ageMs } = this;
     if (ageMs === null) return;

@@ -1,4 +1,4 @@
-/** Time of the console as time of this page, by the round trips of pings. */
+/** Converts the console's time to this page's time, from the round trips of pings. */
 
 const KEPT = 10;
 
@@ -10,14 +10,17 @@ export class ConsoleClock {
     this.#trips = [];
   }
 
-  /** @param {{sent_ms: number, now_ms: number}} pong @param {number} nowMs when it came, by this page's clock */
+  /**
+   * @param {{sent_ms: number, now_ms: number}} pong
+   * @param {number} nowMs time of arrival, by this page's clock
+   */
   heard({ sent_ms: sentMs, now_ms: consoleMs }, nowMs) {
     const tripMs = nowMs - sentMs;
     this.#trips.push({ tripMs, offsetMs: consoleMs + tripMs / 2 - nowMs });
     if (this.#trips.length > KEPT) this.#trips.shift();
   }
 
-  /** The console's time by this page's clock, by the shortest of the last round trips; null before the first. */
+  /** Convert a console time to this page's clock, by the shortest of the last trips; null before any. */
   here(consoleMs) {
     if (this.#trips.length === 0) return null;
     const { offsetMs } = this.#trips.reduce((a, b) => (b.tripMs < a.tripMs ? b : a));

@@ -1,7 +1,7 @@
 /**
- * The way of the robot on the floor, and the floor in a camera's picture. Pure. Base frame: x forward, y left, metres.
- * `lens` and `pose` are those of a picture's header: pinhole (fx, fy, cx, cy), and 3 x 4 matrix from the base frame to
- * the optical frame (z into the picture, x right, y down).
+ * The robot's path on the floor, and the floor in a camera's picture. Pure. Base frame: x forward, y left,
+ * metres. `lens` and `pose` are those of a picture's header: pinhole (fx, fy, cx, cy), and 3 x 4 matrix from
+ * the base frame to the optical frame (z into the picture, x right, y down).
  */
 
 import {
@@ -15,35 +15,37 @@ import {
   withArm,
 } from "../drive/twist_geometry.js";
 
-const FAR_M = 4; // of the way are drawn, at whatever speed, as a parking aid does
+const FAR_M = 4; // length of the path that is drawn, at any speed, like the parking aid of a car
 const MOST_TURN = Math.PI / 2; // radians
 const STEP_M = 0.05;
-const RED_M = 0.25; // so close before contact
+const RED_M = 0.25; // distance to the end of the path
 const YELLOW_M = 0.7;
-const SHOWN_S = 2; // the outline stands where the robot is then, as in the picture from above
-const NEAREST_M = 0.05; // before the lens; what is closer or behind it has no place in the picture
+const SHOWN_S = 2; // the outline shows the robot after this time, as in the picture from above
+const NEAREST_M = 0.05; // before the lens; nearer points and points behind the lens are not in the picture
 const HINTED_M = 1.5;
 
-/** The twist of a verdict that is drawn: the allowed one; if the gate allows none, the one that was asked. */
+/** Return the twist to draw for a verdict: the allowed twist, or the asked twist if no motion is allowed. */
 function shownTwist({ asked, allowed }) {
   const [vx, vy, w] = moves(allowed) ? allowed : asked;
   return { vx, vy, w };
 }
 
-/** The shortest way to any of the places [x0, y0, x1, y1, ...] (centimetres), and to the gate's own obstacle. */
+/** Return the shortest way to any of the points [x0, y0, x1, y1, ...] (cm), or to the gate's own obstacle. */
 function contactOf(point, flatCm, outline, wayTo) {
   let shortest = Infinity;
   if (point) shortest = isWithin(outline, point) ? 0 : wayTo(point);
   for (let i = 0; i < flatCm.length; i += 2) {
     const place = [flatCm[i] / 100, flatCm[i + 1] / 100];
     const wayM = wayTo(place);
-    // A place within the outline counts only as the gate's own obstacle.
+    // A point inside the outline counts only if it is the gate's own obstacle.
     if (wayM < shortest && !isWithin(outline, place)) shortest = wayM;
   }
   return shortest;
 }
 
-/** The least distance of any known place from the footprint, without those in it; what is farther than `mostM` counts as Infinity. */
+/**
+ * Return the least distance of a known point outside the footprint from it; Infinity if farther than `mostM`.
+ */
 function leastGap(footprint, point, flatCm, mostM) {
   const farM = reach(footprint) + mostM;
   let least = point && !isWithin(footprint, point) ? distanceTo(footprint, point) : Infinity;
@@ -61,14 +63,17 @@ function tierAt(leftM) {
 }
 
 /**
- * The way in front of the hull, until the gate would stop before what is known there, or it is too far to matter.
+ * Return the path in front of the robot, to where the gate would stop before a known obstacle, or to the
+ * longest length.
  * @param {number[][]} footprint
- * @param {object} verdict the gate's
+ * @param {object} verdict of the gate
  * @param {number[]} flatCm known obstacles [x0, y0, x1, y1, ...], centimetres
- * @param {{front_margin_m: number, lateral_margin_m: number}} margins that the gate leaves, as in the robot's facts
+ * @param {{front_margin_m: number, lateral_margin_m: number}} margins that the gate leaves, as in the robot's
+ *   facts
  * @returns {{bands: {tier: string, outline: number[][]}[], stop: ?number[][], later: ?number[][]}}
- *   bands by tier (green, yellow, red: how near the end is), the nearest first; both ends of the line where the gate
- *   stops; the hull where it is two seconds later. All empty while nothing moves, or the robot turns on the spot.
+ *   `bands` by tier (green, yellow, red: how near the end is), the nearest first; `stop`: both ends of the
+ *   line where the gate stops the robot; `later`: the footprint two seconds later. All are empty if no
+ *   drive is asked, or if the robot turns on the spot.
  */
 export function floorPath(
   footprint,
@@ -83,7 +88,8 @@ export function floorPath(
   const farM = Math.min(FAR_M, (MOST_TURN * speed) / Math.abs(twist.w));
   const isHeld = !moves(verdict.allowed);
   const { bordersAt } = swept(footprint, twist);
-  // As the gate: the hull with the lateral margin, or with what there is of it; and the front margin before that.
+  // As the gate does: widen the footprint by the lateral margin, or by the gap if that is smaller. The front
+  // margin is kept before the first contact.
   const gapM = Math.min(besideM, leastGap(footprint, verdict.point, flatCm, besideM) - 1e-4);
   const outline = withArm(
     footprint,
@@ -102,7 +108,7 @@ export function floorPath(
   };
 }
 
-/** One outline for each stretch of a tier: side by side they would show seams. */
+/** Return one outline for each stretch of a tier: many small outlines side by side would show seams. */
 function bandsTo(endM, bordersAt, tierOf) {
   const steps = Math.max(1, Math.ceil(endM / STEP_M));
   const bands = [];
@@ -120,7 +126,7 @@ function bandsTo(endM, bordersAt, tierOf) {
   return bands.map(({ tier, left, right }) => ({ tier, outline: [...left, ...right] }));
 }
 
-/** A place on the floor, in the optical frame. */
+/** Convert a point of the floor to the optical frame. */
 function seen([x, y], m) {
   return [m[0] * x + m[1] * y + m[3], m[4] * x + m[5] * y + m[7], m[8] * x + m[9] * y + m[11]];
 }
@@ -129,7 +135,7 @@ function pixel([x, y, z], [fx, fy, cx, cy]) {
   return [cx + (fx * x) / z, cy + (fy * y) / z];
 }
 
-/** Place of an outline on the floor in the picture, without what lies behind the camera; pixels of the header's size. */
+/** Convert an outline on the floor to pixels of the header's size, without the part behind the camera. */
 export function inPicture(outline, { lens, pose }) {
   const corners = outline.map((place) => seen(place, pose));
   const clipped = [];
@@ -148,18 +154,19 @@ function wrapped(angle) {
   return Math.atan2(Math.sin(angle), Math.cos(angle));
 }
 
-/** Place and direction of the camera on the floor plan. */
+/** Return position and heading of the camera on the floor plan. */
 function standOf(m) {
   const at = (column) => -(m[column] * m[3] + m[4 + column] * m[7] + m[8 + column] * m[11]);
   return { x: at(0), y: at(1), heading: Math.atan2(m[9], m[8]) };
 }
 
 /**
- * Near obstacles that the picture does not show: for each of its edges the nearest one.
- * @param {number[]} flatCm places [x0, y0, x1, y1, ...], centimetres
+ * Return the near obstacles that the picture does not show: for each edge of the picture the nearest
+ * obstacle.
+ * @param {number[]} flatCm points [x0, y0, x1, y1, ...], centimetres
  * @param {object} header of the picture, with lens and pose
- * @returns {{edge: "left" | "right" | "bottom", at: number, distanceM: number}[]} `at`: share of the edge, from the
- *   left or from above; the lower on a side, the farther behind
+ * @returns {{edge: "left" | "right" | "bottom", at: number, distanceM: number}[]} `at`: share of the edge,
+ *   from the left or from the top; an obstacle farther behind is lower on the left or right edge
  */
 export function edgeHints(flatCm, header) {
   const stand = standOf(header.pose);
@@ -182,7 +189,7 @@ function hintOf(place, { lens, pose, width, height }, { x, y, heading }) {
     const [u, v] = pixel(corner, lens);
     if (u >= 0 && u <= width && v <= height) return null; // in the picture, or above it
   }
-  const turn = wrapped(Math.atan2(place[1] - y, place[0] - x) - heading); // to the left
+  const turn = wrapped(Math.atan2(place[1] - y, place[0] - x) - heading); // positive: to the left
   const limit = turn > 0 ? Math.atan2(cx, fx) : Math.atan2(width - cx, fx);
   if (Math.abs(turn) <= limit) return { edge: "bottom", at: (cx - fx * Math.tan(turn)) / width };
   const behind = (Math.abs(turn) - limit) / (Math.PI - limit);

@@ -1,4 +1,4 @@
-/** Draws the robot's way on the floor over a camera's picture, and at its edges what is near and not in it. */
+/** Draws the robot's path over a camera's picture, and hints at the edges to near obstacles outside it. */
 
 import { withArm } from "../drive/twist_geometry.js";
 import { Canvas } from "../lib/canvas.js";
@@ -6,7 +6,7 @@ import { edgeHints, floorPath, inPicture } from "./floor_geometry.js";
 import { placeIn } from "./frame.js";
 
 const TIERS = ["green", "yellow", "red"];
-const NEAR_M = 0.4; // a hint is then as strong as it gets
+const NEAR_M = 0.4; // at this distance or less, a hint is fully opaque
 const FAR_M = 1.5;
 const FAINT = 0.35;
 const WEDGE = 18; // pixels of the page, from edge to tip
@@ -15,10 +15,13 @@ export class FloorOverlay {
   #canvas;
   #facts = null;
   #path = null; // of the newest view
-  #near = []; // obstacles to hint at, if the picture does not show them
+  #near = []; // obstacles that get a hint if the picture does not show them
   #header = null;
 
-  /** @param {HTMLCanvasElement} canvas as large as the picture's; its colours are custom properties named --floor-... */
+  /**
+   * @param {HTMLCanvasElement} canvas as large as the picture's; its colours are custom properties named
+   *   --floor-...
+   */
   constructor(canvas) {
     this.#canvas = new Canvas(canvas, "--floor-", [...TIERS, "edge"], (pen, width, height) =>
       this.#draw(pen, width, height),
@@ -30,7 +33,7 @@ export class FloorOverlay {
     this.#canvas.redraw();
   }
 
-  /** @param {?object} view the robot's newest; null: what is known of the robot is too old to draw */
+  /** @param {?object} view the robot's newest view; null: it is too old to draw */
   set view(view) {
     this.#path = null;
     const { laser_cm = [], remembered_cm = [], depth_cm = [] } = view?.scan ?? {};
@@ -57,7 +60,7 @@ export class FloorOverlay {
     const header = this.#header;
     if (!header || !this.#path) return;
     const { scale, x, y } = placeIn(header, width, height);
-    const pixel = this.#canvas.density / scale; // one of the page, in the picture's
+    const pixel = this.#canvas.density / scale; // size of one page pixel, in pixels of the picture
     pen.setTransform(scale, 0, 0, scale, x, y);
     pen.save();
     pen.beginPath();
@@ -113,7 +116,7 @@ export class FloorOverlay {
     pen.globalAlpha = 1;
   }
 
-  /** A triangle on an edge, which points inwards. */
+  /** Draw a triangle on an edge, which points inwards. */
   #wedge([x, y], [tipX, tipY], [sideX, sideY]) {
     this.#trace([
       [x - sideX, y - sideY],
@@ -124,10 +127,11 @@ export class FloorOverlay {
     this.#canvas.pen.stroke();
   }
 
-  /** @returns {boolean} whether there is anything to paint */
+  /** Begin a path through points. @returns {boolean} whether there is anything to paint */
   #trace(points) {
     this.#canvas.pen.beginPath();
-    for (const [x, y] of points) this.#canvas.pen.lineTo(x, y); // the first only moves: the path is empty
+    // The first call draws no line: the path is empty.
+    for (const [x, y] of points) this.#canvas.pen.lineTo(x, y);
     this.#canvas.pen.closePath();
     return points.length > 1;
   }

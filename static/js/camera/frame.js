@@ -1,11 +1,14 @@
-/** One picture of a camera, as a binary frame: length of the header (4 bytes), header (JSON), encoded picture. Pure. */
+/**
+ * One picture of a camera, as a binary frame: length of the header (4 bytes), header (JSON), encoded picture.
+ * Pure.
+ */
 
 const LENGTH_BYTES = 4;
 const LONGEST_SIDE = 4096; // pixels: a larger picture would fill the memory of a phone
 
 /**
  * @param {ArrayBuffer} frame
- * @returns {{header: object, bytes: Uint8Array} | null} null: it is no picture
+ * @returns {{header: object, bytes: Uint8Array} | null} null: the frame has no picture
  */
 export function unpacked(frame) {
   if (frame.byteLength < LENGTH_BYTES) return null;
@@ -20,12 +23,15 @@ export function unpacked(frame) {
   }
 }
 
-/** Return whether a picture of this size is shown. */
+/** Return whether a picture of this size can be shown. */
 export function fits({ width, height }) {
   return width > 0 && height > 0 && width <= LONGEST_SIDE && height <= LONGEST_SIDE;
 }
 
-/** Place of a picture in a box that it does not fill. @returns {{scale: number, x: number, y: number}} */
+/**
+ * Return scale and position of a picture in the middle of a box, as large as possible.
+ * @returns {{scale: number, x: number, y: number}}
+ */
 export function placeIn({ width, height }, boxWidth, boxHeight) {
   const scale = Math.min(boxWidth / width, boxHeight / height);
   return { scale, x: (boxWidth - width * scale) / 2, y: (boxHeight - height * scale) / 2 };

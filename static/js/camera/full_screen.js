@@ -7,11 +7,14 @@ export class FullScreen {
   #button;
   #listening = new AbortController();
 
-  /** @param {HTMLElement} root what fills the screen: the stop is in it @param {HTMLButtonElement} button */
+  /**
+   * @param {HTMLElement} root fills the screen: it must contain the stop
+   * @param {HTMLButtonElement} button
+   */
   constructor(root, button) {
     this.#root = root;
     this.#button = button;
-    show(button, Boolean(document.fullscreenEnabled)); // phones of Apple have none
+    show(button, Boolean(document.fullscreenEnabled)); // iPhones have no full screen
     const { signal } = this.#listening;
     button.addEventListener("click", () => this.#toggle(), { signal });
     document.addEventListener("fullscreenchange", () => this.#follow(), { signal });

@@ -1,28 +1,30 @@
-/** Turns the robot's head by its picture: drag, click, double click; and by buttons for the keyboard. */
+/**
+ * Turns the robot's head: by drag, click and double click on the picture, and by buttons for the keyboard.
+ */
 
 import { takeControlFirst } from "../control/lease.js";
 import { dim, mark, show } from "../lib/dom.js";
 import { placeIn } from "./frame.js";
 
 const PERIOD_MS = 200; // five requests a second are enough to follow a finger
-const DRAG_PX = 8; // a finger that moves less rests
+const DRAG_PX = 8; // a finger that moves less does not drag
 const DOUBLE_MS = 300;
-const STEP_RAD = 0.15; // of a button
+const STEP_RAD = 0.15; // for each press of a button
 const MOST_WAITING = 2; // requests without an answer: on a stalled network they would all arrive at once
 const STEPS = { left: [1, 0], right: [-1, 0], up: [0, 1], down: [0, -1] };
 
-/** Without a lens it is one as cameras of robots often have: 53 degrees wide. */
+/** Return the lens of a picture; if it is not known, a lens that robots often have: 53 degrees wide. */
 function lensOf({ lens, width, height }) {
   return lens ?? [width, width, width / 2, height / 2];
 }
 
-/** The turn by which the picture follows a finger; pixels of the header's size. Left and up are positive. */
+/** Return the turn by which the picture follows a finger; pixels of the header. Left and up are positive. */
 export function turnByDrag(right, down, header) {
   const [fx, fy] = lensOf(header);
   return { pan: Math.atan(right / fx), tilt: Math.atan(down / fy) };
 }
 
-/** Heading and elevation, in the base frame, of a direction in the optical frame; `m` is a header's pose. */
+/** Return heading and elevation, in the base frame, of an optical direction; `m` is a header's pose. */
 function directionOf([x, y, z], m) {
   const [ahead, left, up] = [0, 1, 2].map(
     (axis) => m[axis] * x + m[4 + axis] * y + m[8 + axis] * z,
@@ -30,7 +32,10 @@ function directionOf([x, y, z], m) {
   return { heading: Math.atan2(left, ahead), elevation: Math.atan2(up, Math.hypot(ahead, left)) };
 }
 
-/** The turn that brings a place of the picture into its middle. The neck turns upright, also while the head looks down. */
+/**
+ * Return the turn that brings a point to the picture's middle. The neck pans about the vertical, also if the
+ * head looks down.
+ */
 export function turnToPlace(u, v, header) {
   const [fx, fy, cx, cy] = lensOf(header);
   const [left, up] = [(cx - u) / fx, (cy - v) / fy];
@@ -39,7 +44,8 @@ export function turnToPlace(u, v, header) {
   const wanted = directionOf([-left, -up, 1], header.pose);
   const turn = wanted.heading - now.heading;
   const pan = Math.atan2(Math.sin(turn), Math.cos(turn));
-  const isBelow = Math.abs(pan) > Math.PI / 2; // beyond the place below the camera: no neck turns round for it
+  // The point is behind the floor below the camera: the neck must not turn round for it.
+  const isBelow = Math.abs(pan) > Math.PI / 2;
   return isBelow
     ? { pan: Math.atan(left), tilt: Math.atan(up) }
     : { pan, tilt: wanted.elevation - now.elevation };
@@ -55,17 +61,17 @@ export class Head {
   #pointer = null; // {id, x, y, startX, startY, isDrag}
   #owed = { pan: 0, tilt: 0 };
   #waiting = 0; // requests without an answer
-  #late = 0; // of these: nobody waits for their answers any more
+  #late = 0; // how many of them got no answer in time
   #sentMs = -Infinity;
   #timer = null;
-  #click = null; // waits whether it becomes a double click
+  #click = null; // a click that may become a double click
   #listening = new AbortController();
 
   /**
    * @param {HTMLElement} area the picture
    * @param {HTMLElement} keys holds buttons with data-turn: left, right, up, down, ahead
    * @param {object} ways
-   * @param {(order: object) => Promise<?object>} ways.order sends a request; returns why it was refused
+   * @param {(order: object) => Promise<?object>} ways.order sends a request; returns the refusal or null
    * @param {() => ?object} ways.header of the picture that is shown
    */
   constructor(area, keys, { order, header }) {
@@ -85,14 +91,14 @@ export class Head {
     this.#follow();
   }
 
-  /** @param {boolean} moves dragging the shown camera's picture turns the head */
+  /** @param {boolean} moves whether dragging the shown camera's picture turns the head */
   set moves(moves) {
     this.#moves = moves;
     show(this.#keys, moves);
     this.#follow();
   }
 
-  /** @param {boolean} may this tab has control */
+  /** @param {boolean} may whether this tab has control */
   set mayAct(may) {
     this.#may = may;
     for (const key of this.#keys.querySelectorAll("[data-turn]"))
@@ -169,7 +175,7 @@ export class Head {
     return turnToPlace((clientX - left) / scale, (clientY - top) / scale, header);
   }
 
-  /** Place of the picture on the page. */
+  /** Return scale and position of the picture on the page. */
   #place() {
     const header = this.#header();
     const box = this.#area.getBoundingClientRect();
@@ -199,7 +205,10 @@ export class Head {
     this.#ask({ t: "turn_head", pan, tilt });
   }
 
-  /** A refused drag ends: its next part would be refused, too. A late request may still wait in the network. */
+  /**
+   * Send a request. A refusal ends the drag: the next part would be refused, too. A late request still counts
+   * as waiting.
+   */
   async #ask(order) {
     this.#waiting += 1;
     const refusal = await this.#order({ ...order, quiet: true });
@@ -207,7 +216,8 @@ export class Head {
       this.#late += 1;
       return this.#owe(0, 0);
     }
-    this.#waiting = Math.max(0, this.#waiting - 1 - this.#late); // the network goes on
+    // An answer came: late requests do not count any more.
+    this.#waiting = Math.max(0, this.#waiting - 1 - this.#late);
     this.#late = 0;
     if (refusal) this.#end();
     else if (this.#owed.pan || this.#owed.tilt) this.#sendSoon();

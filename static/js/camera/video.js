@@ -1,4 +1,6 @@
-/** H.264 pictures by the browser's own decoder (WebCodecs), where there is one: only on https, and not everywhere. */
+/**
+ * Decodes H.264 pictures by the browser's own decoder (WebCodecs): only on https, and not in every browser.
+ */
 
 const CONFIG = { codec: "avc1.42E01F", optimizeForLatency: true }; // without a description: Annex B
 
@@ -12,7 +14,7 @@ export async function decodesVideo() {
   }
 }
 
-/** Decodes in order, from a key picture on; damage makes it wait for the next key picture. */
+/** Decodes in order, from a key picture on; after damage, it waits for the next key picture. */
 export class VideoStream {
   #painter;
   #decoder = null;
@@ -20,7 +22,7 @@ export class VideoStream {
 
   /**
    * @param {object} painter
-   * @param {(header: object, frame: VideoFrame) => void} painter.paint the frame is closed after it
+   * @param {(header: object, frame: VideoFrame) => void} painter.paint draws a frame, which is then closed
    * @param {(header: object) => void} painter.damaged
    */
   constructor(painter) {
@@ -63,7 +65,7 @@ export class VideoStream {
     frame.close();
   }
 
-  /** All in the decoder is lost. */
+  /** Close the decoder; all pictures in it are lost and reported as damaged. */
   #fail() {
     const lost = [...this.#waiting.values()];
     this.close();

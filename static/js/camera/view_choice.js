@@ -1,13 +1,13 @@
-/** The choice of a person: plan, camera, both or 3D; which camera, and which one small beside it. Kept per browser. */
+/** A person's choice: plan, camera, both or 3D; the main camera, and a small second one. Kept per browser. */
 
 import { make, mark, show } from "../lib/dom.js";
 import { recall, remember } from "../lib/prefs.js";
 
 const VIEWS = ["plan", "camera", "both", "scene"];
 const WITHOUT_CAMERA = ["plan", "scene"];
-const ROOMY_PX = 560; // a smaller picture is not divided, unless somebody wants it so
+const ROOMY_PX = 560; // a smaller picture is not divided, unless the person chose both
 
-/** The view to begin with: the chosen one, else whatever there is room for. */
+/** Return the first view: the chosen view; else both if there is room, or the camera. */
 export function firstView(chosen, width, height) {
   if (VIEWS.includes(chosen)) return chosen;
   return Math.min(width, height) >= ROOMY_PX ? "both" : "camera";
@@ -23,7 +23,7 @@ export class Views extends EventTarget {
   #hasSecond = recall("camera-second", false);
   #listening = new AbortController();
 
-  /** @param {HTMLElement} area carries data-view for the style sheet */
+  /** @param {HTMLElement} area gets data-view for the style sheet */
   constructor(area, parts) {
     super();
     this.#area = area;
@@ -69,7 +69,10 @@ export class Views extends EventTarget {
     return this.#cameras[(at + 1) % this.#cameras.length];
   }
 
-  /** @param {object[]} cameras of the robot: a robot with one shows it, unless its person chose the plan */
+  /**
+   * @param {object[]} cameras of the robot: the first view shows a camera, unless the person chose the plan
+   *   or 3D
+   */
   set cameras(cameras) {
     this.#cameras = cameras;
     const wanted = this.#main?.name ?? recall("camera-main", null);
@@ -97,7 +100,7 @@ export class Views extends EventTarget {
     return this.#parts["view-open"].getAttribute("aria-expanded") === "true";
   }
 
-  /** On a small screen the bar lies over the picture while it is open. */
+  /** Open or close the bar of views. On a small screen, the open bar covers the picture. */
   #open(open) {
     this.#parts["view-open"].setAttribute("aria-expanded", String(open));
     mark(this.#parts["view-bar"], "open", open);
@@ -114,7 +117,7 @@ export class Views extends EventTarget {
   #turnTo(name) {
     this.#main = this.#cameras.find((camera) => camera.name === name) ?? this.#main;
     remember("camera-main", this.#main.name);
-    this.#parts["camera-select"].blur(); // the keys belong to driving again
+    this.#parts["camera-select"].blur(); // so that keys drive again
     this.#changed();
   }
 

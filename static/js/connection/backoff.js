@@ -1,11 +1,11 @@
-/** Waiting times between attempts to connect: doubling, with jitter, never longer than the last. */
+/** Waiting times between attempts to connect: they double, up to a longest time, with jitter. */
 
 const FIRST_MS = 250;
 const LONGEST_MS = 2000;
 
 /**
- * Waiting time before attempt number `attempt` (0 is the first after a loss).
- * Jitter takes up to a fifth off, so that many pages do not return in one moment.
+ * Return the waiting time before attempt number `attempt` (0 is the first after a loss).
+ * Jitter shortens it by up to a fifth, so that many pages do not connect again at the same moment.
  * @param {number} attempt
  * @param {() => number} random
  * @returns {number} milliseconds

@@ -1,4 +1,4 @@
-/** Watches that the other end of a socket still answers, and measures the round trip. */
+/** Checks that the other end of a socket still answers, and measures the round trip. */
 
 import { RoundTrips } from "./round_trips.js";
 
@@ -8,7 +8,7 @@ const SILENCE_MS = 4000; // then the page connects again
 export class Heartbeat {
   #socket;
   #trips = new RoundTrips();
-  #unansweredMs = null; // since when a ping waits for any word
+  #unansweredMs = null; // time of the first ping after the last message
   #timer;
 
   /** @param {import("./socket.js").LiveSocket} socket */
@@ -17,18 +17,18 @@ export class Heartbeat {
     this.#timer = setInterval(() => this.#beat(), PING_MS);
   }
 
-  /** The middle one of the last round trips, in milliseconds; null before the first. */
+  /** The median of the last round trips, in milliseconds; null before the first. */
   get delayMs() {
     return this.#trips.median;
   }
 
-  /** A new connection. */
+  /** Begin with a new connection. */
   begin() {
     this.#unansweredMs = null;
     this.#trips.clear();
   }
 
-  /** Any message is a sign of life. */
+  /** Take a message of any kind: it shows that the other end answers. */
   heard(message) {
     this.#unansweredMs = null;
     if (message.t === "pong") this.#trips.add(performance.now() - message.sent_ms);
@@ -38,7 +38,7 @@ export class Heartbeat {
     clearInterval(this.#timer);
   }
 
-  /** Browsers slow the timers of hidden pages down: silence counts from a ping, not from the last word. */
+  /** Ping. Silence counts from a ping, not from the last message: timers of hidden pages are slow. */
   #beat() {
     if (!this.#socket.open) return;
     const now = performance.now();

@@ -3,7 +3,7 @@
 /**
  * Reads JSON from a URL.
  * @param {string} failed error text if the console sent none
- * @throws {Error} with words for a person
+ * @throws {Error} with a sentence for people
  */
 export async function readJson(url, failed) {
   const answer = await fetch(url, { headers: { Accept: "application/json" } }).catch(() => null);

@@ -15,7 +15,7 @@ export class RoundTrips {
     this.#kept = [];
   }
 
-  /** The middle one, in milliseconds; null before the first. */
+  /** The median, in milliseconds; null before the first. */
   get median() {
     if (this.#kept.length === 0) return null;
     const sorted = [...this.#kept].sort((a, b) => a - b);
@@ -23,7 +23,7 @@ export class RoundTrips {
   }
 }
 
-/** Time at which each numbered message left, until the robot's bridge echoes the number. */
+/** The time at which each numbered message was sent, until the robot's bridge echoes the number. */
 export class DelayEchoes {
   #sent = new Map();
 
@@ -32,7 +32,7 @@ export class DelayEchoes {
     if (this.#sent.size > 200) this.#sent.delete(this.#sent.keys().next().value);
   }
 
-  /** @returns {number | null} milliseconds since that number was sent; each number answers once */
+  /** @returns {number | null} milliseconds since that number was sent; null if unknown or already used */
   heard(seq, nowMs) {
     const at = this.#sent.get(seq);
     if (at === undefined) return null;

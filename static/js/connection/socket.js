@@ -2,13 +2,16 @@
 
 import { waitBefore } from "./backoff.js";
 
-const OPEN_WITHIN_MS = 3000; // an attempt begun while the network was away may wait for its next packet much longer
+// An attempt that began without a network may wait much longer for its next packet.
+const OPEN_WITHIN_MS = 3000;
 const SLOW_WITHIN_MS = 10_000;
-const QUICK_ATTEMPTS = 4; // then it may be a network that takes its time
+const QUICK_ATTEMPTS = 4; // after these, the network may just be slow
 // Closed for good: signed out, not permitted, no such robot.
 export const CLOSED_FOR_GOOD = new Set([4401, 4403, 4404]);
 
-const LASTED_MS = 10_000; // a server that closes what it accepts, or says nothing on it, has had its turn by then
+// After this time a connection counts as good: a server that closes it at once, or is silent, does not get so
+// far.
+const LASTED_MS = 10_000;
 
 /** @param {string} path such as "/ws/fleet/" */
 export function socketUrl(path, base = location.href) {
@@ -18,19 +21,19 @@ export function socketUrl(path, base = location.href) {
 }
 
 /**
- * Events: "open", "down" (detail: {code}), "message" (detail: the decoded message), "bytes" (detail: an ArrayBuffer).
- * It connects again after every loss until `close()` is called.
+ * Events: "open", "down" (detail: {code}), "message" (detail: the decoded message), "bytes" (detail: an
+ * ArrayBuffer). It connects again after every loss until `close()` is called.
  */
 export class LiveSocket extends EventTarget {
   #url;
   #socket = null;
-  #attempt = 0; // failures since a connection lasted
+  #attempt = 0; // failures since a connection lasted LASTED_MS
   #openedMs = Infinity;
   #retry = null;
   #patience = null;
   #closed = false;
   #wake = () => {
-    if (!this.open) this.reset(); // it was begun while the network was away
+    if (!this.open) this.reset(); // the attempt began without a network
     clearTimeout(this.#retry);
     this.connect();
   };
@@ -45,7 +48,7 @@ export class LiveSocket extends EventTarget {
     return this.#socket?.readyState === WebSocket.OPEN;
   }
 
-  /** Bytes that the network has not taken yet. */
+  /** Bytes that still wait to be sent. */
   get backlog() {
     return this.#socket?.bufferedAmount ?? 0;
   }

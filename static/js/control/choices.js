@@ -1,4 +1,6 @@
-/** A person's choices about the control page. The console keeps them with the account; the browser has a copy. */
+/**
+ * A person's choices about the control page. The console keeps them with the account; the browser has a copy.
+ */
 
 import { recall, remember } from "../lib/prefs.js";
 
@@ -7,14 +9,17 @@ export class Choices {
   #address;
   #kept;
 
-  /** @param {DOMStringMap} data of the page: person, choices (JSON, as the console keeps them), choicesKeep (address) */
+  /**
+   * @param {DOMStringMap} data of the page: person, choices (JSON, as the console keeps them), choicesKeep
+   *   (address)
+   */
   constructor({ person, choices = "{}", choicesKeep }) {
     this.#person = person;
     this.#address = choicesKeep;
     this.#kept = JSON.parse(choices);
   }
 
-  /** The choice on the account; else the copy of this browser, which may never have reached the console. */
+  /** Return the account's choice; else this browser's copy: perhaps the console never received it. */
   recall(name, fallback) {
     return this.#kept[name] ?? recall(this.#copy(name), fallback);
   }

@@ -37,9 +37,10 @@ import { isHeld, isSilent, isStale, seenAt } from "./status/status_text.js";
 import { StopButton } from "./stop/stop_button.js";
 
 const LOOK_MS = 250;
-const NEUTRAL_SAID_AFTER_MS = 300; // a stick that rests is neutral before anybody could read it
+const NEUTRAL_SAID_AFTER_MS = 300; // a stick at rest is neutral again before a person could read the text
 
-// Refused commands of the stick that the delay, the picture's words or the banner speak of; they come by the dozen.
+// Refusals of stick commands that get no notice: there are many of them, and the delay, the words in the
+// picture or the banner show the reason.
 const SHOWN_ELSEWHERE = new Set([
   "too_old",
   "out_of_order",
@@ -50,7 +51,7 @@ const SHOWN_ELSEWHERE = new Set([
   "robot_offline",
 ]);
 
-// Notices of the console that the panel of control shows: a person who asks stands in its list.
+// Notices of the console that the control panel already shows: its list has the people who ask for control.
 const SHOWN_BY_PANEL = new Set(["asked"]);
 
 class ControlPage {
@@ -67,7 +68,7 @@ class ControlPage {
   #stopButton;
   #clear;
   #requests;
-  #stopAsked = 0; // number of the stop that the question to clear is about
+  #stopAsked = 0; // number of the stop that the dialog "clear" shows
   #panel;
   #options;
   #picture;
@@ -88,18 +89,20 @@ class ControlPage {
   #echoes = new DelayEchoes();
   #echoTrips = new RoundTrips();
   #control = null;
-  #mine = false; // control, as the server last said; also while the connection is lost
-  #left = false; // the connection was lost with control, and the server has not yet reported control again
-  #outdated = false; // the console speaks another version of the protocol than this page
+  #mine = false; // this tab has control by the server's last report; also while the connection is lost
+  // The connection was lost while this tab had control, and the server has not reported control since.
+  #left = false;
+  #outdated = false; // the console uses another version of the protocol than this page
   #facts = null;
   #state = null;
   #gone = null;
-  #pending = null; // stop that waits for a robot that is gone
-  #seen = null; // when the robot was last heard, in seconds since 1970
+  #pending = null; // stop that waits until the link is back
+  #seen = null; // time of the robot's last report, in seconds since 1970
   #viewMs = -Infinity;
-  #hiddenMs = -Infinity; // when the page was last hidden: it is sent no pictures then, which is no silence
+  // When the page was last hidden: a hidden page gets no views, which does not count as silence.
+  #hiddenMs = -Infinity;
   #moved = false; // the stick is not at rest
-  #freeMs = 0; // when the stick was last not asked to return to the middle
+  #freeMs = 0; // last time at which the stick did not have to return to the middle
   #timer;
   #endings = [];
   #listening = new AbortController();
@@ -271,7 +274,7 @@ class ControlPage {
       stop: () => this.#stopButton.press(),
     };
     const menu = document.querySelector(".menu");
-    // Before the dialog opens: when it is closed, the focus returns to the menu.
+    // Runs before the dialog opens: when the dialog is closed, the focus returns to the menu.
     const shut = () => {
       menu.querySelector("summary").focus();
       menu.open = false;
@@ -299,7 +302,7 @@ class ControlPage {
     this.#requests.send(message);
   }
 
-  /** Another tab is shown: the base stands, without a stop. */
+  /** Another tab is shown: the base gets a zero, but no emergency stop. */
   #changed(tab, before) {
     if (before !== null) this.#zero("tab-changed");
     this.#drawers.close();
@@ -308,13 +311,13 @@ class ControlPage {
 
   #stickMoved(axes, input) {
     this.#statusBar.hint(this.#reverseHint(axes));
-    if (input && input !== "turn") this.#drawers.close(); // that one is held by a button in a drawer
+    if (input && input !== "turn") this.#drawers.close(); // the button for "turn" is in a drawer
     const wasMoved = this.#moved;
     this.#moved = Boolean(input);
     if (wasMoved && !input) this.#hints.done("stick"); // it was pushed and released
   }
 
-  /** The socket, with every command's number remembered until the robot's bridge echoes it. */
+  /** Return a socket that stores the number of every command until the robot's bridge echoes it. */
   #countedSocket() {
     const socket = this.#socket;
     const echoes = this.#echoes;
@@ -345,7 +348,8 @@ class ControlPage {
     this.#requests.lost();
     this.#follow();
     this.#look();
-    if (CLOSED_FOR_GOOD.has(code)) location.reload(); // the server's page says why, or leads to the sign-in page
+    // The reloaded page gives the reason, or is the sign-in page.
+    if (CLOSED_FOR_GOOD.has(code)) location.reload();
   }
 
   #isCut() {
@@ -397,7 +401,7 @@ class ControlPage {
     this.#taskPanel.welcome = welcome;
   }
 
-  /** After an upgrade of the console an open page sends only stops, to the form's URL. */
+  /** After an upgrade of the console, a page that was open before sends only stops, to the form's URL. */
   #outdate() {
     this.#outdated = true;
     this.#taskPanel.tab = null;
@@ -414,10 +418,10 @@ class ControlPage {
       this.#stick.neutralise("control-began");
       this.#hints.done("take");
     }
-    // Without having been asked for just now: it was handed over.
+    // The person waited in line and did not take control just now: control was handed over.
     if (!this.#requests.heard(control) && begins && asking)
       this.#tell("success", "control", gettext("Control was handed to you."));
-    // "away" and "elsewhere" may be this tab itself, before it has its control again.
+    // "away" and "elsewhere" may mean this tab itself, before the server gives its control back.
     if (this.#left && ["free", "other"].includes(control.state))
       this.#tell("warning", "left", gettext("Control ended while the connection was lost."));
     this.#left &&= ["away", "elsewhere"].includes(control.state);
@@ -425,10 +429,10 @@ class ControlPage {
     this.#look();
   }
 
-  /** Drives while this tab has control, and only then. */
+  /** Enable driving while this tab has control, and only then. */
   #follow() {
     const drives = this.#drives;
-    const none = this.#control === null ? undefined : null; // until the server has reported it
+    const none = this.#control === null ? undefined : null; // undefined until the server has reported control
     this.#taskPanel.fence = drives ? this.#control.fence : none;
     if (drives) {
       this.#sender.start(this.#control.fence);
@@ -446,7 +450,7 @@ class ControlPage {
   }
 
   #onRefused({ of, refusal }) {
-    // A stick at rest requested nothing.
+    // While the stick is at rest, the person requested nothing: no notice.
     if (of === "drive" && (SHOWN_ELSEWHERE.has(refusal.code) || isNeutral(this.#stick.axes)))
       return;
     if (isControlRequest(of)) return this.#requests.refused(of, refusal);
@@ -457,7 +461,7 @@ class ControlPage {
   // --- the robot -------------------------------------------------------------------------------
 
   #onView(view) {
-    // First: a fault in what follows must not end the pictures.
+    // This comes first: an error in the code below must not end the views.
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
     const before = this.#state;
     this.#gone = null;
@@ -478,21 +482,21 @@ class ControlPage {
     this.#look();
   }
 
-  /** Release the stick: always at a stop; at a full hold by the gate if no finger is on it. */
+  /** Release the stick at every stop; also a stick held without a finger, when the gate allows no motion. */
   #followGate({ stop, verdict }, before) {
     if (stop.state === "clear") this.#requests.done("clear");
     if (stop.state !== "clear" && before?.stop.state === "clear") this.#stick.neutralise("stopped");
     if (this.#joystick.sticks && isHeld(verdict)) this.#stick.neutralise("held");
   }
 
-  /** Over the socket; true only if an answer can be expected there. */
+  /** Send a stop over the socket. Return true only if an answer can be expected there. */
   #sendStop() {
     this.#hints.done("stop");
     this.#zero("stop");
     return this.#socket.send({ t: "stop" }) && !this.#isCut();
   }
 
-  /** The base stands: the stick rests, and nothing repeats a velocity. */
+  /** Let the base stand: set the stick to neutral, and stop repeating velocities. */
   #zero(reason) {
     this.#stick.neutralise(reason);
     this.#sender.zero();
@@ -552,7 +556,7 @@ class ControlPage {
 const root = document.querySelector("[data-page=control]");
 if (root) {
   let page = new ControlPage(root, await tabToken());
-  // A page in the back/forward cache has no connection: it connects again when it is shown.
+  // A page in the back/forward cache has no connection: it is reloaded when it is shown again.
   window.addEventListener("pagehide", () => {
     page?.close();
     page = null;

@@ -6,10 +6,14 @@ import { controlWords, isSlotFar, slotWarning, slotWords } from "./control_words
 import { clockText, isLastCall, remaining } from "./lease.js";
 
 const UNKNOWN = { state: "unknown", requests: [] };
-// A press so soon after a request was meant for the former button: hands are slower than this.
+// A press this soon after a request was meant for the button that was there before: people need longer to
+// react.
 const MEANT_BEFORE_MS = 500;
 
-/** Events: "choose" (detail: a message for the server), "warn" (detail: words about a slot that ends control soon). */
+/**
+ * Events: "choose" (detail: a message for the server), "warn" (detail: words about a slot that ends control
+ * soon).
+ */
 export class ControlPanel extends EventTarget {
   #parts;
   #control = UNKNOWN;
@@ -36,7 +40,7 @@ export class ControlPanel extends EventTarget {
     this.#timer = setInterval(() => this.#count(), 250);
   }
 
-  /** The server's newest `control`; null while there is no connection to hear it from. */
+  /** The server's newest `control`; null while there is no connection. */
   set control(control) {
     this.#control = control ?? UNKNOWN;
     this.#heardMs = performance.now();
@@ -77,7 +81,7 @@ export class ControlPanel extends EventTarget {
     this.#warned = { atS, ending };
   }
 
-  /** The focus goes from a button that has done its work to the one that came in its place. */
+  /** Show the buttons of these actions. If this hides the focused button, a visible one gets the focus. */
   #offer(actions) {
     const buttons = [...this.#parts.actions.children];
     const focused = buttons.find((button) => button === document.activeElement);
@@ -85,7 +89,7 @@ export class ControlPanel extends EventTarget {
     if (focused?.hidden) buttons.find(({ hidden }) => !hidden)?.focus();
   }
 
-  /** The person's own part is shown above already. */
+  /** Show the requests of others: the person's own request is already shown above. */
   #showRequests(requests) {
     const others = requests.filter(({ id }) => id !== this.#control.asking);
     const offered = this.#control.state === "yours" ? others : [];
@@ -97,7 +101,7 @@ export class ControlPanel extends EventTarget {
       return make("li", { children });
     });
     this.#parts.requests.replaceChildren(...items);
-    // A long line scrolls, by keys as well.
+    // A long line can be scrolled, also by keys.
     if (items.length > 1) this.#parts.requests.tabIndex = 0;
     else this.#parts.requests.removeAttribute("tabindex");
     show(this.#parts.requests, items.length > 0);
@@ -108,7 +112,7 @@ export class ControlPanel extends EventTarget {
     const button = makeButton({ className: "button primary", text: gettext("Hand over") }, () =>
       this.#choose({ t: "hand_over", request: id }),
     );
-    button.setAttribute("aria-label", text); // the name stands beside it
+    button.setAttribute("aria-label", text); // the visible name is beside the button
     const tooSoonMs = this.#offeredMs.get(id) + MEANT_BEFORE_MS - performance.now();
     if (tooSoonMs > 0) {
       button.disabled = true;

@@ -3,7 +3,7 @@
 import { FORGOTTEN_MS, PATIENCE_MS } from "../tasks/tasks.js";
 import { clockText } from "./lease.js";
 
-/** Kinds of messages that are requests, each in words. */
+/** The kinds of messages that are requests, each with its name. */
 function labels() {
   return {
     take: gettext("Take control"),
@@ -22,7 +22,7 @@ export function isControlRequest(t) {
   return t in labels();
 }
 
-const SPREAD_S = 0.2; // between rounded reports of the same term
+const SPREAD_S = 0.2; // between rounded reports of the same lease
 
 /** Text for success; empty if the console sends the text. */
 function doneText(t, { holder, remaining_s: remainingS }) {
@@ -40,7 +40,7 @@ function doneText(t, { holder, remaining_s: remainingS }) {
   return texts[t] ?? "";
 }
 
-/** Return whether the present `control` answers the request. */
+/** Return whether the current `control` answers the request. */
 function isDone(t, { state, asking = null, remaining_s: remainingS = 0 }, renewedS) {
   switch (t) {
     case "take":
@@ -64,11 +64,11 @@ export class ControlRequests {
   #send;
   #tell;
   #waiting = new Map(); // by kind of request: timers, and whether it was reported as late
-  #remainedS = 0; // of the term, when control was last heard of
-  #heardMs = 0; // that moment
+  #remainedS = 0; // of the lease, at the last report of control
+  #heardMs = 0; // time of that report
 
   /**
-   * @param {(message: object) => boolean} send whether there was a connection
+   * @param {(message: object) => boolean} send returns whether there was a connection
    * @param {(notice: {level: string, code: string, text: string}) => void} tell
    */
   constructor(send, tell) {
@@ -76,7 +76,9 @@ export class ControlRequests {
     this.#tell = tell;
   }
 
-  /** @param {object} message for the server, which answers by `control`, by the robot's state or by a refusal */
+  /**
+   * @param {object} message for the server, which answers by `control`, by the robot's state or by a refusal
+   */
   send(message) {
     const { t } = message;
     this.#forget(t);
@@ -89,11 +91,11 @@ export class ControlRequests {
     this.#waiting.set(t, { timers: [late, forgotten], isLate: false });
   }
 
-  /** @param {object} control as the server says it stands @returns {boolean} whether it completed a request */
+  /** @param {object} control as the server reports it @returns {boolean} whether it completed a request */
   heard(control) {
     const now = performance.now();
     const sinceS = (now - this.#heardMs) / 1000;
-    // The remaining time of an unchanged term gets shorter; a longer one shows a renewal, perhaps reported late.
+    // The remaining time of a lease gets shorter; a longer time shows a renewal, perhaps reported late.
     const renewedS = this.#remainedS - Math.max(SPREAD_S, sinceS / 2);
     const done = [...this.#waiting.keys()].filter((t) => isDone(t, control, renewedS));
     this.#remainedS = control.remaining_s ?? 0;
@@ -106,7 +108,8 @@ export class ControlRequests {
   done(t, control = {}) {
     if (!this.#forget(t)) return;
     const text = doneText(t, control);
-    if (text) this.#tell({ level: "success", code: `${t} done`, text, quiet: true }); // panel and banner show it
+    // Panel and banner show it.
+    if (text) this.#tell({ level: "success", code: `${t} done`, text, quiet: true });
   }
 
   refused(t, { code, text }) {
@@ -114,7 +117,7 @@ export class ControlRequests {
     this.#failed(t, code, text);
   }
 
-  /** The connection is gone, and with it the answers. */
+  /** The connection is lost: no answers will come. */
   lost() {
     const text = gettext("The connection was lost before an answer came.");
     for (const [t, { isLate }] of [...this.#waiting]) {

@@ -6,15 +6,15 @@ const SOON_S = 4 * 3600; // a later booking is not shown
 const FAR_S = 3600;
 const WARNINGS_S = [60, 300]; // before a slot ends control
 
-/** Name of the holder on this page. */
+/** Return the holder's name for this page. */
 function holder(control) {
   return control.holder ?? gettext("Somebody");
 }
 
 /**
  * @param {object} control the server's newest `control`
- * @param {number | null} resumableS seconds until a vanished holder loses control
- * @param {number | null} offerS seconds for which a free robot is this person's to take
+ * @param {number | null} resumableS seconds until a holder whose page is gone loses control
+ * @param {number | null} offerS seconds for which a free robot is offered to this person
  * @returns {{headline: string, reason: string, actions: string[]}}
  *   actions: take, take_over, renew, release, ask, ask_cancel; the first is the most likely one
  */
@@ -85,12 +85,12 @@ function placeWords({ ahead }) {
 }
 
 /**
- * The present booking, or the next one, in words; empty if there is none soon.
+ * Return a text about the current booking, or the next booking; empty if there is none soon.
  * @param {object} control the server's newest `control`
- * @param {number} sinceS seconds since it came
+ * @param {number} sinceS seconds since `control` came
  */
 export function slotWords({ state, booked, next_booked: next }, sinceS) {
-  // The holder reads above how long control lasts: as long as their slot.
+  // In the holder's own slot, the panel already shows above how long control lasts: as long as the slot.
   if (booked && !(booked.mine && state === "yours")) {
     const left = clockText(Math.max(booked.seconds - sinceS, 0));
     if (booked.mine) return interpolate(gettext("Your slot: %s left"), [left]);
@@ -102,14 +102,16 @@ export function slotWords({ state, booked, next_booked: next }, sinceS) {
   return interpolate(gettext("The slot of %s begins in %s"), [next.name, begins]);
 }
 
-/** Return whether the words about a slot may give way on a small screen: nobody has one now, and the next begins late. */
+/** Return whether a small screen may hide the words about a slot: no slot now, and the next begins late. */
 export function isSlotFar({ booked, next_booked: next }, sinceS) {
   return !booked && next !== null && next !== undefined && next.seconds - sinceS > FAR_S;
 }
 
 /**
- * The newest warning that is due: a slot, or an out-of-service period, ends this person's control in 5 minutes, in 1 minute.
- * @returns {{atS: number, text: string, ending: string} | null} `ending`: the same while the same thing ends it
+ * Return the newest warning that is due, 5 minutes and 1 minute before a slot, or an out-of-service period,
+ * ends this person's control.
+ * @returns {{atS: number, text: string, ending: string} | null} `ending`: the kind of end, to tell two ends
+ *   apart
  */
 export function slotWarning({ state, booked, next_booked: next, out_s: outS = null }, sinceS) {
   if (state !== "yours") return null;

@@ -1,6 +1,6 @@
 /**
- * Three hints for a first visit: take control, push the stick, stop. Each goes when it was done, or by a press; all are
- * shown once for each account.
+ * Three hints for a first visit: take control, push the stick, stop. A hint disappears when its step is done,
+ * or by a press. The hints are shown once for each account.
  */
 
 import { mark, setText, show } from "../lib/dom.js";
@@ -23,9 +23,9 @@ export class Hints {
   #listening = new AbortController();
 
   /**
-   * @param {HTMLElement} root carries data-hint for the style sheet
+   * @param {HTMLElement} root gets data-hint for the style sheet
    * @param {{"first-steps", "hint-count", "hint-text", "hint-next", "hint-close", "hints-open"}} parts
-   * @param {import("./choices.js").Choices} choices of the person, who has seen them or not
+   * @param {import("./choices.js").Choices} choices of the person: whether the hints were seen
    */
   constructor(root, parts, choices) {
     this.#root = root;
@@ -37,7 +37,7 @@ export class Hints {
     parts["hints-open"].addEventListener("click", () => this.#show(0), { signal });
   }
 
-  /** Begin, for somebody who may drive and has not seen them. */
+  /** Begin, if the person has not seen the hints. For people who may drive. */
   begin() {
     if (this.#step === null && !this.#choices.recall("hints_seen", false)) this.#show(0);
   }

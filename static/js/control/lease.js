@@ -1,8 +1,8 @@
-/** Remaining time of a term of control. The server sends the seconds; this page counts them by its own clock. */
+/** Remaining time of a lease. The server sends the seconds; this page counts them by its own clock. */
 
 const LAST_CALL_S = 30;
 
-/** @returns {number | null} seconds left at `nowMs`, never below zero; null without a term */
+/** @returns {number | null} seconds left at `nowMs`, never below zero; null if `seconds` is not known */
 export function remaining(seconds, heardMs, nowMs) {
   if (seconds === null || seconds === undefined) return null;
   return Math.max(0, seconds - (nowMs - heardMs) / 1000);
@@ -17,14 +17,14 @@ export function clockText(seconds) {
   return `${Math.floor(whole / 60)}:${two(whole % 60)}`;
 }
 
-/** Whole minutes, for what nobody counts down: "40 min", "2 h 05 min". */
+/** Whole minutes, for times that are not counted down: "40 min", "2 h 05 min". */
 export function minutesText(seconds) {
   const minutes = Math.ceil(seconds / 60);
   if (minutes < 60) return `${minutes} min`;
   return `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min`;
 }
 
-/** Why a button does nothing for somebody without control. */
+/** Return the reason why a button does nothing for a person without control. */
 export function takeControlFirst() {
   return gettext("Take control first.");
 }

@@ -2,12 +2,12 @@
 
 const ROLES = ["observer", "operator", "supervisor", "staff"];
 
-/** Return whether somebody with this role may do what needs the role `needed`. */
+/** Return whether a role has the rights of the role `needed`. */
 export function isAtLeast(role, needed) {
   return ROLES.indexOf(role) >= ROLES.indexOf(needed);
 }
 
-/** Why somebody with this role may not do what needs the role `needed`; empty if they may. */
+/** Return the reason why a role has not the rights of the role `needed`; empty if it has. */
 export function whyNot(role, needed) {
   if (isAtLeast(role, needed)) return "";
   const texts = {

@@ -1,21 +1,23 @@
-/** Times of sending the stick: often out of neutral, seldom at rest, never while the network is full. */
+/** When to send the stick: 30 times a second while it is moved, 5 at rest, never while older bytes wait. */
 
 import { isNeutral, NEUTRAL } from "./input/stick.js";
 
 const DRIVING_MS = 1000 / 30;
 const RESTING_MS = 200;
-const TIMER_SLACK_MS = 4; // timers come a little early or late; half a period would halve the rate
+// Timers fire a little early or late; without slack, an early tick sends nothing and the rate halves.
+const TIMER_SLACK_MS = 4;
 
 /**
  * Return whether the stick should be sent now.
- * @param {{neutral: boolean, sinceLastMs: number, backlog: number}} moment `backlog`: bytes the network has not taken
+ * @param {{neutral: boolean, sinceLastMs: number, backlog: number}} moment `backlog`: bytes that wait in the
+ *   socket
  */
 export function isDue({ neutral, sinceLastMs, backlog }) {
-  if (backlog > 0) return false; // the newest will go when there is room
+  if (backlog > 0) return false; // the newest position is sent when no bytes wait
   return sinceLastMs >= (neutral ? RESTING_MS : DRIVING_MS) - TIMER_SLACK_MS;
 }
 
-/** Sends a stick over a socket under a fence; runs only while its page has control. */
+/** Sends the stick and the lease's fence over a socket. Runs only while the page has control. */
 export class DriveSender {
   #socket;
   #stick;
@@ -31,16 +33,18 @@ export class DriveSender {
   /**
    * @param {{send: (message: object) => boolean, backlog: number}} socket
    * @param {import("./input/stick.js").Stick} stick
-   * @param {() => number} clock milliseconds, growing over reloads of the tab
+   * @param {() => number} clock milliseconds; a reload of the tab does not set it back
    */
   constructor(socket, stick, clock) {
     this.#socket = socket;
     this.#stick = stick;
     this.#clock = clock;
-    this.#seq = Math.floor(clock()); // far fewer than one message per millisecond: it grows over reloads
+    // The numbers begin at the clock's milliseconds. There are far fewer messages than milliseconds: after a
+    // reload, the numbers are still larger than before.
+    this.#seq = Math.floor(clock());
   }
 
-  /** The share of the robot's limits that a full stick means. */
+  /** The share of the robot's speed limits that full stick gives. */
   set share(value) {
     this.#share = value;
   }
@@ -66,7 +70,7 @@ export class DriveSender {
   }
 
   #onChange() {
-    // The last zero is what stops the robot: it is never left to the next tick.
+    // The last zero stops the robot: send it now, not at the next tick.
     if (this.#moving && isNeutral(this.#stick.axes)) this.zero();
     else this.#tick();
   }

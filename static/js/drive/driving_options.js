@@ -1,9 +1,11 @@
-/** A person's choices for driving: speed, meaning of sideways, a stick that stays, side of the stick. */
+/**
+ * A person's choices for driving: speed, sideways as turning or sliding, a sticky stick, side of the stick.
+ */
 
 import { make, makeButton, mark, setText, show } from "../lib/dom.js";
 import { recall, remember } from "../lib/prefs.js";
 
-/** A speed as people walk; up to so many m/s. */
+/** Words for speeds, each with its highest speed in m/s. */
 function paces() {
   return [
     [0.25, gettext("very slow")],
@@ -19,19 +21,19 @@ export function paceText(speed) {
   return paces().find(([upTo]) => speed <= upTo)[1];
 }
 
-/** A speed on a button: 0.4, but 0.25. Pure. @param {number} speed m/s */
+/** The text of a speed on a button, without a zero at the end: 0.4, 0.25. Pure. @param {number} speed m/s */
 export function speedText(speed) {
   const text = speed.toFixed(2);
   return text.endsWith("0") ? text.slice(0, -1) : text;
 }
 
-/** The speed shares offered: steps of a fifth, as far as the robot's own limit allows. */
+/** Return the offered speed shares: steps of a fifth, up to the robot's own limit. */
 export function sharesUpTo(maxShare) {
   const steps = [0.2, 0.4, 0.6, 0.8, 1].filter((share) => share < maxShare - 1e-6);
   return [...steps, maxShare];
 }
 
-/** The share to begin with: the largest offered that is not above the robot's default. */
+/** Return the first share: the largest offered share that is not above the robot's default. */
 export function firstShare(shares, defaultShare) {
   return shares.findLast((share) => share <= defaultShare + 1e-6) ?? shares[0];
 }
@@ -52,7 +54,7 @@ export class DrivingOptions extends EventTarget {
   #share = null;
   #listening = new AbortController();
 
-  /** @param {HTMLElement} root carries data-sides for the style sheet */
+  /** @param {HTMLElement} root gets data-sides for the style sheet */
   constructor(root, parts) {
     super();
     this.#root = root;
@@ -65,7 +67,7 @@ export class DrivingOptions extends EventTarget {
     mark(root, "sides", recall("sides", "plain"));
   }
 
-  /** @param {object} facts the robot's facts; the share starts at its default again only if the robot's limits changed */
+  /** @param {object} facts the robot's facts; the chosen share is kept if the new facts still offer it */
   set facts({ limits, default_share, max_share, holonomic }) {
     this.#limits = limits;
     show(this.#parts.slides, holonomic);

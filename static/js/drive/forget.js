@@ -1,4 +1,4 @@
-/** The button by which a holder lets the robot forget what it saw before. */
+/** The button by which a holder makes the robot forget what it saw before. */
 
 import { takeControlFirst } from "../control/lease.js";
 import { dim } from "../lib/dom.js";
@@ -21,7 +21,7 @@ export class Forget {
     button.addEventListener("click", () => this.#ask(), { signal: this.#listening.signal });
   }
 
-  /** @param {?boolean} may this tab has control; null: not known yet */
+  /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
     dim(this.#button, !may, takeControlFirst());
   }
@@ -32,7 +32,7 @@ export class Forget {
   }
 
   #ask() {
-    this.#button.closest("[popover]")?.hidePopover?.(); // it would lie above the dialog
+    this.#button.closest("[popover]")?.hidePopover?.(); // the menu would cover the dialog
     this.#question.ask();
   }
 }

@@ -1,4 +1,4 @@
-/** The button by which a holder sends the robot's head to where the robot drives. */
+/** The button by which a holder turns the robot's head to where the robot drives. */
 
 import { takeControlFirst } from "../control/lease.js";
 import { dim, show } from "../lib/dom.js";
@@ -16,12 +16,12 @@ export class LookAhead {
     });
   }
 
-  /** @param {object} facts the robot's facts: one without a head offers nothing */
+  /** @param {object} facts the robot's facts: without a head, the button is hidden */
   set facts({ has_head }) {
     show(this.#button, has_head);
   }
 
-  /** @param {?boolean} may this tab has control; null: not known yet */
+  /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
     dim(this.#button, !may, takeControlFirst());
   }

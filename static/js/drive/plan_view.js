@@ -1,6 +1,6 @@
 /**
- * The robot from above: what its sensors see, its footprint, where it is going and what the gate keeps it from.
- * Forward is up. Drawn when there is something new, once per frame.
+ * The robot from above: what its sensors see, its footprint, its path and the obstacle for which the gate
+ * slows it. Forward is up. Drawn when something has changed, at most once per frame.
  */
 
 import { Canvas } from "../lib/canvas.js";
@@ -8,9 +8,9 @@ import { arc, carried, moves, reach, spanFor } from "./twist_geometry.js";
 
 const PATH_S = 2;
 const PATH_STEPS = 24;
-const ROBOT_AT = 0.6; // of the height: more is seen ahead than behind
-const COARSEST = 36; // pixels of the page per metre: in a small picture rather less room than a tiny robot
-const UNSEEN_M = 1.5; // how far out unseen sectors are shaded: where the robot is soon
+const ROBOT_AT = 0.6; // share of the height: the view shows more ahead than behind
+const COARSEST = 36; // least page pixels per metre: a small picture shows less of the room, not a tiny robot
+const UNSEEN_M = 1.5; // distance to which unseen sectors are shaded: the robot can be there soon
 
 const COLOURS = [
   "surface",
@@ -58,7 +58,7 @@ export class PlanView {
     this.#canvas.redraw();
   }
 
-  /** Greyed: what is shown is no longer true. */
+  /** Whether the view is out of date: then it is drawn pale. */
   set stale(stale) {
     if (stale === this.#stale) return;
     this.#stale = stale;
@@ -85,7 +85,7 @@ export class PlanView {
     this.#drawSonars(this.#view.scan?.sonar_cm ?? [], pixel);
     this.#drawPath(this.#view.state.verdict.allowed, pixel);
     const { laser_cm = [], depth_cm = [], remembered_cm = [] } = this.#view.scan ?? {};
-    const grain = Math.max(2.5 * pixel, 0.06); // metres: what lies on this grid is drawn without gaps
+    const grain = Math.max(2.5 * pixel, 0.06); // metres: points on a grid of this size are drawn without gaps
     this.#drawPoints(remembered_cm, "remembered", grain);
     this.#drawPoints(depth_cm, "depth", grain);
     this.#drawPoints(laser_cm, "laser", 3 * pixel);
@@ -105,7 +105,7 @@ export class PlanView {
     }
   }
 
-  /** Text stands upright, whatever way the metres lie. */
+  /** Draw upright text, although the axes are rotated. */
   #write(text, x, y, pixel) {
     const pen = this.#canvas.pen;
     pen.save();
@@ -207,7 +207,7 @@ export class PlanView {
     pen.fill();
   }
 
-  /** The arm from the body to its end, as wide as it counts, and named at the end. */
+  /** Draw the arm from the body to its end, as wide as the gate counts it, with its name at the end. */
   #drawArm(discs, pixel) {
     if (discs.length === 0) return;
     const pen = this.#canvas.pen;
@@ -255,7 +255,7 @@ export class PlanView {
   #outline(points) {
     const pen = this.#canvas.pen;
     pen.beginPath();
-    for (const [x, y] of points) pen.lineTo(x, y); // the first only moves: the path is empty
+    for (const [x, y] of points) pen.lineTo(x, y); // the first call draws no line: the path is empty
     pen.closePath();
   }
 }

@@ -1,4 +1,4 @@
-/** Speed over the last seconds: what was asked, what the gate allowed, what the odometry says. */
+/** Speed over the last seconds: as asked, as allowed by the gate, as measured by the odometry. */
 
 import { RollingPlot } from "../plots/rolling_plot.js";
 
@@ -9,7 +9,7 @@ const LINES = [
   { name: "measured", label: () => gettext("measured"), colour: "--view-laser" },
 ];
 
-/** The speeds forward of a robot's state, m/s, by the name of their line. */
+/** Return the forward speeds of a robot's state, m/s, by the name of their line. */
 export function speedsOf({ verdict, odometry }) {
   return new Map([
     ["asked", verdict.asked[0]],

@@ -1,16 +1,16 @@
 /** Plane geometry of the base frame: x forward, y left, metres and radians. */
 
 const STRAIGHT_RADPS = 1e-4;
-const NEARLY_STRAIGHT = 1e-3; // rad/s for each m/s
+const NEARLY_STRAIGHT = 1e-3; // rad/s per m/s
 const SLOWEST_SHOWN = 0.01; // m/s or rad/s
 
-/** Whether a twist is worth a path. @param {number[]} twist vx, vy, w */
+/** Return whether a twist is fast enough to draw its path. @param {number[]} twist vx, vy, w */
 export function moves(twist) {
   return twist.some((value) => Math.abs(value) > SLOWEST_SHOWN);
 }
 
 /**
- * Pose of the base after driving a constant twist for some time: on an arc, or a line.
+ * Return the pose of the base after driving a constant twist for some time: on an arc, or on a line.
  * @param {{vx: number, vy: number, w: number}} twist
  * @param {number} seconds
  * @returns {{x: number, y: number, yaw: number}}
@@ -23,12 +23,12 @@ export function poseAfter({ vx, vy, w }, seconds) {
   return { x: vx * s - vy * c, y: vx * c + vy * s, yaw };
 }
 
-/** The poses along that arc, the last one included. */
+/** Return the poses along the arc of a twist, including the last one. */
 export function arc(twist, seconds, steps) {
   return Array.from({ length: steps }, (_, i) => poseAfter(twist, (seconds * (i + 1)) / steps));
 }
 
-/** An outline [[x, y], ...] carried to a pose. */
+/** An outline [[x, y], ...] moved to a pose. */
 export function carried(outline, { x, y, yaw }) {
   const c = Math.cos(yaw);
   const s = Math.sin(yaw);
@@ -38,9 +38,9 @@ export function carried(outline, { x, y, yaw }) {
 const DISC_CORNERS = 16;
 
 /**
- * The convex outline round a base and what its arm reaches beyond it.
+ * Return the convex outline around a base and its arm.
  * @param {number[][]} footprint of the base
- * @param {number[][]} discs [x, y, radius] of the arm; none: the footprint itself
+ * @param {number[][]} discs [x, y, radius] of the arm; without discs, the result is the footprint
  * @returns {number[][]} counter-clockwise
  */
 export function withArm(footprint, discs) {
@@ -69,7 +69,7 @@ function halfHull(points) {
   return hull.slice(0, -1);
 }
 
-/** The radius of the circle about the base's centre that holds an outline. */
+/** Return the radius of the circle around the base's centre that contains an outline. */
 export function reach(outline) {
   return Math.max(0, ...outline.map(([x, y]) => Math.hypot(x, y)));
 }
@@ -79,7 +79,7 @@ function edgesOf(outline) {
   return outline.map((start, i) => [start, outline[(i + 1) % outline.length]]);
 }
 
-/** Whether a place is inside a closed outline. */
+/** Return whether a point is inside a closed outline. */
 export function isWithin(outline, [x, y]) {
   let isInside = false;
   for (const [[ax, ay], [bx, by]] of edgesOf(outline))
@@ -87,18 +87,20 @@ export function isWithin(outline, [x, y]) {
   return isInside;
 }
 
-/** The distance of a place from the edges of a closed outline. */
+/** Return the distance of a point from the edges of a closed outline. */
 export function distanceTo(outline, [x, y]) {
   const about = outline.map(([px, py]) => [px - x, py - y]);
   return Math.min(...edgesOf(about).map(nearestOf));
 }
 
 /**
- * The floor that a hull sweeps while it drives a constant twist with some linear speed.
- * @param {number[][]} outline closed, about the base
+ * Return the floor that an outline sweeps while it drives a constant twist. The linear speed must not be
+ * zero.
+ * @param {number[][]} outline closed, around the base
  * @param {{vx: number, vy: number, w: number}} twist
- * @returns {{bordersAt: (atM: number) => number[][], wayTo: (place: number[]) => number}} left and right border where
- *   the base is after that way; metres until the hull touches a place outside of it, Infinity: it passes
+ * @returns {{bordersAt: (atM: number) => number[][], wayTo: (place: number[]) => number}} `bordersAt`:
+ *   left and right border after `atM` metres. `wayTo`: metres until the outline touches a point outside of
+ *   it; Infinity: the outline passes the point
  */
 export function swept(outline, twist) {
   const speed = Math.hypot(twist.vx, twist.vy);
@@ -129,7 +131,7 @@ function sweptAhead(outline, dx, dy) {
 
 function sweptRound(outline, twist, speed) {
   const { vx, vy, w } = twist;
-  const [cx, cy] = [-vy / w, vx / w]; // the hull turns about it
+  const [cx, cy] = [-vy / w, vx / w]; // the centre of the turn
   const edges = edgesOf(outline.map(([x, y]) => [x - cx, y - cy]));
   const radiusM = speed / Math.abs(w);
   const outer = Math.max(...edges.map(([start]) => Math.hypot(...start)));
@@ -155,28 +157,29 @@ function sweptRound(outline, twist, speed) {
   return { bordersAt, wayTo };
 }
 
-/** The least distance of an edge from the origin. */
+/** Return the least distance of an edge from the origin. */
 function nearestOf([[ax, ay], [bx, by]]) {
   const [ex, ey] = [bx - ax, by - ay];
   const at = Math.min(1, Math.max(0, -(ax * ex + ay * ey) / (ex ** 2 + ey ** 2)));
   return Math.hypot(ax + at * ex, ay + at * ey);
 }
 
-/** The places of an edge, at most two, at this distance from the origin. */
+/** Return the points of an edge, at most two, at this distance from the origin. */
 function atDistance([[ax, ay], [bx, by]], distance) {
   const [ex, ey] = [bx - ax, by - ay];
   const square = ex ** 2 + ey ** 2;
   const half = (ax * ex + ay * ey) / square;
-  const root = Math.sqrt(half ** 2 - (ax ** 2 + ay ** 2 - distance ** 2) / square); // NaN: none
+  const root = Math.sqrt(half ** 2 - (ax ** 2 + ay ** 2 - distance ** 2) / square); // NaN: no such point
   return [-half - root, -half + root]
     .filter((at) => at >= 0 && at <= 1)
     .map((at) => [ax + at * ex, ay + at * ey]);
 }
 
-/** Half the distances shown, in metres: the smallest step that still shows most of what is near. */
+/** Metres from the robot to the edge of the view: the smallest that shows most laser points is used. */
 const SPANS_M = [2, 3, 4.5, 6.5];
 const SHOWN_SHARE = 0.7;
-const CALM = 0.08; // a step is left only when it is clearly wrong: the picture must not pump
+// The span changes only if the share is clearly off: the picture must not zoom all the time.
+const CALM = 0.08;
 
 /**
  * The span that shows a scan well.

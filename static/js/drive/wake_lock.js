@@ -15,14 +15,14 @@ export function screenLock() {
         if (sentinel === obtained) sentinel = null;
       });
     } catch {
-      // A low battery or the person's settings forbid it; driving goes on without.
+      // A low battery or the person's settings forbid it; driving works without it.
     }
   };
   const keep = (on) => {
     wanted = on;
     if (on) return void obtain();
     sentinel?.release();
-    sentinel = null; // its event comes later, perhaps after the next keep(true)
+    sentinel = null; // its "release" event comes later, perhaps after the next keep(true)
   };
   // The browser releases the lock when the page is hidden.
   document.addEventListener("visibilitychange", obtain);

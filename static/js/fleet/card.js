@@ -3,7 +3,11 @@
 import { mark, setText, setTextOrHide } from "../lib/dom.js";
 import { bookingWords } from "./card_words.js";
 
-/** Show how a robot is, except its stop. @param {object} shown as of `cardOf` @param {object} robot as it was heard */
+/**
+ * Show a robot's state, except its stop.
+ * @param {object} shown from `cardOf`
+ * @param {object} robot as the console sent it
+ */
 export function showRobot({ card, own }, shown, robot) {
   mark(card, "level", shown.level);
   mark(card, "stopped", shown.stopped);
@@ -19,7 +23,7 @@ export function showRobot({ card, own }, shown, robot) {
   setText(own.gate, shown.gate);
 }
 
-/** Show its stop as the robot reports it. */
+/** Show the robot's stop as the robot reports it. */
 export function showStop({ own }, shown) {
   setText(own["stop-state"], shown.stop);
   mark(own["stop-state"], "fresh", false);

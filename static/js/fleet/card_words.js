@@ -1,4 +1,4 @@
-/** A robot on the fleet page and on the lab's monitor, in words. Pure. */
+/** Texts about a robot on the fleet page and on the lab's monitor. Pure. */
 
 import { minutesText } from "../control/lease.js";
 import { brief } from "../control/status/plain_words.js";
@@ -17,9 +17,9 @@ import { shortened } from "../tasks/tasks.js";
 
 const MOVES_MPS = 0.02;
 const TURNS_RADPS = 0.05;
-const GAP_S = 60; // less is no free time between two bookings
+const GAP_S = 60; // a shorter time between two bookings does not count as free
 
-/** Text of a robot's card: its state, or the refusal that says why it is not known. Pure. */
+/** Return the texts of a robot's card: its state, or the refusal if the state is not known. Pure. */
 export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending = null }) {
   if (!state) {
     const unknown = unknownText(seenByConsole);
@@ -68,7 +68,7 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
   };
 }
 
-/** The present booking, the next one, and the next free time, in words. Pure. */
+/** Return a text about the current booking, the next booking and the next free time. Pure. */
 export function bookingWords({ booked = null, next_booked: next = null, free_in_s: freeInS = 0 }) {
   const name = (one) => (one.mine ? gettext("You") : one.name);
   if (booked) {
@@ -96,7 +96,7 @@ function stopWord(state, unknown) {
   return state === "stopping" ? gettext("Stopping") : gettext("Stopped");
 }
 
-/** The words for the present action of a robot. Pure. @param {object} state of the robot */
+/** Return the words for the robot's current action. Pure. @param {object} state of the robot */
 export function doingText(state) {
   const { stop, motion, speech, drive_by: driveBy, going, holder, charging } = state;
   if (stop.state === "stopping") return gettext("Is being stopped");

@@ -1,17 +1,20 @@
-/** "Clear all" on the fleet page: the stopped robots one by one, each with who stopped it and why; then each is cleared. */
+/** "Clear all" on the fleet page: lists the stopped robots with author and reason, and clears each. */
 
 import { standstillText } from "../control/status/status_text.js";
 import { closable } from "../lib/dialog.js";
 import { make, makeButton, setText, show } from "../lib/dom.js";
 
-/** The stopped robots that may be cleared. Pure. @param {object} robots by slug, from the console */
+/**
+ * Return the stopped robots, each with whether this person may clear it. Pure.
+ * @param {object} robots by slug, from the console
+ */
 export function stoppedOf(robots) {
   return Object.entries(robots)
     .filter(([, { state }]) => state && state.stop.state !== "clear")
     .map(([slug, { state, may_clear: mayClear }]) => ({ slug, stop: state.stop, mayClear }));
 }
 
-/** Author and reason of a stop, and the robot's standstill, in words. Pure. */
+/** Return a text about a stop: author, reason and the robot's standstill. Pure. */
 export function whyText(stop) {
   const by = stop.by
     ? interpolate(gettext("Stopped by %s."), [stop.by])
@@ -24,7 +27,7 @@ export class ClearAll {
   #send;
   #name;
   #robots = {};
-  #rows = new Map(); // by slug: what the dialog showed when it was opened, and its element for words
+  #rows = new Map(); // by slug: the stop as the dialog showed it when it was opened, and the row's elements
   #listening = new AbortController();
 
   /**
@@ -42,7 +45,7 @@ export class ClearAll {
     closable(parts["clear-dialog"], signal);
   }
 
-  /** The present states of the robots. */
+  /** The current states of the robots. */
   set robots(robots) {
     this.#robots = robots;
     const stopped = stoppedOf(robots);
@@ -55,7 +58,7 @@ export class ClearAll {
     for (const [slug, row] of this.#rows) this.#follow(slug, row);
   }
 
-  /** The console refused to clear one. */
+  /** The console refused to clear a robot. */
   refused({ text, figures }) {
     const row = this.#rows.get(figures?.slug);
     if (!row) return;
@@ -100,12 +103,14 @@ export class ClearAll {
 
   #clearAll() {
     for (const slug of this.#rows.keys()) this.#clear(slug);
-    // The button that was pressed goes: the focus stays in the dialog.
+    // The pressed button is hidden: the focus must stay in the dialog.
     show(this.#parts["clear-yes"], false);
     this.#parts["clear-dialog"].querySelector("[data-close]").focus();
   }
 
-  /** By the number of the stop that was shown: one that was pressed since is not cleared unseen. */
+  /**
+   * Clear a stop by the number that was shown: a newer stop, which the person has not seen, is not cleared.
+   */
   #clear(slug) {
     const row = this.#rows.get(slug);
     if (!row.mayClear || row.asked || row.over) return;

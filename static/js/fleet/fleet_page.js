@@ -47,7 +47,7 @@ export class FleetPage {
     this.#stops.push(
       new StopButton(page["stop-all"], {
         send: () => this.#send({ t: "stop_all" }),
-        // Of robots without link the server says itself which it did not reach.
+        // If a robot has no link, the server's answer names the robots that it did not reach.
         answered: (sinceMs) =>
           this.#heardMs > sinceMs &&
           Object.values(this.#robots).every(({ state }) => state?.stop.state !== "clear"),
@@ -78,7 +78,7 @@ export class FleetPage {
     return this.#socket.open && performance.now() - this.#heardMs < STALE_MS;
   }
 
-  /** Over the socket; true only if an answer can be expected there. */
+  /** Send a message over the socket. Return true only if an answer can be expected there. */
   #send(message) {
     return this.#socket.send(message) && this.#live;
   }
@@ -104,7 +104,7 @@ export class FleetPage {
     );
   }
 
-  /** @param {HTMLInputElement} field @param {HTMLElement} none says that nothing fits */
+  /** @param {HTMLInputElement} field @param {HTMLElement} none the text for no match */
   #search(field, none) {
     const cards = [...this.#cards.values()].map(({ card }) => card);
     const hits = () => cards.filter((card) => !card.hidden);
@@ -114,7 +114,7 @@ export class FleetPage {
       show(none, hits().length === 0);
     };
     searches(field, filter, hits);
-    filter(); // a browser may remember what was typed
+    filter(); // a browser may restore the typed text
     show(field, true);
   }
 
@@ -182,13 +182,13 @@ export class FleetPage {
     const shown = cardOf(robot);
     if (shown.stopped) this.#words.delivered(slug);
     showRobot(held, shown, robot);
-    // Without news since the press, what was said about it stays.
+    // If no state came since the press, the text about the press stays.
     const silent = !robot.state && !robot.pending && held.own["stop-state"].dataset.fresh;
     if (!silent) showStop(held, shown);
   }
 
   #lost(code) {
-    if (code === SIGNED_OUT) location.reload(); // signed out: the server leads to the sign-in page
+    if (code === SIGNED_OUT) location.reload(); // signed out: the server shows the sign-in page
     this.#look();
   }
 

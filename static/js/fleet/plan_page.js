@@ -1,4 +1,4 @@
-/** The fleet map: each map with all robots that have it now, live; the others beside, with the reason. */
+/** The fleet map: each map with all robots that have it now, live; the others beside it, with the reason. */
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
@@ -20,12 +20,13 @@ class PlanMap {
   element;
   list = make("ul", { className: "plan-robots" });
   #title = make("h2");
-  #picked = make("a", { className: "button primary plan-picked" }); // to the robot that was pressed on the map
+  // Link to the robot that was pressed on the map.
+  #picked = make("a", { className: "button primary plan-picked" });
   #view;
   #map = null;
   #drawn = false;
 
-  /** @param {HTMLElement} into the map is put there at once: its colours are those of where it stands */
+  /** @param {HTMLElement} into the map is put there at once, because it reads its colours there */
   constructor(into, help) {
     const canvas = make("canvas");
     canvas.tabIndex = 0;
@@ -74,7 +75,7 @@ class PlanMap {
     this.#view.robots = robots;
   }
 
-  /** By keys one comes to the same page from the list. */
+  /** Offer a link to the page of a pressed robot. By keyboard, people open the same page from the list. */
   #pick(robot) {
     show(this.#picked, robot !== null);
     if (!robot) return;
@@ -95,7 +96,7 @@ export class PlanPage {
   #heartbeat;
   #rows = new Map(); // by robot: its entry in a list
   #maps = new Map(); // by the map's name in the API
-  #mapOf = new Map(); // by robot
+  #mapOf = new Map(); // name of its map, by robot
   #robots = {};
   #heardMs = -Infinity;
   #timers;
@@ -110,7 +111,7 @@ export class PlanPage {
     this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
     this.#socket.addEventListener("open", () => this.#heartbeat.begin());
     this.#socket.addEventListener("down", ({ detail }) => {
-      if (detail.code === SIGNED_OUT) location.reload(); // the server leads to the sign-in page
+      if (detail.code === SIGNED_OUT) location.reload(); // the server shows the sign-in page
     });
     this.#timers = [
       setInterval(() => this.#look(), LOOK_MS),
@@ -174,7 +175,7 @@ export class PlanPage {
   }
 
   #showRobot({ row, own, name, address }, robot, slug, drawn) {
-    show(row, robot !== undefined); // one that this person may not see any more is not told of
+    show(row, robot !== undefined); // a robot that this person may not see any more is hidden
     if (!robot) return;
     const map = this.#maps.get(this.#mapOf.get(slug)) ?? null;
     const shown = cardOf(robot);

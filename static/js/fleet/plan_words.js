@@ -1,11 +1,15 @@
-/** Where a robot is on the fleet map, in words. Pure. */
+/** Texts about where a robot is on the fleet map. Pure. */
 
 import { isSeen, seenAt, unknownText } from "../control/status/status_text.js";
 
 const THERE_M = 0.5;
 const NEAR_M = 2;
 
-/** Why a robot is on no map; empty: it is on one. @param {?object} map that it has @param {object} robot as it was heard */
+/**
+ * Return why a robot is on no map; empty: it is on a map.
+ * @param {?object} map of the robot
+ * @param {object} robot as sent
+ */
 export function whyNowhere(map, { state, refusal }) {
   if (!state) return refusal?.text ?? gettext("Nothing is heard of it.");
   if (!isSeen(state)) return interpolate(gettext("Where it is: %s"), [unknownText(seenAt(state))]);

@@ -1,4 +1,4 @@
-/** "Stop all" on pages that have no live connection: it goes by the form's own address. */
+/** "Stop all" on pages that have no live connection: it uses the form's own address. */
 
 import { StopButton } from "../control/stop/stop_button.js";
 import { StopWords } from "../control/stop/stop_words.js";

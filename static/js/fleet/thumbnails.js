@@ -1,13 +1,14 @@
 /**
- * The newest picture of each robot's first camera on its card, a few times a minute. A robot with a camera keeps the
- * picture's place while there is none: cards that grow and shrink would move their buttons away under a finger.
+ * The newest picture of each robot's first camera on its card, a few times a minute. The card of a robot with
+ * a camera keeps free space while there is no picture: cards that grow and shrink would move their buttons
+ * away from a finger.
  */
 
 import { CameraSocket } from "../camera/camera_socket.js";
 import { fits } from "../camera/frame.js";
 import { socketUrl } from "../connection/socket.js";
 
-const RATE_HZ = 0.2; // so the robot sends single pictures, no film
+const RATE_HZ = 0.2; // at this rate the robot sends single pictures and no video
 
 function empty(canvas) {
   canvas.getContext("2d").clearRect(0, 0, canvas.width, canvas.height);
@@ -55,7 +56,7 @@ export class Thumbnails {
       picture.close();
       socket.acknowledge(header, false);
     } catch {
-      socket.acknowledge(header, true); // the next one may be whole
+      socket.acknowledge(header, true); // the next picture may be undamaged
     }
   }
 }

@@ -1,4 +1,4 @@
-/** The lab's monitor: a card per robot, large and live, with nothing to press. It looks after itself. */
+/** The lab's monitor: a card per robot, large and live, without buttons. The page needs no person. */
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
@@ -13,7 +13,8 @@ import { Thumbnails } from "./thumbnails.js";
 const STALE_MS = 3000;
 const LOOK_MS = 500;
 const SIGNED_OUT = 4401;
-// A new page once an hour: of the newest version, and a sign-in ends after twelve hours without one.
+// The page reloads once an hour: to get the newest version, and because a sign-in ends after twelve hours
+// without a request for a page.
 const FRESH_MS = 60 * 60 * 1000;
 
 export class WallPage {
@@ -28,7 +29,7 @@ export class WallPage {
   #timer;
   #thumbnails;
 
-  /** @param {HTMLElement} root its data-stays: this account only watches, and its sign-in may last */
+  /** @param {HTMLElement} root data-stays: this account only watches, so its sign-in may last */
   constructor(root) {
     this.#root = root;
     this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
@@ -39,7 +40,7 @@ export class WallPage {
     this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
     this.#socket.addEventListener("open", () => this.#heartbeat.begin());
     this.#socket.addEventListener("down", ({ detail }) => {
-      if (detail.code === SIGNED_OUT) location.reload(); // the server leads to the sign-in page
+      if (detail.code === SIGNED_OUT) location.reload(); // the server shows the sign-in page
     });
     this.#screen.keep(true);
     this.#timer = setInterval(() => this.#look(), LOOK_MS);
@@ -66,7 +67,7 @@ export class WallPage {
 
   #show(slug, robot) {
     const held = this.#cards.get(slug);
-    if (!held) return; // it is there with the next page
+    if (!held) return; // a new robot: it appears when the page is loaded again
     const shown = cardOf(robot);
     showRobot(held, shown, robot);
     showStop(held, shown);

@@ -1,4 +1,7 @@
-/** The robot's health on the control page: in the header when something is wrong, in Details always, told when it gets worse. */
+/**
+ * The robot's health on the control page: in the header if a part is not well, always in Details, and as a
+ * notice when it gets worse.
+ */
 
 import { fill, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import {
@@ -13,14 +16,14 @@ import {
   temperaturesText,
 } from "./health_words.js";
 
-const AGAIN_MS = 60_000; // a part that flaps is told of once a minute
-const LATE_MS = 12_000; // a part that fell silent counts from its last report, 10 s before
+const AGAIN_MS = 60_000; // a part that changes again and again gets one notice a minute
+const LATE_MS = 12_000; // the silence of a part counts from its last report, 10 s before
 
 export class HealthPanel {
   #parts;
   #tell;
-  #told = null; // by part: how bad it was, and when that was told; null: nothing heard yet
-  #beganMs; // when health was first heard
+  #told = null; // by part: its badness, and the time of the notice; null: no report yet
+  #beganMs; // time of the first report
   #low = null;
 
   /** @param {object} parts of the page @param {(notice: object) => void} tell adds a notice */
@@ -29,12 +32,12 @@ export class HealthPanel {
     this.#tell = tell;
   }
 
-  /** @param {object} state of the robot @param {boolean} cut it may no longer be true */
+  /** @param {object} state of the robot @param {boolean} cut the state may be out of date */
   show(state, cut, nowMs = Date.now()) {
     const { health = null } = state;
     this.#showBattery(state);
     this.#showHeader(cut ? null : health);
-    if (cut) return; // "since" counts from when it was heard
+    if (cut) return; // `since_s` counts from the report: the time would be wrong for an old state
     this.#showDetails(health, nowMs);
     if (health) this.#tellOfParts(health.parts, health.parts_more, nowMs);
     this.#tellOfBattery(state);
@@ -83,7 +86,7 @@ export class HealthPanel {
     for (const part of parts) {
       const changedMs = nowMs - 1000 * part.since_s;
       const old = { badness: 0, toldBadness: 0, toldMs: -AGAIN_MS, ...before.get(part.name) };
-      if (changedMs > (old.leftMs ?? Infinity) - LATE_MS) old.badness = 0; // it was well meanwhile, perhaps
+      if (changedMs > (old.leftMs ?? Infinity) - LATE_MS) old.badness = 0; // perhaps it was well in between
       const badness = BADNESS[part.level];
       const isNews = badness > old.toldBadness || nowMs - old.toldMs >= AGAIN_MS;
       // The list is limited. A part that appears only now may have been faulty before this page was opened.
@@ -99,7 +102,8 @@ export class HealthPanel {
         toldMs: tells ? nowMs : old.toldMs,
       });
     }
-    // Others may have left no room for it. A part that is well again is remembered for a minute: it may flap.
+    // A part may be missing because the list is full. A part that is well again is kept for a minute: it may
+    // fail again.
     for (const [name, old] of before) {
       if (now.has(name)) continue;
       if (more > 0) now.set(name, { leftMs: nowMs, ...old });

@@ -1,14 +1,14 @@
-/** The robot's health in words. Pure. Names and texts of parts are the robot's own. */
+/** Texts about the robot's health. Pure. Names and texts of parts are the robot's own. */
 
 import { minutesText } from "../control/lease.js";
 import { whenText } from "../lib/times.js";
 
 export const LOW_BATTERY_PERCENT = 20;
 
-/** How bad a level is; a notice is told when it rises. */
+/** How bad a level is; a notice is shown when it rises. */
 export const BADNESS = { ok: 0, silent: 1, warning: 2, error: 3 };
 
-/** For marks: how the page shows a level. */
+/** The mark with which the page shows a level. */
 export const MARKS = { ok: "ok", silent: "warn", warning: "warn", error: "fail" };
 
 /** "84 %, about 3 h 30 min left". @param {object} state of the robot */
@@ -30,12 +30,16 @@ export function partText({ name, level, text }) {
   return interpolate(gettext("%s: %s"), [name, words[level]]);
 }
 
-/** Since when, by the page's clock. @param {{since_s: number}} part @param {number} nowMs */
+/**
+ * Return since when a part is not well, by the page's clock.
+ * @param {{since_s: number}} part
+ * @param {number} nowMs
+ */
 export function sinceText({ since_s: since }, nowMs) {
   return interpolate(gettext("since %s"), [whenText(new Date(nowMs - 1000 * since))]);
 }
 
-/** All in one line. @param {?object} health of the state */
+/** Return the health in one line. @param {?object} health of the state */
 export function healthText(health) {
   if (!health) return "–";
   const { parts, parts_more: more, well } = health;
@@ -46,7 +50,11 @@ export function healthText(health) {
   return others ? interpolate(gettext("%s, and %s more"), [worst, others]) : worst;
 }
 
-/** The same on a card, with since when, or the highest temperature. @param {?object} health @param {number} nowMs */
+/**
+ * Return the same for a card, with the time since when, or the highest temperature.
+ * @param {?object} health
+ * @param {number} nowMs
+ */
 export function cardHealth(health, nowMs) {
   const text = healthText(health);
   const [worst] = health?.parts ?? [];
@@ -55,12 +63,15 @@ export function cardHealth(health, nowMs) {
   return hottest ? interpolate(gettext("%s, at most %s °C"), [text, hottest.celsius]) : text;
 }
 
-/** "Motors: left wheel 84 °C, Computer 52 °C"; empty: none is known. @param {object[]} temperatures */
+/**
+ * "Motors: left wheel 84 °C, Computer 52 °C"; empty: no temperature is known.
+ * @param {object[]} temperatures
+ */
 export function temperaturesText(temperatures) {
   return temperatures.map(({ name, celsius }) => `${name} ${celsius} °C`).join(", ");
 }
 
-/** Parts and reports that are not listed; empty: none. @param {object} health */
+/** Return a text about parts and reports that are not listed; empty: none. @param {object} health */
 export function leftOutText({ parts_more: more, left_out: leftOut, unread }) {
   const texts = [
     more && interpolate(gettext("%s more parts are not well."), [more]),

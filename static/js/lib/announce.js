@@ -1,4 +1,4 @@
-/** Words for those who listen: polite, never more often than every few seconds, always the newest. */
+/** Texts for screen readers: polite, at most one every few seconds, always the newest. */
 
 const PAUSE_MS = 4000;
 
@@ -13,7 +13,10 @@ export class Announcer {
     this.#element = element;
   }
 
-  /** @param {string} text @param {string} key what it is about: figures may change without a word */
+  /**
+   * @param {string} text
+   * @param {string} key the subject: a text with the same key is not announced again, even with other figures
+   */
   announce(text, key = text) {
     if (key === this.#said) return;
     this.#said = key;
@@ -21,7 +24,7 @@ export class Announcer {
     if (this.#timer === null) this.#speak();
   }
 
-  /** The subject of this key is over: its next text is news again. */
+  /** Forget a key: the next text with this key is announced again. */
   forget(key) {
     if (key !== this.#said) return;
     this.#said = "";

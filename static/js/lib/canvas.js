@@ -17,8 +17,8 @@ export class Canvas {
    * @param {HTMLCanvasElement} canvas
    * @param {string} prefix of the custom properties that hold its colours
    * @param {string[]} names of the colours, without the prefix
-   * @param {(pen: CanvasRenderingContext2D, width: number, height: number) => void} draw on the empty canvas; pixels
-   *   of the device. It is not called while the canvas has no size
+   * @param {(pen: CanvasRenderingContext2D, width: number, height: number) => void} draw on the empty canvas,
+   *   in device pixels. It is not called while the canvas has no size
    */
   constructor(canvas, prefix, names, draw) {
     this.#canvas = canvas;
@@ -45,7 +45,7 @@ export class Canvas {
     return this.#colour;
   }
 
-  /** Pixels of the device per pixel of the page: more than two cost time and show nothing. */
+  /** Device pixels per page pixel, at most 2: more cost time and nobody sees the difference. */
   get density() {
     return Math.min(devicePixelRatio || 1, 2);
   }

@@ -1,6 +1,10 @@
-/** The style sheet's colours, for what is painted and not styled. */
+/** The style sheet's colours, for canvases, which a style sheet cannot colour. */
 
-/** @param {HTMLElement} element @param {string[]} names of custom properties @returns {string[]} as a canvas takes them */
+/**
+ * @param {HTMLElement} element
+ * @param {string[]} names of custom properties
+ * @returns {string[]} for a canvas
+ */
 export function coloursOf(element, names) {
   const tried = document.createElement("span");
   element.append(tried);
@@ -12,7 +16,10 @@ export function coloursOf(element, names) {
   return found;
 }
 
-/** Whenever the page turns light or dark, by its menu or with the device. @param {AbortSignal} signal until then */
+/**
+ * Call `repaint` when the page turns light or dark, by its menu or with the device.
+ * @param {AbortSignal} signal ends it
+ */
 export function onNewColours(repaint, signal) {
   document.addEventListener("fleet:theme", repaint, { signal });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint, { signal });

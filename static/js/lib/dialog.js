@@ -1,8 +1,8 @@
-/** A non-modal dialog: the stop must never wait for an answer. */
+/** Non-modal dialogs: a person can stop the robots while a dialog is open. */
 
 /**
  * Escape and the buttons with `data-close` close it.
- * @param {HTMLDialogElement} dialog is shown by `show()`, never as a modal one
+ * @param {HTMLDialogElement} dialog is shown by `show()`, never by `showModal()`
  * @param {AbortSignal} signal ends the listening
  */
 export function closable(dialog, signal) {

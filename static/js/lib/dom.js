@@ -16,9 +16,9 @@ export function setTextOrHide(element, text) {
 }
 
 /**
- * Marks a button as disabled, and says why to those who point at it or hear its description. It can still be focused and
- * pressed: then the page gives the reason.
- * @param {string} [why] in place of the button's own title
+ * Marks a button as disabled, with the reason as its title. The button can still be focused and pressed: then
+ * the page shows the reason.
+ * @param {string} [why] the reason; without it the button keeps its own title
  */
 export function dim(button, dimmed, why = "") {
   if (dimmed) button.setAttribute("aria-disabled", "true");
@@ -44,7 +44,11 @@ export function make(tag, { className = "", text = null, data = {}, children = [
   return element;
 }
 
-/** A button that sends no form. @param {object} settings as of `make` @param {(event: MouseEvent) => void} press */
+/**
+ * A button that sends no form.
+ * @param {object} settings as of `make`
+ * @param {(event: MouseEvent) => void} press
+ */
 export function makeButton(settings, press) {
   const button = make("button", settings);
   button.type = "button";
@@ -59,7 +63,7 @@ function sameTexts(list, texts) {
   );
 }
 
-/** Fills a list with one item for each text, if it has other items now. */
+/** Fills a list with one item for each text, unless the list has these items already. */
 export function fill(list, texts) {
   if (!sameTexts(list, texts)) list.replaceChildren(...texts.map((text) => make("li", { text })));
 }

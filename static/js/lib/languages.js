@@ -1,6 +1,6 @@
 /** Languages by name. Codes are BCP 47. */
 
-/** Objects that name languages, by the language of the names. */
+/** `Intl.DisplayNames` objects, by the language in which they name languages. */
 const known = new Map();
 
 export function pageLanguage() {
@@ -21,7 +21,7 @@ export function languageName(code, locale = pageLanguage()) {
   }
 }
 
-/** Every language of two letters that has a name, with the region where most speak it: robots want to know. */
+/** Every two-letter language that has a name, with its most likely region: robots need the region. */
 function everyCode(locale) {
   const names = new Intl.DisplayNames([locale], { type: "language", fallback: "none" });
   const letters = [..."abcdefghijklmnopqrstuvwxyz"];
@@ -39,8 +39,8 @@ function languageOf(code) {
 }
 
 /**
- * Every language that could be chosen: the robot's own first, the others by name.
- * @param {string[]} own of the robot
+ * Return every language that can be chosen: the robot's own first, the others sorted by name.
+ * @param {string[]} own codes of the robot's own languages
  * @returns {{code: string, name: string, own: boolean}[]}
  */
 export function languageChoices(own, locale = pageLanguage()) {
@@ -53,12 +53,12 @@ export function languageChoices(own, locale = pageLanguage()) {
   return [...first, ...others];
 }
 
-/** A text within a sentence of another language: it runs its own way, and nothing around it does. */
+/** Isolate a text in a sentence of another language: its writing direction does not change the sentence. */
 export function isolated(text) {
   return `\u2068${text}\u2069`;
 }
 
-/** Marks an element's text as being in a language, whichever way that is written. */
+/** Sets the language of an element's text; the browser finds the writing direction. */
 export function inLanguage(element, code) {
   element.lang = code;
   element.dir = "auto";

@@ -1,11 +1,11 @@
 /**
- * The one search: filters as one types, whatever the case and the accents.
- * In its field Esc clears, Enter acts on the only hit, Tab moves on to the hits.
+ * The search of all lists: filters while a person types, and ignores case and accents.
+ * In its field Esc clears the text, Enter presses the only hit, Tab moves to the hits.
  */
 
 import { dim, make, makeButton, setText, show } from "./dom.js";
 
-/** Text as it is compared: without accents, in small letters, the same in every browser's language. */
+/** Return a text for comparison: without accents, in small letters, by the same rules in every language. */
 function folded(text) {
   return text.normalize("NFD").replace(/\p{M}/gu, "").toLowerCase();
 }
@@ -21,13 +21,14 @@ export function matches(text, search) {
 /**
  * Adds a search to a field.
  * @param {HTMLInputElement} field
- * @param {() => void} filter shows what fits the field's value
- * @param {() => HTMLElement[]} hits what is shown; the first button or link of each is what Enter acts on
+ * @param {() => void} filter shows the rows that match the field's value
+ * @param {() => HTMLElement[]} hits the rows that are shown; if there is only one, Enter presses its first
+ *   button or link
  */
 export function searches(field, filter, hits) {
   field.addEventListener("input", filter);
   field.addEventListener("keydown", (event) => {
-    if (event.isComposing) return; // the key is the writing aid's
+    if (event.isComposing) return; // the key belongs to the input method
     if (event.key === "Escape" && field.value) {
       event.preventDefault();
       event.stopPropagation();
@@ -41,7 +42,7 @@ export function searches(field, filter, hits) {
   });
 }
 
-/** Items without a group first, then by group, and within each as they came. */
+/** Return items by group: items without a group first. The order within a group is kept. */
 function grouped(items, group) {
   const names = [...new Set(["", ...items.map(group)])];
   return names.flatMap((name) => items.filter((item) => group(item) === name));
@@ -65,13 +66,15 @@ export class SearchList {
    * @param {HTMLElement} root is filled with field and list
    * @param {object} settings
    * @param {string} settings.label of the field
-   * @param {(item) => string} settings.text that is searched; shown is `name`, or else this
-   * @param {(item) => ?string} [settings.note] beside it, quiet
-   * @param {(item) => boolean} [settings.isOff] shown, but not to be acted on
-   * @param {(item) => void} [settings.act] what a press does, unless there is a `row`
-   * @param {(item) => HTMLElement} [settings.row] an own row, instead of a button
-   * @param {(item) => string} [settings.group] its name, or "": items of one group are brought together below it
-   * @param {(item) => unknown} [settings.key] by which an item is known again; without it, the text that is searched
+   * @param {(item) => string} settings.text the text that is searched; also shown if the item has no `name`
+   * @param {(item) => ?string} [settings.note] a less prominent text, shown with the item
+   * @param {(item) => boolean} [settings.isOff] the item is shown, but its button is disabled
+   * @param {(item) => void} [settings.act] called when an item is pressed; not used with `row`
+   * @param {(item) => HTMLElement} [settings.row] makes an item's row, in place of a button
+   * @param {(item) => string} [settings.group] the name of the item's group, or "": a group is listed below
+   *   its name
+   * @param {(item) => unknown} [settings.key] identifies an item when `items` is set again; without it,
+   *   `text` does
    */
   constructor(root, settings) {
     this.#root = root;
@@ -100,7 +103,7 @@ export class SearchList {
     root.replaceChildren(this.#field, this.#hits, this.#none, this.#empty);
   }
 
-  /** @param {object[]} items in their order; the focus stays in its row if that is still there */
+  /** @param {object[]} items in their order; the focus stays in its row if that row still exists */
   set items(given) {
     const { text, key = text, group } = this.#settings;
     const items = group ? grouped(given, group) : given;
@@ -122,7 +125,7 @@ export class SearchList {
     return this.#items;
   }
 
-  /** @param {boolean} dimmed the rows' buttons do nothing now, and say so @param {string} why */
+  /** @param {boolean} dimmed the rows' buttons are marked as disabled @param {string} why the reason */
   dim(dimmed, why) {
     this.#dimmed = [dimmed, why];
     for (const button of this.#hits.querySelectorAll("button")) dim(button, dimmed, why);
@@ -148,7 +151,7 @@ export class SearchList {
     this.#root.replaceChildren();
   }
 
-  /** Rows, and before each group's first its name. */
+  /** Return the rows, with each group's name before its first row. */
   #headed() {
     const { group } = this.#settings;
     if (!group) return this.#rows;

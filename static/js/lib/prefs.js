@@ -1,4 +1,6 @@
-/** A person's choices on this device, and a tab's data over a reload. Storage may be forbidden or full. */
+/**
+ * A person's choices on this device, and a tab's data that a reload keeps. Storage may be forbidden or full.
+ */
 
 const KEY = "fleet-console";
 let chosen = null;
@@ -25,7 +27,7 @@ export function recall(name, fallback) {
   return all()[name] ?? fallback;
 }
 
-/** A choice that cannot be stored holds until the page closes. Choices of other scripts and tabs stay. */
+/** Store a choice, or keep it until the page closes. Choices that other scripts and tabs stored are kept. */
 export function remember(name, value) {
   unsaved[name] = value;
   chosen = { ...all(), ...stored(), ...unsaved };
@@ -35,7 +37,7 @@ export function remember(name, value) {
   });
 }
 
-/** @returns {string | null} null: nothing is kept */
+/** @returns {string | null} null: nothing is stored */
 export function recallInTab(key) {
   return tried(() => sessionStorage.getItem(key));
 }

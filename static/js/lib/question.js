@@ -1,9 +1,9 @@
-/** A question in a dialog: what a person confirms is done, everything else is not. */
+/** A question in a dialog: an action runs only if the person confirms it. */
 
 import { closable } from "./dialog.js";
 
 /**
- * The dialog's form is submitted by a yes; everything else that closes it is a no.
+ * To submit the dialog's form means yes; to close the dialog in another way means no.
  * @param {HTMLDialogElement} dialog
  * @param {(answer: FormData) => void} yes
  * @returns {{ask: () => void, close: () => void}}

@@ -1,4 +1,7 @@
-/** This tab's own name and clock, which a reload keeps: a lease belongs to a tab, and its commands never go back in time. */
+/**
+ * This tab's token and clock. A reload keeps both: a lease belongs to a tab, and the times of the tab's
+ * commands must never go back.
+ */
 
 import { recallInTab, rememberInTab } from "./prefs.js";
 
@@ -42,7 +45,7 @@ function holdLock(name) {
   });
 }
 
-/** Milliseconds since this tab first opened a page here; monotonic within a page and growing over reloads. */
+/** Return a clock: milliseconds since this tab first opened a page here. Reloads do not set it back. */
 export function tabClock() {
   const origin = Number(remembered(ORIGIN, () => String(performance.timeOrigin)));
   const offset = Math.max(performance.timeOrigin - origin, 0);

@@ -9,8 +9,8 @@ export function tabIn(hash, tabs) {
 }
 
 /**
- * The tab to which a key leads from another one; null: the key is none of the tablist's.
- * @param {string} [onwards] the arrow that points to where one reads on
+ * Return the tab to which a key moves from another tab; null: the key does not change tabs.
+ * @param {string} [onwards] the arrow key in the reading direction
  */
 export function tabByKey(key, from, tabs, onwards = "ArrowRight") {
   const at = tabs.indexOf(from);
@@ -36,10 +36,10 @@ export class Tabs extends EventTarget {
   #listening = new AbortController();
 
   /**
-   * @param {HTMLElement} root carries data-tab for the style sheet, and data-stick where there is the joystick
-   * @param {HTMLElement} list its links with role "tab" lead to the tabs by hash; the first is the default. Those with
-   *   data-stick have the joystick.
-   * @param {HTMLElement} panel what the tabs show, each in its own way
+   * @param {HTMLElement} root gets data-tab for the style sheet, and data-stick on the tabs with the joystick
+   * @param {HTMLElement} list has links with role "tab" and a tab's name as hash; the first is the default. A
+   *   link with data-stick: its tab has the joystick.
+   * @param {HTMLElement} panel the content of all tabs
    */
   constructor(root, list, panel) {
     super();
@@ -71,7 +71,7 @@ export class Tabs extends EventTarget {
     const tab = tabIn(location.hash, this.#names);
     if (tab) this.#show(tab);
     else if (this.#current)
-      history.replaceState(null, "", `#${this.#current}`); // "skip to the page"
+      history.replaceState(null, "", `#${this.#current}`); // e.g. the link "skip to the page"
     else this.#show(this.#names[0]);
   }
 
@@ -90,7 +90,7 @@ export class Tabs extends EventTarget {
     this.dispatchEvent(new CustomEvent("change", { detail: { tab, before } }));
   }
 
-  /** The tablist's keys are its own: the arrows that drive do not drive from here. */
+  /** Arrow keys in the tablist change tabs: from here they do not drive. */
   #key(event) {
     const link = event.target.closest("[role=tab]");
     if (!link || event.ctrlKey || event.altKey || event.metaKey) return;
@@ -103,7 +103,7 @@ export class Tabs extends EventTarget {
     this.#go(tab);
   }
 
-  /** After a click the keys belong to driving again. */
+  /** A clicked tab gives up the focus, so that keys drive again. */
   #clicked(event) {
     const link = event.target.closest("[role=tab]");
     if (!link || event.ctrlKey || event.shiftKey || event.altKey || event.metaKey) return;
@@ -112,7 +112,7 @@ export class Tabs extends EventTarget {
     this.#go(link.hash.slice(1));
   }
 
-  /** At once: browsers tell of a new hash some time later, and a key may be pressed before. */
+  /** Show a tab at once: browsers report a new hash some time later, and a key may be pressed before. */
   #go(tab) {
     location.hash = tab;
     this.#follow();

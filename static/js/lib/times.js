@@ -5,7 +5,7 @@ import { pageLanguage } from "./languages.js";
 const DAY = { year: "numeric", month: "short", day: "numeric" };
 const TIME = { hour: "2-digit", minute: "2-digit", timeZoneName: "short" };
 
-/** The page's time zone; undefined, which means the browser's, if the browser does not know it. */
+/** The page's time zone; undefined (the browser's zone) if the browser does not know it. */
 export function pageZone() {
   const timeZone = document.documentElement.dataset.zone;
   try {
@@ -30,7 +30,7 @@ export function clockText(at) {
   return new Intl.DateTimeFormat("en-GB", { ...time, timeZone: pageZone() }).format(at);
 }
 
-/** The time if it was today, else the day and the time. @param {string} at as the console writes it */
+/** The time if it was today, else the day and the time. @param {string} at as the console sends it */
 export function whenText(at, now = new Date()) {
   const when = new Date(at);
   return text(when, text(when, DAY) === text(now, DAY) ? TIME : { ...DAY, ...TIME });

@@ -1,8 +1,9 @@
 /**
- * The second stick: it pans and tilts the robot's head while it is held, by finger, mouse or the keys I J K L.
+ * The second stick: it pans and tilts the robot's head while it is held: by finger, mouse or the keys IJKL.
  *
- * Each request turns the head by a bounded angle and takes 0.2 s. When input ends, no further one is sent: the head stands
- * within 0.3 s. A request waits for the answers to earlier ones, so that none piles up in a slow network.
+ * Each request turns the head by a bounded angle and takes 0.2 s. When input ends, no further request is
+ * sent: the head stands within 0.3 s. At most two requests wait for an answer, so that they do not pile up in
+ * a slow network.
  */
 
 import { takeControlFirst } from "../control/lease.js";
@@ -12,11 +13,11 @@ import { dim, mark, show } from "../lib/dom.js";
 const PERIOD_MS = 150;
 const FASTEST_RADPS = 0.9;
 const MOST_WAITING = 2; // requests without an answer
-const REST = 0.12; // a thumb in the middle rests
+const REST = 0.12; // smaller deflections count as the middle
 const KEYS = { KeyI: [0, 1], KeyK: [0, -1], KeyJ: [1, 0], KeyL: [-1, 0] };
 const AHEAD = "KeyO";
 
-/** Share of the fastest turn for a deflection from -1 to 1: fine near the middle. Pure. */
+/** Return the share of the fastest turn for a deflection from -1 to 1: fine near the middle. Pure. */
 export function shaped(deflection) {
   const size = Math.min(Math.abs(deflection), 1);
   if (size < REST) return 0;
@@ -39,8 +40,8 @@ export class HeadStick {
 
   /**
    * @param {Record<string, HTMLElement>} parts head-open, head-box, head-pad, head-knob, head-ahead
-   * @param {(order: object) => Promise<?object>} order returns why it was refused
-   * @param {() => boolean} steers keys belong to the robot now
+   * @param {(order: object) => Promise<?object>} order returns the refusal or null
+   * @param {() => boolean} steers whether keys control the robot now
    */
   constructor(parts, order, steers) {
     this.#parts = parts;
@@ -70,7 +71,7 @@ export class HeadStick {
     if (!hasHead) this.release();
   }
 
-  /** @param {boolean} may this tab has control of a robot */
+  /** @param {boolean} may whether this tab has control of a robot */
   set mayAct(may) {
     this.#may = may;
     dim(this.#parts["head-ahead"], !may, takeControlFirst());
@@ -78,7 +79,7 @@ export class HeadStick {
     if (!may) this.release();
   }
 
-  /** Input ends now, whatever is still held. */
+  /** End input now, also if a finger or a key is still held. */
   release() {
     this.#pointer = null;
     this.#held.clear();
@@ -125,7 +126,8 @@ export class HeadStick {
     if (event.code === AHEAD && !event.repeat && this.#may) this.#ahead();
     if (!(event.code in KEYS) || !this.#may || this.#pointer !== null) return;
     event.preventDefault();
-    if (event.repeat && !this.#held.has(event.code)) return; // held since before input ended: press it anew
+    // The key was held when input ended: it must be pressed again.
+    if (event.repeat && !this.#held.has(event.code)) return;
     this.#held.add(event.code);
     this.#byKeys();
   }
@@ -157,6 +159,6 @@ export class HeadStick {
     this.#waiting += 1;
     const refusal = await this.#order({ t: "turn_head", pan, tilt, quiet: true });
     this.#waiting -= 1;
-    if (refusal) this.release(); // the next one would be refused, too
+    if (refusal) this.release(); // the next request would be refused, too
   }
 }

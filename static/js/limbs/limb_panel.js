@@ -1,6 +1,6 @@
 /**
- * The drawer "Robot": the arm's way home, gripper and torso. A slider sends one bounded goal when it is released, so
- * nothing goes on when input ends.
+ * The drawer "Robot": moves the arm home, gripper and torso. A slider sends one bounded goal when it is
+ * released, so that no motion goes on without an end.
  */
 
 import { takeControlFirst } from "../control/lease.js";
@@ -17,8 +17,8 @@ export class LimbPanel {
   #ranges = {};
   #home = null;
   #pressed = new Set(); // limbs whose slider is under a finger
-  #limbs = {}; // as the robot last told
-  #held = new Set(); // and those that arrow keys move, too
+  #limbs = {}; // as the robot last reported
+  #held = new Set(); // limbs whose slider is under a finger or moved by arrow keys
   #timers = {};
   #ended = null; // ends that are known, by limb; null before the first state
   #listening = new AbortController();
@@ -80,7 +80,7 @@ export class LimbPanel {
     this.#followEnds(limbs);
   }
 
-  /** @param {boolean} may this tab has control */
+  /** @param {boolean} may whether this tab has control */
   set mayAct(may) {
     for (const part of ["arm-home", "gripper-open", "gripper-close", "gripper-to", "torso-to"])
       dim(this.#parts[part], !may, takeControlFirst());
@@ -96,7 +96,7 @@ export class LimbPanel {
     show(this.#parts["robot-open"], any);
   }
 
-  /** Show the limb as the robot last told. */
+  /** Show the limb as the robot last reported. */
   #follow(limb) {
     const { at_m: atM = null, to_m: toM = null } = this.#limbs[limb] ?? {};
     if (atM !== null) this.#parts[`${limb}-to`].value = toM ?? atM;
@@ -114,7 +114,7 @@ export class LimbPanel {
     this.#label(limb, Number(this.#parts[`${limb}-to`].value));
   }
 
-  /** A finger that lets go sends at once; arrow keys send when they rest, since each press is a change. */
+  /** Send the goal: at once after a finger, after a pause for arrow keys, because each press is a change. */
   #released(limb, slider) {
     const to = Number(slider.value);
     clearTimeout(this.#timers[limb]);

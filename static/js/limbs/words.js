@@ -1,6 +1,6 @@
-/** Gripper and torso in words. Pure. */
+/** Texts about gripper and torso. Pure. */
 
-/** A length in centimetres: people think of a hand's width so. */
+/** Return a length in centimetres, the unit in which people think of a hand's width. */
 export function centimetres(metres) {
   return interpolate(gettext("%s cm"), [(metres * 100).toFixed(metres < 0.1 ? 1 : 0)]);
 }
@@ -9,7 +9,10 @@ export function limbName(limb) {
   return limb === "gripper" ? gettext("Gripper") : gettext("Torso");
 }
 
-/** The moves that run, in words; empty if none does. @param {object} limbs of the robot's state */
+/**
+ * Return a text about the running moves; empty if there are none.
+ * @param {object} limbs of the robot's state
+ */
 export function movingText(limbs = {}) {
   return Object.entries(limbs)
     .filter(([, { to_m: toM = null }]) => toM !== null)
@@ -21,10 +24,10 @@ export function movingText(limbs = {}) {
     .join("; ");
 }
 
-const HOLDING = new Set(["no_progress", "stalled"]); // perhaps
+const HOLDING = new Set(["no_progress", "stalled"]); // the gripper perhaps holds an object
 const QUIET = new Set(["done", "cancelled", "replaced", "stopped"]);
 
-/** Notice of a move's end; null if nothing has to be told. */
+/** Return the notice of a move's end; null if the end needs no notice. */
 export function endNotice(limb, { outcome, text, at_m: atM }) {
   if (QUIET.has(outcome)) return null;
   const outcomes = {

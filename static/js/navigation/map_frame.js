@@ -1,13 +1,17 @@
-/** Which part of the map is seen: from metres of the map to pixels of the page, and back. Pure. North is up. */
+/**
+ * The visible part of the map: converts metres of the map to pixels of the page, and back. Pure. North is up.
+ */
 
 export const FINEST = 200; // pixels per metre
-const MARGIN = 0.04; // of the picture, round the whole map
-const ABOVE = 52; // pixels: buttons lie there
+const MARGIN = 0.04; // share of the picture, around the whole map
+const ABOVE = 52; // pixels that buttons cover
 const BELOW = 60;
 
-/** @typedef {{x: number, y: number, scale: number}} Frame the place in the middle (m), and pixels per metre */
+/**
+ * @typedef {{x: number, y: number, scale: number}} Frame the point in the middle (m), and pixels per metre
+ */
 
-/** The frame that shows all of these corners (m). */
+/** Return the frame that shows all these corners (m). */
 export function whole(corners, width, height) {
   const xs = corners.map(([x]) => x);
   const ys = corners.map(([, y]) => y);
@@ -28,7 +32,10 @@ export function whole(corners, width, height) {
   return { x: (west + east) / 2, y: (south + north) / 2 - lifted, scale };
 }
 
-/** The corners of a map, counter-clockwise from its origin. @param {object} map as the API describes it */
+/**
+ * Return the corners of a map, counter-clockwise from its origin.
+ * @param {object} map as the API describes it
+ */
 export function corners({ origin_x_m: x, origin_y_m: y, origin_rad: yaw, ...map }) {
   const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
   const [w, h] = [map.width * map.resolution_m, map.height * map.resolution_m];
@@ -48,9 +55,12 @@ export function toPlace({ x, y, scale }, pixel, width, height) {
   return [x + (pixel[0] - width / 2) / scale, y - (pixel[1] - height / 2) / scale];
 }
 
-/** Zoom by a factor; the place at this pixel stays there. @param {number} coarsest pixels per metre */
+/**
+ * Zoom by a factor; the point of the map at this pixel does not move.
+ * @param {number} coarsest pixels per metre
+ */
 export function zoomed(frame, factor, pixel, width, height, coarsest) {
-  const least = Math.min(coarsest, frame.scale); // a window that became larger
+  const least = Math.min(coarsest, frame.scale); // a larger window has a larger `coarsest`
   const scale = Math.min(Math.max(frame.scale * factor, least), FINEST);
   const [x, y] = toPlace(frame, pixel, width, height);
   return {
@@ -60,18 +70,21 @@ export function zoomed(frame, factor, pixel, width, height, coarsest) {
   };
 }
 
-/** Move what is seen by so many pixels. */
+/** Move the visible part by a number of pixels. */
 export function panned({ x, y, scale }, dx, dy) {
   return { x: x - dx / scale, y: y + dy / scale, scale };
 }
 
-/** The heading of a drag from a place; a drag that is hardly one keeps `otherwise`. Pixels, radians. */
+/** Return the heading of a drag, radians; `otherwise` if the drag is shorter than `least` pixels. */
 export function headingOf(from, to, otherwise, least = 12) {
   const [dx, dy] = [to[0] - from[0], from[1] - to[1]];
   return Math.hypot(dx, dy) < least ? otherwise : Math.atan2(dy, dx);
 }
 
-/** A point of the base frame, in centimetres, on the map. @param {{x: number, y: number, heading: number}} robot */
+/**
+ * Convert a point of the base frame (cm) to a point of the map (m).
+ * @param {{x: number, y: number, heading: number}} robot
+ */
 export function onMap({ x, y, heading }, pointCm) {
   const [c, s] = [Math.cos(heading), Math.sin(heading)];
   const [ahead, left] = [pointCm[0] / 100, pointCm[1] / 100];

@@ -1,4 +1,4 @@
-/** The panel "Map" over the picture: opens, loads the robot's map, and sends goals and poses that are chosen on it. */
+/** The panel "Map" over the picture: loads the robot's map, and sends the goals and poses chosen on it. */
 
 import { takeControlFirst } from "../control/lease.js";
 import { isSeen } from "../control/status/status_text.js";
@@ -8,10 +8,10 @@ import { readMaps, readPicture } from "./places_api.js";
 import { PlacesPanel } from "./places_panel.js";
 import { endText } from "./words.js";
 
-const LOOK_MS = 2_000; // while it is open and there is no map yet
-const AGAIN_EVERY = 10; // looks: the map may be another one
+const LOOK_MS = 2_000; // between two reads, while the panel is open and has no map
+const AGAIN_EVERY = 10; // times LOOK_MS: a known map is read again, because the robot may have another map
 const ZOOM = 1.5;
-const TWO_TAPS_MS = 500; // the second of two quick taps was not meant for what the first one showed
+const TWO_TAPS_MS = 500; // the second of two quick taps must not press the button that the first tap showed
 const MODES = ["go", "pose", "place"];
 const IN_CONTROL = ["go", "pose"];
 
@@ -22,13 +22,13 @@ export class MapPanel {
   #places;
   #order;
   #tell;
-  #view = null; // made when it is first opened
+  #view = null; // made when the panel is first opened
   #mode = null; // one of MODES, or null
-  #wanted = ""; // what a press on the map lacked
+  #wanted = ""; // text: what a press on the map lacked
   #drives = false;
   #path = [];
   #newest = null;
-  #ended; // number of the last end that is known; undefined before the first state
+  #ended; // fence and number of the last known end of a drive to a goal; undefined before the first state
   #loaded = null; // the map that is shown
   #picked = null; // the named place that was pressed on the map
   #pickedMs = 0;
@@ -75,7 +75,7 @@ export class MapPanel {
     });
   }
 
-  /** @param {object} facts of the robot: one that does not know where it is has a map, too */
+  /** @param {object} facts of the robot: it may have a map without knowing its pose on it */
   set facts({ has_map: hasMap = false }) {
     show(this.#parts["map-open"], hasMap);
     if (!hasMap && !this.#parts.map.hidden) this.#open(false);
@@ -95,7 +95,7 @@ export class MapPanel {
     if (this.#view) this.#view.path = path;
   }
 
-  /** @param {boolean} drives this tab has control */
+  /** @param {boolean} drives whether this tab has control */
   set drives(drives) {
     this.#drives = drives;
     this.#places.drives = drives;
@@ -103,7 +103,7 @@ export class MapPanel {
     if (!drives && IN_CONTROL.includes(this.#mode)) this.#choose(null);
   }
 
-  /** @param {boolean} stale what is shown was true some time ago */
+  /** @param {boolean} stale the map shows old data */
   set stale(stale) {
     mark(this.#parts.map, "old", stale);
   }
@@ -170,7 +170,7 @@ export class MapPanel {
     }
   }
 
-  /** Choose a place for this from now on; the same again: no more. */
+  /** Let the person choose a point of the map in this mode; the same mode again, or null, ends it. */
   #choose(mode) {
     if (IN_CONTROL.includes(mode) && !this.#mayOrder()) mode = null;
     if (mode !== null && this.#loaded === null) {
@@ -185,11 +185,12 @@ export class MapPanel {
     for (const name of MODES)
       this.#parts[`map-${name}`].setAttribute("aria-pressed", String(name === this.#mode));
     if (this.#view) this.#view.chooses = this.#mode !== null;
-    if (this.#mode === "place") this.#parts.map.querySelector("canvas")?.focus(); // its button is hidden
+    // The button that was pressed is hidden now.
+    if (this.#mode === "place") this.#parts.map.querySelector("canvas")?.focus();
     this.#speak();
   }
 
-  /** Offer to drive to the place that was pressed: a press that only was to move the map sends no robot. */
+  /** Offer to drive to the pressed place. The press alone sends no robot: it may be meant to move the map. */
   #pick(place) {
     if (place?.number !== this.#picked?.number) this.#pickedMs = performance.now();
     this.#picked = place;
@@ -218,7 +219,7 @@ export class MapPanel {
       });
   }
 
-  /** The robot judges by its own map: if that is another one, the new one is loaded. */
+  /** Send an order. If the robot refuses it because it has another map by now, load that map. */
   async #send(order) {
     const refusal = await this.#order(order);
     if (refusal?.code === "map_changed") this.#load();
@@ -241,7 +242,7 @@ export class MapPanel {
     };
     if (this.#mode !== "pose") this.#wanted = "";
     else if (wanted) this.#wanted = wanted;
-    // Without control its place is read no more: then a robot that knows it may seem lost.
+    // Without control, the robot's pose is not read: a missing pose does not mean that the robot is lost.
     const isLost = state && !location && isSeen(state) && this.#drives && this.#loaded !== null;
     const words =
       this.#wanted ||
@@ -262,7 +263,7 @@ export class MapPanel {
   }
 }
 
-/** A pose in millimetres. */
+/** Return a pose in steps of 1 mm and 1 mrad. */
 function rounded(pose) {
   if (pose === null) return null;
   const millimetres = (value) => Math.round(value * 1000) / 1000;

@@ -1,6 +1,6 @@
 /**
- * The map with the robot on it: drawn, zoomed and moved by wheel, pinch and keys; a drag chooses place and heading, a
- * press picks a named place or a robot.
+ * The map with the robot on it. Wheel, pinch and keys zoom and move the map; a drag chooses a point and a
+ * heading; a press picks a place or a robot.
  */
 
 import { Canvas } from "../lib/canvas.js";
@@ -32,13 +32,13 @@ const TURN_STEP = Math.PI / 12;
 const WHEEL = 0.0015;
 const RIM = 4; // pixels
 const FONT = "600 13px system-ui, sans-serif";
-const REST_PX = 8; // a finger that moves less presses, and does not move the map
-const REACH_PX = 22; // half of what a finger needs
-const LETTER_PX = 3; // half of a letter of a name
+const REST_PX = 8; // a finger that moves less is a press, and does not move the map
+const REACH_PX = 22; // half the size of a target for a finger
+const LETTER_PX = 3; // half the width of a letter of a name
 
 /**
- * Events: "choose" (detail: {x, y, heading}); "pick" (detail: {place} or {robot}, as they were given; else {}), by a
- * press while no place is chosen.
+ * Events: "choose" (detail: {x, y, heading}); "pick", on a press while `chooses` is false (detail: {place} or
+ * {robot}, as they were given; else {}).
  */
 export class MapView extends EventTarget {
   #element;
@@ -53,8 +53,8 @@ export class MapView extends EventTarget {
   #places = [];
   #goal = null;
   #chooses = false;
-  #chosen = null; // place and heading that are being chosen
-  #heading = 0; // of a place that is chosen by keys
+  #chosen = null; // point and heading that are being chosen
+  #heading = 0; // of a point that is chosen by keys
   #pointers = new Map();
   #from = null; // pixel where the choice began
   #pressedAt = null; // pixel of a finger that has not moved yet
@@ -74,7 +74,8 @@ export class MapView extends EventTarget {
     on("pointerdown", (event) => this.#pressed(event));
     on("pointermove", (event) => this.#dragged(event));
     on("pointerup", (event) => this.#released(event));
-    // Not when the finger lifts: what then appears under it would get the click.
+    // Pick on the click, not when the finger lifts: else an element that appears under the finger gets the
+    // click.
     on("click", () => this.#clicked());
     on("pointercancel", (event) => this.#dropped(event));
     on(
@@ -117,7 +118,7 @@ export class MapView extends EventTarget {
     this.#canvas.redraw();
   }
 
-  /** A press chooses a place now; else it moves the map. */
+  /** Whether a press chooses a point; if not, a drag moves the map. */
   set chooses(chooses) {
     this.#chooses = chooses;
     this.#chosen = this.#from = null;
@@ -152,7 +153,7 @@ export class MapView extends EventTarget {
     return this.#frame ?? this.#whole;
   }
 
-  /** Pixels for each metre of the coarsest scale: a known map is never smaller than the whole of it. */
+  /** Pixels per metre of the coarsest scale: with it, the whole map fills the view. */
   get #coarsest() {
     return this.#map ? this.#whole.scale : 2;
   }
@@ -175,7 +176,7 @@ export class MapView extends EventTarget {
   }
 
   #pressed(event) {
-    if (event.button > 0) return; // a context menu sends no robot
+    if (event.button > 0) return; // a press for the context menu chooses no point
     this.#element.setPointerCapture?.(event.pointerId);
     this.#pointers.set(event.pointerId, this.#pixel(event));
     this.#pressedAt = !this.#chooses && this.#pointers.size === 1 ? this.#pixel(event) : null;
@@ -236,7 +237,7 @@ export class MapView extends EventTarget {
     this.#pressedAt = null;
   }
 
-  /** The nearest one under the finger, or its name. Robots stand above places, as they are drawn. */
+  /** Pick the nearest robot or place whose mark or name is under the finger; robots first: they are above. */
   #pick([left, top]) {
     const near = (spots) => {
       const ways = spots.map(({ name, x, y }) => {
@@ -267,7 +268,7 @@ export class MapView extends EventTarget {
     if (detail) this.dispatchEvent(new CustomEvent("choose", { detail }));
   }
 
-  /** On the map, arrows move it and do not drive the robot. */
+  /** While the map has the focus, arrow keys move the map and do not drive the robot. */
   #typed(event) {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     const act = this.#keys[event.key];
@@ -352,7 +353,7 @@ export class MapView extends EventTarget {
     pen.restore();
   }
 
-  /** A diamond with its name below, which has the same size at each zoom. */
+  /** Draw a diamond and the place's name below it, in the same size at each zoom. */
   #drawPlace(pen, { name, x, y }, pixel) {
     const { colour } = this.#canvas;
     const half = 6 * pixel;
@@ -372,7 +373,9 @@ export class MapView extends EventTarget {
     this.#write(pen, name, [x, y], 17, colour.place, pixel);
   }
 
-  /** Write words so many pixels below a place, on a rim of the ground's colour; at an edge they move in. */
+  /**
+   * Write a text some pixels below a point, outlined in the background's colour; at an edge it moves inside.
+   */
   #write(pen, text, [x, y], below, colour, pixel) {
     const [width] = this.#size;
     const [left] = toPixels(this.#seen, [x, y], ...this.#size);
@@ -411,7 +414,7 @@ export class MapView extends EventTarget {
     }
   }
 
-  /** The robot with its heading, and the ellipse of two standard deviations. */
+  /** Draw the robot with its heading, and the ellipse of two standard deviations. */
   #drawRobot(pen, robot, pixel) {
     const { colour } = this.#canvas;
     pen.beginPath();
@@ -432,7 +435,7 @@ export class MapView extends EventTarget {
     this.#arrow(pen, robot, colour["robot-edge"], pixel);
   }
 
-  /** A robot of a fleet with its name, and a straight line to its goal: its planned path is known to its own page only. */
+  /** Draw a robot of a fleet, its name, and a straight line to its goal: only its own page gets the path. */
   #drawOneOfMany(pen, { name, location, going }, pixel) {
     const { colour } = this.#canvas;
     if (going) {
@@ -446,7 +449,7 @@ export class MapView extends EventTarget {
     this.#write(pen, name, [location.x, location.y], -18, colour.laser, pixel);
   }
 
-  /** Where a robot drives to: two rings, and a tick to where it looks there. Nothing that looks like a robot. */
+  /** Draw a goal: two rings, and a line that shows the heading. It must not look like a robot. */
   #target(pen, { x, y, heading }, colour, pixel) {
     const size = 11 * pixel;
     pen.save();
@@ -471,7 +474,7 @@ export class MapView extends EventTarget {
     pen.restore();
   }
 
-  /** A robot and its heading. */
+  /** Draw a robot and its heading. */
   #arrow(pen, { x, y, heading }, colour, pixel) {
     const size = Math.max(0.27, 9 * pixel);
     pen.save();
@@ -492,7 +495,7 @@ export class MapView extends EventTarget {
   }
 }
 
-/** Pixels between two pixels. */
+/** Return the distance of two points, in pixels. */
 function apart(one, other) {
   return Math.hypot(one[0] - other[0], one[1] - other[1]);
 }

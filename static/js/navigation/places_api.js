@@ -1,16 +1,19 @@
-/** Maps and their places: the console's REST API, by this person's sign-in. */
+/** Maps and their places: the console's REST API, as the person who is signed in. */
 
 import { readJson } from "../connection/read.js";
 
 const MAPS = "/api/v1/maps";
 
-/** Present and earlier maps, of one robot or of all that this person may see. @returns {Promise<object[]>} */
+/**
+ * Return present and earlier maps, of one robot or of all robots that this person may see.
+ * @returns {Promise<object[]>}
+ */
 export async function readMaps(robot = null) {
   const query = robot === null ? "" : `?robot=${encodeURIComponent(robot)}`;
   return (await readJson(MAPS + query, gettext("The map could not be read."))).maps;
 }
 
-/** @param {object} map @returns {Promise<HTMLImageElement>} its picture, which the browser keeps */
+/** @param {object} map @returns {Promise<HTMLImageElement>} its picture; the browser keeps it in its cache */
 export async function readPicture(map) {
   const picture = new Image();
   picture.src = map.picture;
@@ -54,7 +57,7 @@ function placeAddress(map, place) {
   return `${MAPS}/${map.map}/places/${place.number}`;
 }
 
-/** Changes what is still as this person saw it. */
+/** Send changes, but only if the data is still as this person saw it. */
 async function edit(address, changes, unchanged) {
   const answer = await fetch(address).catch(() => null);
   const now = await answer?.json().catch(() => null);
@@ -64,7 +67,7 @@ async function edit(address, changes, unchanged) {
   return send("PATCH", address, changes, { "If-Match": answer.headers.get("ETag") });
 }
 
-/** @throws {Error} with words for a person */
+/** @throws {Error} with a sentence for people */
 async function send(method, address, body = null, headers = {}) {
   const token = document.querySelector('input[name="csrfmiddlewaretoken"]')?.value ?? "";
   const answer = await fetch(address, {

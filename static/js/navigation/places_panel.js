@@ -1,4 +1,4 @@
-/** The list of named places over the map: people send the robot there; supervisors and staff change the places. */
+/** The list of places over the map: people send the robot to a place; supervisors and staff change places. */
 
 import { takeControlFirst } from "../control/lease.js";
 import { closable } from "../lib/dialog.js";
@@ -18,7 +18,7 @@ export class PlacesPanel {
   #page;
   #map = null;
   #earlier = [];
-  #asked = null; // what the dialog's name is for: {title, name, yes, remove}
+  #asked = null; // the dialog for a name that is open, or was last: {title, name, yes, remove}
   #deletes; // the question before a place is deleted
   #remove; // deletes the place that the question names
   #drives = false;
@@ -27,7 +27,8 @@ export class PlacesPanel {
   /**
    * @param {Record<string, HTMLElement>} parts
    * @param {{go: (place: object) => void, choose: () => void, here: () => ?object, changed: () => void,
-   *   tell: (notice: object) => void}} page `choose`: a place on the map is pressed next; `here`: the robot's pose
+   *   tell: (notice: object) => void}} page `choose`: the next press on the map chooses a point; `here`: the
+   *   robot's pose
    */
   constructor(parts, page) {
     this.#parts = parts;
@@ -67,7 +68,10 @@ export class PlacesPanel {
       dim(button, !drives, takeControlFirst());
   }
 
-  /** @param {?object} map as the API describes it @param {object[]} earlier maps of the robot that have places */
+  /**
+   * @param {?object} map as the API describes it
+   * @param {object[]} earlier maps of the robot that have places
+   */
   show(map, earlier) {
     if (JSON.stringify([map, earlier]) === JSON.stringify([this.#map, this.#earlier])) return;
     this.#map = map;
@@ -84,7 +88,10 @@ export class PlacesPanel {
     this.drives = this.#drives;
   }
 
-  /** Ask for the name of a place that was pressed on the map. @param {{x: number, y: number, heading: number}} pose */
+  /**
+   * Ask for the name of a point that was chosen on the map.
+   * @param {{x: number, y: number, heading: number}} pose
+   */
   add(pose) {
     const map = this.#map;
     this.#ask({
@@ -97,7 +104,7 @@ export class PlacesPanel {
     });
   }
 
-  /** Lists places. The focus stays with its place: letters on the bare page drive the robot. */
+  /** Lists places. The focus stays on its place: if nothing has the focus, letter keys drive the robot. */
   #list(places) {
     const list = this.#parts["places-list"];
     const focused = list.contains(document.activeElement) ? document.activeElement : null;
@@ -196,7 +203,7 @@ export class PlacesPanel {
     this.#answered((asked) => asked.yes(name));
   }
 
-  /** Do it; a refusal leaves the dialog as it is, with the reason. */
+  /** Run an action of the dialog; after a refusal the dialog stays open and shows the reason. */
   async #answered(act) {
     const asked = this.#asked;
     if (!asked || !act) return;
@@ -240,7 +247,7 @@ function titleOf(map) {
     : gettext("Places on this map");
 }
 
-/** Why there is no place. */
+/** Return the reason why the list is empty. */
 function noneText(map, earlier) {
   if (map === null) return gettext("There is no map yet, and so no place.");
   if (earlier.length > 0)

@@ -1,6 +1,6 @@
-/** Drives to a place, in words. Pure. */
+/** Texts about drives to a place. Pure. */
 
-/** An end in words. @param {{outcome: string, text: string}} end */
+/** Return a text about the end of a drive. @param {{outcome: string, text: string}} end */
 export function endText({ outcome, text }) {
   if (outcome === "arrived") return gettext("The robot is there.");
   if (outcome === "replaced")
@@ -9,7 +9,10 @@ export function endText({ outcome, text }) {
   return interpolate(gettext("The drive to the place has ended. %s"), [text]);
 }
 
-/** "Drives to “kitchen”: 2.4 m left, 12 s on the way". @param {{left_m: ?number, since_s: number, ending: string, place: string}} going */
+/**
+ * "Drives to “kitchen”: 2.4 m left, 12 s on the way".
+ * @param {{left_m: ?number, since_s: number, ending: string, place: string}} going
+ */
 export function goingText({ left_m: left, since_s: since, ending = "", place = "" }) {
   const drives = place
     ? interpolate(gettext("Drives to “%s”"), [place])

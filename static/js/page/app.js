@@ -1,11 +1,11 @@
-/** Lets a device install the console, and say so when it is offline. */
+/** Registers the service worker: a device can install the console, and has a page for offline. */
 
 /** @param {string} url of the service worker */
 export async function install(url) {
   try {
     await navigator.serviceWorker?.register(url);
   } catch {
-    // Only on https and on this computer itself, and a person may forbid it: the pages are the same without.
+    // Service workers need https or localhost, and a person may forbid them. The pages work the same without.
   }
 }
 

@@ -1,10 +1,10 @@
-/** The note on cookies: shown until somebody on this device has read it. */
+/** The note on cookies: shown until a person on this device has closed it. */
 
 import { recall, remember } from "../lib/prefs.js";
 
 const READ = "cookies-read";
 
-/** @param {HTMLElement} note has one button, which ends it */
+/** @param {HTMLElement} note has one button, which closes the note */
 export function showOnce(note) {
   if (recall(READ, false)) return;
   note.hidden = false;

@@ -10,10 +10,11 @@ const SHOWN_AT_MOST = 3;
 const SHOWN_WHERE_SMALL = 1; // more would cover the picture
 const SMALL = "(max-width: 68.6875em), (max-height: 39.9375em)";
 const KEPT = 100;
-const ANNOUNCED_MS = 1500; // then a screen reader has it, and finds it on the page once
-const LEAST_MS = 1000; // for what was held until its time was nearly over
+// By then a screen reader has the text; the copy is removed, so that it is not found twice.
+const ANNOUNCED_MS = 1500;
+const LEAST_MS = 1000; // shown at least this long after the pointer or the focus left
 
-/** Never by colour alone. */
+/** Icon and word of each level: a level is never shown by colour alone. */
 function levels() {
   return {
     success: { icon: "✓", word: gettext("Done") },
@@ -23,7 +24,7 @@ function levels() {
   };
 }
 
-/** Sign and words. @param {HTMLElement} said the notice's text */
+/** Return the icon and the words of a notice. @param {HTMLElement} said the notice's text */
 function words(level, said) {
   const { icon, word } = levels()[level];
   const sign = make("span", { className: "notice-icon", text: icon });
@@ -48,7 +49,7 @@ function timesText(times) {
   return times > 1 ? `×${times}` : "";
 }
 
-/** One notice on the page: leaves by itself, stays under the pointer and the focus. */
+/** One notice on the page: disappears after some seconds, but not while it has the pointer or the focus. */
 class Shown {
   element;
   #text;
@@ -83,7 +84,7 @@ class Shown {
   }
 
   update({ short, times }) {
-    setText(this.#text, short); // the log has all of it
+    setText(this.#text, short); // the log shows the full text
     setText(this.#times, timesText(times));
     this.#leftMs = SHOWN_MS;
     this.#bar.remove();
@@ -91,7 +92,7 @@ class Shown {
     if (!this.held) this.#run();
   }
 
-  /** Return whether the pointer or the focus is on it. */
+  /** Return whether the pointer or the focus is on the notice. */
   get held() {
     return this.#holders.size > 0;
   }
@@ -127,8 +128,8 @@ export class Notices {
   #shown = new Map();
   #log = [];
   #list;
-  #announced = new Map(); // texts for screen readers, by key, with their end
-  #cameFrom = null; // where the focus was before it came to the notices
+  #announced = new Map(); // timers that remove the texts for screen readers, by key
+  #cameFrom = null; // the element that had the focus before the notices got it
   #listening = new AbortController();
 
   /**
@@ -155,9 +156,11 @@ export class Notices {
   /**
    * @param {object} notice
    * @param {"success" | "info" | "warning" | "error"} notice.level
-   * @param {string} notice.code what it is about: the same while one is shown is one, counted
-   * @param {string} [notice.short] is shown in place of the text: without technical names
-   * @param {boolean} [notice.quiet] the page shows it already: it is only logged, and read to those who listen
+   * @param {string} notice.code the subject: while a notice of this level and code is shown, another one
+   *   only raises its count
+   * @param {string} [notice.short] a text without technical names, shown in place of `text`
+   * @param {boolean} [notice.quiet] the page already shows this: the notice is only logged, and read by
+   *   screen readers
    */
   add({ level, code, text, short = text, quiet = false }) {
     const key = `${level} ${code}`;
@@ -186,19 +189,21 @@ export class Notices {
     this.#parts.notices.prepend(item.element);
   }
 
-  /** The focus goes on to the next notice, or back to where it came from. */
+  /** Move the focus to the next notice, or back to the element that had it before the notices. */
   #ended(key, hadFocus) {
     this.#shown.delete(key);
     if (hadFocus) (this.#parts.notices.querySelector(".close") ?? this.#cameFrom)?.focus();
   }
 
-  /** The first to give way: not the one that somebody is reading, unless all are. */
+  /** The notice to remove first: the oldest without pointer and focus; if there is none, the oldest. */
   get #oldest() {
     const items = [...this.#shown.values()].map(({ item }) => item);
     return items.find(({ held }) => !held) ?? items[0];
   }
 
-  /** One element for each notice, so that a new one does not interrupt another. Repeats are announced once. */
+  /**
+   * Announce a notice in its own element, so that it does not interrupt another. Repeats are announced once.
+   */
   #announce(key, { level, short: text }) {
     const { alarm, said } = this.#parts;
     const region = level === "error" ? alarm : said;

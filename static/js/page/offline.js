@@ -1,4 +1,4 @@
-/** The page for offline stands at the address that was asked for: it looks for the console, and then gives way. */
+/** The offline page, shown at the address that was opened: reloads as soon as the console can be reached. */
 
 const EVERY_MS = 5000;
 

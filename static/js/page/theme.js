@@ -1,4 +1,5 @@
-// Light, dark, or as the device has it. Loaded in the head and not as a module, so that no page flashes in the wrong theme.
+// The light or the dark theme; without a choice, the device's. Loaded in the head and not as a module, so
+// that no page flashes in the wrong theme.
 (() => {
   const KEY = "fleet-theme";
   const root = document.documentElement;
@@ -22,7 +23,7 @@
     try {
       localStorage.setItem(KEY, theme);
     } catch {
-      // Storage is forbidden: the choice holds until the page closes.
+      // Storage is forbidden: the choice is kept until the page closes.
     }
     document.dispatchEvent(new CustomEvent("fleet:theme"));
   }

@@ -8,12 +8,15 @@ export class Trace {
   #names = [];
   #windowS;
 
-  /** @param {number} windowS what is older is forgotten */
+  /** @param {number} windowS older values are removed */
   constructor(windowS) {
     this.#windowS = windowS;
   }
 
-  /** @param {string[]} names of the lines; what is new begins empty, what is gone is forgotten */
+  /**
+   * @param {string[]} names of the lines; a new line begins empty, a line that is not named any more is
+   *   removed
+   */
   set names(names) {
     const [times] = this.columns;
     const kept = names.map((name) => {
@@ -28,7 +31,7 @@ export class Trace {
     return this.#names;
   }
 
-  /** @param {Map<string, ?number>} values by name; lines that are not in it keep a gap */
+  /** @param {Map<string, ?number>} values by name; a line without a value gets a gap */
   add(timeS, values) {
     const [times, ...lines] = this.columns;
     times.push(timeS);
@@ -45,9 +48,9 @@ export class RollingPlot {
 
   /**
    * @param {HTMLElement} element
-   * @param {{windowS: number, stepS: number}} time that is shown, and between two of its marks
-   * @param {(given: object) => object} look as for `Plot`, with `lines` in place of series: their label, colour, dash;
-   *   and `y` in place of axes
+   * @param {{windowS: number, stepS: number}} the time that is shown, and the time between two marks
+   * @param {(given: object) => object} look as of `Plot`, but with `lines` (label, colour, dash) in place of
+   *   series, and with `y` (options of the y axis) in place of axes
    */
   constructor(element, { windowS, stepS }, look) {
     this.#trace = new Trace(windowS);
@@ -91,7 +94,7 @@ export class RollingPlot {
     this.#plot.redraw();
   }
 
-  /** @param {?Map<string, ?number>} values of now, by name; null: there are none, time goes on */
+  /** @param {?Map<string, ?number>} current values, by name; null: no values, only the time axis moves */
   add(values) {
     const now = performance.now() / 1000;
     if (values) this.#trace.add(now, values);

@@ -1,4 +1,4 @@
-/** Common parts of all plots: quiet axes, the page's colours, redraw when size or colours change. */
+/** Common parts of all plots: plain axes, the page's colours, redraw when size or colours change. */
 
 import UPlot from "../../vendor/uplot/uPlot.esm.js";
 import { coloursOf, onNewColours } from "../lib/colours.js";
@@ -10,7 +10,7 @@ const LEGEND_ROW = 26;
 /** Solid bars, one for each x. */
 export const bars = UPlot.paths.bars({ size: [0.7, 48], align: 0 });
 
-/** A uPlot that fills its element, where the style sheet gives it room. */
+/** A uPlot that fills its element. It is not drawn while the element is too small. */
 export class Plot {
   #element;
   #columns;
@@ -22,8 +22,8 @@ export class Plot {
   /**
    * @param {HTMLElement} element
    * @param {() => Array<Array<?number>>} columns the data, as uPlot wants them
-   * @param {(given: {axis: object, colours: (names: string[]) => string[]}) => object} look uPlot's options but its
-   * size; `legendRows` are kept free below it
+   * @param {(given: {axis: object, colours: (names: string[]) => string[]}) => object} look uPlot's options
+   *   without the size; `legendRows`: rows that are kept free below the plot
    */
   constructor(element, columns, look) {
     this.#element = element;

@@ -2,11 +2,11 @@
 
 import { bars, Plot } from "../plots/uplot.js";
 
-const LEAST = 1; // hour or minute: a chart of no driving has an axis
+const LEAST = 1; // hour or minute: least height of the axis, also if the robot was not driven
 const AXIS_PIXELS = 56;
 const PIXELS_PER_LABEL = 56;
 
-/** Minutes as long as none of it is an hour. @param {number[]} hours */
+/** Return the values in hours; in minutes if all are less than an hour. @param {number[]} hours */
 export function inUnits(hours) {
   if (Math.max(...hours) >= 1) return { unit: gettext("h"), values: hours };
   return { unit: gettext("min"), values: hours.map((value) => value * 60) };

@@ -1,9 +1,10 @@
-/** Place of the robot at a moment of a control session, and the last message about it. Times in seconds since it began. */
+/** The robot's position at a moment of a control session, and the entry before. Times: s from the begin. */
 
 /** Seconds, x, y in units of the picture, degrees. @typedef {[number, number, number, number]} Sample */
 
 /**
- * Evenly between the samples of a drive; between drives where the last one ended, before the first where it began.
+ * Return the position: interpolated between the samples of a drive; between drives, the end of the last
+ * drive; before the first drive, its begin.
  * @param {Sample[][]} drives in order of time, none of them empty
  * @param {number} atS
  * @returns {{x: number, y: number, degrees: number, moving: boolean} | null} null: there was no drive
@@ -24,7 +25,7 @@ function standing([, x, y, degrees]) {
   return { x, y, degrees, moving: false };
 }
 
-/** The number of the last of these times, in order, that is not later; -1: none. */
+/** Return the index of the last of these sorted times that is not later than `atS`; -1: none. */
 export function lastAt(timesS, atS) {
   return timesS.findLastIndex((time) => time <= atS);
 }

@@ -1,4 +1,4 @@
-/** The report of a robot: when it was driven, as bars. The same figures stand on the page in words. */
+/** The report of a robot: when it was driven, as bars. The page also has the same figures as text. */
 
 import { parts } from "../lib/dom.js";
 import { pageLanguage } from "../lib/languages.js";

@@ -1,4 +1,7 @@
-/** The page of a control session: one chooses a moment, and picture and timeline show it. Without this, both are there. */
+/**
+ * The page of a control session: a person chooses a moment, and picture and timeline show it. Without this
+ * script, the page has both without the choice.
+ */
 
 import { parts, setText, show } from "../lib/dom.js";
 import { clockText } from "../lib/times.js";
@@ -10,7 +13,7 @@ const entries = [...page.timeline.querySelectorAll("[data-at]")];
 const timesS = entries.map((entry) => Number(entry.dataset.at));
 let current = null;
 
-/** Time of day, in the zone of the page. */
+/** Return the time of day, in the zone of the page. */
 function clock(atS) {
   return clockText(new Date(Date.parse(beganAt) + atS * 1000));
 }
@@ -43,7 +46,7 @@ function showMoment(atS) {
   bringIntoSight(entry);
 }
 
-/** Only within the timeline: the page itself stays where it is. */
+/** Scroll the timeline to an entry; the page itself does not scroll. */
 function bringIntoSight(entry) {
   if (!entry) return;
   const list = page.timeline.getBoundingClientRect();
@@ -57,7 +60,7 @@ function go(atS) {
   showMoment(Number(page.moment.value));
 }
 
-/** To the next entry at another time, or to the one before. */
+/** Go to the next entry at another time, or to the entry before. */
 function step(forward) {
   const atS = Number(page.moment.value);
   const found = forward
@@ -68,7 +71,7 @@ function step(forward) {
 
 page.moment.max = String(Math.max(lastsS, timesS.at(-1) ?? 0));
 page.moment.addEventListener("input", () => showMoment(Number(page.moment.value)));
-// The steps are as fine as the timeline, keys go farther.
+// The slider's own steps are as fine as the timeline: keys move by 1 or 10 seconds.
 page.moment.addEventListener("keydown", (event) => {
   const way = {
     ArrowRight: 1,

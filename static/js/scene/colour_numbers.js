@@ -1,4 +1,4 @@
-/** Colours of the style sheet as numbers, in whatever way it writes them. */
+/** Converts colours of the style sheet, in any CSS notation, to numbers. */
 
 /** @param {string} css @returns {{colour: number, opacity: number}} */
 export function numbersOf(css) {

@@ -1,10 +1,10 @@
-/** Fetches a mesh and reads it: STL, Collada, OBJ. A mesh that is missing, huge or broken is an error with a sentence. */
+/** Fetches and reads a mesh: STL, Collada, OBJ. A missing, huge or broken mesh: an error with a sentence. */
 
 import { ColladaLoader, Mesh, OBJLoader, STLLoader } from "../../vendor/scene/library.js";
 
-const LARGEST_TEXT = 8_000_000; // bytes: what is read as text takes longer than the page may wait
+const LARGEST_TEXT = 8_000_000; // bytes: to read a longer text would block the page too long
 const FARTHEST_M = 1_000;
-const AGAIN_MS = 2_000; // until a mesh is asked for once more
+const AGAIN_MS = 2_000; // until a mesh is requested once more
 
 const READERS = {
   stl: (bytes) => {
@@ -12,7 +12,7 @@ const READERS = {
     return geometryOf(new STLLoader().parse(bytes));
   },
   dae: (bytes) => {
-    // Pictures are not fetched: an address in the file may lead anywhere.
+    // Pictures are not fetched: an address in the file may lead to any server.
     const text = textOf(bytes).replace(/<library_images[\s\S]*?<\/library_images>/g, "");
     return sceneOf(new ColladaLoader().parse(text, "").scene);
   },
@@ -21,7 +21,8 @@ const READERS = {
 
 /**
  * @param {{filename: string, address: string}} entry of the description @param {AbortSignal} signal
- * @returns {Promise<{make: (material: object) => object, triangles: number}>} a part for each use of the mesh
+ * @returns {Promise<{make: (material: object) => object, triangles: number}>} `make` returns a new part for
+ *   each use of the mesh
  */
 export async function readMesh({ filename, address }, signal) {
   const bytes = await fetched(filename, address, signal);
@@ -37,7 +38,7 @@ export async function readMesh({ filename, address }, signal) {
   }
 }
 
-/** A server that is out of reach or busy is asked once more. */
+/** Fetch a mesh; try once more if the server is out of reach or reports an error of its own. */
 async function fetched(filename, address, signal) {
   for (const pauseMs of [AGAIN_MS, null]) {
     try {
@@ -59,8 +60,8 @@ function sentence(text, filename) {
 }
 
 /**
- * Whether an STL file is text, as the loader tells: its length is not that of its count of triangles, and "solid" stands
- * at its begin, perhaps behind a byte order mark or an empty line.
+ * Return whether an STL file is text, by the loader's rule: its length does not fit its number of triangles,
+ * and it begins with "solid", perhaps after a byte order mark or an empty line.
  */
 function isText(bytes) {
   const triangles = new DataView(bytes).getUint32(80, true);
@@ -78,7 +79,10 @@ function geometryOf(geometry) {
   return { make: (material) => new Mesh(geometry, material), triangles };
 }
 
-/** @param {object} scene with meshes @param {boolean} plain its materials are the description's */
+/**
+ * @param {object} scene with meshes
+ * @param {boolean} plain use the description's materials, not the file's
+ */
 function sceneOf(scene, plain = false) {
   let triangles = 0;
   scene.traverse((part) => {
@@ -99,7 +103,9 @@ function sceneOf(scene, plain = false) {
   return { make, triangles };
 }
 
-/** How many triangles it has. Throws where it has none, or places that are no numbers. */
+/**
+ * Return the number of triangles. Throws if there are none, or if a position is no number or too far away.
+ */
 function checked(geometry) {
   const places = geometry.getAttribute("position");
   if (!places?.count) throw new Error("nothing in it");

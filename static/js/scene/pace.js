@@ -1,15 +1,15 @@
-/** How fine the 3D picture is drawn: as fine as the screen, or coarser, so that 30 pictures a second come. */
+/** The resolution of the 3D picture: that of the screen, or lower, so that 30 pictures a second are drawn. */
 
-const LONGEST_MS = 36; // of a picture
-const FINER_AGAIN = 8; // good counts in a row, after which it may be finer again
-const COUNTED = 15; // pictures that decide together
-const COARSEST = 0.5; // share of the pixels of a side
+const LONGEST_MS = 36; // for a picture
+const FINER_AGAIN = 8; // good counts in a row, after which the resolution goes up again
+const COUNTED = 15; // pictures for each count
+const COARSEST = 0.5; // least share of the pixels of a side
 const STEP = 0.85;
-const MOST_PIXELS = 1.0e6; // of a picture by software
+const MOST_PIXELS = 1.0e6; // of a picture that software draws
 const MOST_PIXELS_QUICK = 4.0e6;
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 
-/** Whether this browser draws 3D pictures without a graphics processor. */
+/** Return whether this browser draws 3D pictures without a graphics processor. */
 export function drawsInSoftware() {
   const context = document.createElement("canvas").getContext("webgl2");
   if (!context) return true;
@@ -25,14 +25,14 @@ export class Pace {
   #times = [];
   #good = 0; // counts in a row
 
-  /** @param {boolean} slow pictures are drawn by software */
+  /** @param {boolean} slow whether software draws the pictures */
   constructor(slow) {
     this.#slow = slow;
   }
 
-  /** Note how long after the last picture one came. @returns {boolean} the ratio is another one now */
+  /** Count the time from the last picture to this one. @returns {boolean} whether the ratio has changed */
   took(ms) {
-    if (ms > 500) return false; // the page did something else
+    if (ms > 500) return false; // the page was busy with other work
     this.#times.push(ms);
     if (this.#times.length < COUNTED) return false;
     const middle = this.#times.sort((a, b) => a - b)[COUNTED >> 1];
@@ -47,7 +47,7 @@ export class Pace {
     return this.#share !== before;
   }
 
-  /** Pixels drawn per pixel of the page. */
+  /** Return the drawn pixels per pixel of the page. */
   ratio(width, height, density) {
     const finest = this.#slow ? 1 : Math.min(density, 2);
     const most = this.#slow ? MOST_PIXELS : MOST_PIXELS_QUICK;

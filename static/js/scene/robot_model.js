@@ -1,6 +1,7 @@
 /**
- * The robot as its description says: links, joints, meshes. Where a mesh is missing, simple shapes stand for the link:
- * the footprint for the base, rods from joint to joint for the rest. Metres; its group's origin is the base frame.
+ * The robot, built from its description: links, joints, meshes. Where a mesh is missing, simple shapes
+ * replace it: the footprint for the base, rods from joint to joint for the rest. Metres; the group's origin
+ * is the base frame.
  */
 
 import {
@@ -16,9 +17,9 @@ import {
 } from "../../vendor/scene/library.js";
 import { readMesh } from "./meshes.js";
 
-const BASE_M = 0.3; // height of a base that nothing describes
-const ROD_M = 0.045; // radius of what stands for a link
-const AT_ONCE = 3; // meshes
+const BASE_M = 0.3; // height of a base without a mesh
+const ROD_M = 0.045; // radius of a rod or a ball
+const AT_ONCE = 3; // meshes that are read at the same time
 const MOST_TRIANGLES = 400_000; // of all meshes
 const JOINTS_COME_MS = 3_000;
 const AT_REST = 1e-3; // rad or m
@@ -29,20 +30,20 @@ export class RobotModel {
   #changed;
   #note;
   #model = null;
-  #base = null; // what stands for the base
+  #base = null; // the shape in place of a missing base
   #footprint = null;
   #joints = {};
   #wanted = {};
   #plain = new MeshLambertMaterial(); // of shapes without a colour
   #substitute = new MeshLambertMaterial();
-  #movable = []; // names of joints that move by themselves
-  #lacking = 0; // of them, those whose positions are not known
-  #saysFromMs = 0; // positions come a moment after the description
+  #movable = []; // names of joints that are not fixed and do not mimic another joint
+  #lacking = 0; // number of movable joints whose positions are not known
+  #saysFromMs = 0; // before this time, unknown positions are not reported: they come after the description
   #notes = [];
   #triangles = 0;
   #abort = new AbortController();
 
-  /** @param {() => void} changed @param {(notes: string[]) => void} note what is not drawn as it is */
+  /** @param {() => void} changed @param {(notes: string[]) => void} note differences from the real robot */
   constructor(changed, note) {
     this.#changed = changed;
     this.#note = note;
@@ -77,7 +78,7 @@ export class RobotModel {
     return this.#model ? Object.keys(this.#model.links).length : 0;
   }
 
-  /** How many meshes and shapes it has. */
+  /** The number of meshes and shapes. */
   get size() {
     let count = 0;
     for (const root of [this.#model, this.#base])
@@ -87,7 +88,10 @@ export class RobotModel {
     return count;
   }
 
-  /** Goes a share of the way to the joints' newest positions. @returns {boolean} it is not there yet */
+  /**
+   * Move the joints by a share of the way to their newest positions.
+   * @returns {boolean} whether they still move
+   */
   glide(share) {
     if (!this.#model) return false;
     let moves = false;
@@ -141,7 +145,8 @@ export class RobotModel {
       );
       return;
     }
-    for (const joint of Object.values(this.#model.joints)) joint.ignoreLimits = true; // the robot is where it is
+    // The real position is drawn, even outside the limits.
+    for (const joint of Object.values(this.#model.joints)) joint.ignoreLimits = true;
     this.#movable = Object.values(this.#model.joints)
       .filter(({ jointType, mimicJoint }) => jointType !== "fixed" && !mimicJoint)
       .map(({ name }) => name);
@@ -187,7 +192,9 @@ export class RobotModel {
     if (!this.#notes.includes(text)) this.#notes.push(text);
   }
 
-  /** Cheaper materials than the loader's, and the page's colour where the description has none. */
+  /**
+   * Replace the loader's materials by cheaper ones, with the page's colour where the description has none.
+   */
   #plainMaterials(root) {
     root.traverse((part) => {
       if (part.isMesh) part.material = this.#lambert(part.material);
@@ -201,7 +208,7 @@ export class RobotModel {
     return new MeshLambertMaterial({ color, opacity, transparent });
   }
 
-  // --- what stands for links without a mesh ---------------------------------------------------------
+  // --- shapes in place of missing meshes ------------------------------------------------------------
 
   #substitutes() {
     for (const link of Object.values(this.#model.links)) {
@@ -211,7 +218,7 @@ export class RobotModel {
     }
   }
 
-  /** A rod from the link's origin to each joint that it carries; at the end of a limb a ball. */
+  /** Add a rod from the link's origin to each of its joints; a ball to a link without joints. */
   #stand(link) {
     const joints = link.children.filter((child) => child.isURDFJoint);
     const ends = joints.map((joint) => joint.position).filter((end) => end.length() > ROD_M);
@@ -225,7 +232,7 @@ export class RobotModel {
       link.add(new Mesh(new SphereGeometry(ROD_M, 12, 8), this.#substitute));
   }
 
-  /** The footprint stands for a base that has no shape of its own. */
+  /** Show the footprint as the base, if the description has no shape for the base. */
   #showBase() {
     this.#base?.removeFromParent();
     this.#base?.geometry.dispose();
@@ -240,7 +247,7 @@ export class RobotModel {
     this.group.add(this.#base);
   }
 
-  /** Whether a shape of the description reaches down to where the base is. */
+  /** Return whether a shape of the description is as low as the base. */
   get #hasLowShape() {
     if (!this.#model) return false;
     const low = new Vector3();

@@ -1,28 +1,28 @@
-/** The 3D view in the picture area: loads its module when it is first opened, and says in words where it cannot draw. */
+/** The 3D view in the picture area: loads its module when first opened, and shows why it cannot draw. */
 
 import { make, mark, setTextOrHide, show } from "../lib/dom.js";
 
-const MAP_EVERY = 5; // looks: the map may be another one
-const DESCRIPTION_EVERY = 15; // looks: the robot may have been started anew
-const AGAIN_MS = 4_000; // while the console knows no description, or nothing answers
+const MAP_EVERY = 5; // times AGAIN_MS: the robot may have another map
+const DESCRIPTION_EVERY = 15; // times AGAIN_MS: the robot may have been started again
+const AGAIN_MS = 4_000; // between two checks, while the view is open
 
 export class ScenePanel {
   #parts;
   #addresses;
   #send;
   #load;
-  #scene = null; // made when it is first opened
+  #scene = null; // made when the view is first opened
   #opens = false;
   #facts = null;
   #newest = null;
   #path = [];
   #isDescribed = false; // the newest description has been read
-  #tag = ""; // of the newest description, for the server
+  #tag = ""; // ETag of the newest description
   #digest; // of the description that is drawn; null: there is none; undefined: not asked yet
   #map = null; // number of the map that is drawn
   #looks = 0;
   #timer = null;
-  #abort = null; // ends what is being fetched
+  #abort = null; // aborts the running requests
   #listening = new AbortController();
 
   /**
@@ -43,7 +43,7 @@ export class ScenePanel {
     );
   }
 
-  /** @param {boolean} opens it is shown from now on */
+  /** @param {boolean} opens whether the view is shown from now on */
   set opens(opens) {
     if (opens === this.#opens) return;
     this.#opens = opens;
@@ -56,7 +56,7 @@ export class ScenePanel {
     if (opens) this.#begin();
   }
 
-  /** Of the robot; they come again after each connection. */
+  /** The robot's facts; they are set again after each connection. */
   set facts(facts) {
     this.#facts = facts;
     if (this.#scene) this.#scene.facts = facts;
@@ -74,7 +74,7 @@ export class ScenePanel {
     if (this.#scene) this.#scene.path = path;
   }
 
-  /** The view is no longer true. */
+  /** Whether the view is out of date. */
   set stale(stale) {
     mark(this.#parts.scene, "old", stale);
     if (stale) this.#isDescribed = false; // the robot may come back with another description
@@ -116,7 +116,7 @@ export class ScenePanel {
     scene.addEventListener("notes", ({ detail }) => this.#note(detail));
     scene.addEventListener("mode", ({ detail }) => this.#show(detail));
     this.#scene = scene;
-    this.#parts.scene.scene = scene; // for tests, and for the console of a browser
+    this.#parts.scene.scene = scene; // for tests, and for a browser's developer tools
     this.#say(scene.begin() ? gettext("The robot’s description is being read.") : scene.words);
     this.#show(scene.mode);
   }
@@ -127,7 +127,7 @@ export class ScenePanel {
     this.#scene.path = this.#path;
   }
 
-  /** Reads description and map, and again while there is none. */
+  /** Reads description and map, again and again while the view is open: either may be missing, or change. */
   async #follow(signal) {
     if (!this.#scene.draws) return;
     if (this.#looks % DESCRIPTION_EVERY === 0) this.#isDescribed = false;
@@ -148,7 +148,7 @@ export class ScenePanel {
       if (signal.aborted) return false;
       if (!answer.ok && !isKnown) {
         const isGone = answer.status === 404 || answer.status === 409;
-        if (this.#digest !== null && !isGone) return false; // a passing error: the known robot stays
+        if (this.#digest !== null && !isGone) return false; // a temporary error: the robot is still drawn
         if (this.#digest !== null) this.#scene.describe(null);
         this.#digest = null;
         this.#tag = "";
@@ -181,7 +181,7 @@ export class ScenePanel {
       this.#map = map.number;
       this.#scene.lay(map, picture);
     } catch {
-      // the view goes without a map, and asks again
+      // the view works without a map, and tries again
     }
   }
 
@@ -198,7 +198,7 @@ export class ScenePanel {
     setTextOrHide(this.#parts["scene-words"], words);
   }
 
-  /** @param {string[]} notes what is not drawn as it is, in words */
+  /** @param {string[]} notes differences from the real robot, as texts */
   #note(notes) {
     const { "scene-notes": list, "scene-more": more } = this.#parts;
     show(more, notes.length > 0);

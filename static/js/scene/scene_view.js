@@ -1,6 +1,7 @@
 /**
- * The robot and its surroundings in 3D. Loaded when it is first opened. Metres, z up: the frame of the map if the robot
- * knows its place on it, else that of its odometry. Drawn when something has changed, once per frame.
+ * The robot and its surroundings in 3D. Loaded when the view is first opened. Metres, z up: the frame of the
+ * map if the robot knows its pose on it, else the frame of its odometry. Drawn when something has changed, at
+ * most once per frame.
  */
 
 import { PerspectiveCamera, Scene, WebGLRenderer } from "../../vendor/scene/library.js";
@@ -25,13 +26,13 @@ const COLOURS = [
   "path-body",
   "hold",
 ];
-const GLIDE_S = 0.08; // how long the picture takes to follow the robot, between two messages
+const GLIDE_S = 0.08; // time constant with which the drawn robot follows the reported pose
 const LEAST_MS = 25; // between two pictures
-const LONGEST_STEP_MS = 100; // of what glides
+const LONGEST_STEP_MS = 100; // of the drawn robot's motion
 const AT_REST = 1e-4; // metres or radians
-const LOST_MS = 3_000; // after that a lost picture is begun anew
+const LOST_MS = 3_000; // after this time, a lost picture is made again
 const MOST_TRIES = 3; // in a row
-const STEADY_MS = 60_000; // a picture that lasted so long counts as the first again
+const STEADY_MS = 60_000; // after a picture that lasted this long, the tries are counted from 0 again
 
 const NO_WEBGL = () =>
   gettext(
@@ -53,7 +54,7 @@ export class SceneView extends EventTarget {
   #frame = null;
   #framesDrawn = 0;
   #lastMs = Number.NEGATIVE_INFINITY; // time of the last frame
-  #askedMs = 0; // since when the next one is wanted
+  #askedMs = 0; // time at which the next frame was requested
   #shown = false;
   #pose = null; // where the robot is drawn: x, y, heading
   #wanted = null;
@@ -120,7 +121,7 @@ export class SceneView extends EventTarget {
     return true;
   }
 
-  /** @returns {boolean} there is a picture, or one that comes back */
+  /** @returns {boolean} whether there is a picture, or a lost picture that is made again */
   get draws() {
     return this.#renderer !== null;
   }
@@ -138,7 +139,7 @@ export class SceneView extends EventTarget {
     this.#viewpoint?.choose(mode, this.#pose);
   }
 
-  /** Only while it is shown anything is drawn. */
+  /** Whether the view is visible. If not, nothing is drawn. */
   set shown(shown) {
     this.#shown = shown;
     if (shown) this.#fit();
@@ -202,7 +203,7 @@ export class SceneView extends EventTarget {
     };
   }
 
-  /** For benchmarks: so many points round the robot, on top of what was shown. */
+  /** For benchmarks: show this number of points around the robot, in addition to the others. */
   fill(points) {
     this.#around.fill(points);
     this.#redraw();
@@ -234,18 +235,18 @@ export class SceneView extends EventTarget {
 
   #paint(ms) {
     if (!this.#shown || !this.#renderer || this.#renderer.getContext().isContextLost()) return;
-    if (ms - this.#lastMs < LEAST_MS) return this.#await(); // others need the processor, too
+    if (ms - this.#lastMs < LEAST_MS) return this.#await(); // other programs need the processor, too
     const moves = this.#move(Math.min(ms - this.#lastMs, LONGEST_STEP_MS) / 1000);
     this.#renderer.render(this.#scene, this.#camera);
     this.#framesDrawn += 1;
-    // How long a picture that was wanted had to wait: for the one before, if that took long.
+    // The time that this picture waited: from its request, or from the last picture if that came later.
     const waitedMs = ms - Math.max(this.#lastMs, this.#askedMs);
     this.#lastMs = ms;
     if (this.#pace.took(waitedMs)) this.#fit();
     if (moves) this.#redraw();
   }
 
-  /** Glides towards what the robot reported. @returns {boolean} it is not there yet */
+  /** Move the drawn robot towards the reported pose. @returns {boolean} whether it still moves */
   #move(seconds) {
     const share = this.#glides ? 1 - Math.exp(-seconds / GLIDE_S) : 1;
     let moves = this.#robot.glide(share);
@@ -284,10 +285,10 @@ export class SceneView extends EventTarget {
     this.#redraw();
   }
 
-  // --- WebGL that goes away ------------------------------------------------------------------------
+  // --- loss of the WebGL context -------------------------------------------------------------------
 
   #lost(event) {
-    event.preventDefault(); // else it never comes back
+    event.preventDefault(); // else the browser never restores the context
     this.#say(gettext("The browser lost the 3D picture. It begins again by itself."));
     clearTimeout(this.#lostTimer);
     this.#lostTimer = setTimeout(() => this.#anew(), LOST_MS);

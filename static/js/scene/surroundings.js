@@ -1,6 +1,7 @@
 /**
- * The surroundings of the robot: points of laser and depth camera, remembered obstacles, where the gate holds it back, its way;
- * and on the floor the map and navigation's path. `local` is in the base frame, `world` in that of the map. Metres.
+ * The surroundings of the robot: points of the laser and the depth camera, remembered obstacles, the obstacle
+ * for which the gate slows the robot, and the robot's path; on the floor the map and navigation's path.
+ * `local` is in the base frame, `world` in the frame of the map. Metres.
  */
 
 import {
@@ -28,13 +29,13 @@ import { arc, moves, reach } from "../drive/twist_geometry.js";
 
 const MOST_POINTS = 60_000;
 const POINT_M = 0.045;
-const LASER_CM = 10; // a height that a laser has, about
+const LASER_CM = 10; // typical height of a laser
 const LASER_M = LASER_CM / 100;
 const COLUMN_CM = 8; // between two points of a column that the depth camera saw
 const PATH_S = 2;
 const PATH_STEPS = 24;
 const GRID_M = 10;
-const POST_M = 1.0; // height of the mark where the gate holds back
+const POST_M = 1.0; // height of the mark at the obstacle for which the gate slows the robot
 const ON_FLOOR = { map: 0.001, way: 0.02, path: 0.03 };
 
 /** Many lines or points whose number changes. */
@@ -114,7 +115,7 @@ export class Surroundings {
     this.local.add(cloud, this.#wayLine, this.#holdLine, this.#holdRing, this.#grid);
     this.world.add(this.#pathLine, sun, new HemisphereLight(0xffffff, 0x9a9a9a, 1.8));
     for (const part of [cloud, this.#wayLine, this.#holdLine, this.#pathLine])
-      part.frustumCulled = false; // their places change
+      part.frustumCulled = false; // their positions change
   }
 
   set colours(colours) {
@@ -132,7 +133,11 @@ export class Surroundings {
     this.#footprint = footprint;
   }
 
-  /** @param {?object} scan @param {object} verdict of the gate @param {boolean} inMap the robot knows its place on it */
+  /**
+   * @param {?object} scan
+   * @param {object} verdict of the gate
+   * @param {boolean} inMap whether the robot knows its pose on the map
+   */
   show(scan, verdict, inMap) {
     this.#scan = scan;
     this.#verdict = verdict;
@@ -176,7 +181,7 @@ export class Surroundings {
     this.world.add(floor);
   }
 
-  /** Whether the gate holds the robot back at a place that is drawn. */
+  /** Whether the obstacle for which the gate slows the robot is drawn. */
   get holds() {
     return this.#holdRing.visible;
   }
@@ -185,7 +190,7 @@ export class Surroundings {
     return Boolean(this.#map?.visible);
   }
 
-  /** For benchmarks: so many points round the robot. */
+  /** For benchmarks: show this number of points around the robot. */
   fill(points) {
     this.#extra = Array.from({ length: points }, (_, i) => {
       const angle = i * 2.399963;
@@ -233,7 +238,9 @@ export class Surroundings {
     });
   }
 
-  /** A line from the hull to the obstacle, a ring round it, and a post, so that it is seen from the side. */
+  /**
+   * Draw a line from the robot to the obstacle, a ring around it, and a post that is visible from the side.
+   */
   #drawHold() {
     const point = this.#verdict?.point ?? null;
     this.#holdRing.visible = point !== null;
@@ -250,7 +257,7 @@ export class Surroundings {
   }
 }
 
-/** A colour of the page as the renderer counts it: linear. */
+/** Return a colour of the page as bytes in the renderer's colour space, which is linear. */
 function bytesOf(colour) {
   return new Color(colour).toArray().map((part) => Math.round(255 * part));
 }

@@ -1,9 +1,9 @@
-/** From where the scene is seen: turned round the robot, behind it, or from above. By mouse, touch and keys. */
+/** The viewpoint of the scene: around the robot, behind it, or from above. Mouse, touch and keys move it. */
 
 import { MOUSE, OrbitControls, TOUCH, Vector3 } from "../../vendor/scene/library.js";
 
 const MODES = { o: "orbit", f: "follow", t: "top" };
-const LOOKS_AT_M = 0.5; // height of what is in the middle
+const LOOKS_AT_M = 0.5; // height of the point in the middle
 const STARTS = {
   orbit: [-2.2, -2.2, 2.0], // from the robot, along its heading
   follow: [-3.0, 0, 2.2],
@@ -45,7 +45,10 @@ export class Viewpoint extends EventTarget {
     return this.#mode;
   }
 
-  /** Look from there; the same again: from where it began. @param {?number[]} pose of the robot */
+  /**
+   * Choose a mode; the same mode again returns to its first viewpoint.
+   * @param {?number[]} pose of the robot
+   */
   choose(mode, pose) {
     if (!(mode in STARTS)) return;
     this.#mode = mode;
@@ -58,7 +61,7 @@ export class Viewpoint extends EventTarget {
     this.dispatchEvent(new CustomEvent("mode", { detail: mode }));
   }
 
-  /** Go with the robot; behind it, turn with it. @param {number[]} pose x, y, heading */
+  /** Move with the robot; in mode "follow", also turn with it. @param {number[]} pose x, y, heading */
   carry(pose) {
     if (!this.#pose) {
       this.#pose = pose;
@@ -81,7 +84,7 @@ export class Viewpoint extends EventTarget {
     this.#controls.update();
   }
 
-  /** Goes on where another one ended: its canvas was lost. */
+  /** Take mode and pose from a viewpoint whose canvas was lost. */
   takeFrom(other) {
     this.choose(other.mode, other.pose);
   }
@@ -104,7 +107,7 @@ export class Viewpoint extends EventTarget {
     this.#controls.update();
   }
 
-  /** In the scene, arrows turn it and do not drive the robot. */
+  /** While the scene has the focus, arrow keys turn it and do not drive the robot. */
   #typed(event) {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     const act = this.#keys[event.key] ?? this.#keys[event.key.toLowerCase()];

@@ -32,7 +32,7 @@ export class History {
   #entries = [];
   #topic = null;
   #saying = null; // number of the current speech
-  #ended = null; // number of the last ended speech: its record may come later than the robot's report
+  #ended = null; // the last ended speech: the robot may report its end before the record has it
   #newest = "";
   #isShown = false;
   #reading = Promise.resolve();
@@ -40,7 +40,7 @@ export class History {
 
   /**
    * @param {Record<string, HTMLElement>} parts
-   * @param {string} url where it is read
+   * @param {string} url of the history
    * @param {(order: object) => void} send
    */
   constructor(parts, url, send) {
@@ -59,25 +59,25 @@ export class History {
     });
   }
 
-  /** @param {?boolean} may this tab has control; null: not known yet */
+  /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
     this.#list.dim(!may, takeControlFirst());
   }
 
-  /** @param {?string} topic where speech goes now: its entries are marked */
+  /** @param {?string} topic to which speech goes now: entries of this topic are marked */
   set topic(topic) {
     if (topic === this.#topic) return;
     this.#topic = topic;
     this.#show();
   }
 
-  /** @param {boolean} isShown whether somebody looks at it */
+  /** @param {boolean} isShown whether the history is visible */
   set isShown(isShown) {
     this.#isShown = isShown;
     if (isShown) this.load();
   }
 
-  /** @param {object} state of the robot: what it says now, and how what it said last ended */
+  /** @param {object} state of the robot: the current speech, and the end of the last one */
   set state({ speech = null, speech_ended: ended = null }) {
     const newest = `${speech?.number} ${ended?.number}`;
     if (newest === this.#newest) return;
@@ -87,7 +87,7 @@ export class History {
     if (this.#isShown) this.load();
   }
 
-  /** Reads the newest. Older ones that were asked for stay. */
+  /** Reads the newest entries. Older entries that were loaded stay. */
   load() {
     return this.#read(
       () => "",
@@ -116,7 +116,7 @@ export class History {
     );
   }
 
-  /** One after another, so that nothing newer is written over. */
+  /** Read one after another, so that an older answer never replaces a newer one. */
   #read(query, take) {
     this.#reading = this.#reading.then(() => this.#readNow(query, take));
     return this.#reading;
@@ -137,7 +137,7 @@ export class History {
     this.#list.items = this.#entries;
   }
 
-  /** Its end, from the record or otherwise from the robot; null while it is being spoken. */
+  /** Return the end of a speech, from the record or else from the robot; outcome null: it still runs. */
   #endOf({ number, outcome, why }) {
     if (outcome !== null) return { outcome, why };
     if (number === this.#ended?.number)

@@ -1,11 +1,11 @@
-/** The robot's recorded motions, searchable: press one and it plays; press it again and it is cancelled. */
+/** The robot's recorded motions, searchable: a press plays a motion, a second press cancels it. */
 
 import { takeControlFirst } from "../control/lease.js";
 import { dim, make, makeButton, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
 import { levelOf } from "./task_ends.js";
 
-// A press so soon after a motion ended was meant to cancel it: hands are slower than that.
+// A press this soon after the end of a motion was meant to cancel it: people need longer to react to the end.
 const MEANT_CANCEL_MS = 500;
 
 /** Notice of a motion's end. */
@@ -31,13 +31,13 @@ export function endNotice({ outcome, text }, title) {
   };
 }
 
-/** "3.2 s"; empty if it is not known. */
+/** "3.2 s"; empty if the duration is not known. */
 export function durationText(seconds) {
   if (!seconds) return "";
   return interpolate(gettext("%s s"), [seconds < 10 ? seconds.toFixed(1) : Math.round(seconds)]);
 }
 
-/** A key that is held down is one press: it begins nothing and cancels nothing again and again. */
+/** Ignore the repeats of a held key: they would play and cancel the motion again and again. */
 function heldOnce(event) {
   if (event.key !== "Enter" || !event.repeat) return;
   event.preventDefault();
@@ -49,12 +49,12 @@ export class Motions {
   #send;
   #list;
   #buttons = new Map();
-  #titles = new Map(); // by name; also of those that are not offered while the robot is away
+  #titles = new Map(); // by name; kept while the robot is away and offers no motions
   #running = null;
-  #ended = null; // the motion that was over last
+  #ended = null; // the motion that ended last
   #endedMs = 0;
   #mayAct = null;
-  #idle = ""; // why the robot performs none
+  #idle = ""; // why the robot plays no motion now
   #mayCancel = false;
   #listening = new AbortController();
 
@@ -97,19 +97,19 @@ export class Motions {
     this.#show();
   }
 
-  /** @param {?boolean} may this tab has control; null: not known yet */
+  /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
     this.#show();
   }
 
-  /** @param {string} why the robot performs none now, empty if it does */
+  /** @param {string} why the robot plays no motion now, empty if it can */
   set idle(why) {
     this.#idle = why;
     this.#show();
   }
 
-  /** @param {boolean} may this person may end what runs */
+  /** @param {boolean} may whether this person may cancel the running motion */
   set mayCancel(may) {
     this.#mayCancel = may;
     this.#show();
@@ -120,7 +120,7 @@ export class Motions {
     return this.#titles.get(name) ?? name;
   }
 
-  /** Forgets the search: not every tab shows its field. */
+  /** Clear the search: its field is not visible on every tab. */
   showAll() {
     this.#list.clear();
   }
@@ -141,8 +141,8 @@ export class Motions {
       ],
     });
     const figure = make("span", { className: "hit-figure", text: durationText(seconds) });
-    const children = [act, words, figure]; // `act` is read first and stands last
-    // The second press of a double click does not cancel what the first began.
+    const children = [act, words, figure]; // screen readers read `act` first; the style sheet puts it last
+    // The second press of a double click does not cancel the motion that the first began.
     const button = makeButton(
       { className: "hit", children },
       ({ detail }) => detail < 2 && this.#press(motion),
@@ -157,7 +157,9 @@ export class Motions {
     else this.#send({ t: "play", motion: name, title: title || name });
   }
 
-  /** Another motion may be pressed while one runs: the robot says why not, and who runs which. */
+  /**
+   * Update the buttons. Other motions stay enabled while one runs: the refusal reports who runs which motion.
+   */
   #show() {
     const [play, cancel] = [gettext("Play"), gettext("Cancel")];
     const takeControl = this.#mayAct === false ? gettext("Take control to play one.") : "";
@@ -167,7 +169,7 @@ export class Motions {
       mark(button, "runs", runs);
       const [now, later] = runs ? [cancel, play] : [play, cancel];
       setText(act, now);
-      act.dataset.later = later; // it takes the room of the wider one, so that nothing moves
+      act.dataset.later = later; // the button is as wide as the longer word, so that nothing moves
       const mayNot = runs ? !this.#mayCancel : !this.#mayAct || this.#idle !== "";
       dim(button, mayNot, (!runs && this.#idle) || takeControlFirst());
     }

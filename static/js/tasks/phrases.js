@@ -1,4 +1,4 @@
-/** Ready-made messages, each in its own script: a press and the robot says it. */
+/** Ready-made texts, each in its own language: a press makes the robot speak the text. */
 
 import { readJson } from "../connection/read.js";
 import { takeControlFirst } from "../control/lease.js";
@@ -16,7 +16,7 @@ export class Phrases {
 
   /**
    * @param {Record<string, HTMLElement>} parts
-   * @param {string} url where they are read
+   * @param {string} url of the phrases
    * @param {(order: object) => void} send
    */
   constructor(parts, url, send) {
@@ -30,7 +30,7 @@ export class Phrases {
     });
   }
 
-  /** @param {?boolean} may this tab has control; null: not known yet */
+  /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
     this.#tell();
@@ -42,7 +42,7 @@ export class Phrases {
     this.#tell();
   }
 
-  /** Reads them from the console. */
+  /** Reads the phrases from the console. */
   async load() {
     const failed = gettext("The phrases could not be read. Load the page again.");
     try {
@@ -52,7 +52,7 @@ export class Phrases {
     }
   }
 
-  /** Forgets the search: not every tab shows its field. */
+  /** Clear the search: its field is not visible on every tab. */
   showAll() {
     this.#list.clear();
   }
@@ -66,7 +66,7 @@ export class Phrases {
     this.#say(phrases.length ? "" : gettext("There are no phrases for this robot yet."));
   }
 
-  /** @param {string} text why there are none */
+  /** @param {string} text why there are no phrases */
   #say(text) {
     this.#none = text;
     this.#tell();
@@ -76,7 +76,7 @@ export class Phrases {
     this.#list.dim(!this.#mayAct || this.#mute !== "", this.#mute || takeControlFirst());
     const { "phrases-none": words } = this.#parts;
     setTextOrHide(words, this.#none || this.#mute);
-    mark(words, "mute", this.#none === ""); // where one can write a text, that form says so
+    mark(words, "mute", this.#none === ""); // hidden where the form for a free text already gives the reason
   }
 }
 

@@ -1,4 +1,7 @@
-/** Current drive by a program, motion and speech, on every tab, each with Cancel; and inputs of the tab that go to another topic. */
+/**
+ * The running drive, limb, motion and speech, on every tab, each with Cancel; and the uses of the tab that go
+ * to another topic than the default.
+ */
 
 import { make, makeButton, setText, show } from "../lib/dom.js";
 import { inLanguage } from "../lib/languages.js";
@@ -6,7 +9,7 @@ import { movingText } from "../limbs/words.js";
 import { goingText } from "../navigation/words.js";
 import { useLabel, usesOf } from "./uses.js";
 
-/** A text in three: before the word that is spoken, the word, and the rest. `word` counts characters, not UTF-16 units. */
+/** Split a text into three: before the spoken word, the word, the rest. `word` counts code points. */
 export function aroundWord(text, word) {
   if (!word) return ["", "", text];
   const letters = Array.from(text);
@@ -25,7 +28,9 @@ function statusText(status) {
   return texts[status] ?? status;
 }
 
-/** A drive by a distance or an angle in words, with the part that is done. Robots report radians. */
+/**
+ * Return a text about a drive by a distance or an angle, with the part that is done. Robots report radians.
+ */
 export function driveText({
   goal_m: goalM,
   goal_rad: goalRad,
@@ -43,7 +48,7 @@ export class Running {
   #send;
   #titleOf;
   #busy = false;
-  #chosen = {}; // where input goes, by use, if not to the default
+  #chosen = {}; // topics by use, where they are not the default
   #tab = null;
   #mayAct = false;
   #limbs = {};
@@ -52,7 +57,7 @@ export class Running {
   /**
    * @param {Record<string, HTMLElement>} parts
    * @param {(order: object) => void} send
-   * @param {(motion: string) => string} titleOf a motion, for people
+   * @param {(motion: string) => string} titleOf returns a motion's title
    */
   constructor(parts, send, titleOf) {
     this.#parts = parts;
@@ -102,19 +107,19 @@ export class Running {
     if (speech) this.#showSpeech(speech);
   }
 
-  /** @param {boolean} may this person may end what runs */
+  /** @param {boolean} may whether this person may cancel the running motion and speech */
   set mayCancel(may) {
     show(this.#parts["motion-cancel"], may);
     show(this.#parts["speech-cancel"], may);
   }
 
-  /** @param {string} tab that is shown: its own choices go along with it */
+  /** @param {string} tab that is shown: its chosen topics are shown with it */
   set tab(tab) {
     this.#tab = tab;
     this.#showElsewhere();
   }
 
-  /** @param {?boolean} may this tab has control; null: not known yet */
+  /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
     show(this.#parts["drive-cancel"], may === true);

@@ -13,12 +13,12 @@ const LANGUAGE = "language";
 const UNSPEAKABLE = /(?![\n\t])[\p{Cc}\p{Cs}]/u;
 const HEARD = /[^\p{C}\p{Z}\s]/u;
 
-/** Number of characters of a text, as the robot's side counts them. */
+/** Return the number of characters (code points) of a text. The robot's side counts the same way. */
 function lengthOf(text) {
   return Array.from(text).length;
 }
 
-/** A sentence that ends with a quotation has one full stop: the quotation's own, if that has one. */
+/** Remove the full stop after a quotation that ends with its own full stop. */
 function endedOnce(sentence) {
   return sentence.replace(/([\p{Sentence_Terminal}…]\p{P}*\p{Cf}*”)\.$/u, "$1");
 }
@@ -43,7 +43,7 @@ export function speechEndNotice({ outcome, text: why }, text) {
   };
 }
 
-/** The form: text, language, and how much room is left. */
+/** The form: text, language, and the number of characters. */
 export class Say {
   #parts;
   #send;
@@ -57,7 +57,7 @@ export class Say {
 
   /**
    * @param {Record<string, HTMLElement>} parts
-   * @param {(order: object) => Promise<?object>} send resolves with why it was refused
+   * @param {(order: object) => Promise<?object>} send resolves with the refusal, or null
    */
   constructor(parts, send) {
     this.#parts = parts;
@@ -80,7 +80,7 @@ export class Say {
     this.#count();
   }
 
-  /** @param {string[]} codes in which the robot speaks, its first choice first */
+  /** @param {string[]} codes of the robot's languages, the preferred one first */
   set languages(codes) {
     if (codes.join() === this.#own.join()) return;
     this.#own = codes;
@@ -88,7 +88,7 @@ export class Say {
     this.#showLanguage();
   }
 
-  /** @param {?boolean} may this tab has control; null: not known yet */
+  /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
     this.#hint();
@@ -117,7 +117,8 @@ export class Say {
     this.#parts.language.setAttribute("aria-expanded", String(open));
     if (!open) return;
     this.#list.focus();
-    this.#parts["language-box"].scrollIntoView({ block: "nearest" }); // on a phone the hits are below its edge
+    // On a phone the hits are below the edge of the screen.
+    this.#parts["language-box"].scrollIntoView({ block: "nearest" });
   }
 
   #closeLanguages() {
@@ -140,7 +141,7 @@ export class Say {
 
   // --- text ------------------------------------------------------------------------------------
 
-  /** The reason why the robot cannot speak any text. */
+  /** Show the reason why the robot cannot speak at all. */
   #hint() {
     const takeControl = this.#mayAct === false ? takeControlFirst() : "";
     setTextOrHide(this.#parts["say-hint"], this.#mute || takeControl);
@@ -161,7 +162,10 @@ export class Say {
     dim(send, mayNot || length > LONGEST, mayNot ? this.#mute || takeControlFirst() : "");
   }
 
-  /** Enter sends; Shift and Enter break the line; what is being composed (an accent, a syllable) is not yet a text. */
+  /**
+   * Enter sends; Shift and Enter break the line. While a character (an accent, a syllable) is composed, Enter
+   * does not send.
+   */
   #key(event) {
     if (event.key !== "Enter" || event.shiftKey || event.isComposing) return;
     event.preventDefault();
@@ -194,7 +198,7 @@ export class Say {
     return "";
   }
 
-  /** Select characters that cannot be seen, so that a key deletes them. */
+  /** Select an invisible character, so that one key deletes it, and return the reason. */
   #pointOut(text, { 0: character, index }) {
     const field = this.#parts["say-text"];
     const start = field.value.indexOf(text) + index;

@@ -1,6 +1,6 @@
-/** Ends of motions and speech: for the person of this page, and for everybody. */
+/** Reports the ends of motions and speech to this page's person, and of chosen topics to everybody. */
 
-/** Importance of a motion's or a speech's end. */
+/** Return the notice level for the end of a motion or a speech. */
 export function levelOf(outcome) {
   if (["succeeded", "done", "sent", "cancelled"].includes(outcome)) return "success";
   return ["rejected", "failed"].includes(outcome) ? "error" : "warning";
@@ -8,11 +8,11 @@ export function levelOf(outcome) {
 
 /** Reports an end to the person who began or cancelled the task; others only see it end. */
 export class Endings {
-  #mine = false; // the next ending answers to this page
-  #cancels = false; // this page cancels the task: its report need not name who did
-  #name = ""; // of what runs, or ran
+  #mine = false; // this page began or cancels the task: its end is reported here
+  #cancels = false; // this page cancels the task: the report does not name the person
+  #name = ""; // of the task that runs, or ran
   #tell;
-  #last; // number of the ending that is known already
+  #last; // number of the end that is known already
   #runs = false;
   #blind = false; // the robot was silent for a while: the task may have ended with its bridge
 
@@ -22,10 +22,10 @@ export class Endings {
   }
 
   /**
-   * The next ending answers to this page, which begins or cancels something.
-   * @param {string} [name] of what it begins
-   * @param {boolean} [cancels] whether it cancels the running task
-   * @returns {() => void} call it if that was refused: then nothing changed
+   * Report the next end on this page: the page begins or cancels a task.
+   * @param {string} [name] of the task that the page begins
+   * @param {boolean} [cancels] whether the page cancels the running task
+   * @returns {() => void} undoes this call: for a request that is refused
    */
   begin(name = this.#name, cancels = false) {
     const before = [this.#mine, this.#name, this.#cancels];
@@ -41,8 +41,8 @@ export class Endings {
   }
 
   /**
-   * @param {?string} name of what runs @param {?object} ended the last that ended, with its number
-   * @returns {boolean} whether something ended since
+   * @param {?string} name of the running task @param {?object} ended the last end, with its number
+   * @returns {boolean} whether a task has ended since the last call
    */
   follow(name, ended) {
     if (name !== null) this.#name = name;
@@ -63,14 +63,17 @@ export class Endings {
 /** Reports to all viewers that a chosen topic vanished and input goes to another one. */
 export class ChoiceEnds {
   #tell;
-  #known; // number of the last end by use; unknown until the first state
+  #known; // number of the last end, by use; undefined until the first state
 
   /** @param {(text: string) => void} tell */
   constructor(tell) {
     this.#tell = tell;
   }
 
-  /** @param {Object<string, {number: number, text: string}>} ended by use. The first state is old news. */
+  /**
+   * @param {Object<string, {number: number, text: string}>} ended by use. Ends in the first state are old and
+   *   not reported.
+   */
   follow(ended) {
     const before = this.#known;
     this.#known = Object.fromEntries(

@@ -27,7 +27,7 @@ export class TaskPanel {
   #lookAhead;
   #forget;
   #topics;
-  #acting; // those of them by which somebody with control may act
+  #acting; // the parts that need control
   #motionEnds;
   #speechEnds;
   #choiceEnds;
@@ -40,10 +40,11 @@ export class TaskPanel {
   /**
    * @param {Record<string, HTMLElement>} parts
    * @param {object} page
-   * @param {{phrases: string, speech: string, topics: string}} page.addresses of what is read, and of the WebSocket
+   * @param {{phrases: string, speech: string, topics: string}} page.addresses of phrases and of the
+   *   history of speech; of the topics' WebSocket
    * @param {(message: object) => boolean} page.send
    * @param {import("../page/notices.js").Notices} page.notices
-   * @param {() => number} page.clock milliseconds, growing over reloads of the tab
+   * @param {() => number} page.clock milliseconds; a reload of the tab does not set it back
    */
   constructor(parts, { addresses, send, notices, clock }) {
     const tell = (notice) => notices.add(notice);
@@ -132,12 +133,15 @@ export class TaskPanel {
     this.#history.isShown = tab === "speech";
   }
 
-  /** Send a task that belongs to no panel. @returns {Promise<?object>} why it was refused; null if it was accepted */
+  /**
+   * Send a task that belongs to no panel.
+   * @returns {Promise<?object>} the refusal; null if it was accepted
+   */
   order(order) {
     return this.#send(order);
   }
 
-  /** No velocity is repeated any more. */
+  /** Stop repeating velocities. */
   zero() {
     this.#topics.zero();
   }

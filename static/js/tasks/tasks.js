@@ -6,9 +6,10 @@ import { limbName } from "../limbs/words.js";
 import { useLabel } from "./uses.js";
 
 export const PATIENCE_MS = 750;
-export const FORGOTTEN_MS = 15_000; // after this time an answer is ignored: the person does not expect it any more
+// After this time an answer is ignored: the person does not expect it any more.
+export const FORGOTTEN_MS = 15_000;
 
-// Requests that need no control: the console knows who may cancel.
+// Requests that need no control: the console checks who may cancel.
 const WITHOUT_CONTROL = new Set(["refresh", "play_cancel", "say_cancel"]);
 
 /** The name of a request, in words. */
@@ -81,7 +82,7 @@ function doneText(order) {
   }
 }
 
-/** Text for the end of a topic's messages. */
+/** Text for the end of publishing on a topic. */
 export function publishedNoMore(topic) {
   return interpolate(gettext("Publishing on %s has ended."), [topic]);
 }
@@ -94,8 +95,8 @@ export function shortened(text, length = 40) {
 }
 
 /**
- * Sends under the fence of this tab's control. Knows which motion and which speech this page began, so that
- * their end is reported to the person who asked.
+ * Sends requests with the fence of this tab's control, matches answers to requests by their number, and shows
+ * notices about them.
  */
 export class Orders {
   #send;
@@ -105,9 +106,9 @@ export class Orders {
   #waiting = new Map();
 
   /**
-   * @param {(message: object) => boolean} send whether there was a connection
+   * @param {(message: object) => boolean} send returns whether there was a connection
    * @param {(notice: {level: string, code: string, text: string}) => void} tell
-   * @param {number} first the numbers begin after it: they grow over reloads of the tab
+   * @param {number} first the last used number: a reload of the tab does not set it back
    */
   constructor(send, tell, first) {
     this.#send = send;
@@ -121,9 +122,9 @@ export class Orders {
   }
 
   /**
-   * @param {object} order without its number and fence. `title` is for people and stays here; `quiet` reports
-   *   refusals only, for requests that a page repeats.
-   * @returns {Promise<?object>} why it was refused; null if it was accepted
+   * @param {object} order without its number and fence. `title` is for people and is not sent; `quiet`: only
+   *   refusals are reported, for requests that a page repeats.
+   * @returns {Promise<?object>} the refusal; null if it was accepted
    */
   send(order) {
     if (this.#fence === null && !WITHOUT_CONTROL.has(order.t)) {
@@ -156,7 +157,7 @@ export class Orders {
     return true;
   }
 
-  /** The connection is gone, and with it the answers. */
+  /** The connection is lost: no answers will come. */
   lost() {
     const text = gettext("The connection was lost before an answer came.");
     for (const [seq, { order, resolve, isLate }] of this.#waiting) {
@@ -181,7 +182,7 @@ export class Orders {
   }
 
   #refused(order, refusal) {
-    const what = orderText(order); // two motions refused are two notices, though for one reason
+    const what = orderText(order); // two refused motions are two notices, also if the reason is the same
     const code = `${what} ${refusal.code}`;
     this.#tell({ level: "warning", code, text: `${what}: ${refusal.text}` });
     return refusal;
@@ -189,7 +190,7 @@ export class Orders {
 
   #late(seq) {
     const waiting = this.#waiting.get(seq);
-    waiting.isLate = true; // and reported as late: one more notice only if its answer comes
+    waiting.isLate = true; // reported as late here: it is reported again only if its answer comes
     const text = gettext("no answer within 0.75 s. Look what the robot does before you try again.");
     waiting.resolve(this.#refused(waiting.order, { code: "no_answer", text }));
   }

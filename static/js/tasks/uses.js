@@ -6,7 +6,7 @@ export function useLabel(use) {
   return { drive: gettext("Drive"), speech: gettext("Speech"), motions: gettext("Motions") }[use];
 }
 
-/** Uses of a tab: the topics tab has rows for all of them. */
+/** Return the uses whose chosen topics a tab shows. The topics tab has its own rows for all uses. */
 export function usesOf(tab) {
   if (tab === "centre") return USES;
   return USES.filter((use) => use === tab);

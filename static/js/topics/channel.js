@@ -1,10 +1,11 @@
-/** The connection for the robot's topics: questions with one answer each, and live views. */
+/** The connection for the robot's topics: requests with one answer each, and live views. */
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket } from "../connection/socket.js";
 import { PATIENCE_MS as LATE_MS } from "../tasks/tasks.js";
 
-const PATIENCE_MS = 12_000; // what answers may have to be started first, and the robot's own services take a moment
+// The program that answers may have to start first, and the robot's own services need time.
+const PATIENCE_MS = 12_000;
 
 /** A refusal, as an error. */
 class RefusedError extends Error {
@@ -17,13 +18,13 @@ class RefusedError extends Error {
 
 /**
  * Events: "open", "refused" (detail: a refusal without a request), "late" (the first answer that is late).
- * Open only while somebody reads topics.
+ * Open only while the topics tab is shown.
  */
 export class TopicsChannel extends EventTarget {
   #url;
   #socket = null;
   #heartbeat = null;
-  #listening = null; // ignore messages of a closed socket
+  #listening = null; // aborted by close(), so that messages of a closed socket are ignored
   #seq = 0;
   #asked = new Map();
   #subscriptions = new Map();
@@ -56,7 +57,10 @@ export class TopicsChannel extends EventTarget {
     this.#lost();
   }
 
-  /** @param {object} question without its number. @returns {Promise<object>} the answer; rejects with a RefusedError. */
+  /**
+   * @param {object} question without its number.
+   * @returns {Promise<object>} the answer; rejects with a RefusedError.
+   */
   ask(question) {
     this.#seq += 1;
     const seq = this.#seq;
@@ -77,13 +81,13 @@ export class TopicsChannel extends EventTarget {
     });
   }
 
-  /** Subscribes to a topic until the end of the subscription. One subscription for each topic. */
+  /** Subscribes to a topic until `unsubscribe`. Each topic has at most one subscription. */
   subscribe(topic, rateHz, show) {
     this.#subscriptions.set(topic, { rateHz, show });
     this.#socket?.send({ t: "subscribe", topic, rate_hz: rateHz });
   }
 
-  /** While the page is hidden there are no subscriptions. */
+  /** Subscribe if the page is visible; end the subscriptions if it is hidden. */
   #followVisibility() {
     for (const [topic, { rateHz }] of this.#subscriptions) {
       this.#socket.send(

@@ -1,12 +1,12 @@
 /** A message's fields, as rows with dotted paths. Pure. */
 
-export const PATHS_AT_MOST = 400; // rows of one message; more would be a page nobody reads
+export const PATHS_AT_MOST = 400; // rows of one message: nobody would read more
 
-const NO_NUMBERS = new Set(["NaN", "Infinity", "-Infinity"]); // JSON has them as texts
+const NO_NUMBERS = new Set(["NaN", "Infinity", "-Infinity"]); // strings in JSON
 
 /**
- * Every field below a message, in its order. `kind` says what its row is like: a "branch" with others below it, a
- * "number", "numbers" in a list, or "text" for all other values.
+ * Return every field of a message, in order. `kind` is the kind of row: a "branch" with other rows below it,
+ * a "number", "numbers" in a list, or "text" for all other values.
  * @param {object} fields
  * @param {Set<string>} opened paths of lists of numbers that have a row for each element
  * @returns {{path: string, value: any, depth: number, kind: string, isOpen: boolean}[]}
@@ -24,7 +24,7 @@ export function rows(fields, opened = new Set(), prefix = "", depth = 0, found =
   return found;
 }
 
-/** A list of plain values is one row. */
+/** Return the kind of a value's row. A list of plain values is one row. */
 function kindOf(value) {
   if (isNumeric(value)) return "number";
   if (value === null || typeof value !== "object") return "text";
@@ -33,7 +33,7 @@ function kindOf(value) {
   return value.length > 0 && value.every(isNumeric) ? "numbers" : "text";
 }
 
-/** The number at a path, as `rows` writes it; null where there is none. */
+/** Return the number at a path of `rows`; null if there is none. */
 export function numberAt(fields, path) {
   let value = fields;
   for (const step of path.match(/[^.[\]]+/g) ?? []) value = value?.[step];
@@ -45,7 +45,7 @@ function isNumeric(value) {
   return typeof value === "number" || typeof value === "boolean" || NO_NUMBERS.has(value);
 }
 
-/** A value as a person reads it; a list with what of it is not shown. */
+/** Return the text of a value; of a list that is shown in part, with its whole length. */
 export function valueText(value, wholeLength = null) {
   if (Array.isArray(value)) {
     const shown = value.map((item) => valueText(item)).join(", ");
@@ -71,7 +71,7 @@ export function figuresText(message) {
     .join(" · ");
 }
 
-/** A type as a person reads it: the robot's master does not know all of them. */
+/** Return the text of a type: the robot's master does not know all types. */
 export function typeText(type) {
   return type === "*" ? gettext("type not known") : type;
 }

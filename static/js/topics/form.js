@@ -1,11 +1,16 @@
-/** A form for a message, made from its definition: nested fields, lists of messages, constants as choices, time. */
+/**
+ * A form for a message, made from its definition: nested fields, lists of messages, constants as choices,
+ * time.
+ */
 
 import { make, makeButton, setText, setTextOrHide } from "../lib/dom.js";
 import { blankText, parsed, parsedArray } from "./value_parsing.js";
 
-const MOST_MADE = 20; // messages of a list that has a fixed number: more are written as JSON
+const MOST_MADE = 20; // messages in a list of fixed length: a longer list is written as JSON
 
-/** The form of one message type. `values` reads it, `fault` shows what the robot's side found wrong. */
+/**
+ * The form of one message type. `values` reads the form, `fault` shows an error that the robot's side found.
+ */
 export class MessageForm {
   #root;
   #message;
@@ -17,7 +22,7 @@ export class MessageForm {
     root.replaceChildren(...this.#message.rows);
   }
 
-  /** @returns {?object} nested values; null if something is wrong, which is then said beside it */
+  /** @returns {?object} nested values; null if a value is wrong: its field then shows the error */
   get values() {
     const values = this.#message.values();
     const wrong = this.#root.querySelector("[aria-invalid=true]");
@@ -25,7 +30,10 @@ export class MessageForm {
     return wrong ? null : values;
   }
 
-  /** @param {string} path of the wrong field, as `points[0].x`. @returns {boolean} whether it is in this form */
+  /**
+   * @param {string} path of the wrong field, as `points[0].x`.
+   * @returns {boolean} whether the form has this field
+   */
   fault(path, text) {
     const found = this.#message.find(path.match(/[^.[\]]+/g) ?? []);
     found?.fault(text);
@@ -56,7 +64,7 @@ class Message {
   }
 }
 
-/** @param {string} id unlike that of any other part of the form */
+/** @param {string} id unique in the form */
 function part(field, id) {
   if (!isMessage(field) || field.array > MOST_MADE) return new Value(field, id);
   return isArray(field) ? new List(field, id) : new Nested(field, id);
@@ -81,7 +89,7 @@ class Nested {
   }
 }
 
-/** Messages within the message, as many as there should be. */
+/** A list of messages within the message: as many as the definition fixes, or as many as the person adds. */
 class List {
   element;
   #field;
@@ -140,7 +148,7 @@ class List {
     this.#items.splice(this.#items.indexOf(item), 1);
     item.element.remove();
     this.#number();
-    this.element.lastElementChild.focus(); // the button that adds one
+    this.element.lastElementChild.focus(); // the button that adds a message
   }
 
   #number() {
@@ -152,7 +160,7 @@ class List {
   }
 }
 
-/** One value, or an array of plain ones. */
+/** One value, or an array of plain values. */
 class Value {
   element;
   #field;
@@ -203,7 +211,7 @@ class Value {
     return parsed(this.#input.value, this.#field);
   }
 
-  /** The constants of its type, to choose from; any other value may be written, too. */
+  /** Return a choice of the constants of the field's type. The person may also write another value. */
   #choiceOf(field) {
     const constants = Object.entries(field.constants ?? {});
     if (isArray(field) || field.type === "bool" || !constants.length) return null;

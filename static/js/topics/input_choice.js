@@ -1,4 +1,4 @@
-/** Targets of input: for each use its present topic, the way back to the default, and other choices. */
+/** The topics to which input goes: for each use its topic, a way back to the default, and other choices. */
 
 import { takeControlFirst } from "../control/lease.js";
 import { whyNot } from "../control/roles.js";
@@ -6,11 +6,12 @@ import { dim, make, makeButton, setText, setTextOrHide, show } from "../lib/dom.
 import { USES, useLabel } from "../tasks/uses.js";
 
 /**
- * Everything that this use could be sent to, what fits and is allowed first. Pure.
+ * Return all topics (or actions) for a use. Those that fit and are allowed come first. Pure.
  * @param {object} graph of the robot @param {{topic, type, chooseable}} offer
  * @param {string} role of this person on the robot
- * @param {string} [chosen] where it goes now, if not to the default
- * @returns {{name: string, type: string, mark: string, why: string}[]} `why` it cannot be chosen, empty if it can
+ * @param {string} [chosen] the current topic, if it is not the default
+ * @returns {{name: string, type: string, mark: string, why: string}[]} `why`: the reason why it
+ *   cannot be chosen, empty if it can
  */
 export function candidates(graph, offer, role, chosen) {
   const isAction = offer.type.endsWith("Action");
@@ -32,7 +33,10 @@ function why(name, type, offer, role) {
   return needed ? whyNot(role, needed) : gettext("not on the allow-list");
 }
 
-/** One row for each use that the robot has. Event "choose": {use, topic}, topic null for the default; "list": {use}. */
+/**
+ * One row for each use that the robot has. Event "choose": {use, topic}, topic null for the default; "list":
+ * {use}.
+ */
 export class InputChoice extends EventTarget {
   #list;
   #rows = new Map();
@@ -60,7 +64,7 @@ export class InputChoice extends EventTarget {
     this.#show();
   }
 
-  /** @param {boolean} may this tab has control */
+  /** @param {boolean} may whether this tab has control */
   set mayAct(may) {
     this.#mayAct = may;
     this.#show();

@@ -31,19 +31,23 @@ export class FieldPlot {
     return this.#plot.names;
   }
 
-  /** @param {boolean} on this field, or this list's elements, get a line or lose theirs. @returns {string} why not */
+  /**
+   * Add or remove lines.
+   * @param {boolean} on true: the field gets a line; false: the field, or the list's elements, lose theirs
+   * @returns {string} why not, or ""
+   */
   put(path, on) {
     const others = this.names.filter((name) => name !== path && !name.startsWith(`${path}[`));
     if (on && others.length >= LINES_AT_MOST) {
       return interpolate(gettext("A plot has at most %s lines."), [LINES_AT_MOST]);
     }
     const names = on ? [...others, path] : others;
-    this.#element.hidden = names.length === 0; // hence without room for a plot
+    this.#element.hidden = names.length === 0; // then the plot has no room and is not drawn
     this.#plot.names = names;
     return "";
   }
 
-  /** @param {?object} fields of a new message; null: there is none, time goes on */
+  /** @param {?object} fields of a new message; null: no message, only the time axis moves */
   add(fields) {
     this.#plot.add(fields && new Map(this.names.map((path) => [path, numberAt(fields, path)])));
   }

@@ -1,13 +1,15 @@
-/** Publishing what the allow-list admits: a form from the definition, or a dictionary with dotted keys. */
+/**
+ * Publishes on topics of the allow-list: by a form from the definition, or by a dictionary with dotted keys.
+ */
 
 import { takeControlFirst } from "../control/lease.js";
 import { dim, make, makeButton, setTextOrHide, show } from "../lib/dom.js";
 import { MessageForm } from "./form.js";
 import { parsedJson } from "./value_parsing.js";
 
-const RATE_HZ = [0.1, 50]; // the slowest and the fastest, but for once
+const RATE_HZ = [0.1, 50]; // the slowest and the fastest; 0 publishes once
 
-/** A dictionary as somebody wrote it. Throws an Error with words for a person. */
+/** Parse a dictionary that a person wrote. Throws an Error with a sentence for people. */
 export function dictionary(text) {
   let found = null;
   try {
@@ -33,7 +35,7 @@ export class PublishPanel extends EventTarget {
 
   /**
    * @param {Object<string, HTMLElement>} parts those of the panel, by data-part
-   * @param {(topic: string, type: string) => Promise<object>} describe asks for a definition
+   * @param {(topic: string, type: string) => Promise<object>} describe requests a definition
    */
   constructor(parts, describe) {
     super();
@@ -45,7 +47,10 @@ export class PublishPanel extends EventTarget {
     parts["publish-form"].addEventListener("submit", (event) => this.#submit(event), { signal });
   }
 
-  /** @param {{topic: string, type: string, why: string}[]} publishable `why` this person may not, empty if they may */
+  /**
+   * @param {{topic: string, type: string, why: string}[]} publishable `why`: the reason why this person may
+   *   not, empty if they may
+   */
   set publishable(publishable) {
     const before = this.#parts["publish-topic"].value;
     const typeBefore = this.#types[before];
@@ -65,12 +70,12 @@ export class PublishPanel extends EventTarget {
     if (this.#types[before] !== typeBefore || !kept) this.#choose();
   }
 
-  /** Definitions can be asked for now: also that of what was chosen before there was a connection. */
+  /** The connection is open: request the definition of a topic that was chosen before. */
   connected() {
     if (!this.#form) this.#choose();
   }
 
-  /** @param {{topic, type, rate_hz}[]} running what is published at a rate */
+  /** @param {{topic, type, rate_hz}[]} running topics that are published at a rate */
   set running(running) {
     if (JSON.stringify(running) === JSON.stringify(this.#running)) return;
     this.#running = running;
@@ -85,7 +90,7 @@ export class PublishPanel extends EventTarget {
     this.#parts["publish-running"].replaceChildren(...items);
   }
 
-  /** @param {?boolean} may this tab has control; null: not known yet */
+  /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
     const stops = this.#parts["publish-running"].querySelectorAll("button");
@@ -94,7 +99,9 @@ export class PublishPanel extends EventTarget {
     show(this.#parts["publish-control"], may === false);
   }
 
-  /** Mark the field that the robot's side refused in the last message; the refusal itself is already shown. */
+  /**
+   * Mark the field that the robot's side refused in the last message; the refusal itself is already shown.
+   */
   fault({ text, figures = {} }) {
     if (figures.path === undefined) return;
     const inForm = this.#usesForm && this.#form?.fault(figures.path, text);
@@ -118,7 +125,7 @@ export class PublishPanel extends EventTarget {
     this.#say("");
     try {
       const { fields } = await this.#describe(topic, type);
-      if (this.#parts["publish-topic"].value !== topic) return; // another was chosen meanwhile
+      if (this.#parts["publish-topic"].value !== topic) return; // another topic was chosen since
       this.#form = new MessageForm(this.#parts["publish-fields"], fields);
     } catch (error) {
       this.#say(error.message);
@@ -151,7 +158,7 @@ export class PublishPanel extends EventTarget {
     }
   }
 
-  /** 0 for once; null if what was written is none, which is then said. */
+  /** Return the rate, 0 for once. If the input is no rate, show an error and return null. */
   #rate() {
     const input = this.#parts["publish-rate"];
     const rateHz = input.validity.badInput ? Number.NaN : Number(input.value);

@@ -1,6 +1,8 @@
-/** Velocities that this page repeats: the robot's bridge takes none that is older than a third of a second. */
+/**
+ * Velocities that this page repeats: the robot's bridge refuses a velocity older than a third of a second.
+ */
 
-const SLOWEST_HZ = 5; // slower than this, the base would stop between two
+const SLOWEST_HZ = 5; // at a lower rate, the base would stop between two velocities
 
 export class Repeater {
   #send;
@@ -11,7 +13,7 @@ export class Repeater {
     this.#send = send;
   }
 
-  /** @returns {{topic, type, rate_hz}[]} what is repeated */
+  /** @returns {{topic, type, rate_hz}[]} the topics with repeated velocities */
   get running() {
     return [...this.#timers.values()].map(({ order: { topic, type }, rateHz }) => ({
       topic,
@@ -33,13 +35,13 @@ export class Repeater {
     this.#anew(order);
   }
 
-  /** Starts from rest, independent of earlier messages, like a stick that has been in the middle. */
+  /** Send zero, then the velocity: it begins like a stick in the middle, independent of earlier messages. */
   #anew(order) {
     this.#send({ ...order, fields: {}, quiet: true });
     this.#send(order);
   }
 
-  /** @param {?string} topic all of them without. @returns {boolean} whether something ended */
+  /** @param {?string} topic null: all topics. @returns {boolean} whether a repetition ended */
   end(topic = null) {
     const ending = [...this.#timers.keys()].filter((key) => topic === null || key === topic);
     for (const key of ending) {

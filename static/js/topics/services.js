@@ -1,4 +1,6 @@
-/** The robot's services and parameters: everybody may read, staff may call and set what the allow-list admits. */
+/**
+ * The robot's services and parameters: everybody may read, staff may call and set what the allow-list admits.
+ */
 
 import { make, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { MessageForm } from "./form.js";
@@ -11,7 +13,7 @@ function answerText({ fields, shortened = {} }) {
   return `${text}\n${interpolate(gettext("Shown in part: %s"), [cut.join(", ")])}`;
 }
 
-/** Calls one service. Its form is made when it is opened. */
+/** Calls one service, by a form that is made from the service's definition. */
 export class ServiceCall {
   element;
   #channel;
@@ -123,7 +125,7 @@ export class ParameterView {
     this.#ask({ t: "set_parameter", name: this.#name, value }, gettext("Set."));
   }
 
-  /** @param {string} done what to say when it was answered */
+  /** @param {string} done text to show after the answer */
   async #ask(question, done) {
     this.#set.disabled = true;
     try {

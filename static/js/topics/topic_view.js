@@ -6,7 +6,7 @@ import { FieldPlot } from "./plot.js";
 
 const SILENCE_MS = 4000; // a subscribed topic is reported every second, also without messages
 
-/** Events: "refused" (detail: in words), "end". */
+/** Events: "refused" (detail: a text), "end". */
 export class TopicView extends EventTarget {
   element;
   #type;
@@ -15,14 +15,14 @@ export class TopicView extends EventTarget {
   #table = make("dl", { className: "field-list" });
   #cut = make("p", { className: "quiet" });
   #plot;
-  #rows = new Map(); // by what they show: path and kind
+  #rows = new Map(); // by path and kind
   #opened = new Set(); // paths of lists whose elements have rows of their own
   #number = null; // of the newest message
   #fields = {};
-  #lengths = new Map(); // whole ones, by path, of lists that are shown in part
+  #lengths = new Map(); // full lengths, by path, of lists that are shown in part
   #silence = null;
 
-  /** @param {string} topic @param {string} type as the robot's master knows it */
+  /** @param {string} topic @param {string} type as the robot's master reports it */
   constructor(topic, type) {
     super();
     this.#type = make("span", { className: "quiet", text: typeText(type) });
@@ -44,7 +44,10 @@ export class TopicView extends EventTarget {
     this.element.setAttribute("aria-label", topic);
   }
 
-  /** @param {object} message as in `sample`; sent again if nothing came, so that its figures are current */
+  /**
+   * @param {object} message as in `sample`; it is sent again if no new message came, so that its figures are
+   *   current
+   */
   show(message) {
     clearTimeout(this.#silence);
     this.#silence = setTimeout(() => this.#lost(), SILENCE_MS);
@@ -72,7 +75,9 @@ export class TopicView extends EventTarget {
     setText(this.#figures, gettext("No news of it: this is what came last."));
   }
 
-  /** Keep unchanged elements, so that focus, scroll position and a press are not lost. */
+  /**
+   * Update the rows. Unchanged elements are kept, so that focus, scroll position and a press are not lost.
+   */
   #fill() {
     const found = rows(this.#fields, this.#opened);
     const wanted = new Set(found.map(keyOf));

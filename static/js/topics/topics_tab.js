@@ -17,7 +17,8 @@ import { TopicView } from "./topic_view.js";
 const RATE_HZ = 5;
 const MOST_SUBSCRIPTIONS = 8;
 const AGAIN_MS = 3000; // until a request without answer is sent again: the robot may be back by then
-const LASTING = new Set(["too_large", "inspector_fault", "not_connected"]); // refusals that a repetition cannot change
+// Refusals that do not change if the request is repeated.
+const LASTING = new Set(["too_large", "inspector_fault", "not_connected"]);
 
 /** Requests the robot's topics only while the tab is shown. */
 export class TopicsTab {
@@ -37,13 +38,13 @@ export class TopicsTab {
   #mayAct = null;
   #listening = new AbortController();
   #isShown = false;
-  #again = null; // a refresh that will be tried again, or is
+  #again = null; // timer of a refresh that is repeated; set until the repeated refresh has ended
 
   /**
    * @param {Object<string, HTMLElement>} parts those of the tab, by data-part
    * @param {string} url of the WebSocket for topics
-   * @param {{send: (order: object) => Promise<?object>, tell: (notice: object) => void}} orders sends an order,
-   *   resolves with the refusal or null; tells the person something
+   * @param {{send: (order: object) => Promise<?object>, tell: (notice: object) => void}} orders `send` sends
+   *   an order and resolves with the refusal or null; `tell` shows a notice
    * @param {() => number} clock milliseconds, monotonic in this tab
    */
   constructor(parts, url, orders, clock) {
@@ -77,7 +78,7 @@ export class TopicsTab {
     this.#publish.running = [...publishing, ...this.#repeater.running];
   }
 
-  /** @param {?boolean} may this tab has control of the robot; null: not known yet */
+  /** @param {?boolean} may whether this tab has control of the robot; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
     this.#choices.mayAct = may;
@@ -94,7 +95,7 @@ export class TopicsTab {
     this.#offerPublishing();
   }
 
-  /** No velocity is repeated any more. */
+  /** Stop repeating velocities. */
   zero() {
     this.#repeater.end();
   }
@@ -182,7 +183,7 @@ export class TopicsTab {
     };
   }
 
-  /** Report a person's requests only, not automatic repetitions. */
+  /** Report a late answer to a person's request, but not to an automatic repetition. */
   #late() {
     if (this.#again !== null) return;
     this.#tell("info", gettext("Topics: no answer within 0.75 s yet. It may take some seconds."));
@@ -238,7 +239,7 @@ export class TopicsTab {
     this.#offerTopics();
     this.#parts["choose-dialog"].show();
     this.#lists.choices.focus();
-    this.#refresh(); // the robot may have others by now
+    this.#refresh(); // the robot may have other topics by now
   }
 
   #offerTopics() {
@@ -247,7 +248,7 @@ export class TopicsTab {
     const { choices } = this.#lists;
     const begins = choices.items.length === 0;
     choices.items = candidates(this.#graph, offer, this.#role, this.#chosen[use]);
-    if (begins) choices.focus(); // the search was not there when the dialog opened
+    if (begins) choices.focus(); // the search field was hidden when the dialog opened
   }
 
   #choose(use, topic) {
@@ -298,13 +299,13 @@ export class TopicsTab {
     this.#publish.publishable = [...offered, ...drive];
   }
 
-  /** The one topic to which velocities go, with their type. */
+  /** The topic to which velocities go, with its type; empty if there is none. */
   get #velocities() {
     const { drive } = this.#offers.uses;
     return drive ? { [this.#chosen.drive ?? drive.topic]: drive.type } : {};
   }
 
-  /** A velocity is valid for a third of a second: this page repeats it, and stops with the page. */
+  /** A velocity is valid for a third of a second: this page repeats it, so the robot stops with the page. */
   #publishThis(order) {
     const message = { t: "publish", ...order };
     if (!(order.topic in this.#velocities)) this.#send(message);

@@ -1,16 +1,16 @@
-/** Typed texts for a message's fields, as values for JSON. Whole numbers keep all their digits. Pure. */
+/** Converts typed texts for a message's fields to JSON values. Whole numbers keep all their digits. Pure. */
 
 const WHOLE = /^u?int(8|16|32|64)$|^byte$|^char$/;
 const FRACTION = /^float(32|64)$/;
 
-/** The first value of a field. */
+/** Return the text with which a field begins. */
 export function blankText(type) {
   if (type === "time") return "now";
   if (type === "duration" || WHOLE.test(type) || FRACTION.test(type)) return "0";
   return "";
 }
 
-/** A written value as the definition wants it. Throws an Error with words for a person. */
+/** Convert a written value to the type of its definition. Throws an Error with a sentence for people. */
 export function parsed(text, { type, constants = {} }) {
   if (type === "string") return text;
   const trimmed = text.trim();
@@ -25,7 +25,7 @@ export function parsed(text, { type, constants = {} }) {
   return exact(value, trimmed);
 }
 
-/** An array as it is written: values with commas between, or a JSON list. */
+/** Convert a written array: values with commas between, or a JSON list. */
 export function parsedArray(text, field) {
   const trimmed = text.trim();
   const values = trimmed.startsWith("[") ? parsedList(trimmed) : split(trimmed, field);
@@ -35,7 +35,9 @@ export function parsedArray(text, field) {
   return values;
 }
 
-/** JSON, of which no whole number loses digits. Throws a SyntaxError, or an Error with words for a person. */
+/**
+ * Parse JSON; whole numbers keep all digits. Throws a SyntaxError, or an Error with a sentence for people.
+ */
 export function parsedJson(text) {
   return JSON.parse(text, (_key, value, { source = "" } = {}) =>
     typeof value === "number" && !/[.e]/i.test(source) ? exact(value, source) : value,
@@ -62,7 +64,7 @@ function truth(text) {
   throw new Error(gettext("Write true or false."));
 }
 
-/** A number that is whole. A browser's own numbers round those beyond 2^53. */
+/** Return a whole number with all its digits: a browser's own numbers are rounded beyond 2^53. */
 function exact(value, text) {
   if (!Number.isInteger(value) || Number.isSafeInteger(value)) return value;
   if (!JSON.rawJSON || !text) {

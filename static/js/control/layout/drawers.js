@@ -1,4 +1,4 @@
-/** Drawers of a small screen: what does not fit beside picture, stick and stop. One is open at a time, or none. */
+/** Drawers of a small screen, for parts without room beside picture, stick and stop. At most one is open. */
 
 import { mark } from "../../lib/dom.js";
 
@@ -10,7 +10,7 @@ export class Drawers {
   #open = null;
   #listening = new AbortController();
 
-  /** @param {HTMLElement} root carries data-drawer-shown for the style sheet; holds openers and drawers */
+  /** @param {HTMLElement} root gets data-drawer-shown for the style sheet; holds openers and drawers */
   constructor(root) {
     this.#root = root;
     this.#openers = new Map(
@@ -27,7 +27,7 @@ export class Drawers {
     );
   }
 
-  /** Close what is open. Nothing may hide the picture while somebody drives. */
+  /** Close the open drawer. No drawer may hide the picture while a person drives. */
   close() {
     if (this.#open === null) return;
     const opener = this.#openers.get(this.#open);

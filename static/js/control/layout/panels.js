@@ -1,4 +1,7 @@
-/** The places of the panels on a desk: dragged by their handles, or moved by the arrow keys. Kept for each account. */
+/**
+ * Where the panels are on a large screen: people drag them by handles, or move them by arrow keys. Kept for
+ * each account.
+ */
 
 import { mark } from "../../lib/dom.js";
 
@@ -14,13 +17,13 @@ function placeWords(place) {
   }[place];
 }
 
-/** Exchange a panel with the one at its new place. Pure. @param {Record<string, string>} places by panel */
+/** Exchange a panel with the panel at its new place. Pure. @param {Record<string, string>} places by panel */
 export function moved(places, panel, place) {
   const there = Object.keys(places).find((other) => places[other] === place);
   return { ...places, [there]: places[panel], [panel]: place };
 }
 
-/** Return whether what was kept is an arrangement: each panel has a place of its own. */
+/** Return whether a stored value is an arrangement: each panel has its own place. */
 function isArrangement(places) {
   const kept = Object.keys(STANDARD).map((panel) => places?.[panel]);
   return PLACES.every((place) => kept.includes(place));
@@ -35,9 +38,10 @@ export class Panels {
   #listening = new AbortController();
 
   /**
-   * @param {HTMLElement} root its elements with data-panel are the panels, those with data-moves their handles
+   * @param {HTMLElement} root its elements with data-panel are the panels, those with data-moves their
+   *   handles
    * @param {import("../choices.js").Choices} choices of the person
-   * @param {(text: string) => void} tell what was moved, for those who listen
+   * @param {(text: string) => void} tell reports a move to screen readers
    */
   constructor(root, choices, tell) {
     this.#choices = choices;
@@ -73,7 +77,7 @@ export class Panels {
     this.#tell(placeWords(place));
   }
 
-  /** The arrows that drive do not drive from here. */
+  /** Arrow keys on a handle move the panel: they do not drive. */
   #pressed(event, handle) {
     const step = STEPS[event.key];
     if (!step || event.ctrlKey || event.altKey || event.metaKey) return;

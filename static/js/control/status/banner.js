@@ -1,4 +1,4 @@
-/** The banner: the worst fault that keeps a person from driving, in words. Pure. */
+/** The banner: a text about the worst fault that keeps a person from driving. Pure. */
 
 import {
   isSeen,
@@ -13,18 +13,19 @@ import {
 } from "./status_text.js";
 
 /**
- * The banner: title, text and level, which gives its colour; null: all is well.
+ * Return the banner: title, text and level, which gives its colour; null: there is no fault.
  * @param {object} now
- * @param {boolean} now.outdated the page is of another version than the console, and may only stop
+ * @param {boolean} now.outdated the page has another version than the console, and can only stop
  * @param {boolean} now.connected the page has its socket
  * @param {object | null} now.gone refusal: no link from the console to the robot's bridge
  * @param {?object} now.pending the stop that waits for the robot, while there is no link
- * @param {?number} now.seen when the robot was last heard, in seconds since 1970
+ * @param {?number} now.seen time of the robot's last report, in seconds since 1970
  * @param {object | null} now.state the robot's newest `State`
  * @param {number} now.sinceViewMs age of that state
- * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first; shown if
- *   nothing else keeps the robot from driving
- * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, console, watchdog, info
+ * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first;
+ *   shown if nothing else keeps the robot from driving
+ * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop,
+ *   warning, console, watchdog, info
  */
 export function banner({
   outdated,
@@ -128,7 +129,7 @@ function lastSeen(at) {
   return at ? interpolate(gettext("How the robot is: %s."), [unknownText(at)]) : "";
 }
 
-/** Remedies for a robot that is out of reach. */
+/** Return the advice for a robot that is out of reach. */
 function waits() {
   return gettext("This page continues by itself. If this lasts, tell staff.");
 }

@@ -1,4 +1,4 @@
-/** The side panel: sensors, speed limits, who watches, what the robot refused. */
+/** The side panel: sensors, speed limits, watchers, refusals. */
 
 import { fill, make, setText, setTextOrHide, show } from "../../lib/dom.js";
 import { pageLanguage } from "../../lib/languages.js";
@@ -22,7 +22,7 @@ export function watchersText({ watchers, watchers_more: more }) {
   return names.join(", ") || gettext("Nobody");
 }
 
-/** Difference of the robot's clock and the console's, if large enough to be reported: positive is ahead. */
+/** Return a text about the difference of both clocks, if there is one. Positive: the robot's is ahead. */
 export function skewText({ clock_skew_s: skewS }) {
   if (!skewS) return "";
   const text =
@@ -32,14 +32,14 @@ export function skewText({ clock_skew_s: skewS }) {
   return interpolate(text, [Math.abs(skewS).toFixed(1)]);
 }
 
-/** A count as people read it: a large one is rounded. */
+/** Return a count as text; a large count is rounded. */
 function roughly(count) {
   if (count < 100) return String(count);
   const rounded = Number(count.toPrecision(2)).toLocaleString(pageLanguage());
   return interpolate(gettext("about %s"), [rounded]);
 }
 
-/** A sensor's plain name over its technical one, and how it is. */
+/** Make a row: a sensor's plain name over its technical name, and its state. */
 function sensorRow() {
   const name = make("span", { className: "first-upper", children: [make("span"), make("code")] });
   return make("li", { children: [name, make("span")] });
@@ -89,7 +89,7 @@ export class Details {
       interpolate(gettext("Also publishing to the drive topic: %s"), [state.foreign.join(", ")]),
     );
     const counts = Object.entries(state.refused).map(
-      ([code, count]) => `${code.replaceAll("_", " ")}: ${roughly(count)}`, // as all pages read codes
+      ([code, count]) => `${code.replaceAll("_", " ")}: ${roughly(count)}`, // as all pages show codes
     );
     fill(refusals, counts.length ? counts : [gettext("None")]);
   }

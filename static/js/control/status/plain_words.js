@@ -1,4 +1,4 @@
-/** Plain words for what robots and bridges call by technical names. *Details* has both. Pure. */
+/** Plain words for the technical names of robots and bridges. *Details* has both. Pure. */
 
 const EIGHTH = Math.PI / 4;
 
@@ -16,13 +16,19 @@ function distanceSensors() {
   ];
 }
 
-/** A range sensor's plain name, by the way it looks. @param {number} yaw radians, counter-clockwise from ahead */
+/**
+ * Return a range sensor's plain name, by its direction.
+ * @param {number} yaw radians, counter-clockwise from forward
+ */
 export function distanceSensorName(yaw) {
   const eighth = Math.round(yaw / EIGHTH) % 8;
   return distanceSensors()[(eighth + 8) % 8];
 }
 
-/** @param {{name: string, kind: string}} sensor @param {Map<string, string>} known plain names by technical ones */
+/**
+ * @param {{name: string, kind: string}} sensor
+ * @param {Map<string, string>} known plain names by technical names
+ */
 export function sensorName({ name, kind }, known) {
   const kinds = {
     scan: gettext("laser scanner"),
@@ -33,24 +39,30 @@ export function sensorName({ name, kind }, known) {
   return known.get(name) ?? kinds[kind] ?? name;
 }
 
-/** The plain names of a robot's range sensors, by their technical ones. @param {{name: string, yaw: number}[]} sonars */
+/**
+ * Return the plain names of a robot's range sensors, by their technical names.
+ * @param {{name: string, yaw: number}[]} sonars
+ */
 export function namesOf(sonars) {
   return new Map(sonars.map(({ name, yaw }) => [name, distanceSensorName(yaw)]));
 }
 
-/** A bridge's sentence with plain names in it. @param {Map<string, string>} [names] as of `namesOf` */
+/** Return a bridge's sentence with plain names. @param {Map<string, string>} [names] as of `namesOf` */
 export function plain(text, names = new Map()) {
   let plainer = text;
   for (const [technical, name] of names) plainer = plainer.replaceAll(technical, name);
   return plainer.replace(/\bsonar(s?)\b/g, "distance sensor$1");
 }
 
-/** The same without brackets that hold technical names: *Details* has them. */
+/** Return the same without technical names in brackets: *Details* has them. */
 export function brief(text, names) {
   return plain(text, names).replace(/ \([^()]*(?:\w_\w|\B\/\w|\btf\b)[^()]*\)/g, "");
 }
 
-/** The way of a stick position to the robot, in plain words. @param {string} steps in the bridge's words */
+/**
+ * Return a text about the filters between stick and robot.
+ * @param {string} steps the filters, as the bridge names them
+ */
 export function stickWords(steps) {
   return steps === "no filter"
     ? gettext("goes to the robot as it is")

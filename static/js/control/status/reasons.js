@@ -1,4 +1,4 @@
-/** Why the robot was slow or stood: said for some seconds after the stick is released, and the last five in a list. */
+/** Why the robot was slow or stood: shown for some seconds after the stick is released; a list has five. */
 
 const LINGERS_MS = 5000;
 const KEPT = 5;
@@ -26,7 +26,7 @@ export class Reasons {
     this.#seenMs = nowMs;
   }
 
-  /** The reason that held the robot back in the last seconds; empty: there was none. */
+  /** The reason why the gate slowed the robot in the last seconds; empty: there was none. */
   recent(nowMs) {
     return nowMs - this.#seenMs < LINGERS_MS ? this.#list[0].text : "";
   }

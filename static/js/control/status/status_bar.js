@@ -17,11 +17,14 @@ export class StatusBar {
   #health;
   #announcer;
   #reasons = new Reasons();
-  #names = new Map(); // plain names of sensors, by technical ones
+  #names = new Map(); // plain names of sensors, by technical names
   #bannerTitle = "";
   #stopSaid = { text: "", untilMs: 0 };
 
-  /** @param {HTMLElement} root carries the robot's stop for the style sheet @param {(notice: object) => void} tell */
+  /**
+   * @param {HTMLElement} root gets the state of the robot's stop for the style sheet
+   * @param {(notice: object) => void} tell
+   */
   constructor(root, parts, tell) {
     this.#root = root;
     this.#parts = parts;
@@ -32,10 +35,10 @@ export class StatusBar {
 
   /**
    * @param {object} now as `banner` takes it, and:
-   * @param {boolean} now.cut what is known of the robot may no longer be true
+   * @param {boolean} now.cut the data about the robot may be out of date
    * @param {boolean} now.mayClear this person may clear the stop
-   * @param {number | null} now.delayMs page to console and back
-   * @param {number | null} now.echoMs page to the robot's bridge and back
+   * @param {number | null} now.delayMs time from the page to the console and back
+   * @param {number | null} now.echoMs time from the page to the robot's bridge and back
    */
   show(now) {
     this.#showBanner(banner(now), now.mayClear);
@@ -90,7 +93,8 @@ export class StatusBar {
 
   #showRobot(state, cut) {
     mark(this.#root, "stop", state.stop.state);
-    if (state.stop.state !== "clear" && !cut) this.#stopSaid.untilMs = 0; // the robot's own report replaces it
+    // The robot's own report replaces it.
+    if (state.stop.state !== "clear" && !cut) this.#stopSaid.untilMs = 0;
     const said = performance.now() < this.#stopSaid.untilMs ? this.#stopSaid.text : "";
     setText(this.#parts["stop-state"], said || (cut ? "" : stopText(state)));
     this.#health.show(state, cut);
@@ -109,7 +113,7 @@ export class StatusBar {
     this.#reasons.add(verdict, text, now);
     const shown = brief(text || (cut ? "" : this.#reasons.recent(now)));
     const once = speedLimits.some(({ holds }) => holds) || texts.includes(shown);
-    setText(words, once ? "" : shown); // the limits above it say it already
+    setText(words, once ? "" : shown); // the limits above already show it
     mark(words, "past", !text);
     this.#details.reasons = this.#reasons.list;
     if (text) this.#announcer.announce(brief(text), `${verdict.code} ${verdict.side}`);

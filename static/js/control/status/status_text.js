@@ -1,4 +1,4 @@
-/** Words for the state of connection, robot, stop and gate. Pure. */
+/** Texts about the state of connection, robot, stop and gate. Pure. */
 
 import { whenText } from "../../lib/times.js";
 
@@ -15,12 +15,12 @@ export function isSilent(sinceViewMs) {
 }
 
 /**
- * State of a page's connection: an open but silent connection counts as none.
+ * Return the state of a page's connection: an open but silent connection counts as none.
  * @param {object} now
  * @param {boolean} now.connected the page has its socket
  * @param {object | null} [now.gone] refusal: no link from the console to the robot's bridge
- * @param {boolean} now.heard anything was heard yet
- * @param {boolean} now.stale and it is too old to go by
+ * @param {boolean} now.heard a state was received
+ * @param {boolean} now.stale the newest state is too old
  */
 export function connectionFact({ connected, gone = null, heard, stale }) {
   if (!connected) return { level: "fail", text: gettext("Offline") };
@@ -33,7 +33,7 @@ export function connectionFact({ connected, gone = null, heard, stale }) {
 
 const SEEN_S = 2; // a robot that is silent for longer is out of reach
 
-/** Return whether the robot itself was heard recently; otherwise its motion is not known. */
+/** Return whether the robot itself reported recently; otherwise its motion is not known. */
 export function isSeen({ phase, unseen_s: unseenS }) {
   return phase === "online" || (unseenS ?? Infinity) < SEEN_S;
 }
@@ -44,12 +44,12 @@ export function unknownText(seenAt) {
   return interpolate(gettext("unknown, last seen %s"), [whenText(seenAt * 1000)]);
 }
 
-/** Time of the last news of a robot, by its own state. @returns {?number} seconds since 1970 */
+/** Return the time of a robot's last report, from its state. @returns {?number} seconds since 1970 */
 export function seenAt({ unseen_s: unseenS }, nowMs = Date.now()) {
   return unseenS === null || unseenS === undefined ? null : nowMs / 1000 - unseenS;
 }
 
-/** The bridge's report about the standstill, in words. */
+/** Return a text about the standstill, from the bridge's report. */
 export function standstillText(stop) {
   if (stop.state === "stopping")
     return gettext("Zero is being sent; standstill is not confirmed yet.");
@@ -60,7 +60,7 @@ export function standstillText(stop) {
   ]);
 }
 
-/** The same in two words, for the stop button itself; empty while the latch is clear. */
+/** Return the same in few words, for the stop button itself; empty while the latch is clear. */
 export function stopText(state) {
   const { stop } = state;
   if (stop.state === "clear") return "";
@@ -71,7 +71,7 @@ export function stopText(state) {
   return interpolate(gettext("Standstill after %s\u00a0ms"), [Math.round(stop.standstill_ms)]);
 }
 
-/** The part of the console that was late, and how late; empty if none was. */
+/** Return which part of the console was late, and how late; empty if none was. */
 export function overloadText({ overload = null }) {
   if (!overload) return "";
   const text =
@@ -90,7 +90,10 @@ export function watchdogText({ watchdog_missing: missing = false }) {
     : "";
 }
 
-/** The pending stop and its author; empty if there is none. @param {?object} pending by, reason, at */
+/**
+ * Return a text about the pending stop and its author; empty if there is none.
+ * @param {?object} pending by, reason, at
+ */
 export function pendingText(pending) {
   if (!pending) return "";
   const text = gettext("A stop by %s, %s, waits for the robot and is delivered when it is back.");
@@ -107,21 +110,24 @@ export function phaseTitle(phase) {
   return titles[phase] ?? phase;
 }
 
-// The gate holds nothing back, or the banner already says it.
+// Codes without an intervention of the gate, and codes that the banner already shows.
 const SILENT = new Set(["idle", "free", "stopped", "neutral_needed", "robot_offline"]);
 
-/** The gate's present intervention, in words; empty if there is none. */
+/** Return a text about the gate's current intervention; empty if there is none. */
 export function verdictText(verdict) {
   return SILENT.has(verdict.code) ? "" : verdict.text;
 }
 
-/** The speed limits, each with whether it holds the robot back now. */
+/** Return the speed limits, each with whether it slows the robot now. */
 export function limitsOf({ code, way, limits = [] }) {
   const holds = (limit) => limit.code === code && limit.way === way;
   return limits.map((limit) => ({ text: limit.text, holds: holds(limit) }));
 }
 
-/** Return whether the gate stops the stick completely. Not while a drive is being recorded, which takes only a moment. */
+/**
+ * Return whether the gate stops the stick completely. Not while a drive is being recorded, which takes only a
+ * moment.
+ */
 export function isHeld(verdict) {
   const zero = (twist) => twist.every((value) => value === 0);
   return verdict.code !== "recording" && !zero(verdict.asked) && zero(verdict.allowed);

@@ -1,13 +1,13 @@
 /**
- * The stop button. It acts on the press, not on the release; it uses the socket, and the form's own address
- * when the socket is not there or nothing is heard back in time.
+ * The stop button. It acts on the press, not on the release. It uses the socket; if there is no socket or no
+ * answer in time, it uses the form's own address.
  */
 
 const ANSWER_MS = 400;
-const PATIENCE_MS = 4000; // the server itself calls a stop pending after 2 s
-export const SAID_MS = 5000; // display time of news about a stop: longer than it waits for an answer
+const PATIENCE_MS = 4000; // the server itself reports a stop as pending after 2 s
+export const SAID_MS = 5000; // display time of news about a stop: longer than the button waits for an answer
 const SAME_PRESS_MS = 1000;
-const PENDING = 202; // no robot refused, but not every one has confirmed
+const PENDING = 202; // HTTP status: no robot refused, but not every robot has confirmed
 
 export class StopButton {
   #form;
@@ -17,20 +17,21 @@ export class StopButton {
   #say;
   #fail;
   #arrived;
-  #posting = 0; // by the form's address, and not answered yet
-  #timer = null; // of the newest press: when its answer is late
+  #posting = 0; // requests to the form's address without an answer yet
+  #timer = null; // of the newest press: ends when the answer is late
   #pressedMs = -Infinity;
   #listening = new AbortController();
 
   /**
-   * @param {HTMLFormElement} form its address takes the stop when the socket cannot
+   * @param {HTMLFormElement} form its address receives the stop when the socket cannot
    * @param {object} ways
-   * @param {() => boolean} ways.send over the socket; false if no answer can be expected there
+   * @param {() => boolean} ways.send sends over the socket; false if no answer can be expected there
    * @param {(sinceMs: number) => boolean} ways.answered whether the robot's side has reported a stop since
-   * @param {() => void} [ways.arrived] the robot's side has reported it, where nothing else shows that
-   * @param {(text: string) => void} ways.say that it is on its way, and that it arrived
-   * @param {(text: string, robots?: object) => void} ways.fail that it did not arrive, or not yet, and what to do;
-   *   what each robot's bridge answered, by slug, if the server said so
+   *   that time
+   * @param {() => void} [ways.arrived] the robot's side has reported the stop, where nothing else shows that
+   * @param {(text: string) => void} ways.say shows that the stop is on its way, and that it arrived
+   * @param {(text: string, robots?: object) => void} ways.fail shows that the stop did not arrive, or not
+   *   yet, and the remedy. `robots`: the answer of each robot's bridge, by slug, if the server sent it
    */
   constructor(form, { send, answered, arrived = () => {}, say, fail }) {
     this.#form = form;
@@ -45,7 +46,7 @@ export class StopButton {
     form.addEventListener("submit", (event) => this.#submitted(event), { signal });
   }
 
-  /** Stop, now. */
+  /** Send a stop now. */
   press() {
     const sinceMs = performance.now();
     this.#pressedMs = sinceMs;
@@ -70,14 +71,14 @@ export class StopButton {
     this.#listening.abort();
   }
 
-  /** Keyboards and assistive technology press without a pointer. */
+  /** Send a stop for a press without a pointer: by keyboard or assistive technology. */
   #submitted(event) {
     event.preventDefault();
     // A press with a pointer is followed by a click: one stop, not two.
     if (performance.now() - this.#pressedMs > SAME_PRESS_MS) this.press();
   }
 
-  /** Wait without limit: a stop under way is never withdrawn, only reported as late. */
+  /** Send the stop to the form's address. Wait without limit: a late stop is reported, never withdrawn. */
   async #post() {
     this.#say(gettext("Sending the stop"));
     this.#posting += 1;

@@ -1,25 +1,29 @@
-/** The words next to "Stop all": news disappears after some seconds, a failure stays until the same stop is pressed again. */
+/**
+ * The words next to "Stop all": news disappears after some seconds, a failure stays until the same stop is
+ * pressed again.
+ */
 
 import { setText } from "../../lib/dom.js";
 import { SAID_MS } from "./stop_button.js";
 
 export class StopWords {
   #element;
-  #failures = new Map(); // by whose stop failed: what to say, or the name of a robot that was not reached
+  // By the slug of the robot, or "" for all: the text, or the name of a robot that was not reached.
+  #failures = new Map();
   #timer = null;
 
   constructor(element) {
     this.#element = element;
   }
 
-  /** News of "Stop all", which concerns every robot: earlier failures are cleared. */
+  /** Show news of "Stop all", which concerns every robot: earlier failures are cleared. */
   say(text) {
     this.#failures.clear();
     this.#show(text);
     this.#timer = setTimeout(() => this.#show(""), SAID_MS);
   }
 
-  /** @param {string} text @param {string} of whose stop failed: a robot's slug, or every robot's */
+  /** @param {string} text @param {string} of the slug of the robot whose stop failed; "" for every robot */
   fail(text, of = "") {
     this.#failures.set(of, { text });
     this.#showFailures();
@@ -28,14 +32,14 @@ export class StopWords {
   /**
    * @param {string} name of a robot that did not confirm the stop
    * @param {string} of its slug
-   * @param {boolean} pending the server goes on delivering it
+   * @param {boolean} pending the server still tries to deliver the stop
    */
   unreached(name, of, pending = false) {
     this.#failures.set(of, { name, pending });
     this.#showFailures();
   }
 
-  /** This robot reports that it is stopped: the stop does not wait any more. */
+  /** This robot reports that it is stopped: a pending stop has arrived. */
   delivered(of) {
     if (this.#failures.get(of)?.pending) this.forget(of);
   }
@@ -67,7 +71,7 @@ export class StopWords {
     this.#show([...new Set(texts)].join(" "), "alert");
   }
 
-  /** @param {"status" | "alert"} role by which a screen reader waits with it, or does not */
+  /** @param {"status" | "alert"} role alert: a screen reader reads the text at once; status: later */
   #show(text, role = "status") {
     clearTimeout(this.#timer);
     this.#element.setAttribute("role", role);

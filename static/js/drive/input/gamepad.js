@@ -1,11 +1,11 @@
-/** A gamepad as input: looked at once per frame, and only while one is there. */
+/** A gamepad as input: read once per frame, only while one is connected. */
 
 import { fromGamepad } from "./shaping.js";
 import { NEUTRAL } from "./stick.js";
 
 const STOP_BUTTON = 1; // B on an Xbox pad, circle on a PlayStation pad
 
-/** The pad to obey: the first that is connected and has a standard stick. */
+/** The pad that drives: the first that is connected and has a standard stick. */
 export function firstPad(pads) {
   return [...pads].find((pad) => pad?.connected && pad.axes.length >= 2) ?? null;
 }
@@ -14,12 +14,13 @@ export function firstPad(pads) {
  * @param {object} host
  * @param {import("./stick.js").Stick} host.stick
  * @param {() => boolean} host.holonomic
- * @param {() => boolean} host.mayStop control is this person's, as far as is known: also while the connection is lost
+ * @param {() => boolean} host.mayStop this person has control, as far as the page knows: also while the
+ *   connection is lost
  * @param {() => void} host.stop
  * @returns {() => void} ends it
  */
 export function listenToGamepad({ stick, holonomic, mayStop, stop }) {
-  if (!navigator.getGamepads) return () => {}; // withheld on plain http from another host
+  if (!navigator.getGamepads) return () => {}; // browsers offer none to plain http pages of another host
   const listening = new AbortController();
   const { signal } = listening;
   let frame = null;

@@ -1,4 +1,4 @@
-/** The joystick on the page: nipplejs draws it and follows the finger, this feeds the stick. */
+/** The joystick on the page: nipplejs draws it and follows the finger, this module feeds the stick. */
 
 import { create, factory } from "../../../vendor/nipplejs/index.mjs";
 import { fromJoystick } from "./shaping.js";
@@ -6,11 +6,12 @@ import { NEUTRAL } from "./stick.js";
 
 export const STICKY_MS = 30_000;
 
-const RING = 0.72; // of the zone: the knob stays within it at full stick
+const RING = 0.72; // share of the zone: the knob stays within the zone at full stick
 
 /**
- * Events: "released" when a sticky stick let go by itself (detail: {reason}).
- * Sticky: the stick stays where the finger left it, until it is touched, something else stops it, or 30 s pass.
+ * Events: "released" when a held stick went back to the middle by itself (detail: {reason}).
+ * Sticky: the stick stays where the finger left it, until it is touched, something else stops it, or 30 s
+ * pass.
  */
 export class Joystick extends EventTarget {
   #zone;
@@ -24,7 +25,7 @@ export class Joystick extends EventTarget {
   #sticky = false;
   #slides = false;
   #onChange = ({ detail }) => this.#follow(detail);
-  // The zone may have moved on the page since: nipplejs would measure from where the middle was.
+  // The zone may have moved on the page: without this, nipplejs measures from the old middle.
   #onPress = () => this.#collection?.reposition();
   #onZero = ({ detail }) => this.#letGo(detail.reason);
 
@@ -45,18 +46,18 @@ export class Joystick extends EventTarget {
     if (!on) this.#letGo("unstuck");
   }
 
-  /** Sideways means sliding and not turning. */
+  /** Whether sideways means sliding and not turning. */
   set slides(on) {
     this.#slides = on;
     this.#stick.neutralise("input-changed");
   }
 
-  /** Return whether it is in sight: not on every tab. */
+  /** Return whether the joystick is visible: some tabs do not show it. */
   get isShown() {
     return this.#zone.clientWidth > 0;
   }
 
-  /** Return whether it stays out of the middle with no finger on it. */
+  /** Return whether the stick is held out of the middle without a finger on it. */
   get sticks() {
     return this.#held;
   }
@@ -71,7 +72,7 @@ export class Joystick extends EventTarget {
     factory.destroy();
   }
 
-  /** nipplejs knows pixels only: a new size is a new stick. */
+  /** Make a new joystick when the zone's size changes: nipplejs works with fixed pixels. */
   #fit() {
     const size = Math.round(Math.min(this.#zone.clientWidth, this.#zone.clientHeight));
     if (size === this.#size || size === 0) return;
@@ -104,7 +105,7 @@ export class Joystick extends EventTarget {
     this.#stick.feed("joystick", fromJoystick({ right, up }, this.#slides));
   }
 
-  /** The knob goes where keys, a gamepad or a button move the stick, and back with them. */
+  /** Move the knob with the stick while keys, a gamepad or a button move it. */
   #follow({ axes, input }) {
     if (input === "joystick" || this.#touched || this.#held || !this.#collection) return;
     const [right, down] = [-(axes.w || axes.y), -axes.x];
@@ -125,7 +126,9 @@ export class Joystick extends EventTarget {
     }
   }
 
-  /** Ends a held stick; a finger that is still down stays ignored until it lifts. */
+  /**
+   * Release a held stick. After a zero or a resize, a finger that is still down is ignored until it lifts.
+   */
   #letGo(reason) {
     clearTimeout(this.#timer);
     if (!this.#touched) this.#stick.feed("joystick", NEUTRAL);

@@ -1,4 +1,4 @@
-/** Driving by keys: WASD and arrows, Q and E to slide. By place on the keyboard, not by letter. */
+/** Driving by keys: WASD and arrows, Q and E to slide. A key counts by its position, not by its letter. */
 
 import { NEUTRAL } from "./stick.js";
 
@@ -29,7 +29,7 @@ export function axesOf(held, holonomic) {
   return axes.x || axes.y || axes.w ? axes : NEUTRAL;
 }
 
-/** Return whether keys belong to the place where the person is: a field, a list, an open dialog. */
+/** Return whether an element uses the keys itself: a field, a list, an open dialog. */
 export function isEditing(target) {
   return Boolean(
     target?.closest?.(
@@ -39,12 +39,13 @@ export function isEditing(target) {
 }
 
 /**
- * Listens on the window while a person has control.
+ * Listens for keys on the window. Keys act only while the host allows it.
  * @param {object} host
  * @param {import("./stick.js").Stick} host.stick
  * @param {() => boolean} host.holonomic
- * @param {() => boolean} host.drives this person has control, and is where one drives
- * @param {() => boolean} host.mayStop control is this person's, as far as is known: also while the connection is lost
+ * @param {() => boolean} host.drives this person has control, and the joystick is shown
+ * @param {() => boolean} host.mayStop this person has control, as far as the page knows: also while the
+ *   connection is lost
  * @param {() => void} host.stop
  * @returns {() => void} ends it
  */
@@ -55,7 +56,7 @@ export function listenToKeys({ stick, holonomic, drives, mayStop, stop }) {
   const feed = () => stick.feed("keyboard", axesOf(held, holonomic()));
 
   const down = (event) => {
-    // Arrow keys belong to a slider; a space means nothing to it, and stops.
+    // A slider uses the arrow keys, but not the space bar: a space stops from there as well.
     const slides = event.code === "Space" && event.target?.type === "range";
     if (isEditing(event.target) && !slides) return;
     if (event.ctrlKey || event.altKey || event.metaKey) return;
@@ -69,7 +70,7 @@ export function listenToKeys({ stick, holonomic, drives, mayStop, stop }) {
     }
   };
   const up = (event) => {
-    // A button under the focus would answer to the same space.
+    // Without this, the same space would also press a focused button.
     if (event.code === "Space" && mayStop() && !isEditing(event.target)) event.preventDefault();
     if (held.delete(event.code)) feed();
   };
@@ -80,7 +81,7 @@ export function listenToKeys({ stick, holonomic, drives, mayStop, stop }) {
 
   window.addEventListener("keydown", down, { signal });
   window.addEventListener("keyup", up, { signal });
-  // Releases that happen elsewhere are never heard.
+  // Without the focus, the page does not receive the release of a key.
   window.addEventListener("blur", forget, { signal });
   document.addEventListener("visibilitychange", forget, { signal });
   document.addEventListener("focusin", (event) => isEditing(event.target) && forget(), { signal });

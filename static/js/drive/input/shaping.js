@@ -1,25 +1,26 @@
-/** From what a thumb or a gamepad says to the axes of the stick: rim, dead zone, curve, rounding. */
+/** Converts positions of joystick and gamepad to the axes of the stick: rim, dead zone, curve, rounding. */
 
 import { NEUTRAL } from "./stick.js";
 
 const STICK_DEAD_ZONE = 0.08;
 const GAMEPAD_DEAD_ZONE = 0.15;
 
-/** Zero within the dead zone; beyond it the full range remains. */
+/** Return zero within the dead zone; the rest is scaled to the full range. */
 export function withoutDeadZone(value, deadZone) {
   const size = Math.min(Math.abs(value), 1);
   if (!(size > deadZone)) return 0;
   return (Math.sign(value) * (size - deadZone)) / (1 - deadZone);
 }
 
-/** Fine near the middle, full at the rim. */
+/** Return a value that grows slowly near the middle, for fine driving, and reaches 1 at the rim. */
 export function curve(value) {
   return 0.5 * value + 0.5 * value ** 3;
 }
 
 /**
- * A thumb reaches a round rim, yet forward and turn are two speeds, each with its own maximum: a stick pulled to the
- * rim is full, so that a bend is driven as fast as by keys. The direction, and with it the bend, stays.
+ * Stretch a position so that the larger axis is full at the round rim. Forward and turn are two speeds, each
+ * with its own maximum: so a bend is driven as fast as by keys. The direction, and with it the bend, does not
+ * change.
  */
 export function fullAtRim(x, y) {
   const longest = Math.max(Math.abs(x), Math.abs(y));
@@ -33,7 +34,7 @@ function shape(value, deadZone) {
 }
 
 /**
- * The joystick on the page. `right` and `up` run from -1 to 1.
+ * Return the axes for the joystick on the page. `right` and `up` go from -1 to 1.
  * @param {boolean} slides sideways means sliding (holonomic bases) and not turning
  */
 export function fromJoystick({ right, up }, slides) {
@@ -43,8 +44,8 @@ export function fromJoystick({ right, up }, slides) {
 }
 
 /**
- * A gamepad with the standard mapping: the left stick drives, the right one turns. On a base that cannot
- * slide the left stick turns as well.
+ * Return the axes for a gamepad with the standard mapping: the left stick drives, the right one turns. On a
+ * base that cannot slide the left stick turns as well.
  * @param {readonly number[]} axes right is positive, down is positive
  */
 export function fromGamepad(axes, holonomic) {
@@ -55,7 +56,7 @@ export function fromGamepad(axes, holonomic) {
   return { x, y: 0, w: Math.abs(turn) > Math.abs(sideways) ? turn : sideways };
 }
 
-/** Forward and sideways of a driving stick. Sliding has one speed in all directions, so its rim stays round. */
+/** Return forward and sideways. Sliding has one speed in all directions, so its rim stays round. */
 function leftStick(forward, left, slides, deadZone) {
   const axes = slides ? [forward, left] : fullAtRim(forward, left);
   return axes.map((axis) => shape(axis, deadZone));

@@ -1,8 +1,8 @@
 /**
- * One stick, many inputs. Joystick, keyboard and gamepad all feed this arbiter; exactly one of them
- * is active at a time. It knows no DOM and no clock.
+ * One stick, many inputs. Joystick, keyboard and gamepad all feed this arbiter; at most one of them
+ * is active at a time. It uses no DOM and no clock.
  *
- * Axes run from -1 to 1: `x` forward, `y` left (holonomic bases), `w` turn left.
+ * Axes go from -1 to 1: `x` forward, `y` left (holonomic bases), `w` turn left.
  */
 
 export const NEUTRAL = Object.freeze({ x: 0, y: 0, w: 0 });
@@ -29,12 +29,12 @@ export class Stick extends EventTarget {
     return this.#input;
   }
 
-  /** Return whether an input is held out of neutral and ignored until it has been there. */
+  /** Return whether an input is ignored because it has not been back in neutral yet. */
   get waitsForNeutral() {
     return this.#blocked.size > 0;
   }
 
-  /** Take an input's present position. */
+  /** Set an input's current position. */
   feed(input, axes) {
     const neutral = isNeutral(axes);
     if (this.#blocked.has(input)) {
@@ -47,7 +47,7 @@ export class Stick extends EventTarget {
     else this.#collide(input);
   }
 
-  /** Neutral at once; the active input is ignored until it has been in neutral itself. */
+  /** Set the stick to neutral at once; the active input is ignored until it has been in neutral itself. */
   neutralise(reason) {
     const input = this.#input;
     if (input === null) return;
@@ -56,7 +56,7 @@ export class Stick extends EventTarget {
     this.#tell("zero", { reason, input });
   }
 
-  /** A second input moved while the first drives: neither may, until each has been in neutral. */
+  /** A second input moved while the first drives: both are ignored until each has been in neutral. */
   #collide(input) {
     this.#blocked.add(input);
     this.neutralise("input-changed");

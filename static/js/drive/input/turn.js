@@ -1,6 +1,6 @@
 /**
- * The button by which a holder turns the robot around, to look at what is behind it before driving there.
- * It acts as a stick held sideways while a finger is on it; dead-man rule and gate apply as always.
+ * The button by which a holder turns the robot around, to see the area behind it before driving there.
+ * While it is pressed, it acts as a stick held to the left; the dead-man rule and the gate apply as always.
  */
 
 import { takeControlFirst } from "../../control/lease.js";
@@ -27,7 +27,8 @@ export class TurnAndLook {
   /**
    * @param {HTMLButtonElement} button
    * @param {import("./stick.js").Stick} stick
-   * @param {(may: boolean) => void} hint reports a mere tap: the button must be held, or needs control
+   * @param {(may: boolean) => void} hint is called when a press was only a tap, or when this tab may not
+   *   drive
    */
   constructor(button, stick, hint) {
     this.#button = button;
@@ -48,16 +49,16 @@ export class TurnAndLook {
       event.preventDefault();
       if (!event.repeat) this.#press(event);
     });
-    on("contextmenu", (event) => event.preventDefault()); // of a finger that stays
+    on("contextmenu", (event) => event.preventDefault()); // a long touch would open a menu
   }
 
   /** @param {object} state of the robot */
   set state({ verdict }) {
-    // Never from under a finger.
+    // The button does not disappear while it is pressed.
     if (this.#sinceMs === null) show(this.#button, reverseIsBlind(verdict));
   }
 
-  /** @param {boolean} may this tab drives */
+  /** @param {boolean} may whether this tab drives */
   set mayAct(may) {
     this.#may = may;
     dim(this.#button, !may, takeControlFirst());
