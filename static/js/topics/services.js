@@ -88,15 +88,16 @@ export class ParameterView {
   #name;
   #value;
   #set;
+  #maySet;
   #outcome;
 
   /** @param {object} channel to ask @param {string} name @param {boolean} maySet */
   constructor(channel, name, maySet) {
     this.#channel = channel;
     this.#name = name;
+    this.#maySet = maySet;
     this.#value = make("textarea");
     this.#value.rows = 3;
-    this.#value.readOnly = !maySet;
     this.#value.spellcheck = false;
     this.#value.setAttribute("aria-label", interpolate(gettext("Value of %s"), [name]));
     this.#outcome = make("p", { className: "answer" });
@@ -128,6 +129,7 @@ export class ParameterView {
   /** @param {string} done text to show after the answer */
   async #ask(question, done) {
     this.#set.disabled = true;
+    this.#value.readOnly = true; // the answer replaces the text
     try {
       const { value } = await this.#channel.ask(question);
       this.#value.value = JSON.stringify(value, null, 2);
@@ -136,6 +138,7 @@ export class ParameterView {
       this.#say(error.message, true);
     } finally {
       this.#set.disabled = false;
+      this.#value.readOnly = !this.#maySet;
     }
   }
 

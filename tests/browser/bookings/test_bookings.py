@@ -160,6 +160,8 @@ def test_a_booking_is_moved_and_lengthened_by_drag(person: Arrive, stack: Stack,
     mine = operator.page.locator(".ec-event.mine")
     expect(mine).to_have_count(1)
     starts, ends = held()
+    expect(operator.part("calendar")).to_have_attribute("aria-busy", "false")
+    operator.until(mine.bounding_box, "the booking to be drawn")  # the calendar may just draw it again
     box = mine.bounding_box()
     assert box
     hour_px = box["height"] / ((ends - starts) / timedelta(hours=1))

@@ -44,6 +44,17 @@ describe("a parameter", () => {
     expect(value.value).toBe(written);
   });
 
+  it("is read-only until its value has come, which would replace what was typed", async () => {
+    let answer;
+    const ask = vi.fn(() => new Promise((resolve) => (answer = resolve)));
+    const view = new ParameterView({ ask }, "/volume", true).element;
+    const value = view.querySelector("textarea");
+    expect(value.readOnly).toBe(true);
+    answer({ value: 50 });
+    await vi.waitFor(() => expect(value.readOnly).toBe(false));
+    expect(value.value).toBe("50");
+  });
+
   it("is read-only for roles that may not set it", async () => {
     const { view, value } = await shown(vi.fn().mockResolvedValue({ value: 50 }), false);
     expect(value.readOnly).toBe(true);
