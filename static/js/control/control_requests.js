@@ -34,7 +34,7 @@ function doneText(t, { holder, remaining_s: remainingS }) {
     ask: holder
       ? interpolate(gettext("You wait in line. %s knows that you ask for control."), [holder])
       : gettext("You wait in line."),
-    ask_cancel: gettext("You wait in line no more."),
+    ask_cancel: gettext("You have left the line."),
     clear: gettext("The stop is cleared."),
   };
   return texts[t] ?? "";

@@ -29,7 +29,7 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
       why: refusal?.text ?? "",
       doing:
         refusal?.code === "bridge_silent"
-          ? gettext("Nothing is heard of it")
+          ? gettext("It sends no data")
           : gettext("Out of reach"),
       driver: "–",
       battery: "–",
@@ -46,7 +46,7 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
   const latched = stop.state !== "clear";
   const unknown = isSeen(state) ? "" : unknownText(seenAt(state));
   const standstill = unknown
-    ? interpolate(gettext("Whether it stands: %s"), [unknown])
+    ? interpolate(gettext("Standstill: %s"), [unknown])
     : standstillText(stop);
   return {
     level: online && !state.watchdog_missing ? "ok" : "warn",
@@ -59,7 +59,7 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
     battery: unknown ? "–" : batteryText(state),
     health: unknown ? "–" : cardHealth(state.health ?? null, Date.now()),
     healthLevel: unknown ? "ok" : MARKS[state.health?.level ?? "ok"],
-    gate: unknown || brief(verdictText(state.verdict)) || gettext("Nothing holds it back"),
+    gate: unknown || brief(verdictText(state.verdict)) || gettext("Nothing slows it down"),
     stop: stopWord(stop.state, unknown),
     stopped: latched,
     stopWhy: latched

@@ -11,8 +11,8 @@ const NEAR_M = 2;
  * @param {object} robot as sent
  */
 export function whyNowhere(map, { state, refusal }) {
-  if (!state) return refusal?.text ?? gettext("Nothing is heard of it.");
-  if (!isSeen(state)) return interpolate(gettext("Where it is: %s"), [unknownText(seenAt(state))]);
+  if (!state) return refusal?.text ?? gettext("It sends no data.");
+  if (!isSeen(state)) return interpolate(gettext("Position: %s"), [unknownText(seenAt(state))]);
   if (!map)
     return gettext("The console knows no map of it: it is read while somebody has control.");
   if (!state.location) return gettext("It does not know where it is on its map.");

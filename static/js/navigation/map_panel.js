@@ -208,7 +208,7 @@ export class MapPanel {
   #chosen(pose) {
     const mode = this.#mode;
     if (mode === "pose" && !pose.isTurned)
-      return this.#speak(gettext("Drag, too: to where the robot looks."));
+      return this.#speak(gettext("Press, then drag to where the robot looks."));
     this.#choose(null);
     if (mode === "place") this.#places.add(rounded(pose));
     else

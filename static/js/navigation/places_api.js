@@ -63,7 +63,7 @@ async function edit(address, changes, unchanged) {
   const now = await answer?.json().catch(() => null);
   if (!answer?.ok || now === null) throw new Error(now?.detail ?? silent());
   if (!unchanged(now))
-    throw new Error(gettext("Somebody changed it meanwhile. Look at it again, then change it."));
+    throw new Error(gettext("It has changed meanwhile. Check the new values, then try again."));
   return send("PATCH", address, changes, { "If-Match": answer.headers.get("ETag") });
 }
 

@@ -252,7 +252,7 @@ function noneText(map, earlier) {
   if (map === null) return gettext("There is no map yet, and so no place.");
   if (earlier.length > 0)
     return gettext(
-      "This map is new: it has no places. Those of an earlier map may lie elsewhere on it, so they are not taken over. Their files:",
+      "This map is new: it has no places. Places of an earlier map are not copied: their positions may be wrong here. Their files:",
     );
   return map.changeable
     ? gettext("This map has no places yet. Add the first one.")

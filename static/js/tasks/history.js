@@ -18,7 +18,7 @@ export function outcomeText(outcome) {
     rejected: gettext("not accepted"),
     failed: gettext("failed"),
     stopped: gettext("stopped"),
-    unheard: gettext("not heard of again"),
+    unheard: gettext("end not reported"),
     unknown: gettext("end not known"),
   };
   return texts[outcome] ?? outcome ?? gettext("not over yet");

@@ -21,7 +21,7 @@ export function endNotice({ outcome, text }, title) {
     control_ended: gettext("%s: cancelled, because control ended."),
     link_lost: gettext("%s: cancelled, because the page was out of reach."),
     not_recorded: gettext("%s: cancelled."),
-    unheard: gettext("%s: nothing more was heard of it."),
+    unheard: gettext("%s: the robot did not report its end."),
   };
   const words = interpolate(outcomes[outcome] ?? `%s: ${outcome}`, [title]);
   return {

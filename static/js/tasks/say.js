@@ -32,7 +32,7 @@ export function speechEndNotice({ outcome, text: why }, text) {
     rejected: gettext("The robot did not accept “%s”."),
     failed: gettext("The robot failed to say “%s”."),
     stopped: gettext("Ended by the stop: “%s”."),
-    unheard: gettext("Nothing more was heard of “%s”."),
+    unheard: gettext("The robot did not report the end of “%s”."),
   };
   const words = outcomes[outcome] ?? `${outcome}: “%s”.`;
   const said = endedOnce(interpolate(words, [isolated(shortened(text))]));

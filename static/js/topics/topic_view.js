@@ -72,7 +72,7 @@ export class TopicView extends EventTarget {
   /** The connection, the bridge or its inspector is gone: the message's age is no longer known. */
   #lost() {
     mark(this.element, "stale", true);
-    setText(this.#figures, gettext("No news of it: this is what came last."));
+    setText(this.#figures, gettext("No new data: this is the last message."));
   }
 
   /**

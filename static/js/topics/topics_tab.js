@@ -200,7 +200,7 @@ export class TopicsTab {
       this.#again = setTimeout(() => this.#refresh(), AGAIN_MS);
     } else {
       this.#sayEmpty(
-        reason ? gettext("No answer. Why is at the top.") : gettext("The robot has none."),
+        reason ? gettext("No answer. The reason is at the top.") : gettext("The robot has none."),
       );
     }
   }

@@ -207,7 +207,7 @@ def test_each_control_action_gives_one_notice(person: Arrive) -> None:
         "You released control.",
         "Control was handed to you.",
         "You wait in line. Operator knows that you ask for control.",
-        "You wait in line no more.",
+        "You have left the line.",
     ]
     assert [text.split(":")[0] for text in logged(operator)] == [
         "You handed over to Supervisor.",
@@ -425,7 +425,7 @@ def test_out_of_reach_inputs_give_way_except_open_fields(person: Arrive, stack: 
         os.kill(stack.supervisor.pid, signal.SIGCONT)
     motions.wait_for()  # the supervisor started another bridge
     assert not banner.is_visible() or "stick" in banner.inner_text()
-    notice(operator, "Inspect surroundings: nothing more was heard of it.")
+    notice(operator, "Inspect surroundings: the robot did not report its end.")
     assert operator.state["stop"]["state"] == "clear"
     assert operator.complaints == []
     operator.until_in_control()

@@ -31,7 +31,7 @@ describe("control requests", () => {
       { state: "other", holder: "Ann", asking: 3 },
       "You wait in line. Ann knows that you ask for control.",
     ],
-    ["ask_cancel", { state: "other", holder: "Ann" }, "You wait in line no more."],
+    ["ask_cancel", { state: "other", holder: "Ann" }, "You have left the line."],
   ])("of kind %s cause one notice when they are done", (t, control, text) => {
     requests.send({ t });
     expect(sent).toEqual([{ t }]);

@@ -43,7 +43,7 @@ describe("a card", () => {
       status: "Online",
       battery: "84 %, charging",
       driver: "Nobody",
-      gate: "Nothing holds it back",
+      gate: "Nothing slows it down",
       stop: "Not pressed",
     });
   });
@@ -93,7 +93,7 @@ describe("a card", () => {
     const pressed = { ...out, stop: { ...state.stop, state: "stopped", by: "Bo" } };
     const latched = cardOf({ state: pressed, refusal: null });
     expect(latched).toMatchObject({ stop: "Pressed", stopped: true });
-    expect(latched.stopWhy).toMatch(/^by Bo. Whether it stands: unknown, last seen/);
+    expect(latched.stopWhy).toMatch(/^by Bo. Standstill: unknown, last seen/);
     const never = cardOf({ state: null, refusal: null, seen_at: 1.7e9 });
     expect(never.gate).toContain("2023");
   });

@@ -160,7 +160,7 @@ describe("the map over the picture", () => {
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointerup", 240, 150));
     expect(order).not.toHaveBeenCalled();
-    expect(page["map-words"].textContent).toContain("Drag, too");
+    expect(page["map-words"].textContent).toContain("Press, then drag");
     expect(page["map-pose"].getAttribute("aria-pressed")).toBe("true");
   });
 

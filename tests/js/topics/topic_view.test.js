@@ -64,10 +64,10 @@ describe("the view of a topic", () => {
     expect(watch.element.dataset.stale).toBe(undefined);
     vi.advanceTimersByTime(4000);
     expect(watch.element.dataset.stale).toBe("true");
-    expect(watch.element.textContent).toContain("No news of it");
+    expect(watch.element.textContent).toContain("No new data");
     watch.show(shown(1, { data: 1 }));
     expect(watch.element.dataset.stale).toBe(undefined);
-    expect(watch.element.textContent).not.toContain("No news of it");
+    expect(watch.element.textContent).not.toContain("No new data");
     vi.useRealTimers();
   });
 

@@ -49,7 +49,7 @@ export function banner({
       level: "fault",
       title: gettext("No connection"),
       text: gettext(
-        "Connecting again by itself. Without it the robot stands still. If this lasts, see whether this device has a network.",
+        "Connecting again by itself. Until then the robot does not move. If this lasts, check this device’s network.",
       ),
     };
   }
@@ -66,7 +66,7 @@ export function banner({
     return {
       level: "warning",
       title: interpolate(gettext("No news for %s s"), [seconds]),
-      text: `${gettext("The picture is old, and the robot may not hear you.")} ${waits()}`,
+      text: `${gettext("The picture is old, and the robot may not receive your commands.")} ${waits()}`,
     };
   }
   if (state.stop.state !== "clear") return stopBanner(state);
@@ -109,7 +109,7 @@ function stopBanner(state) {
   const { stop } = state;
   const standstill = isSeen(state)
     ? standstillText(stop)
-    : interpolate(gettext("Whether the robot stands: %s."), [unknownText(seenAt(state))]);
+    : interpolate(gettext("Standstill: %s."), [unknownText(seenAt(state))]);
   const isStopping = stop.state === "stopping";
   const anonymous = isStopping ? gettext("Stopping, pressed") : gettext("Stopped");
   const signed = isStopping ? gettext("Stopping, pressed by %s") : gettext("Stopped by %s");
@@ -126,7 +126,7 @@ function sentences(...texts) {
 }
 
 function lastSeen(at) {
-  return at ? interpolate(gettext("How the robot is: %s."), [unknownText(at)]) : "";
+  return at ? interpolate(gettext("State of the robot: %s."), [unknownText(at)]) : "";
 }
 
 /** Return the advice for a robot that is out of reach. */

@@ -52,7 +52,7 @@ export function seenAt({ unseen_s: unseenS }, nowMs = Date.now()) {
 /** Return a text about the standstill, from the bridge's report. */
 export function standstillText(stop) {
   if (stop.state === "stopping")
-    return gettext("Zero is being sent; standstill is not confirmed yet.");
+    return gettext("The console is stopping the robot; standstill is not confirmed yet.");
   if (stop.was_standing) return gettext("The robot was standing.");
   if (stop.standstill_ms === null || stop.standstill_ms === undefined) return "";
   return interpolate(gettext("Standstill confirmed after %s ms."), [
@@ -104,7 +104,7 @@ export function phaseTitle(phase) {
   const titles = {
     waiting: gettext("Waiting for the robot"),
     connecting: gettext("The robot is not ready"),
-    refused: gettext("The robot is not joined"),
+    refused: gettext("The bridge cannot join the robot"),
     online: gettext("Online"),
   };
   return titles[phase] ?? phase;
