@@ -173,7 +173,7 @@ function listen(path, changed) {
   const heartbeat = new Heartbeat(socket);
   socket.addEventListener("open", () => heartbeat.begin());
   socket.addEventListener("message", ({ detail }) => {
-    heartbeat.heard(detail);
+    heartbeat.receive(detail);
     if (detail.t === "bookings_changed") changed();
   });
   socket.connect();

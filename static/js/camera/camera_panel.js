@@ -12,7 +12,7 @@ import { Head } from "./head.js";
 import { decodesVideo } from "./video.js";
 import { Views } from "./view_choice.js";
 
-const LOOK_MS = 100;
+const UPDATE_MS = 100;
 const REPORT_MS = 200;
 const GONE_MS = 3000; // an older picture does not count: beside a plan, nobody drives by it any more
 
@@ -43,13 +43,13 @@ export class CameraPanel {
    *   open it at once, because the first picture of a robot's camera takes some time
    * @param {Record<string, HTMLElement>} parts
    * @param {object} page
-   * @param {(order: object) => Promise<?object>} page.order sends a task; returns the refusal or null
+   * @param {(request: object) => Promise<?object>} page.request sends a task; returns the refusal or null
    * @param {(ageMs: ?number) => void} page.report the age of the picture by which the person drives; null: no
    *   picture
-   * @param {(notice: object) => void} page.tell
+   * @param {(notice: object) => void} page.notify
    * @param {(shown: boolean) => void} page.showScene shows or hides the 3D view
    */
-  constructor(root, parts, { order, report, tell, showScene = () => {} }) {
+  constructor(root, parts, { request, report, notify, showScene = () => {} }) {
     this.#area = parts["picture-area"];
     this.#report = report;
     this.#showScene = showScene;
@@ -60,18 +60,18 @@ export class CameraPanel {
     this.#floor = new FloorOverlay(parts["camera-floor"]);
     this.#views = new Views(this.#area, parts);
     this.#head = new Head(parts["camera-floor"], parts["head-keys"], {
-      order,
+      request,
       header: () => this.#main.header,
     });
     this.#fullScreen = new FullScreen(root, parts["full-screen"]);
-    this.#listen(parts, tell);
+    this.#listen(parts, notify);
     this.#observer = new ResizeObserver(() => {
       this.#makeRoom(root, parts);
       this.#follow();
     });
     for (const part of [this.#area, parts["view-bar"], parts["view-open"]])
       this.#observer.observe(part);
-    this.#timer = setInterval(() => this.#look(), LOOK_MS);
+    this.#timer = setInterval(() => this.#update(), UPDATE_MS);
     if (root.dataset.hasCameras && !["plan", "scene"].includes(recall("camera-view")))
       this.#socket.open();
   }
@@ -105,10 +105,10 @@ export class CameraPanel {
     for (const part of [...opened, this.#views, this.#fullScreen]) part.close();
   }
 
-  #listen(parts, tell) {
+  #listen(parts, notify) {
     const { signal } = this.#listening;
     const warn = ({ code, text }) =>
-      tell({ level: "warning", code: `camera ${code}`, text, short: brief(text) });
+      notify({ level: "warning", code: `camera ${code}`, text, short: brief(text) });
     const on = (target, type, act) =>
       target.addEventListener(type, (event) => act(event.detail), { signal });
     on(this.#socket, "open", () => this.#shown((view) => view.again()));
@@ -121,7 +121,7 @@ export class CameraPanel {
       if (camera === null) this.#shown((view) => (view.why = text));
       else if (this.#of(camera)) this.#of(camera).why = text;
     });
-    on(this.#socket, "notice", tell);
+    on(this.#socket, "notice", notify);
     on(this.#socket, "refused", ({ refusal }) => warn(refusal));
     for (const view of [this.#main, this.#second])
       on(view, "done", ({ header, damaged }) => this.#socket.acknowledge(header, damaged));
@@ -179,10 +179,10 @@ export class CameraPanel {
     } else if (this.#isKnown) {
       this.#socket.close();
     }
-    this.#look();
+    this.#update();
   }
 
-  #look() {
+  #update() {
     this.#shown((view) => view.look());
     dim(this.#snapshot, !this.#main.header, gettext("There is no picture to save yet."));
     this.#tellAge();

@@ -112,15 +112,15 @@ export class CameraPicture extends EventTarget {
     }
     this.#pen.drawImage(source, 0, 0);
     this.#painted = { header, takenMs: this.#taken.get(header.number) };
-    this.#tell("painted", this.#painted);
+    this.#emit("painted", this.#painted);
   }
 
   #done(header, damaged) {
     this.#taken.delete(header.number);
-    this.#tell("done", { header, damaged });
+    this.#emit("done", { header, damaged });
   }
 
-  #tell(type, detail) {
+  #emit(type, detail) {
     this.dispatchEvent(new CustomEvent(type, { detail }));
   }
 }

@@ -55,7 +55,7 @@ export class CameraSocket extends EventTarget {
       this.#socket.addEventListener(type, ({ detail }) => act(detail), { signal });
     on("open", () => this.#opened());
     on("down", ({ code }) => this.#lost(code));
-    on("message", (message) => this.#heard(message));
+    on("message", (message) => this.#receive(message));
     on("bytes", (frame) => this.#received(frame));
     document.addEventListener("visibilitychange", () => this.#watchAsSeen(), { signal });
     this.#socket.connect();
@@ -67,7 +67,7 @@ export class CameraSocket extends EventTarget {
     this.#heartbeat.close();
     this.#socket.close();
     this.#socket = null;
-    this.#tell("down", { isOver: this.#isOver });
+    this.#emit("down", { isOver: this.#isOver });
   }
 
   /** @param {string} camera @param {"full" | "small"} size */
@@ -109,43 +109,43 @@ export class CameraSocket extends EventTarget {
     this.#clock.clear();
     this.#socket.send({ t: "ping", sent_ms: performance.now() }); // so that the first picture has an age, too
     if (!document.hidden) this.#watchAsSeen();
-    this.#tell("open");
+    this.#emit("open");
   }
 
   #lost(code) {
     this.#isOver = CLOSED_FOR_GOOD.has(code);
     if (this.#isOver) this.close();
-    else this.#tell("down", { isOver: false });
+    else this.#emit("down", { isOver: false });
   }
 
-  #heard(message) {
-    this.#heartbeat.heard(message);
+  #receive(message) {
+    this.#heartbeat.receive(message);
     switch (message.t) {
       case "camera_pong":
-        return this.#clock.heard(message, performance.now());
+        return this.#clock.receive(message, performance.now());
       case "cameras":
-        return this.#tell("cameras", message.cameras);
+        return this.#emit("cameras", message.cameras);
       case "camera_state":
-        return this.#tell("state", message);
+        return this.#emit("state", message);
       case "bridge_gone":
-        return this.#tell("state", { camera: null, refusal: message.refusal });
+        return this.#emit("state", { camera: null, refusal: message.refusal });
       case "notice":
       case "refused":
-        return this.#tell(message.t, message);
+        return this.#emit(message.t, message);
     }
   }
 
   #received(frame) {
-    this.#heartbeat.heard({});
+    this.#heartbeat.receive({});
     const picture = unpacked(frame);
     if (!picture) return;
     // It was sent before the page stopped watching its camera.
     if (!this.#watched.has(picture.header.camera)) return;
     const takenMs = this.#clock.here(picture.header.taken_ms) ?? performance.now();
-    this.#tell("picture", { ...picture, takenMs });
+    this.#emit("picture", { ...picture, takenMs });
   }
 
-  #tell(type, detail = null) {
+  #emit(type, detail = null) {
     this.dispatchEvent(new CustomEvent(type, { detail }));
   }
 }

@@ -14,7 +14,7 @@ export class ConsoleClock {
    * @param {{sent_ms: number, now_ms: number}} pong
    * @param {number} nowMs time of arrival, by this page's clock
    */
-  heard({ sent_ms: sentMs, now_ms: consoleMs }, nowMs) {
+  receive({ sent_ms: sentMs, now_ms: consoleMs }, nowMs) {
     const tripMs = nowMs - sentMs;
     this.#trips.push({ tripMs, offsetMs: consoleMs + tripMs / 2 - nowMs });
     if (this.#trips.length > KEPT) this.#trips.shift();

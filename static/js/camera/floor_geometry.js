@@ -11,7 +11,7 @@ import {
   moves,
   poseAfter,
   reach,
-  swept,
+  sweptArea,
   withArm,
 } from "../drive/twist_geometry.js";
 
@@ -31,14 +31,14 @@ function shownTwist({ asked, allowed }) {
 }
 
 /** Return the shortest way to any of the points [x0, y0, x1, y1, ...] (cm), or to the gate's own obstacle. */
-function contactOf(point, flatCm, outline, wayTo) {
+function contactOf(obstacle, flatCm, outline, travelTo) {
   let shortest = Infinity;
-  if (point) shortest = isWithin(outline, point) ? 0 : wayTo(point);
+  if (obstacle) shortest = isWithin(outline, obstacle) ? 0 : travelTo(obstacle);
   for (let i = 0; i < flatCm.length; i += 2) {
-    const place = [flatCm[i] / 100, flatCm[i + 1] / 100];
-    const wayM = wayTo(place);
+    const point = [flatCm[i] / 100, flatCm[i + 1] / 100];
+    const travelM = travelTo(point);
     // A point inside the outline counts only if it is the gate's own obstacle.
-    if (wayM < shortest && !isWithin(outline, place)) shortest = wayM;
+    if (travelM < shortest && !isWithin(outline, point)) shortest = travelM;
   }
   return shortest;
 }
@@ -46,13 +46,14 @@ function contactOf(point, flatCm, outline, wayTo) {
 /**
  * Return the least distance of a known point outside the footprint from it; Infinity if farther than `mostM`.
  */
-function leastGap(footprint, point, flatCm, mostM) {
+function leastGap(footprint, obstacle, flatCm, mostM) {
   const farM = reach(footprint) + mostM;
-  let least = point && !isWithin(footprint, point) ? distanceTo(footprint, point) : Infinity;
+  let least =
+    obstacle && !isWithin(footprint, obstacle) ? distanceTo(footprint, obstacle) : Infinity;
   for (let i = 0; i < flatCm.length; i += 2) {
-    const place = [flatCm[i] / 100, flatCm[i + 1] / 100];
-    if (Math.hypot(...place) > farM || isWithin(footprint, place)) continue;
-    least = Math.min(least, distanceTo(footprint, place));
+    const point = [flatCm[i] / 100, flatCm[i + 1] / 100];
+    if (Math.hypot(...point) > farM || isWithin(footprint, point)) continue;
+    least = Math.min(least, distanceTo(footprint, point));
   }
   return least;
 }
@@ -87,7 +88,7 @@ export function floorPath(
   const nose = Math.max(...footprint.map(([x, y]) => (twist.vx * x + twist.vy * y) / speed));
   const farM = Math.min(FAR_M, (MOST_TURN * speed) / Math.abs(twist.w));
   const isHeld = !moves(verdict.allowed);
-  const { bordersAt } = swept(footprint, twist);
+  const { bordersAt } = sweptArea(footprint, twist);
   // As the gate does: widen the footprint by the lateral margin, or by the gap if that is smaller. The front
   // margin is kept before the first contact.
   const gapM = Math.min(besideM, leastGap(footprint, verdict.point, flatCm, besideM) - 1e-4);
@@ -95,7 +96,7 @@ export function floorPath(
     footprint,
     footprint.map(([x, y]) => [x, y, Math.max(0, gapM)]),
   );
-  const contactM = contactOf(verdict.point, flatCm, outline, swept(outline, twist).wayTo);
+  const contactM = contactOf(verdict.point, flatCm, outline, sweptArea(outline, twist).travelTo);
   const freeM = Math.max(0, contactM - frontM);
   const goesM = isHeld ? 0 : Math.min(freeM, farM);
   const isStopped = isHeld || freeM <= farM;
@@ -137,14 +138,14 @@ function pixel([x, y, z], [fx, fy, cx, cy]) {
 
 /** Convert an outline on the floor to pixels of the header's size, without the part behind the camera. */
 export function inPicture(outline, { lens, pose }) {
-  const corners = outline.map((place) => seen(place, pose));
+  const corners = outline.map((point) => seen(point, pose));
   const clipped = [];
   for (let i = 0; i < corners.length; i += 1) {
     const [a, b] = [corners[i], corners[(i + 1) % corners.length]];
     if (a[2] >= NEAREST_M) clipped.push(a);
     if (a[2] >= NEAREST_M !== b[2] >= NEAREST_M) {
-      const share = (NEAREST_M - a[2]) / (b[2] - a[2]);
-      clipped.push(a.map((value, axis) => value + share * (b[axis] - value)));
+      const fraction = (NEAREST_M - a[2]) / (b[2] - a[2]);
+      clipped.push(a.map((value, axis) => value + fraction * (b[axis] - value)));
     }
   }
   return clipped.map((corner) => pixel(corner, lens));
@@ -172,24 +173,24 @@ export function edgeHints(flatCm, header) {
   const stand = standOf(header.pose);
   const nearest = {};
   for (let i = 0; i < flatCm.length; i += 2) {
-    const place = [flatCm[i] / 100, flatCm[i + 1] / 100];
-    const distanceM = Math.hypot(...place);
+    const point = [flatCm[i] / 100, flatCm[i + 1] / 100];
+    const distanceM = Math.hypot(...point);
     if (distanceM > HINTED_M) continue;
-    const hint = hintOf(place, header, stand);
+    const hint = hintOf(point, header, stand);
     if (hint && distanceM < (nearest[hint.edge]?.distanceM ?? Infinity))
       nearest[hint.edge] = { ...hint, distanceM };
   }
   return Object.values(nearest);
 }
 
-function hintOf(place, { lens, pose, width, height }, { x, y, heading }) {
+function hintOf(point, { lens, pose, width, height }, { x, y, heading }) {
   const [fx, , cx] = lens;
-  const corner = seen(place, pose);
+  const corner = seen(point, pose);
   if (corner[2] >= NEAREST_M) {
     const [u, v] = pixel(corner, lens);
     if (u >= 0 && u <= width && v <= height) return null; // in the picture, or above it
   }
-  const turn = wrapped(Math.atan2(place[1] - y, place[0] - x) - heading); // positive: to the left
+  const turn = wrapped(Math.atan2(point[1] - y, point[0] - x) - heading); // positive: to the left
   const limit = turn > 0 ? Math.atan2(cx, fx) : Math.atan2(width - cx, fx);
   if (Math.abs(turn) <= limit) return { edge: "bottom", at: (cx - fx * Math.tan(turn)) / width };
   const behind = (Math.abs(turn) - limit) / (Math.PI - limit);

@@ -3,7 +3,7 @@
 import { withArm } from "../drive/twist_geometry.js";
 import { Canvas } from "../lib/canvas.js";
 import { edgeHints, floorPath, inPicture } from "./floor_geometry.js";
-import { placeIn } from "./frame.js";
+import { fitInto } from "./frame.js";
 
 const TIERS = ["green", "yellow", "red"];
 const NEAR_M = 0.4; // at this distance or less, a hint is fully opaque
@@ -59,7 +59,7 @@ export class FloorOverlay {
   #draw(pen, width, height) {
     const header = this.#header;
     if (!header || !this.#path) return;
-    const { scale, x, y } = placeIn(header, width, height);
+    const { scale, x, y } = fitInto(header, width, height);
     const pixel = this.#canvas.density / scale; // size of one page pixel, in pixels of the picture
     pen.setTransform(scale, 0, 0, scale, x, y);
     pen.save();

@@ -32,7 +32,7 @@ export function fits({ width, height }) {
  * Return scale and position of a picture in the middle of a box, as large as possible.
  * @returns {{scale: number, x: number, y: number}}
  */
-export function placeIn({ width, height }, boxWidth, boxHeight) {
+export function fitInto({ width, height }, boxWidth, boxHeight) {
   const scale = Math.min(boxWidth / width, boxHeight / height);
   return { scale, x: (boxWidth - width * scale) / 2, y: (boxHeight - height * scale) / 2 };
 }

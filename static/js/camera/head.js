@@ -4,7 +4,7 @@
 
 import { takeControlFirst } from "../control/lease.js";
 import { dim, mark, show } from "../lib/dom.js";
-import { placeIn } from "./frame.js";
+import { fitInto } from "./frame.js";
 
 const PERIOD_MS = 200; // five requests a second are enough to follow a finger
 const DRAG_PX = 8; // a finger that moves less does not drag
@@ -36,7 +36,7 @@ function directionOf([x, y, z], m) {
  * Return the turn that brings a point to the picture's middle. The neck pans about the vertical, also if the
  * head looks down.
  */
-export function turnToPlace(u, v, header) {
+export function turnToPoint(u, v, header) {
   const [fx, fy, cx, cy] = lensOf(header);
   const [left, up] = [(cx - u) / fx, (cy - v) / fy];
   if (!header.pose) return { pan: Math.atan(left), tilt: Math.atan(up) };
@@ -54,12 +54,12 @@ export function turnToPlace(u, v, header) {
 export class Head {
   #area;
   #keys;
-  #order;
+  #request;
   #header;
   #moves = false;
   #may = false;
   #pointer = null; // {id, x, y, startX, startY, isDrag}
-  #owed = { pan: 0, tilt: 0 };
+  #pendingTurn = { pan: 0, tilt: 0 };
   #waiting = 0; // requests without an answer
   #late = 0; // how many of them got no answer in time
   #sentMs = -Infinity;
@@ -71,13 +71,13 @@ export class Head {
    * @param {HTMLElement} area the picture
    * @param {HTMLElement} keys holds buttons with data-turn: left, right, up, down, ahead
    * @param {object} ways
-   * @param {(order: object) => Promise<?object>} ways.order sends a request; returns the refusal or null
+   * @param {(request: object) => Promise<?object>} ways.request sends a request; returns the refusal or null
    * @param {() => ?object} ways.header of the picture that is shown
    */
-  constructor(area, keys, { order, header }) {
+  constructor(area, keys, { request, header }) {
     this.#area = area;
     this.#keys = keys;
-    this.#order = order;
+    this.#request = request;
     this.#header = header;
     const { signal } = this.#listening;
     const on = (type, act) => area.addEventListener(type, act, { signal });
@@ -119,7 +119,7 @@ export class Head {
 
   #end() {
     this.#pointer = null;
-    this.#owe(0, 0);
+    this.#setPending(0, 0);
     clearTimeout(this.#click?.timer);
     this.#click = null;
   }
@@ -138,13 +138,13 @@ export class Head {
     const gone = Math.hypot(clientX - pointer.startX, clientY - pointer.startY);
     if (!pointer.isDrag && gone < DRAG_PX) return;
     pointer.isDrag = true;
-    const { header, scale } = this.#place();
+    const { header, scale } = this.#pictureOnPage();
     const right = (clientX - pointer.x) / scale;
     const down = (clientY - pointer.y) / scale;
     pointer.x = clientX;
     pointer.y = clientY;
     const { pan, tilt } = turnByDrag(right, down, header);
-    this.#owed = { pan: this.#owed.pan + pan, tilt: this.#owed.tilt + tilt };
+    this.#pendingTurn = { pan: this.#pendingTurn.pan + pan, tilt: this.#pendingTurn.tilt + tilt };
     this.#sendSoon();
   }
 
@@ -171,15 +171,15 @@ export class Head {
   }
 
   #turnTo(clientX, clientY) {
-    const { header, scale, left, top } = this.#place();
-    return turnToPlace((clientX - left) / scale, (clientY - top) / scale, header);
+    const { header, scale, left, top } = this.#pictureOnPage();
+    return turnToPoint((clientX - left) / scale, (clientY - top) / scale, header);
   }
 
   /** Return scale and position of the picture on the page. */
-  #place() {
+  #pictureOnPage() {
     const header = this.#header();
     const box = this.#area.getBoundingClientRect();
-    const { scale, x, y } = placeIn(header, box.width, box.height);
+    const { scale, x, y } = fitInto(header, box.width, box.height);
     return { header, scale, left: box.left + x, top: box.top + y };
   }
 
@@ -194,8 +194,8 @@ export class Head {
     if (this.#timer !== null || this.#waiting >= MOST_WAITING) return;
     const waitMs = Math.max(0, this.#sentMs + PERIOD_MS - performance.now());
     this.#timer = setTimeout(() => {
-      const owed = this.#owed;
-      this.#owe(0, 0);
+      const owed = this.#pendingTurn;
+      this.#setPending(0, 0);
       this.#look(owed);
     }, waitMs);
   }
@@ -209,22 +209,22 @@ export class Head {
    * Send a request. A refusal ends the drag: the next part would be refused, too. A late request still counts
    * as waiting.
    */
-  async #ask(order) {
+  async #ask(request) {
     this.#waiting += 1;
-    const refusal = await this.#order({ ...order, quiet: true });
+    const refusal = await this.#request({ ...request, quiet: true });
     if (refusal?.code === "no_answer") {
       this.#late += 1;
-      return this.#owe(0, 0);
+      return this.#setPending(0, 0);
     }
     // An answer came: late requests do not count any more.
     this.#waiting = Math.max(0, this.#waiting - 1 - this.#late);
     this.#late = 0;
     if (refusal) this.#end();
-    else if (this.#owed.pan || this.#owed.tilt) this.#sendSoon();
+    else if (this.#pendingTurn.pan || this.#pendingTurn.tilt) this.#sendSoon();
   }
 
-  #owe(pan, tilt) {
-    this.#owed = { pan, tilt };
+  #setPending(pan, tilt) {
+    this.#pendingTurn = { pan, tilt };
     clearTimeout(this.#timer);
     this.#timer = null;
   }

@@ -29,7 +29,7 @@ export class Heartbeat {
   }
 
   /** Take a message of any kind: it shows that the other end answers. */
-  heard(message) {
+  receive(message) {
     this.#unansweredMs = null;
     if (message.t === "pong") this.#trips.add(performance.now() - message.sent_ms);
   }

@@ -33,7 +33,7 @@ export class DelayEchoes {
   }
 
   /** @returns {number | null} milliseconds since that number was sent; null if unknown or already used */
-  heard(seq, nowMs) {
+  receive(seq, nowMs) {
     const at = this.#sent.get(seq);
     if (at === undefined) return null;
     for (const older of this.#sent.keys()) {

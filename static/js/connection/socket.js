@@ -64,12 +64,12 @@ export class LiveSocket extends EventTarget {
     socket.addEventListener("open", () => {
       clearTimeout(this.#patience);
       this.#openedMs = performance.now();
-      this.#tell("open");
+      this.#emit("open");
     });
     socket.addEventListener("message", ({ data }) =>
       typeof data === "string"
-        ? this.#tell("message", JSON.parse(data))
-        : this.#tell("bytes", data),
+        ? this.#emit("message", JSON.parse(data))
+        : this.#emit("bytes", data),
     );
     socket.addEventListener("close", (event) => this.#lost(socket, event.code));
   }
@@ -102,14 +102,14 @@ export class LiveSocket extends EventTarget {
     this.#socket = null;
     clearTimeout(this.#patience);
     if (performance.now() - this.#openedMs > LASTED_MS) this.#attempt = 0;
-    this.#tell("down", { code });
+    this.#emit("down", { code });
     if (this.#closed) return;
     clearTimeout(this.#retry);
     this.#retry = setTimeout(() => this.connect(), waitBefore(this.#attempt));
     this.#attempt += 1;
   }
 
-  #tell(type, detail = null) {
+  #emit(type, detail = null) {
     this.dispatchEvent(new CustomEvent(type, { detail }));
   }
 }

@@ -36,7 +36,7 @@ import { StatusBar } from "./status/status_bar.js";
 import { isHeld, isSilent, isStale, seenAt } from "./status/status_text.js";
 import { StopButton } from "./stop/stop_button.js";
 
-const LOOK_MS = 250;
+const UPDATE_MS = 250;
 const NEUTRAL_SAID_AFTER_MS = 300; // a stick at rest is neutral again before a person could read the text
 
 // Refusals of stick commands that get no notice: there are many of them, and the delay, the words in the
@@ -91,7 +91,7 @@ class ControlPage {
   #control = null;
   #mine = false; // this tab has control by the server's last report; also while the connection is lost
   // The connection was lost while this tab had control, and the server has not reported control since.
-  #left = false;
+  #lostWithControl = false;
   #outdated = false; // the console uses another version of the protocol than this page
   #facts = null;
   #state = null;
@@ -102,7 +102,7 @@ class ControlPage {
   // When the page was last hidden: a hidden page gets no views, which does not count as silence.
   #hiddenMs = -Infinity;
   #moved = false; // the stick is not at rest
-  #freeMs = 0; // last time at which the stick did not have to return to the middle
+  #needsNeutralSinceMs = 0; // the stick must return to the middle since then; now, while it need not
   #timer;
   #endings = [];
   #listening = new AbortController();
@@ -116,7 +116,7 @@ class ControlPage {
     this.#heartbeat = new Heartbeat(this.#socket);
     this.#joystick = new Joystick(this.#parts.zone, this.#stick);
     this.#turn = new TurnAndLook(this.#parts.turn, this.#stick, (may) =>
-      this.#tell(
+      this.#notify(
         "info",
         "turn",
         may
@@ -145,25 +145,25 @@ class ControlPage {
     );
     if (root.dataset.camera) {
       this.#camera = new CameraPanel(root, this.#parts, {
-        order: (order) => this.#taskPanel.order(order),
+        request: (request) => this.#taskPanel.request(request),
         report: (age) => this.#socket.send({ t: "camera_view", age_ms: age }),
-        tell: (notice) => this.#notices.add(notice),
+        notify: (notice) => this.#notices.add(notice),
         showScene: (shown) => {
           this.#scene.opens = shown;
         },
       });
     }
     this.#map = new MapPanel(this.#parts["picture-area"], this.#parts, root.dataset.robot, {
-      order: (order) => this.#taskPanel.order(order),
-      tell: (notice) => this.#notices.add(notice),
+      request: (request) => this.#taskPanel.request(request),
+      notify: (notice) => this.#notices.add(notice),
     });
     this.#limbs = new LimbPanel(this.#parts, {
-      order: (order) => this.#taskPanel.order(order),
-      tell: (notice) => this.#notices.add(notice),
+      request: (request) => this.#taskPanel.request(request),
+      notify: (notice) => this.#notices.add(notice),
     });
     this.#headStick = new HeadStick(
       this.#parts,
-      (order) => this.#taskPanel.order(order),
+      (request) => this.#taskPanel.request(request),
       () => this.#drives && this.#joystick.isShown,
     );
     this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
@@ -183,10 +183,10 @@ class ControlPage {
     this.#stopButton = new StopButton(this.#parts.stop, {
       send: () => this.#sendStop(),
       answered: (sinceMs) => this.#viewMs > sinceMs && this.#state.stop.state !== "clear",
-      say: (text) => this.#statusBar.stopSays(text),
+      showText: (text) => this.#statusBar.stopSays(text),
       fail: (text) => {
         this.#statusBar.stopSays(gettext("Not confirmed"));
-        this.#tell("error", "stop", text);
+        this.#notify("error", "stop", text);
       },
     });
     this.#listen();
@@ -241,9 +241,9 @@ class ControlPage {
       target.addEventListener(type, (event) => act(event.detail), { signal });
     on(this.#socket, "open", () => this.#opened());
     on(this.#socket, "down", ({ code }) => this.#lost(code));
-    on(this.#socket, "message", (message) => this.#heard(message));
+    on(this.#socket, "message", (message) => this.#receive(message));
     on(this.#panel, "choose", (message) => this.#chose(message));
-    on(this.#panel, "warn", (text) => this.#tell("warning", "slot", text));
+    on(this.#panel, "warn", (text) => this.#notify("warning", "slot", text));
     on(this.#options, "share", (share) => {
       this.#sender.share = share;
     });
@@ -290,7 +290,7 @@ class ControlPage {
       listenToGamepad(host),
       keysHelp(this.#parts["keys-dialog"], this.#parts["keys-open"]),
     );
-    this.#timer = setInterval(() => this.#look(), LOOK_MS);
+    this.#timer = setInterval(() => this.#update(), UPDATE_MS);
   }
 
   /** Send a choice about control. A release ends driving at once, before the answer comes. */
@@ -337,17 +337,17 @@ class ControlPage {
   #opened() {
     this.#heartbeat.begin();
     this.#socket.send({ t: "hello", tab: this.#tab });
-    this.#look();
+    this.#update();
   }
 
   #lost(code) {
-    this.#left ||= this.#control?.state === "yours";
+    this.#lostWithControl ||= this.#control?.state === "yours";
     this.#control = null;
     this.#panel.control = null;
     this.#taskPanel.lost();
     this.#requests.lost();
     this.#follow();
-    this.#look();
+    this.#update();
     // The reloaded page gives the reason, or is the sign-in page.
     if (CLOSED_FOR_GOOD.has(code)) location.reload();
   }
@@ -356,9 +356,9 @@ class ControlPage {
     return !this.#socket.open || this.#gone !== null || isStale(performance.now() - this.#viewMs);
   }
 
-  #heard(message) {
-    this.#heartbeat.heard(message);
-    if (this.#taskPanel.heard(message)) return;
+  #receive(message) {
+    this.#heartbeat.receive(message);
+    if (this.#taskPanel.receive(message)) return;
     switch (message.t) {
       case "view":
         return this.#onView(message);
@@ -383,7 +383,7 @@ class ControlPage {
         this.#seen = message.seen_at ?? this.#seen;
         this.#taskPanel.away();
         this.#map.path = this.#scene.path = [];
-        return this.#look();
+        return this.#update();
     }
   }
 
@@ -419,14 +419,14 @@ class ControlPage {
       this.#hints.done("take");
     }
     // The person waited in line and did not take control just now: control was handed over.
-    if (!this.#requests.heard(control) && begins && asking)
-      this.#tell("success", "control", gettext("Control was handed to you."));
+    if (!this.#requests.receive(control) && begins && asking)
+      this.#notify("success", "control", gettext("Control was handed to you."));
     // "away" and "elsewhere" may mean this tab itself, before the server gives its control back.
-    if (this.#left && ["free", "other"].includes(control.state))
-      this.#tell("warning", "left", gettext("Control ended while the connection was lost."));
-    this.#left &&= ["away", "elsewhere"].includes(control.state);
+    if (this.#lostWithControl && ["free", "other"].includes(control.state))
+      this.#notify("warning", "left", gettext("Control ended while the connection was lost."));
+    this.#lostWithControl &&= ["away", "elsewhere"].includes(control.state);
     this.#follow();
-    this.#look();
+    this.#update();
   }
 
   /** Enable driving while this tab has control, and only then. */
@@ -455,7 +455,7 @@ class ControlPage {
       return;
     if (isControlRequest(of)) return this.#requests.refused(of, refusal);
     if (of === "stop") this.#stopButton.refused(refusal.text);
-    else this.#tell("warning", `${of} ${refusal.code}`, refusal.text);
+    else this.#notify("warning", `${of} ${refusal.code}`, refusal.text);
   }
 
   // --- the robot -------------------------------------------------------------------------------
@@ -468,7 +468,7 @@ class ControlPage {
     this.#state = view.state;
     this.#seen = seenAt(view.state) ?? this.#seen;
     this.#viewMs = performance.now();
-    const echo = this.#echoes.heard(view.state.seq, this.#viewMs);
+    const echo = this.#echoes.receive(view.state.seq, this.#viewMs);
     if (echo !== null) this.#echoTrips.add(echo);
     this.#picture.view = view;
     if (this.#camera) this.#camera.view = view;
@@ -479,7 +479,7 @@ class ControlPage {
     this.#taskPanel.state = view.state;
     this.#turn.state = view.state;
     this.#followGate(view.state, before);
-    this.#look();
+    this.#update();
   }
 
   /** Release the stick at every stop; also a stick held without a finger, when the gate allows no motion. */
@@ -506,10 +506,10 @@ class ControlPage {
 
   // --- what is shown ---------------------------------------------------------------------------
 
-  #look() {
+  #update() {
     const now = performance.now();
     const asksNeutral = this.#stick.waitsForNeutral || Boolean(this.#state?.neutral_needed);
-    if (!asksNeutral || !this.#drives) this.#freeMs = now;
+    if (!asksNeutral || !this.#drives) this.#needsNeutralSinceMs = now;
     const cut = this.#isCut();
     this.#picture.stale = this.#scene.stale = this.#map.stale = cut;
     if (this.#camera && cut) this.#camera.view = null;
@@ -524,7 +524,7 @@ class ControlPage {
       seen: this.#seen,
       state: this.#state,
       sinceViewMs: now - this.#viewMs,
-      asksNeutral: now - this.#freeMs > NEUTRAL_SAID_AFTER_MS,
+      asksNeutral: now - this.#needsNeutralSinceMs > NEUTRAL_SAID_AFTER_MS,
       cut,
       mayClear: Boolean(this.#control?.may_clear),
       delayMs: this.#heartbeat.delayMs,
@@ -541,14 +541,14 @@ class ControlPage {
 
   #stickReleased(reason) {
     if (reason !== "untouched") return;
-    this.#tell(
+    this.#notify(
       "info",
       "sticky",
       gettext("The stick returned to the middle: nobody touched it for 30 s."),
     );
   }
 
-  #tell(level, code, text) {
+  #notify(level, code, text) {
     this.#notices.add({ level, code, text });
   }
 }

@@ -17,7 +17,7 @@ const MEANT_BEFORE_MS = 500;
 export class ControlPanel extends EventTarget {
   #parts;
   #control = UNKNOWN;
-  #heardMs = 0;
+  #receivedMs = 0;
   #warned = { atS: Infinity, ending: "" };
   #timer;
   #takeOver;
@@ -43,7 +43,7 @@ export class ControlPanel extends EventTarget {
   /** The server's newest `control`; null while there is no connection. */
   set control(control) {
     this.#control = control ?? UNKNOWN;
-    this.#heardMs = performance.now();
+    this.#receivedMs = performance.now();
     this.#count();
     this.#showRequests(this.#control.requests);
   }
@@ -56,9 +56,9 @@ export class ControlPanel extends EventTarget {
 
   #count() {
     const now = performance.now();
-    const left = remaining(this.#control.remaining_s, this.#heardMs, now);
-    const resumable = remaining(this.#control.resumable_s, this.#heardMs, now);
-    const offered = remaining(this.#control.offer_s, this.#heardMs, now);
+    const left = remaining(this.#control.remaining_s, this.#receivedMs, now);
+    const resumable = remaining(this.#control.resumable_s, this.#receivedMs, now);
+    const offered = remaining(this.#control.offer_s, this.#receivedMs, now);
     const { headline, reason, actions } = controlWords(this.#control, resumable, offered);
     const yours = this.#control.state === "yours";
     const { who, why, lease } = this.#parts;
@@ -67,7 +67,7 @@ export class ControlPanel extends EventTarget {
     show(lease, left !== null);
     if (left !== null) setText(lease, interpolate(gettext("%s left"), [clockText(left)]));
     mark(lease, "last", yours && isLastCall(left));
-    this.#showSlot((now - this.#heardMs) / 1000);
+    this.#showSlot((now - this.#receivedMs) / 1000);
     this.#offer(actions);
   }
 

@@ -62,18 +62,18 @@ function isDone(t, { state, asking = null, remaining_s: remainingS = 0 }, renewe
 
 export class ControlRequests {
   #send;
-  #tell;
+  #notify;
   #waiting = new Map(); // by kind of request: timers, and whether it was reported as late
   #remainedS = 0; // of the lease, at the last report of control
-  #heardMs = 0; // time of that report
+  #receivedMs = 0; // time of that report
 
   /**
    * @param {(message: object) => boolean} send returns whether there was a connection
-   * @param {(notice: {level: string, code: string, text: string}) => void} tell
+   * @param {(notice: {level: string, code: string, text: string}) => void} notify
    */
-  constructor(send, tell) {
+  constructor(send, notify) {
     this.#send = send;
-    this.#tell = tell;
+    this.#notify = notify;
   }
 
   /**
@@ -92,14 +92,14 @@ export class ControlRequests {
   }
 
   /** @param {object} control as the server reports it @returns {boolean} whether it completed a request */
-  heard(control) {
+  receive(control) {
     const now = performance.now();
-    const sinceS = (now - this.#heardMs) / 1000;
+    const sinceS = (now - this.#receivedMs) / 1000;
     // The remaining time of a lease gets shorter; a longer time shows a renewal, perhaps reported late.
     const renewedS = this.#remainedS - Math.max(SPREAD_S, sinceS / 2);
     const done = [...this.#waiting.keys()].filter((t) => isDone(t, control, renewedS));
     this.#remainedS = control.remaining_s ?? 0;
-    this.#heardMs = now;
+    this.#receivedMs = now;
     for (const t of done) this.done(t, control);
     return done.length > 0;
   }
@@ -109,7 +109,7 @@ export class ControlRequests {
     if (!this.#forget(t)) return;
     const text = doneText(t, control);
     // Panel and banner show it.
-    if (text) this.#tell({ level: "success", code: `${t} done`, text, quiet: true });
+    if (text) this.#notify({ level: "success", code: `${t} done`, text, quiet: true });
   }
 
   refused(t, { code, text }) {
@@ -136,7 +136,7 @@ export class ControlRequests {
   }
 
   #failed(t, code, text) {
-    this.#tell({ level: "warning", code: `${t} ${code}`, text: `${labels()[t]}: ${text}` });
+    this.#notify({ level: "warning", code: `${t} ${code}`, text: `${labels()[t]}: ${text}` });
   }
 
   #forget(t) {

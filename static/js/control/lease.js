@@ -3,9 +3,9 @@
 const LAST_CALL_S = 30;
 
 /** @returns {number | null} seconds left at `nowMs`, never below zero; null if `seconds` is not known */
-export function remaining(seconds, heardMs, nowMs) {
+export function remaining(seconds, receivedMs, nowMs) {
   if (seconds === null || seconds === undefined) return null;
-  return Math.max(0, seconds - (nowMs - heardMs) / 1000);
+  return Math.max(0, seconds - (nowMs - receivedMs) / 1000);
 }
 
 /** "4:05", "0:09", "1 h 02 min". */

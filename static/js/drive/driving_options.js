@@ -95,13 +95,13 @@ export class DrivingOptions extends EventTarget {
     const speed = this.#share * this.#limits.forward_mps;
     setText(this.#parts.speed, `${speed.toFixed(2)} m/s`);
     setText(this.#parts.pace, paceText(speed));
-    this.#tell("share", this.#share);
+    this.#emit("share", this.#share);
   }
 
   #toggle(name) {
     const on = !isPressed(this.#parts[name]);
     pressed(this.#parts[name], on);
-    this.#tell(name, on);
+    this.#emit(name, on);
   }
 
   #swap() {
@@ -110,7 +110,7 @@ export class DrivingOptions extends EventTarget {
     remember("sides", sides);
   }
 
-  #tell(type, detail) {
+  #emit(type, detail) {
     this.dispatchEvent(new CustomEvent(type, { detail }));
   }
 }

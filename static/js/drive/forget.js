@@ -12,7 +12,7 @@ export class Forget {
   /**
    * @param {HTMLButtonElement} button
    * @param {HTMLDialogElement} dialog in which a person confirms it
-   * @param {(order: object) => void} send
+   * @param {(request: object) => void} send
    */
   constructor(button, dialog, send) {
     this.#button = button;

@@ -7,7 +7,7 @@ export class LookAhead {
   #button;
   #listening = new AbortController();
 
-  /** @param {HTMLButtonElement} button @param {(order: object) => void} send */
+  /** @param {HTMLButtonElement} button @param {(request: object) => void} send */
   constructor(button, send) {
     this.#button = button;
     dim(button, true, takeControlFirst());

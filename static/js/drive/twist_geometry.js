@@ -98,11 +98,11 @@ export function distanceTo(outline, [x, y]) {
  * zero.
  * @param {number[][]} outline closed, around the base
  * @param {{vx: number, vy: number, w: number}} twist
- * @returns {{bordersAt: (atM: number) => number[][], wayTo: (place: number[]) => number}} `bordersAt`:
- *   left and right border after `atM` metres. `wayTo`: metres until the outline touches a point outside of
+ * @returns {{bordersAt: (atM: number) => number[][], travelTo: (point: number[]) => number}} `bordersAt`:
+ *   left and right border after `atM` metres. `travelTo`: metres until the outline touches a point outside of
  *   it; Infinity: the outline passes the point
  */
-export function swept(outline, twist) {
+export function sweptArea(outline, twist) {
   const speed = Math.hypot(twist.vx, twist.vy);
   return Math.abs(twist.w) < NEARLY_STRAIGHT * speed
     ? sweptAhead(outline, twist.vx / speed, twist.vy / speed)
@@ -115,18 +115,18 @@ function sweptAhead(outline, dx, dy) {
   const sides = edges.map(([[, side]]) => side);
   const [right, left] = [Math.min(...sides), Math.max(...sides)];
   const beside = (along, side) => [dx * along - dy * side, dy * along + dx * side];
-  const wayTo = (place) => {
-    const [along, side] = onWay(place);
+  const travelTo = (point) => {
+    const [along, side] = onWay(point);
     let shortest = Infinity;
     if (side <= right || side >= left) return shortest;
     for (const [[a, sideA], [b, sideB]] of edges) {
       if (sideA > side === sideB > side) continue;
-      const wayM = along - (a + ((side - sideA) / (sideB - sideA)) * (b - a));
-      if (wayM >= 0) shortest = Math.min(shortest, wayM);
+      const travelM = along - (a + ((side - sideA) / (sideB - sideA)) * (b - a));
+      if (travelM >= 0) shortest = Math.min(shortest, travelM);
     }
     return shortest;
   };
-  return { bordersAt: (atM) => [beside(atM, left), beside(atM, right)], wayTo };
+  return { bordersAt: (atM) => [beside(atM, left), beside(atM, right)], travelTo };
 }
 
 function sweptRound(outline, twist, speed) {
@@ -142,7 +142,7 @@ function sweptRound(outline, twist, speed) {
     const at = (r) => [cx + ex * r, cy + ey * r];
     return w > 0 ? [at(inner), at(outer)] : [at(outer), at(inner)];
   };
-  const wayTo = ([px, py]) => {
+  const travelTo = ([px, py]) => {
     const [x, y] = [px - cx, py - cy];
     const away = Math.hypot(x, y);
     let shortest = Infinity;
@@ -154,7 +154,7 @@ function sweptRound(outline, twist, speed) {
     }
     return shortest * radiusM;
   };
-  return { bordersAt, wayTo };
+  return { bordersAt, travelTo };
 }
 
 /** Return the least distance of an edge from the origin. */

@@ -28,9 +28,7 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
       status: refusal?.code === "bridge_silent" ? gettext("No news") : gettext("No link"),
       why: refusal?.text ?? "",
       doing:
-        refusal?.code === "bridge_silent"
-          ? gettext("It sends no data")
-          : gettext("Out of reach"),
+        refusal?.code === "bridge_silent" ? gettext("It sends no data") : gettext("Out of reach"),
       driver: "–",
       battery: "–",
       health: "–",

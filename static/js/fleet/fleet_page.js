@@ -23,7 +23,7 @@ export class FleetPage {
   #cards = new Map();
   #connection;
   #words;
-  #heardMs = -Infinity; // time of this connection's last report about the robots
+  #receivedMs = -Infinity; // time of this connection's last report about the robots
   #robots = {};
   #timer;
   #thumbnails;
@@ -49,17 +49,17 @@ export class FleetPage {
         send: () => this.#send({ t: "stop_all" }),
         // If a robot has no link, the server's answer names the robots that it did not reach.
         answered: (sinceMs) =>
-          this.#heardMs > sinceMs &&
+          this.#receivedMs > sinceMs &&
           Object.values(this.#robots).every(({ state }) => state?.stop.state !== "clear"),
-        arrived: () => this.#words.say(gettext("Stopped.")),
-        say: (text) => this.#words.say(text),
+        arrived: () => this.#words.showText(gettext("Stopped.")),
+        showText: (text) => this.#words.showText(text),
         fail: (text, robots) => this.#failed(text, robots),
       }),
     );
-    this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
+    this.#socket.addEventListener("message", ({ detail }) => this.#receive(detail));
     this.#socket.addEventListener("open", () => this.#opened());
     this.#socket.addEventListener("down", ({ detail }) => this.#lost(detail.code));
-    this.#timer = setInterval(() => this.#look(), 500);
+    this.#timer = setInterval(() => this.#update(), 500);
     this.#socket.connect();
     this.#thumbnails = new Thumbnails(root);
   }
@@ -75,7 +75,7 @@ export class FleetPage {
   }
 
   get #live() {
-    return this.#socket.open && performance.now() - this.#heardMs < STALE_MS;
+    return this.#socket.open && performance.now() - this.#receivedMs < STALE_MS;
   }
 
   /** Send a message over the socket. Return true only if an answer can be expected there. */
@@ -91,8 +91,9 @@ export class FleetPage {
       new StopButton(own.stop, {
         send: () => this.#send({ t: "stop", slug }),
         answered: (sinceMs) =>
-          this.#heardMs > sinceMs && (this.#robots[slug]?.state?.stop.state ?? "clear") !== "clear",
-        say: (text) => {
+          this.#receivedMs > sinceMs &&
+          (this.#robots[slug]?.state?.stop.state ?? "clear") !== "clear",
+        showText: (text) => {
           this.#stopSays(own, text);
           this.#words.forget(slug);
         },
@@ -147,21 +148,21 @@ export class FleetPage {
 
   #opened() {
     this.#heartbeat.begin();
-    this.#heardMs = -Infinity;
-    this.#look();
+    this.#receivedMs = -Infinity;
+    this.#update();
   }
 
-  #heard(message) {
-    this.#heartbeat.heard(message);
+  #receive(message) {
+    this.#heartbeat.receive(message);
     if (message.t === "refused" && message.of === "clear") this.#clear?.refused(message.refusal);
     else if (message.t === "refused") this.#refused(message.refusal);
     if (message.t !== "fleet") return;
-    this.#heardMs = performance.now();
+    this.#receivedMs = performance.now();
     this.#followRegistry(Object.keys(message.robots));
     this.#robots = message.robots;
     if (this.#clear) this.#clear.robots = message.robots;
     for (const [slug, robot] of Object.entries(message.robots)) this.#show(slug, robot);
-    this.#look();
+    this.#update();
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
   }
 
@@ -189,14 +190,14 @@ export class FleetPage {
 
   #lost(code) {
     if (code === SIGNED_OUT) location.reload(); // signed out: the server shows the sign-in page
-    this.#look();
+    this.#update();
   }
 
-  #look() {
+  #update() {
     const live = this.#live;
     const { level, text } = connectionFact({
       connected: this.#socket.open,
-      heard: this.#heardMs > -Infinity,
+      received: this.#receivedMs > -Infinity,
       stale: !live,
     });
     mark(this.#connection, "level", level);

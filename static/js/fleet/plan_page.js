@@ -10,7 +10,7 @@ import { cardOf } from "./card_words.js";
 import { whereText, whyNowhere } from "./plan_words.js";
 
 const STALE_MS = 3000;
-const LOOK_MS = 500;
+const UPDATE_MS = 500;
 const MAPS_MS = 20_000;
 const SIGNED_OUT = 4401;
 const ZOOM = 1.5;
@@ -98,7 +98,7 @@ export class PlanPage {
   #maps = new Map(); // by the map's name in the API
   #mapOf = new Map(); // name of its map, by robot
   #robots = {};
-  #heardMs = -Infinity;
+  #receivedMs = -Infinity;
   #timers;
 
   constructor(root) {
@@ -108,13 +108,13 @@ export class PlanPage {
       this.#rows.set(row.dataset.robot, { row, own: parts(row), ...linkIn(row) });
     this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
     this.#heartbeat = new Heartbeat(this.#socket);
-    this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
+    this.#socket.addEventListener("message", ({ detail }) => this.#receive(detail));
     this.#socket.addEventListener("open", () => this.#heartbeat.begin());
     this.#socket.addEventListener("down", ({ detail }) => {
       if (detail.code === SIGNED_OUT) location.reload(); // the server shows the sign-in page
     });
     this.#timers = [
-      setInterval(() => this.#look(), LOOK_MS),
+      setInterval(() => this.#update(), UPDATE_MS),
       setInterval(() => this.#loadMaps(), MAPS_MS),
     ];
     this.#loadMaps();
@@ -154,10 +154,10 @@ export class PlanPage {
     this.#maps.delete(key);
   }
 
-  #heard(message) {
-    this.#heartbeat.heard(message);
+  #receive(message) {
+    this.#heartbeat.receive(message);
     if (message.t !== "fleet") return;
-    this.#heardMs = performance.now();
+    this.#receivedMs = performance.now();
     this.#robots = message.robots;
     this.#show();
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
@@ -165,7 +165,7 @@ export class PlanPage {
 
   #show() {
     const drawn = new Map([...this.#maps.values()].map((map) => [map, []]));
-    if (this.#heardMs > -Infinity)
+    if (this.#receivedMs > -Infinity)
       for (const [slug, held] of this.#rows) this.#showRobot(held, this.#robots[slug], slug, drawn);
     for (const [map, robots] of drawn) map.robots = robots;
     show(
@@ -192,11 +192,11 @@ export class PlanPage {
     if (!why) drawn.get(map).push({ name, address, ...robot.state });
   }
 
-  #look() {
-    const live = this.#socket.open && performance.now() - this.#heardMs < STALE_MS;
+  #update() {
+    const live = this.#socket.open && performance.now() - this.#receivedMs < STALE_MS;
     const { level, text } = connectionFact({
       connected: this.#socket.open,
-      heard: this.#heardMs > -Infinity,
+      received: this.#receivedMs > -Infinity,
       stale: !live,
     });
     mark(this.#parts.connection, "level", level);

@@ -8,7 +8,7 @@ for (const form of document.querySelectorAll("form[data-stop-all]")) {
   new StopButton(form, {
     send: () => false,
     answered: () => true,
-    say: (text) => words.say(text),
+    showText: (text) => words.showText(text),
     fail: (text) => words.fail(text),
   });
 }

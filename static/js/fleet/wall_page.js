@@ -11,7 +11,7 @@ import { cardOf } from "./card_words.js";
 import { Thumbnails } from "./thumbnails.js";
 
 const STALE_MS = 3000;
-const LOOK_MS = 500;
+const UPDATE_MS = 500;
 const SIGNED_OUT = 4401;
 // The page reloads once an hour: to get the newest version, and because a sign-in ends after twelve hours
 // without a request for a page.
@@ -23,7 +23,7 @@ export class WallPage {
   #heartbeat;
   #parts;
   #cards = new Map();
-  #heardMs = -Infinity;
+  #receivedMs = -Infinity;
   #openedMs = performance.now();
   #screen = screenLock();
   #timer;
@@ -37,14 +37,14 @@ export class WallPage {
     this.#parts = parts(document);
     for (const card of root.querySelectorAll("[data-robot]"))
       this.#cards.set(card.dataset.robot, { card, own: parts(card) });
-    this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
+    this.#socket.addEventListener("message", ({ detail }) => this.#receive(detail));
     this.#socket.addEventListener("open", () => this.#heartbeat.begin());
     this.#socket.addEventListener("down", ({ detail }) => {
       if (detail.code === SIGNED_OUT) location.reload(); // the server shows the sign-in page
     });
     this.#screen.keep(true);
-    this.#timer = setInterval(() => this.#look(), LOOK_MS);
-    this.#look();
+    this.#timer = setInterval(() => this.#update(), UPDATE_MS);
+    this.#update();
     this.#socket.connect();
     this.#thumbnails = new Thumbnails(root);
   }
@@ -57,10 +57,10 @@ export class WallPage {
     this.#socket.close();
   }
 
-  #heard(message) {
-    this.#heartbeat.heard(message);
+  #receive(message) {
+    this.#heartbeat.receive(message);
     if (message.t !== "fleet") return;
-    this.#heardMs = performance.now();
+    this.#receivedMs = performance.now();
     for (const [slug, robot] of Object.entries(message.robots)) this.#show(slug, robot);
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
   }
@@ -73,12 +73,12 @@ export class WallPage {
     showStop(held, shown);
   }
 
-  #look() {
+  #update() {
     const now = performance.now();
-    const live = this.#socket.open && now - this.#heardMs < STALE_MS;
+    const live = this.#socket.open && now - this.#receivedMs < STALE_MS;
     const { level, text } = connectionFact({
       connected: this.#socket.open,
-      heard: this.#heardMs > -Infinity,
+      received: this.#receivedMs > -Infinity,
       stale: !live,
     });
     mark(this.#parts.connection, "level", level);

@@ -21,15 +21,15 @@ const LATE_MS = 12_000; // the silence of a part counts from its last report, 10
 
 export class HealthPanel {
   #parts;
-  #tell;
-  #told = null; // by part: its badness, and the time of the notice; null: no report yet
+  #notify;
+  #notified = null; // by part: its badness, and the time of the notice; null: no report yet
   #beganMs; // time of the first report
   #low = null;
 
-  /** @param {object} parts of the page @param {(notice: object) => void} tell adds a notice */
-  constructor(parts, tell) {
+  /** @param {object} parts of the page @param {(notice: object) => void} notify adds a notice */
+  constructor(parts, notify) {
     this.#parts = parts;
-    this.#tell = tell;
+    this.#notify = notify;
   }
 
   /** @param {object} state of the robot @param {boolean} cut the state may be out of date */
@@ -39,8 +39,8 @@ export class HealthPanel {
     this.#showHeader(cut ? null : health);
     if (cut) return; // `since_s` counts from the report: the time would be wrong for an old state
     this.#showDetails(health, nowMs);
-    if (health) this.#tellOfParts(health.parts, health.parts_more, nowMs);
-    this.#tellOfBattery(state);
+    if (health) this.#notifyOfParts(health.parts, health.parts_more, nowMs);
+    this.#notifyOfBattery(state);
   }
 
   #showBattery(state) {
@@ -79,27 +79,32 @@ export class HealthPanel {
     setTextOrHide(more, health ? leftOutText(health) : "");
   }
 
-  #tellOfParts(parts, more, nowMs) {
+  #notifyOfParts(parts, more, nowMs) {
     this.#beganMs ??= nowMs;
-    const before = this.#told ?? new Map();
+    const before = this.#notified ?? new Map();
     const now = new Map();
     for (const part of parts) {
       const changedMs = nowMs - 1000 * part.since_s;
-      const old = { badness: 0, toldBadness: 0, toldMs: -AGAIN_MS, ...before.get(part.name) };
+      const old = {
+        badness: 0,
+        notifiedBadness: 0,
+        notifiedMs: -AGAIN_MS,
+        ...before.get(part.name),
+      };
       if (changedMs > (old.leftMs ?? Infinity) - LATE_MS) old.badness = 0; // perhaps it was well in between
       const badness = BADNESS[part.level];
-      const isNews = badness > old.toldBadness || nowMs - old.toldMs >= AGAIN_MS;
+      const isNews = badness > old.notifiedBadness || nowMs - old.notifiedMs >= AGAIN_MS;
       // The list is limited. A part that appears only now may have been faulty before this page was opened.
       const isFresh = before.has(part.name) || changedMs > this.#beganMs - LATE_MS;
-      const tells = this.#told !== null && badness > old.badness && isNews && isFresh;
-      if (tells) {
+      const notifies = this.#notified !== null && badness > old.badness && isNews && isFresh;
+      if (notifies) {
         const level = part.level === "error" ? "error" : "warning";
-        this.#tell({ level, code: `health ${part.name}`, text: partText(part) });
+        this.#notify({ level, code: `health ${part.name}`, text: partText(part) });
       }
       now.set(part.name, {
         badness,
-        toldBadness: tells || this.#told === null ? badness : old.toldBadness,
-        toldMs: tells ? nowMs : old.toldMs,
+        notifiedBadness: notifies || this.#notified === null ? badness : old.notifiedBadness,
+        notifiedMs: notifies ? nowMs : old.notifiedMs,
       });
     }
     // A part may be missing because the list is full. A part that is well again is kept for a minute: it may
@@ -107,17 +112,17 @@ export class HealthPanel {
     for (const [name, old] of before) {
       if (now.has(name)) continue;
       if (more > 0) now.set(name, { leftMs: nowMs, ...old });
-      else if (nowMs - old.toldMs < AGAIN_MS) now.set(name, { ...old, badness: 0 });
+      else if (nowMs - old.notifiedMs < AGAIN_MS) now.set(name, { ...old, badness: 0 });
     }
-    this.#told = now;
+    this.#notified = now;
   }
 
-  #tellOfBattery({ battery_percent: percent, charging }) {
+  #notifyOfBattery({ battery_percent: percent, charging }) {
     if (percent === null) return;
     const low = percent < LOW_BATTERY_PERCENT && !charging;
     if (low && this.#low === false) {
       const text = interpolate(gettext("The battery is low: %s %."), [Math.round(percent)]);
-      this.#tell({ level: "warning", code: "battery", text });
+      this.#notify({ level: "warning", code: "battery", text });
     }
     this.#low = low || (this.#low === true && percent < LOW_BATTERY_PERCENT + 2);
   }

@@ -75,7 +75,10 @@ export function temperaturesText(temperatures) {
 export function leftOutText({ parts_more: more, left_out: leftOut, unread }) {
   const texts = [
     more && interpolate(gettext("%s more parts are not well."), [more]),
-    leftOut && interpolate(gettext("At least %s more parts report: the console does not show them."), [leftOut]),
+    leftOut &&
+      interpolate(gettext("At least %s more parts report: the console does not show them."), [
+        leftOut,
+      ]),
     unread &&
       interpolate(gettext("%s reports could not be read: no name, or an unknown level."), [unread]),
   ];

@@ -27,7 +27,7 @@ export function shaped(deflection) {
 export class HeadStick {
   #pad;
   #knob;
-  #order;
+  #request;
   #may = false;
   #hasHead = false;
   #pointer = null; // its id
@@ -40,14 +40,14 @@ export class HeadStick {
 
   /**
    * @param {Record<string, HTMLElement>} parts head-open, head-box, head-pad, head-knob, head-ahead
-   * @param {(order: object) => Promise<?object>} order returns the refusal or null
+   * @param {(request: object) => Promise<?object>} request returns the refusal or null
    * @param {() => boolean} steers whether keys control the robot now
    */
-  constructor(parts, order, steers) {
+  constructor(parts, request, steers) {
     this.#parts = parts;
     this.#pad = parts["head-pad"];
     this.#knob = parts["head-knob"];
-    this.#order = order;
+    this.#request = request;
     const { signal } = this.#listening;
     const on = (target, type, act) => target.addEventListener(type, act, { signal });
     on(parts["head-open"], "click", () => this.#open(parts["head-box"].hidden));
@@ -99,7 +99,7 @@ export class HeadStick {
 
   #ahead() {
     this.release();
-    this.#order({ t: "look_ahead" });
+    this.#request({ t: "look_ahead" });
   }
 
   #down(event) {
@@ -157,7 +157,7 @@ export class HeadStick {
     const tilt = shaped(this.#way.tilt) * most;
     if (this.#waiting >= MOST_WAITING || (pan === 0 && tilt === 0)) return;
     this.#waiting += 1;
-    const refusal = await this.#order({ t: "turn_head", pan, tilt, quiet: true });
+    const refusal = await this.#request({ t: "turn_head", pan, tilt, quiet: true });
     this.#waiting -= 1;
     if (refusal) this.release(); // the next request would be refused, too
   }

@@ -12,8 +12,8 @@ const KEYS_REST_MS = 400; // after the last press of an arrow key on a slider
 
 export class LimbPanel {
   #parts;
-  #order;
-  #tell;
+  #request;
+  #notify;
   #ranges = {};
   #home = null;
   #pressed = new Set(); // limbs whose slider is under a finger
@@ -25,15 +25,15 @@ export class LimbPanel {
 
   /**
    * @param {Record<string, HTMLElement>} parts
-   * @param {{order: (order: object) => Promise<?object>, tell: (notice: object) => void}} page
+   * @param {{request: (request: object) => Promise<?object>, notify: (notice: object) => void}} page
    */
-  constructor(parts, { order, tell }) {
+  constructor(parts, { request, notify }) {
     this.#parts = parts;
-    this.#order = order;
-    this.#tell = tell;
+    this.#request = request;
+    this.#notify = notify;
     const { signal } = this.#listening;
     const on = (part, type, act) => parts[part].addEventListener(type, act, { signal });
-    on("arm-home", "click", () => order({ t: "play", motion: HOME, title: this.#home?.title }));
+    on("arm-home", "click", () => request({ t: "play", motion: HOME, title: this.#home?.title }));
     on("gripper-open", "click", () => this.#move("gripper", this.#ranges.gripper.most_m));
     on("gripper-close", "click", () => this.#move("gripper", this.#ranges.gripper.least_m));
     for (const limb of ["gripper", "torso"]) {
@@ -130,7 +130,7 @@ export class LimbPanel {
   async #move(limb, to) {
     this.#letGo(limb);
     const goal = { t: "move_limb", limb, to_m: Math.round(to * 1000) / 1000, quiet: true };
-    const refusal = await this.#order(goal);
+    const refusal = await this.#request(goal);
     if (refusal && !this.#held.has(limb)) this.#follow(limb);
   }
 
@@ -151,7 +151,7 @@ export class LimbPanel {
     for (const [limb, { ended = null }] of Object.entries(limbs)) {
       if (!ended || known[limb] === this.#ended[limb]) continue;
       const notice = endNotice(limb, ended);
-      if (notice) this.#tell(notice);
+      if (notice) this.#notify(notice);
     }
   }
 }

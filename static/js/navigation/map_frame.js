@@ -47,11 +47,11 @@ export function corners({ origin_x_m: x, origin_y_m: y, origin_rad: yaw, ...map 
   ].map(([along, up]) => [x + c * along - s * up, y + s * along + c * up]);
 }
 
-export function toPixels({ x, y, scale }, place, width, height) {
-  return [width / 2 + (place[0] - x) * scale, height / 2 - (place[1] - y) * scale];
+export function toPixels({ x, y, scale }, point, width, height) {
+  return [width / 2 + (point[0] - x) * scale, height / 2 - (point[1] - y) * scale];
 }
 
-export function toPlace({ x, y, scale }, pixel, width, height) {
+export function toPoint({ x, y, scale }, pixel, width, height) {
   return [x + (pixel[0] - width / 2) / scale, y - (pixel[1] - height / 2) / scale];
 }
 
@@ -62,7 +62,7 @@ export function toPlace({ x, y, scale }, pixel, width, height) {
 export function zoomed(frame, factor, pixel, width, height, coarsest) {
   const least = Math.min(coarsest, frame.scale); // a larger window has a larger `coarsest`
   const scale = Math.min(Math.max(frame.scale * factor, least), FINEST);
-  const [x, y] = toPlace(frame, pixel, width, height);
+  const [x, y] = toPoint(frame, pixel, width, height);
   return {
     x: x - (pixel[0] - width / 2) / scale,
     y: y + (pixel[1] - height / 2) / scale,

@@ -20,8 +20,8 @@ export class MapPanel {
   #parts;
   #robot;
   #places;
-  #order;
-  #tell;
+  #request;
+  #notify;
   #view = null; // made when the panel is first opened
   #mode = null; // one of MODES, or null
   #wanted = ""; // text: what a press on the map lacked
@@ -39,14 +39,14 @@ export class MapPanel {
    * @param {HTMLElement} root the area of the picture
    * @param {Record<string, HTMLElement>} parts
    * @param {string} robot its slug
-   * @param {{order: (order: object) => Promise<?object>, tell: (notice: object) => void}} page
+   * @param {{request: (request: object) => Promise<?object>, notify: (notice: object) => void}} page
    */
-  constructor(root, parts, robot, { order, tell }) {
+  constructor(root, parts, robot, { request, notify }) {
     this.#root = root;
     this.#parts = parts;
     this.#robot = robot;
-    this.#order = order;
-    this.#tell = tell;
+    this.#request = request;
+    this.#notify = notify;
     const { signal } = this.#listening;
     const on = (part, act) => parts[part].addEventListener("click", act, { signal });
     on("map-open", () => this.#open(parts.map.hidden));
@@ -71,7 +71,7 @@ export class MapPanel {
       choose: () => this.#choose("place"),
       here: () => rounded(this.#newest?.state.location ?? null),
       changed: () => this.#load(),
-      tell,
+      notify,
     });
   }
 
@@ -172,10 +172,10 @@ export class MapPanel {
 
   /** Let the person choose a point of the map in this mode; the same mode again, or null, ends it. */
   #choose(mode) {
-    if (IN_CONTROL.includes(mode) && !this.#mayOrder()) mode = null;
+    if (IN_CONTROL.includes(mode) && !this.#mayRequest()) mode = null;
     if (mode !== null && this.#loaded === null) {
       const text = this.#parts["map-none"].textContent || gettext("The map is being loaded.");
-      this.#tell({ level: "info", code: "map unknown", text });
+      this.#notify({ level: "info", code: "map unknown", text });
       mode = null;
     }
     this.#mode = mode === this.#mode ? null : mode;
@@ -200,8 +200,9 @@ export class MapPanel {
       setText(this.#parts["map-picked-go"], interpolate(gettext("Go to “%s”"), [place.name]));
   }
 
-  #mayOrder() {
-    if (!this.#drives) this.#tell({ level: "info", code: "map control", text: takeControlFirst() });
+  #mayRequest() {
+    if (!this.#drives)
+      this.#notify({ level: "info", code: "map control", text: takeControlFirst() });
     return this.#drives;
   }
 
@@ -219,17 +220,17 @@ export class MapPanel {
       });
   }
 
-  /** Send an order. If the robot refuses it because it has another map by now, load that map. */
-  async #send(order) {
-    const refusal = await this.#order(order);
+  /** Send a request. If the robot refuses it because it has another map by now, load that map. */
+  async #send(request) {
+    const refusal = await this.#request(request);
     if (refusal?.code === "map_changed") this.#load();
   }
 
   #goTo(place) {
-    if (!this.#mayOrder()) return;
+    if (!this.#mayRequest()) return;
     this.#places.open(false);
     this.#pick(null);
-    this.#order({ t: "go", ...rounded(place), place: place.name });
+    this.#request({ t: "go", ...rounded(place), place: place.name });
   }
 
   #speak(wanted = "") {
@@ -259,7 +260,7 @@ export class MapPanel {
     const level = ["arrived", "cancelled", "replaced"].includes(ended.outcome)
       ? "success"
       : "warning";
-    this.#tell({ level, code: `go ${number}`, text: endText(ended) });
+    this.#notify({ level, code: `go ${number}`, text: endText(ended) });
   }
 }
 

@@ -10,7 +10,7 @@ import {
   onMap,
   panned,
   toPixels,
-  toPlace,
+  toPoint,
   whole,
   zoomed,
 } from "./map_frame.js";
@@ -214,13 +214,13 @@ export class MapView extends EventTarget {
   }
 
   #choose(pixel) {
-    const place = toPlace(this.#seen, this.#from, ...this.#size);
-    const { x, y } = this.#robot ?? { x: place[0], y: place[1] };
-    const away = Math.atan2(place[1] - y, place[0] - x);
+    const point = toPoint(this.#seen, this.#from, ...this.#size);
+    const { x, y } = this.#robot ?? { x: point[0], y: point[1] };
+    const away = Math.atan2(point[1] - y, point[0] - x);
     const heading = headingOf(this.#from, pixel, null);
     this.#chosen = {
-      x: place[0],
-      y: place[1],
+      x: point[0],
+      y: point[1],
       heading: heading ?? away,
       isTurned: heading !== null,
     };
@@ -306,15 +306,15 @@ export class MapView extends EventTarget {
       ".": turn(-TURN_STEP),
       Enter: () => {
         if (!this.#chooses) return false;
-        this.#chosen = this.#middlePlace;
+        this.#chosen = this.#middlePoint;
         this.#send();
         return true;
       },
     };
   }
 
-  get #middlePlace() {
-    const [x, y] = toPlace(this.#seen, this.#middle, ...this.#size);
+  get #middlePoint() {
+    const [x, y] = toPoint(this.#seen, this.#middle, ...this.#size);
     const heading = Math.atan2(Math.sin(this.#heading), Math.cos(this.#heading));
     return { x, y, heading, isTurned: true };
   }
@@ -337,7 +337,7 @@ export class MapView extends EventTarget {
     for (const robot of this.#robots) this.#drawOneOfMany(pen, robot, pixel);
     if (this.#chosen) this.#target(pen, this.#chosen, colour.hold, pixel);
     else if (this.#chooses && document.activeElement === this.#element)
-      this.#target(pen, this.#middlePlace, colour.hold, pixel);
+      this.#target(pen, this.#middlePoint, colour.hold, pixel);
   }
 
   #drawMap(pen) {

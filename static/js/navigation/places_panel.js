@@ -27,7 +27,7 @@ export class PlacesPanel {
   /**
    * @param {Record<string, HTMLElement>} parts
    * @param {{go: (place: object) => void, choose: () => void, here: () => ?object, changed: () => void,
-   *   tell: (notice: object) => void}} page `choose`: the next press on the map chooses a point; `here`: the
+   *   notify: (notice: object) => void}} page `choose`: the next press on the map chooses a point; `here`: the
    *   robot's pose
    */
   constructor(parts, page) {
@@ -149,7 +149,7 @@ export class PlacesPanel {
 
   #addHere() {
     const here = this.#page.here();
-    if (here === null) return this.#tell("info", gettext("The robot does not know where it is."));
+    if (here === null) return this.#notify("info", gettext("The robot does not know where it is."));
     this.add(here);
   }
 
@@ -178,9 +178,9 @@ export class PlacesPanel {
 
   async #delete() {
     try {
-      this.#tell("success", await this.#remove());
+      this.#notify("success", await this.#remove());
     } catch (error) {
-      this.#tell("error", error.message);
+      this.#notify("error", error.message);
     }
     this.#page.changed();
   }
@@ -208,7 +208,7 @@ export class PlacesPanel {
     const asked = this.#asked;
     if (!asked || !act) return;
     try {
-      this.#tell("success", await act(asked));
+      this.#notify("success", await act(asked));
       if (this.#asked === asked) this.#parts["place-dialog"].close();
     } catch (error) {
       setTextOrHide(this.#parts["place-refused"], error.message);
@@ -222,9 +222,9 @@ export class PlacesPanel {
     try {
       const done = await importPlaces(this.#map, await files[0].text());
       const text = gettext("Places of the file: %s added, %s moved, %s already there.");
-      this.#tell("success", interpolate(text, [done.added, done.changed, done.unchanged]));
+      this.#notify("success", interpolate(text, [done.added, done.changed, done.unchanged]));
     } catch (error) {
-      this.#tell("error", error.message);
+      this.#notify("error", error.message);
     }
     this.#parts["places-file"].value = "";
     this.#page.changed();
@@ -236,8 +236,8 @@ export class PlacesPanel {
     this.#parts["map-places"].focus();
   }
 
-  #tell(level, text) {
-    this.#page.tell({ level, code: "places", text });
+  #notify(level, text) {
+    this.#page.notify({ level, code: "places", text });
   }
 }
 

@@ -31,7 +31,7 @@ export class Pace {
   }
 
   /** Count the time from the last picture to this one. @returns {boolean} whether the ratio has changed */
-  took(ms) {
+  addFrameTime(ms) {
     if (ms > 500) return false; // the page was busy with other work
     this.#times.push(ms);
     if (this.#times.length < COUNTED) return false;

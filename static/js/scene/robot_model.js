@@ -89,10 +89,10 @@ export class RobotModel {
   }
 
   /**
-   * Move the joints by a share of the way to their newest positions.
+   * Move the joints by a fraction of the way to their newest positions.
    * @returns {boolean} whether they still move
    */
-  glide(share) {
+  glide(fraction) {
     if (!this.#model) return false;
     let moves = false;
     for (const [name, wanted] of Object.entries(this.#wanted)) {
@@ -100,7 +100,7 @@ export class RobotModel {
       if (!joint || joint.mimicJoint) continue;
       const before = this.#joints[name] ?? wanted;
       const isFar = Math.abs(wanted - before) > AT_REST;
-      const now = isFar ? before + share * (wanted - before) : wanted;
+      const now = isFar ? before + fraction * (wanted - before) : wanted;
       moves ||= now !== wanted;
       this.#joints[name] = now;
       joint.setJointValue(now);
@@ -214,12 +214,12 @@ export class RobotModel {
     for (const link of Object.values(this.#model.links)) {
       const visuals = link.children.filter((child) => child.isURDFVisual);
       const lacks = visuals.some((visual) => visual.children.length === 0);
-      if (lacks) this.#stand(link);
+      if (lacks) this.#addRods(link);
     }
   }
 
   /** Add a rod from the link's origin to each of its joints; a ball to a link without joints. */
-  #stand(link) {
+  #addRods(link) {
     const joints = link.children.filter((child) => child.isURDFJoint);
     const ends = joints.map((joint) => joint.position).filter((end) => end.length() > ROD_M);
     for (const end of ends) {

@@ -48,7 +48,7 @@ export class ScenePanel {
     if (opens === this.#opens) return;
     this.#opens = opens;
     show(this.#parts.scene, opens);
-    this.#tell();
+    this.#requestJoints();
     clearTimeout(this.#timer);
     this.#abort?.abort();
     if (this.#scene) this.#scene.shown = opens;
@@ -60,7 +60,7 @@ export class ScenePanel {
   set facts(facts) {
     this.#facts = facts;
     if (this.#scene) this.#scene.facts = facts;
-    if (this.#opens) this.#tell();
+    if (this.#opens) this.#requestJoints();
   }
 
   set view(view) {
@@ -87,7 +87,7 @@ export class ScenePanel {
     this.#scene?.close();
   }
 
-  #tell() {
+  #requestJoints() {
     if (this.#facts) this.#send({ t: "show_joints", wanted: this.#opens });
   }
 
@@ -98,7 +98,7 @@ export class ScenePanel {
       if (!this.#scene) await this.#make(abort.signal);
     } catch {
       if (!abort.signal.aborted)
-        this.#say(gettext("The 3D view could not be loaded. Choose it again."));
+        this.#showText(gettext("The 3D view could not be loaded. Choose it again."));
       return;
     }
     if (abort.signal.aborted || !this.#scene) return;
@@ -108,16 +108,16 @@ export class ScenePanel {
   }
 
   async #make(signal) {
-    this.#say(gettext("The 3D view is being loaded."));
+    this.#showText(gettext("The 3D view is being loaded."));
     const { SceneView } = await this.#load(this.#parts.scene.dataset.sceneModule);
     if (signal.aborted || this.#scene) return;
     const scene = new SceneView(this.#parts["scene-place"], this.#parts.scene.dataset.help);
-    scene.addEventListener("words", ({ detail }) => this.#say(detail));
+    scene.addEventListener("words", ({ detail }) => this.#showText(detail));
     scene.addEventListener("notes", ({ detail }) => this.#note(detail));
     scene.addEventListener("mode", ({ detail }) => this.#show(detail));
     this.#scene = scene;
     this.#parts.scene.scene = scene; // for tests, and for a browser's developer tools
-    this.#say(scene.begin() ? gettext("The robot’s description is being read.") : scene.words);
+    this.#showText(scene.begin() ? gettext("The robot’s description is being read.") : scene.words);
     this.#show(scene.mode);
   }
 
@@ -152,10 +152,10 @@ export class ScenePanel {
         if (this.#digest !== null) this.#scene.describe(null);
         this.#digest = null;
         this.#tag = "";
-        this.#say(found.detail ?? "");
+        this.#showText(found.detail ?? "");
         return false;
       }
-      this.#say("");
+      this.#showText("");
       this.#tag = answer.headers.get("ETag") ?? "";
       if (found.digest === this.#digest) return true;
       this.#digest = found.digest;
@@ -163,7 +163,7 @@ export class ScenePanel {
       return true;
     } catch (error) {
       if (error.name !== "AbortError")
-        this.#say(gettext("The robot’s description could not be read."));
+        this.#showText(gettext("The robot’s description could not be read."));
       return false;
     }
   }
@@ -179,7 +179,7 @@ export class ScenePanel {
       await picture.decode();
       if (signal.aborted) return;
       this.#map = map.number;
-      this.#scene.lay(map, picture);
+      this.#scene.showMap(map, picture);
     } catch {
       // the view works without a map, and tries again
     }
@@ -194,7 +194,7 @@ export class ScenePanel {
       button.setAttribute("aria-pressed", String(button.dataset.mode === mode));
   }
 
-  #say(words) {
+  #showText(words) {
     setTextOrHide(this.#parts["scene-words"], words);
   }
 

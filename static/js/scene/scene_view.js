@@ -97,7 +97,7 @@ export class SceneView extends EventTarget {
       this.#renderer = new WebGLRenderer({ canvas, antialias: !slow });
       this.#pace ??= new Pace(slow);
     } catch {
-      this.#say(NO_WEBGL());
+      this.#showText(NO_WEBGL());
       return false;
     }
     this.#begunMs = performance.now();
@@ -117,7 +117,7 @@ export class SceneView extends EventTarget {
     );
     this.#recolour();
     this.#fit();
-    this.#say("");
+    this.#showText("");
     return true;
   }
 
@@ -177,8 +177,8 @@ export class SceneView extends EventTarget {
   }
 
   /** @param {object} map as the API describes it @param {CanvasImageSource} picture */
-  lay(map, picture) {
-    this.#around.lay(map, picture);
+  showMap(map, picture) {
+    this.#around.showMap(map, picture);
     this.#redraw();
   }
 
@@ -242,18 +242,18 @@ export class SceneView extends EventTarget {
     // The time that this picture waited: from its request, or from the last picture if that came later.
     const waitedMs = ms - Math.max(this.#lastMs, this.#askedMs);
     this.#lastMs = ms;
-    if (this.#pace.took(waitedMs)) this.#fit();
+    if (this.#pace.addFrameTime(waitedMs)) this.#fit();
     if (moves) this.#redraw();
   }
 
   /** Move the drawn robot towards the reported pose. @returns {boolean} whether it still moves */
   #move(seconds) {
-    const share = this.#glides ? 1 - Math.exp(-seconds / GLIDE_S) : 1;
-    let moves = this.#robot.glide(share);
+    const fraction = this.#glides ? 1 - Math.exp(-seconds / GLIDE_S) : 1;
+    let moves = this.#robot.glide(fraction);
     if (!this.#wanted) return moves;
     const before = this.#pose ?? this.#wanted;
     const far = Math.hypot(this.#wanted[0] - before[0], this.#wanted[1] - before[1]) > 1;
-    this.#pose = far ? this.#wanted : between(before, this.#wanted, share);
+    this.#pose = far ? this.#wanted : between(before, this.#wanted, fraction);
     moves ||= away(this.#pose, this.#wanted) > AT_REST;
     const [x, y, heading] = this.#pose;
     this.#robot.group.position.set(x, y, 0);
@@ -289,14 +289,14 @@ export class SceneView extends EventTarget {
 
   #lost(event) {
     event.preventDefault(); // else the browser never restores the context
-    this.#say(gettext("The browser lost the 3D picture. It begins again by itself."));
+    this.#showText(gettext("The browser lost the 3D picture. It begins again by itself."));
     clearTimeout(this.#lostTimer);
     this.#lostTimer = setTimeout(() => this.#anew(), LOST_MS);
   }
 
   #restored() {
     clearTimeout(this.#lostTimer);
-    this.#say("");
+    this.#showText("");
     this.#fit();
   }
 
@@ -307,7 +307,7 @@ export class SceneView extends EventTarget {
     this.#renderer = null;
     old.dispose();
     if (this.#tries > MOST_TRIES)
-      this.#say(
+      this.#showText(
         gettext(
           "The browser lost the 3D picture again and again. Load the page again, or use the plan.",
         ),
@@ -315,7 +315,7 @@ export class SceneView extends EventTarget {
     else this.begin();
   }
 
-  #say(words) {
+  #showText(words) {
     this.#words = words;
     this.dispatchEvent(new CustomEvent("words", { detail: words }));
   }
@@ -325,11 +325,11 @@ function turned(from, to) {
   return Math.atan2(Math.sin(to - from), Math.cos(to - from));
 }
 
-function between(from, to, share) {
+function between(from, to, fraction) {
   return [
-    from[0] + share * (to[0] - from[0]),
-    from[1] + share * (to[1] - from[1]),
-    from[2] + share * turned(from[2], to[2]),
+    from[0] + fraction * (to[0] - from[0]),
+    from[1] + fraction * (to[1] - from[1]),
+    from[2] + fraction * turned(from[2], to[2]),
   ];
 }
 

@@ -153,7 +153,7 @@ export class Surroundings {
     });
   }
 
-  lay(map, picture) {
+  showMap(map, picture) {
     if (this.#map) {
       this.#map.removeFromParent();
       this.#map.geometry.dispose();
@@ -247,8 +247,11 @@ export class Surroundings {
     this.#hold.fill((put) => {
       if (!point) return;
       const [x, y] = point;
-      const share = Math.min((this.#footprint ? reach(this.#footprint) : 0) / Math.hypot(x, y), 1);
-      put(share * x, share * y, LASER_M);
+      const fraction = Math.min(
+        (this.#footprint ? reach(this.#footprint) : 0) / Math.hypot(x, y),
+        1,
+      );
+      put(fraction * x, fraction * y, LASER_M);
       put(x, y, LASER_M);
       put(x, y, 0);
       put(x, y, POST_M);

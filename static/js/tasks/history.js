@@ -41,7 +41,7 @@ export class History {
   /**
    * @param {Record<string, HTMLElement>} parts
    * @param {string} url of the history
-   * @param {(order: object) => void} send
+   * @param {(request: object) => void} send
    */
   constructor(parts, url, send) {
     this.#parts = parts;
@@ -127,9 +127,9 @@ export class History {
     try {
       take(await readJson(`${this.#url}?limit=${PAGE}${query()}`, failed));
       this.#show();
-      this.#say(this.#entries.length ? "" : gettext("Nothing to show yet."));
+      this.#showText(this.#entries.length ? "" : gettext("Nothing to show yet."));
     } catch (error) {
-      this.#say(error.message);
+      this.#showText(error.message);
     }
   }
 
@@ -171,7 +171,7 @@ export class History {
     return row;
   }
 
-  #say(text) {
+  #showText(text) {
     setTextOrHide(this.#parts["history-none"], text);
   }
 }

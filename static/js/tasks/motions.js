@@ -60,7 +60,7 @@ export class Motions {
 
   /**
    * @param {Record<string, HTMLElement>} parts
-   * @param {(order: object) => void} send
+   * @param {(request: object) => void} send
    */
   constructor(parts, send) {
     this.#parts = parts;

@@ -17,7 +17,7 @@ export class Phrases {
   /**
    * @param {Record<string, HTMLElement>} parts
    * @param {string} url of the phrases
-   * @param {(order: object) => void} send
+   * @param {(request: object) => void} send
    */
   constructor(parts, url, send) {
     this.#parts = parts;
@@ -33,13 +33,13 @@ export class Phrases {
   /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
-    this.#tell();
+    this.#update();
   }
 
   /** @param {string} why the robot cannot speak now, empty if it can */
   set mute(why) {
     this.#mute = why;
-    this.#tell();
+    this.#update();
   }
 
   /** Reads the phrases from the console. */
@@ -48,7 +48,7 @@ export class Phrases {
     try {
       this.#show((await readJson(this.#url, failed)).phrases);
     } catch (error) {
-      this.#say(error.message);
+      this.#showText(error.message);
     }
   }
 
@@ -63,16 +63,16 @@ export class Phrases {
 
   #show(phrases) {
     this.#list.items = phrases;
-    this.#say(phrases.length ? "" : gettext("There are no phrases for this robot yet."));
+    this.#showText(phrases.length ? "" : gettext("There are no phrases for this robot yet."));
   }
 
   /** @param {string} text why there are no phrases */
-  #say(text) {
+  #showText(text) {
     this.#none = text;
-    this.#tell();
+    this.#update();
   }
 
-  #tell() {
+  #update() {
     this.#list.dim(!this.#mayAct || this.#mute !== "", this.#mute || takeControlFirst());
     const { "phrases-none": words } = this.#parts;
     setTextOrHide(words, this.#none || this.#mute);

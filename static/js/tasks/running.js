@@ -56,7 +56,7 @@ export class Running {
 
   /**
    * @param {Record<string, HTMLElement>} parts
-   * @param {(order: object) => void} send
+   * @param {(request: object) => void} send
    * @param {(motion: string) => string} titleOf returns a motion's title
    */
   constructor(parts, send, titleOf) {

@@ -57,7 +57,7 @@ export class Say {
 
   /**
    * @param {Record<string, HTMLElement>} parts
-   * @param {(order: object) => Promise<?object>} send resolves with the refusal, or null
+   * @param {(request: object) => Promise<?object>} send resolves with the refusal, or null
    */
   constructor(parts, send) {
     this.#parts = parts;
@@ -149,7 +149,7 @@ export class Say {
   }
 
   #typed() {
-    this.#say("");
+    this.#showText("");
     this.#count();
   }
 
@@ -179,7 +179,7 @@ export class Say {
     const field = this.#parts["say-text"];
     const text = field.value.trim();
     const fault = this.#fault(text);
-    this.#say(fault);
+    this.#showText(fault);
     if (fault) return;
     this.#isSending = true;
     const refusal = await this.#send({ t: "say", text, language: this.language });
@@ -215,7 +215,7 @@ export class Say {
     this.#count();
   }
 
-  #say(text) {
+  #showText(text) {
     setTextOrHide(this.#parts["say-fault"], text);
     this.#parts["say-text"].setAttribute("aria-invalid", String(text !== ""));
   }

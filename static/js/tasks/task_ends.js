@@ -8,17 +8,17 @@ export function levelOf(outcome) {
 
 /** Reports an end to the person who began or cancelled the task; others only see it end. */
 export class Endings {
-  #mine = false; // this page began or cancels the task: its end is reported here
+  #reportsNext = false; // this page began or cancels the task: its end is reported here
   #cancels = false; // this page cancels the task: the report does not name the person
   #name = ""; // of the task that runs, or ran
-  #tell;
+  #notify;
   #last; // number of the end that is known already
   #runs = false;
-  #blind = false; // the robot was silent for a while: the task may have ended with its bridge
+  #wasSilent = false; // the robot was silent for a while: the task may have ended with its bridge
 
-  /** @param {(ended: object, name: string) => void} tell */
-  constructor(tell) {
-    this.#tell = tell;
+  /** @param {(ended: object, name: string) => void} notify */
+  constructor(notify) {
+    this.#notify = notify;
   }
 
   /**
@@ -28,16 +28,16 @@ export class Endings {
    * @returns {() => void} undoes this call: for a request that is refused
    */
   begin(name = this.#name, cancels = false) {
-    const before = [this.#mine, this.#name, this.#cancels];
-    [this.#mine, this.#name, this.#cancels] = [true, name, cancels];
+    const before = [this.#reportsNext, this.#name, this.#cancels];
+    [this.#reportsNext, this.#name, this.#cancels] = [true, name, cancels];
     return () => {
-      [this.#mine, this.#name, this.#cancels] = before;
+      [this.#reportsNext, this.#name, this.#cancels] = before;
     };
   }
 
   /** The robot is out of reach. */
   lost() {
-    this.#blind = true;
+    this.#wasSilent = true;
   }
 
   /**
@@ -47,27 +47,27 @@ export class Endings {
   follow(name, ended) {
     if (name !== null) this.#name = name;
     const isNew = this.#last !== undefined && ended !== null && ended.number !== this.#last;
-    const isGone = this.#blind && this.#runs && name === null && !isNew;
+    const isGone = this.#wasSilent && this.#runs && name === null && !isNew;
     this.#last = ended?.number ?? 0;
     this.#runs = name !== null;
-    this.#blind = false;
+    this.#wasSilent = false;
     if (!isNew && !isGone) return false;
     const how = isNew ? ended : { outcome: "unheard", text: "" };
     const known = this.#cancels && how.outcome === "cancelled";
-    if (this.#mine) this.#tell(known ? { ...how, text: "" } : how, how.name ?? this.#name);
-    this.#mine = this.#cancels = false;
+    if (this.#reportsNext) this.#notify(known ? { ...how, text: "" } : how, how.name ?? this.#name);
+    this.#reportsNext = this.#cancels = false;
     return true;
   }
 }
 
 /** Reports to all viewers that a chosen topic vanished and input goes to another one. */
 export class ChoiceEnds {
-  #tell;
+  #notify;
   #known; // number of the last end, by use; undefined until the first state
 
-  /** @param {(text: string) => void} tell */
-  constructor(tell) {
-    this.#tell = tell;
+  /** @param {(text: string) => void} notify */
+  constructor(notify) {
+    this.#notify = notify;
   }
 
   /**
@@ -81,6 +81,6 @@ export class ChoiceEnds {
     );
     if (before === undefined) return;
     for (const [use, { number, text }] of Object.entries(ended))
-      if (before[use] !== number) this.#tell(text);
+      if (before[use] !== number) this.#notify(text);
   }
 }

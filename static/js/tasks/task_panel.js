@@ -11,14 +11,14 @@ import { Phrases } from "./phrases.js";
 import { Running } from "./running.js";
 import { Say, speechEndNotice } from "./say.js";
 import { ChoiceEnds, Endings } from "./task_ends.js";
-import { Orders } from "./tasks.js";
+import { TaskRequests } from "./tasks.js";
 
 function noVoice() {
   return gettext("This robot has no voice.");
 }
 
 export class TaskPanel {
-  #orders;
+  #requests;
   #motions;
   #say;
   #phrases;
@@ -47,18 +47,18 @@ export class TaskPanel {
    * @param {() => number} page.clock milliseconds; a reload of the tab does not set it back
    */
   constructor(parts, { addresses, send, notices, clock }) {
-    const tell = (notice) => notices.add(notice);
-    this.#orders = new Orders(send, tell, Math.floor(clock()));
-    const order = (message) => this.#send(message);
-    this.#motions = new Motions(parts, order);
-    this.#say = new Say(parts, order);
-    this.#phrases = new Phrases(parts, addresses.phrases, order);
-    this.#history = new History(parts, addresses.speech, order);
-    this.#running = new Running(parts, order, (name) => this.#motions.titleOf(name));
-    this.#lookAhead = new LookAhead(parts["look-ahead"], order);
-    this.#forget = new Forget(parts.forget, parts["forget-dialog"], order);
+    const notify = (notice) => notices.add(notice);
+    this.#requests = new TaskRequests(send, notify, Math.floor(clock()));
+    const request = (message) => this.#send(message);
+    this.#motions = new Motions(parts, request);
+    this.#say = new Say(parts, request);
+    this.#phrases = new Phrases(parts, addresses.phrases, request);
+    this.#history = new History(parts, addresses.speech, request);
+    this.#running = new Running(parts, request, (name) => this.#motions.titleOf(name));
+    this.#lookAhead = new LookAhead(parts["look-ahead"], request);
+    this.#forget = new Forget(parts.forget, parts["forget-dialog"], request);
     const url = socketUrl(addresses.topics);
-    this.#topics = new TopicsTab(parts, url, { send: order, tell }, clock);
+    this.#topics = new TopicsTab(parts, url, { send: request, notify }, clock);
     this.#motionEnds = new Endings((ended, name) =>
       notices.add(endNotice(ended, this.#motions.titleOf(name))),
     );
@@ -119,7 +119,7 @@ export class TaskPanel {
   /** @param {?number} fence of this tab's control; null: it has none; undefined: not known */
   set fence(fence) {
     this.#fence = fence;
-    this.#orders.fence = fence ?? null;
+    this.#requests.fence = fence ?? null;
     this.#enable();
   }
 
@@ -137,8 +137,8 @@ export class TaskPanel {
    * Send a task that belongs to no panel.
    * @returns {Promise<?object>} the refusal; null if it was accepted
    */
-  order(order) {
-    return this.#send(order);
+  request(request) {
+    return this.#send(request);
   }
 
   /** Stop repeating velocities. */
@@ -146,14 +146,14 @@ export class TaskPanel {
     this.#topics.zero();
   }
 
-  /** @returns {boolean} whether the message was an answer to an order */
-  heard(message) {
-    return this.#orders.heard(message);
+  /** @returns {boolean} whether the message was an answer to a request */
+  receive(message) {
+    return this.#requests.receive(message);
   }
 
   /** The connection is lost. */
   lost() {
-    this.#orders.lost();
+    this.#requests.lost();
     this.away();
   }
 
@@ -164,12 +164,12 @@ export class TaskPanel {
   }
 
   close() {
-    for (const part of [...this.#acting, this.#orders]) part.close();
+    for (const part of [...this.#acting, this.#requests]) part.close();
   }
 
-  async #send(order) {
-    const undo = this.#endingsOf(order)?.begin(order.text, order.t.endsWith("_cancel"));
-    const refusal = await this.#orders.send(order);
+  async #send(request) {
+    const undo = this.#endingsOf(request)?.begin(request.text, request.t.endsWith("_cancel"));
+    const refusal = await this.#requests.send(request);
     if (refusal && refusal.code !== "no_answer") undo?.();
     return refusal;
   }

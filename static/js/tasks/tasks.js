@@ -13,8 +13,8 @@ export const FORGOTTEN_MS = 15_000;
 const WITHOUT_CONTROL = new Set(["refresh", "play_cancel", "say_cancel"]);
 
 /** The name of a request, in words. */
-function orderText(order) {
-  switch (order.t) {
+function requestText(request) {
+  switch (request.t) {
     case "look_ahead":
       return gettext("Look ahead");
     case "turn_head":
@@ -22,11 +22,11 @@ function orderText(order) {
     case "forget":
       return gettext("Forget what was seen");
     case "play":
-      return interpolate(gettext("Play %s"), [order.title ?? order.motion]);
+      return interpolate(gettext("Play %s"), [request.title ?? request.motion]);
     case "play_cancel":
       return gettext("Cancel the motion");
     case "say":
-      return interpolate(gettext("Say “%s”"), [isolated(shortened(order.text))]);
+      return interpolate(gettext("Say “%s”"), [isolated(shortened(request.text))]);
     case "say_cancel":
       return gettext("Cancel speech");
     case "drive_by_cancel":
@@ -38,25 +38,25 @@ function orderText(order) {
     case "set_pose":
       return gettext("Robot is here");
     case "move_limb":
-      return limbName(order.limb);
+      return limbName(request.limb);
     case "limb_cancel":
       return gettext("Cancel the move of gripper or torso");
     case "choose":
-      return interpolate(gettext("Change where %s goes"), [useLabel(order.use)]);
+      return interpolate(gettext("Change where %s goes"), [useLabel(request.use)]);
     case "publish":
-      return interpolate(gettext("Publish on %s"), [order.topic]);
+      return interpolate(gettext("Publish on %s"), [request.topic]);
     case "publish_stop":
-      return interpolate(gettext("Stop publishing on %s"), [order.topic]);
+      return interpolate(gettext("Stop publishing on %s"), [request.topic]);
     case "refresh":
       return gettext("Read the list again");
     default:
-      return order.t;
+      return request.t;
   }
 }
 
 /** Text for an accepted request; empty if the robot reports its end later. */
-function doneText(order) {
-  switch (order.t) {
+function doneText(request) {
+  switch (request.t) {
     case "look_ahead":
       return gettext("The head turns to where the robot drives.");
     case "set_pose":
@@ -65,16 +65,16 @@ function doneText(order) {
       return gettext("Remembered obstacles are forgotten.");
     case "choose":
       return interpolate(
-        order.topic
+        request.topic
           ? gettext("%(use)s goes to %(topic)s now.")
           : gettext("%(use)s goes to its default again."),
-        { use: useLabel(order.use), topic: order.topic },
+        { use: useLabel(request.use), topic: request.topic },
         true,
       );
     case "publish":
-      return interpolate(gettext("Published on %s."), [order.topic]);
+      return interpolate(gettext("Published on %s."), [request.topic]);
     case "publish_stop":
-      return publishedNoMore(order.topic);
+      return publishedNoMore(request.topic);
     case "refresh":
       return gettext("The robot is asked for its list again.");
     default:
@@ -98,21 +98,21 @@ export function shortened(text, length = 40) {
  * Sends requests with the fence of this tab's control, matches answers to requests by their number, and shows
  * notices about them.
  */
-export class Orders {
+export class TaskRequests {
   #send;
-  #tell;
+  #notify;
   #seq;
   #fence = null;
   #waiting = new Map();
 
   /**
    * @param {(message: object) => boolean} send returns whether there was a connection
-   * @param {(notice: {level: string, code: string, text: string}) => void} tell
+   * @param {(notice: {level: string, code: string, text: string}) => void} notify
    * @param {number} first the last used number: a reload of the tab does not set it back
    */
-  constructor(send, tell, first) {
+  constructor(send, notify, first) {
     this.#send = send;
-    this.#tell = tell;
+    this.#notify = notify;
     this.#seq = first;
   }
 
@@ -122,37 +122,37 @@ export class Orders {
   }
 
   /**
-   * @param {object} order without its number and fence. `title` is for people and is not sent; `quiet`: only
+   * @param {object} request without its number and fence. `title` is for people and is not sent; `quiet`: only
    *   refusals are reported, for requests that a page repeats.
    * @returns {Promise<?object>} the refusal; null if it was accepted
    */
-  send(order) {
-    if (this.#fence === null && !WITHOUT_CONTROL.has(order.t)) {
+  send(request) {
+    if (this.#fence === null && !WITHOUT_CONTROL.has(request.t)) {
       const text = takeControlFirst();
-      return Promise.resolve(this.#refused(order, { code: "no_lease", text }));
+      return Promise.resolve(this.#refused(request, { code: "no_lease", text }));
     }
-    const { title, quiet, ...message } = order;
+    const { title, quiet, ...message } = request;
     this.#seq += 1;
     message.seq = this.#seq;
-    if (this.#fence !== null && order.t !== "refresh") message.fence = this.#fence;
+    if (this.#fence !== null && request.t !== "refresh") message.fence = this.#fence;
     if (!this.#send(message)) {
       const text = gettext("There is no connection to the console: nothing was sent.");
-      return Promise.resolve(this.#refused(order, { code: "not_connected", text }));
+      return Promise.resolve(this.#refused(request, { code: "not_connected", text }));
     }
     return new Promise((resolve) => {
       const late = setTimeout(() => this.#late(message.seq), PATIENCE_MS);
       const forgotten = setTimeout(() => this.#waiting.delete(message.seq), FORGOTTEN_MS);
-      this.#waiting.set(message.seq, { order, resolve, timers: [late, forgotten] });
+      this.#waiting.set(message.seq, { request, resolve, timers: [late, forgotten] });
     });
   }
 
-  /** @returns {boolean} whether the message was the answer to an order */
-  heard({ t, of, seq, refusal }) {
+  /** @returns {boolean} whether the message was the answer to a request */
+  receive({ t, of, seq, refusal }) {
     const waiting = this.#waiting.get(seq);
-    if ((t !== "accepted" && t !== "refused") || waiting?.order.t !== of) return false;
+    if ((t !== "accepted" && t !== "refused") || waiting?.request.t !== of) return false;
     this.#forget(seq);
     waiting.resolve(
-      t === "accepted" ? this.#done(waiting.order) : this.#refused(waiting.order, refusal),
+      t === "accepted" ? this.#done(waiting.request) : this.#refused(waiting.request, refusal),
     );
     return true;
   }
@@ -160,9 +160,9 @@ export class Orders {
   /** The connection is lost: no answers will come. */
   lost() {
     const text = gettext("The connection was lost before an answer came.");
-    for (const [seq, { order, resolve, isLate }] of this.#waiting) {
+    for (const [seq, { request, resolve, isLate }] of this.#waiting) {
       this.#forget(seq);
-      if (!isLate) resolve(this.#refused(order, { code: "no_answer", text }));
+      if (!isLate) resolve(this.#refused(request, { code: "no_answer", text }));
     }
   }
 
@@ -175,16 +175,16 @@ export class Orders {
     this.#waiting.delete(seq);
   }
 
-  #done(order) {
-    const text = doneText(order);
-    if (text && !order.quiet) this.#tell({ level: "success", code: text, text });
+  #done(request) {
+    const text = doneText(request);
+    if (text && !request.quiet) this.#notify({ level: "success", code: text, text });
     return null;
   }
 
-  #refused(order, refusal) {
-    const what = orderText(order); // two refused motions are two notices, also if the reason is the same
+  #refused(request, refusal) {
+    const what = requestText(request); // two refused motions are two notices, also if the reason is the same
     const code = `${what} ${refusal.code}`;
-    this.#tell({ level: "warning", code, text: `${what}: ${refusal.text}` });
+    this.#notify({ level: "warning", code, text: `${what}: ${refusal.text}` });
     return refusal;
   }
 
@@ -192,6 +192,6 @@ export class Orders {
     const waiting = this.#waiting.get(seq);
     waiting.isLate = true; // reported as late here: it is reported again only if its answer comes
     const text = gettext("no answer within 0.75 s. Look what the robot does before you try again.");
-    waiting.resolve(this.#refused(waiting.order, { code: "no_answer", text }));
+    waiting.resolve(this.#refused(waiting.request, { code: "no_answer", text }));
   }
 }

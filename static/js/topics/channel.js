@@ -43,7 +43,7 @@ export class TopicsChannel extends EventTarget {
     const { signal } = this.#listening;
     this.#socket.addEventListener("open", () => this.#opened(), { signal });
     this.#socket.addEventListener("down", () => this.#lost(), { signal });
-    this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail), { signal });
+    this.#socket.addEventListener("message", ({ detail }) => this.#receive(detail), { signal });
     document.addEventListener("visibilitychange", () => this.#followVisibility(), { signal });
     this.#socket.connect();
   }
@@ -122,8 +122,8 @@ export class TopicsChannel extends EventTarget {
     this.#asked.delete(seq);
   }
 
-  #heard(message) {
-    this.#heartbeat.heard(message);
+  #receive(message) {
+    this.#heartbeat.receive(message);
     if (message.t === "sample") {
       this.#subscriptions.get(message.topic)?.show(message);
       requestAnimationFrame(() => this.#socket?.send({ t: "ack" }));

@@ -81,7 +81,7 @@ export class PublishPanel extends EventTarget {
     this.#running = running;
     const items = running.map(({ topic, rate_hz: rateHz }) => {
       const stop = makeButton({ className: "button", text: gettext("Stop") }, () =>
-        this.#tell("stop", { topic }),
+        this.#emit("stop", { topic }),
       );
       dim(stop, !this.#mayAct, takeControlFirst());
       const words = make("span", { children: [make("code", { text: topic }), ` ${rateHz} Hz`] });
@@ -105,7 +105,7 @@ export class PublishPanel extends EventTarget {
   fault({ text, figures = {} }) {
     if (figures.path === undefined) return;
     const inForm = this.#usesForm && this.#form?.fault(figures.path, text);
-    this.#say(inForm ? "" : text);
+    this.#showText(inForm ? "" : text);
   }
 
   close() {
@@ -122,13 +122,13 @@ export class PublishPanel extends EventTarget {
     this.#form = null;
     this.#parts["publish-fields"].replaceChildren();
     if (!type) return;
-    this.#say("");
+    this.#showText("");
     try {
       const { fields } = await this.#describe(topic, type);
       if (this.#parts["publish-topic"].value !== topic) return; // another topic was chosen since
       this.#form = new MessageForm(this.#parts["publish-fields"], fields);
     } catch (error) {
-      this.#say(error.message);
+      this.#showText(error.message);
     }
   }
 
@@ -144,16 +144,16 @@ export class PublishPanel extends EventTarget {
     if (fields === null) return;
     const rateHz = this.#rate();
     if (rateHz === null) return;
-    this.#tell("publish", { topic, type: this.#types[topic], fields, rate_hz: rateHz });
+    this.#emit("publish", { topic, type: this.#types[topic], fields, rate_hz: rateHz });
   }
 
   #read() {
-    this.#say("");
+    this.#showText("");
     if (this.#usesForm) return this.#form?.values ?? null;
     try {
       return dictionary(this.#parts["publish-text"].value);
     } catch (error) {
-      this.#say(error.message);
+      this.#showText(error.message);
       return null;
     }
   }
@@ -167,16 +167,16 @@ export class PublishPanel extends EventTarget {
     if (right) return rateHz;
     const text = gettext("Rate: from %(slowest)s to %(fastest)s Hz, or 0 for once.");
     const [slowest, fastest] = RATE_HZ;
-    this.#say(interpolate(text, { slowest, fastest }, true));
+    this.#showText(interpolate(text, { slowest, fastest }, true));
     input.focus();
     return null;
   }
 
-  #say(text) {
+  #showText(text) {
     setTextOrHide(this.#parts["publish-fault"], text);
   }
 
-  #tell(type, detail) {
+  #emit(type, detail) {
     this.dispatchEvent(new CustomEvent(type, { detail }));
   }
 }

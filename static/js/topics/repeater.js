@@ -8,37 +8,37 @@ export class Repeater {
   #send;
   #timers = new Map();
 
-  /** @param {(order: object) => void} send */
+  /** @param {(request: object) => void} send */
   constructor(send) {
     this.#send = send;
   }
 
   /** @returns {{topic, type, rate_hz}[]} the topics with repeated velocities */
   get running() {
-    return [...this.#timers.values()].map(({ order: { topic, type }, rateHz }) => ({
+    return [...this.#timers.values()].map(({ request: { topic, type }, rateHz }) => ({
       topic,
       type,
       rate_hz: rateHz,
     }));
   }
 
-  begin(order, rateHz) {
-    this.end(order.topic);
+  begin(request, rateHz) {
+    this.end(request.topic);
     const pace = Math.max(rateHz, SLOWEST_HZ);
-    this.#anew(order);
-    const timer = setInterval(() => this.#send({ ...order, quiet: true }), 1000 / pace);
-    this.#timers.set(order.topic, { order, rateHz: pace, timer });
+    this.#anew(request);
+    const timer = setInterval(() => this.#send({ ...request, quiet: true }), 1000 / pace);
+    this.#timers.set(request.topic, { request, rateHz: pace, timer });
   }
 
-  once(order) {
-    this.end(order.topic);
-    this.#anew(order);
+  once(request) {
+    this.end(request.topic);
+    this.#anew(request);
   }
 
   /** Send zero, then the velocity: it begins like a stick in the middle, independent of earlier messages. */
-  #anew(order) {
-    this.#send({ ...order, fields: {}, quiet: true });
-    this.#send(order);
+  #anew(request) {
+    this.#send({ ...request, fields: {}, quiet: true });
+    this.#send(request);
   }
 
   /** @param {?string} topic null: all topics. @returns {boolean} whether a repetition ended */

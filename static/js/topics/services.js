@@ -54,7 +54,7 @@ export class ServiceCall {
         .append(" ", make("span", { className: "quiet", text: type.replace(/Request$/, "") }));
       this.#form = new MessageForm(this.#fields, fields);
     } catch (error) {
-      this.#tell(error.message, true);
+      this.#showAnswer(error.message, true);
     }
   }
 
@@ -64,17 +64,17 @@ export class ServiceCall {
     this.#call.disabled = true;
     try {
       const answer = await this.#channel.ask({ t: "call", service: this.#service, fields });
-      this.#tell(answerText(answer));
+      this.#showAnswer(answerText(answer));
     } catch (error) {
       const path = error.refusal?.figures?.path;
       if (path && this.#form.fault(path, error.message)) show(this.#answer, false);
-      else this.#tell(error.message, true);
+      else this.#showAnswer(error.message, true);
     } finally {
       this.#call.disabled = false;
     }
   }
 
-  #tell(text, isFault = false) {
+  #showAnswer(text, isFault = false) {
     mark(this.#answer, "fault", isFault);
     setText(this.#answer, text);
     show(this.#answer, true);
@@ -120,7 +120,7 @@ export class ParameterView {
     try {
       value = JSON.parse(this.#value.value);
     } catch {
-      this.#say(gettext('Write a value as JSON: 0.5, true, "text", [1, 2].'), true);
+      this.#showText(gettext('Write a value as JSON: 0.5, true, "text", [1, 2].'), true);
       return;
     }
     this.#ask({ t: "set_parameter", name: this.#name, value }, gettext("Set."));
@@ -133,16 +133,16 @@ export class ParameterView {
     try {
       const { value } = await this.#channel.ask(question);
       this.#value.value = JSON.stringify(value, null, 2);
-      this.#say(done);
+      this.#showText(done);
     } catch (error) {
-      this.#say(error.message, true);
+      this.#showText(error.message, true);
     } finally {
       this.#set.disabled = false;
       this.#value.readOnly = !this.#maySet;
     }
   }
 
-  #say(text, isFault = false) {
+  #showText(text, isFault = false) {
     mark(this.#outcome, "fault", isFault);
     setTextOrHide(this.#outcome, text);
   }

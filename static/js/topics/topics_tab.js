@@ -18,12 +18,12 @@ const RATE_HZ = 5;
 const MOST_SUBSCRIPTIONS = 8;
 const AGAIN_MS = 3000; // until a request without answer is sent again: the robot may be back by then
 // Refusals that do not change if the request is repeated.
-const LASTING = new Set(["too_large", "inspector_fault", "not_connected"]);
+const NOT_RETRIED = new Set(["too_large", "inspector_fault", "not_connected"]);
 
 /** Requests the robot's topics only while the tab is shown. */
 export class TopicsTab {
   #parts;
-  #orders;
+  #requests;
   #channel;
   #graph = { topics: [], actions: [], services: [] };
   #offers = { uses: {}, publishable: {}, from: {} };
@@ -43,19 +43,19 @@ export class TopicsTab {
   /**
    * @param {Object<string, HTMLElement>} parts those of the tab, by data-part
    * @param {string} url of the WebSocket for topics
-   * @param {{send: (order: object) => Promise<?object>, tell: (notice: object) => void}} orders `send` sends
-   *   an order and resolves with the refusal or null; `tell` shows a notice
+   * @param {{send: (request: object) => Promise<?object>, notify: (notice: object) => void}} requests `send` sends
+   *   a request and resolves with the refusal or null; `notify` shows a notice
    * @param {() => number} clock milliseconds, monotonic in this tab
    */
-  constructor(parts, url, orders, clock) {
+  constructor(parts, url, requests, clock) {
     this.#parts = parts;
-    this.#orders = orders;
+    this.#requests = requests;
     this.#channel = new TopicsChannel(url);
     this.#choices = new InputChoice(parts.uses);
     this.#publish = new PublishPanel(parts, (topic, type) =>
       this.#channel.ask({ t: "describe", topic, type }),
     );
-    this.#repeater = new Repeater((order) => this.#send({ ...order, sent_ms: clock() }));
+    this.#repeater = new Repeater((request) => this.#send({ ...request, sent_ms: clock() }));
     this.#lists = this.#makeLists();
     this.#listen();
   }
@@ -128,7 +128,7 @@ export class TopicsTab {
     this.#channel.addEventListener("open", () => this.#refresh());
     this.#channel.addEventListener("open", () => this.#publish.connected());
     this.#channel.addEventListener("late", () => this.#late());
-    this.#channel.addEventListener("refused", ({ detail }) => this.#say(detail.text));
+    this.#channel.addEventListener("refused", ({ detail }) => this.#showText(detail.text));
     this.#parts["topics-refresh"].addEventListener("click", () => {
       this.#endAgain();
       this.#refresh();
@@ -141,7 +141,7 @@ export class TopicsTab {
     this.#publish.addEventListener("publish", ({ detail }) => this.#publishThis(detail));
     this.#publish.addEventListener("stop", ({ detail: { topic } }) => {
       if (!this.#repeater.end(topic)) this.#send({ t: "publish_stop", topic });
-      else this.#tell("success", publishedNoMore(topic));
+      else this.#notify("success", publishedNoMore(topic));
     });
   }
 
@@ -186,7 +186,7 @@ export class TopicsTab {
   /** Report a late answer to a person's request, but not to an automatic repetition. */
   #late() {
     if (this.#again !== null) return;
-    this.#tell("info", gettext("Topics: no answer within 0.75 s yet. It may take some seconds."));
+    this.#notify("info", gettext("Topics: no answer within 0.75 s yet. It may take some seconds."));
   }
 
   async #refresh() {
@@ -194,9 +194,9 @@ export class TopicsTab {
     const asked = [this.#readGraph(), this.#readParameters()];
     const { reason } = (await Promise.allSettled(asked)).find((answer) => answer.reason) ?? {};
     if (!this.#isShown) return;
-    this.#say(reason?.message ?? "");
+    this.#showText(reason?.message ?? "");
     this.#endAgain();
-    if (reason && !LASTING.has(reason.refusal?.code)) {
+    if (reason && !NOT_RETRIED.has(reason.refusal?.code)) {
       this.#again = setTimeout(() => this.#refresh(), AGAIN_MS);
     } else {
       this.#sayEmpty(
@@ -306,31 +306,31 @@ export class TopicsTab {
   }
 
   /** A velocity is valid for a third of a second: this page repeats it, so the robot stops with the page. */
-  #publishThis(order) {
-    const message = { t: "publish", ...order };
-    if (!(order.topic in this.#velocities)) this.#send(message);
-    else if (order.rate_hz) this.#repeater.begin({ ...message, rate_hz: 0 }, order.rate_hz);
+  #publishThis(request) {
+    const message = { t: "publish", ...request };
+    if (!(request.topic in this.#velocities)) this.#send(message);
+    else if (request.rate_hz) this.#repeater.begin({ ...message, rate_hz: 0 }, request.rate_hz);
     else this.#repeater.once({ ...message, rate_hz: 0 });
   }
 
-  async #send(order) {
-    const refusal = await this.#orders.send(order);
+  async #send(request) {
+    const refusal = await this.#requests.send(request);
     if (!refusal) return;
-    if (order.t === "publish") {
-      this.#repeater.end(order.topic);
+    if (request.t === "publish") {
+      this.#repeater.end(request.topic);
       this.#publish.fault(refusal);
     }
   }
 
   #warn(text) {
-    this.#tell("warning", text);
+    this.#notify("warning", text);
   }
 
-  #tell(level, text) {
-    this.#orders.tell({ level, code: text, text });
+  #notify(level, text) {
+    this.#requests.notify({ level, code: text, text });
   }
 
-  #say(text) {
+  #showText(text) {
     setTextOrHide(this.#parts["topics-fault"], text);
   }
 }

@@ -47,7 +47,7 @@ describe("the cameras of the control page", () => {
     const root = areaElement();
     if (hasCameras) root.dataset.hasCameras = "true";
     found = parts(root);
-    page = { order: vi.fn(async () => null), report: vi.fn(), tell: vi.fn() };
+    page = { request: vi.fn(async () => null), report: vi.fn(), notify: vi.fn() };
     panel = new CameraPanel(root, found, page);
   };
   const beginAnew = (given) => {
@@ -139,7 +139,7 @@ describe("the cameras of the control page", () => {
     says({ t: "camera_state", camera: "head", warning });
     const { text } = warning;
     const notice = { level: "warning", code: "camera bad_camera_info", text, short: text };
-    expect(page.tell).toHaveBeenCalledWith(notice);
+    expect(page.notify).toHaveBeenCalledWith(notice);
   });
 
   it("reports the age of the picture to the console while driving", async () => {
@@ -191,7 +191,7 @@ describe("the cameras of the control page", () => {
     await picture(1);
     expect(found["camera-floor"].dataset.turns).toBe("true");
     found["head-keys"].querySelector("button").click();
-    expect(page.order).toHaveBeenCalledWith({ t: "turn_head", pan: 0.15, tilt: 0, quiet: true });
+    expect(page.request).toHaveBeenCalledWith({ t: "turn_head", pan: 0.15, tilt: 0, quiet: true });
     says({ t: "cameras", cameras: [{ ...HEAD, moves: false }] });
     expect(found["camera-floor"].dataset.turns).toBe(undefined);
     expect(found["head-keys"].hidden).toBe(true);
@@ -199,7 +199,7 @@ describe("the cameras of the control page", () => {
 
   it("tells what was refused as a notice", () => {
     says({ t: "refused", of: "camera_watch", refusal: { code: "not_permitted", text: "No." } });
-    expect(page.tell).toHaveBeenCalledWith({
+    expect(page.notify).toHaveBeenCalledWith({
       level: "warning",
       code: "camera not_permitted",
       text: "No.",

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { Head, turnByDrag, turnToPlace } from "../../../static/js/camera/head.js";
+import { Head, turnByDrag, turnToPoint } from "../../../static/js/camera/head.js";
 import { headerOf } from "./frames.js";
 
 const LENS = [500, 500, 320, 240];
@@ -12,19 +12,19 @@ describe("the turn of the head", () => {
   });
 
   it("brings a place into the middle", () => {
-    expect(turnToPlace(420, 340, header)).toEqual({ pan: Math.atan(-0.2), tilt: Math.atan(-0.2) });
-    expect(turnToPlace(320, 240, header)).toEqual({ pan: 0, tilt: 0 });
+    expect(turnToPoint(420, 340, header)).toEqual({ pan: Math.atan(-0.2), tilt: Math.atan(-0.2) });
+    expect(turnToPoint(320, 240, header)).toEqual({ pan: 0, tilt: 0 });
   });
 
   it("brings a place beside the way into the middle while the head looks down", () => {
     // 39 degrees down: the optical axis is (cos, 0, -sin) in the base frame, right (0, -1, 0), down (-sin, 0, -cos).
     const [c, s] = [Math.cos(0.68), Math.sin(0.68)];
     const pose = [0, -1, 0, 0, -s, 0, -c, 0, c, 0, -s, 0];
-    const { pan, tilt } = turnToPlace(620, 240, { ...header, pose });
+    const { pan, tilt } = turnToPoint(620, 240, { ...header, pose });
     // The place is at (c, -0.6, -s): then it is straight ahead at the new heading and elevation.
     expect(pan).toBeCloseTo(Math.atan2(-0.6, c), 6);
     expect(-0.68 + tilt).toBeCloseTo(Math.atan2(-s, Math.hypot(c, 0.6)), 6);
-    const still = turnToPlace(320, 240, { ...header, pose });
+    const still = turnToPoint(320, 240, { ...header, pose });
     expect([still.pan, still.tilt]).toEqual([expect.closeTo(0), expect.closeTo(0)]);
   });
 
@@ -36,9 +36,9 @@ describe("the turn of the head", () => {
 describe("the picture as a handle of the head", () => {
   let area;
   let keys;
-  let orders;
+  let requests;
   let refused;
-  let order;
+  let request;
   let head;
 
   beforeEach(() => {
@@ -51,13 +51,13 @@ describe("the picture as a handle of the head", () => {
       const key = keys.appendChild(document.createElement("button"));
       key.dataset.turn = turn;
     }
-    orders = [];
+    requests = [];
     refused = null;
-    order = async () => refused;
+    request = async () => refused;
     head = new Head(area, keys, {
-      order: (given) => {
-        orders.push(given);
-        return order();
+      request: (given) => {
+        requests.push(given);
+        return request();
       },
       header: () => headerOf(1, { lens: LENS }),
     });
@@ -94,27 +94,27 @@ describe("the picture as a handle of the head", () => {
     }
     point("pointerup", 300, 100);
     await vi.advanceTimersByTimeAsync(1000);
-    expect(orders.length).toBeGreaterThan(3);
-    expect(orders.length).toBeLessThanOrEqual(6);
-    expect(orders.every(({ t, quiet }) => t === "turn_head" && quiet)).toBe(true);
-    const pan = orders.reduce((sum, order) => sum + order.pan, 0);
+    expect(requests.length).toBeGreaterThan(3);
+    expect(requests.length).toBeLessThanOrEqual(6);
+    expect(requests.every(({ t, quiet }) => t === "turn_head" && quiet)).toBe(true);
+    const pan = requests.reduce((sum, request) => sum + request.pan, 0);
     expect(pan).toBeCloseTo(200 / 500, 2); // 100 px of the page are 200 of the picture
-    expect(orders.every(({ tilt }) => tilt === 0)).toBe(true);
+    expect(requests.every(({ tilt }) => tilt === 0)).toBe(true);
   });
 
   it("queues no more than two requests on a stalled network, and sends the rest after an answer", async () => {
     const answers = [];
-    order = () => new Promise((resolve) => answers.push(resolve));
+    request = () => new Promise((resolve) => answers.push(resolve));
     point("pointerdown", 200, 100);
     for (let i = 1; i <= 20; i += 1) {
       point("pointermove", 200 + 5 * i, 100);
       await vi.advanceTimersByTimeAsync(200);
     }
-    expect(orders).toHaveLength(2);
+    expect(requests).toHaveLength(2);
     answers[0](null);
     await vi.advanceTimersByTimeAsync(200);
-    expect(orders).toHaveLength(3);
-    expect(orders.reduce((sum, { pan }) => sum + pan, 0)).toBeCloseTo(200 / 500, 2);
+    expect(requests).toHaveLength(3);
+    expect(requests.reduce((sum, { pan }) => sum + pan, 0)).toBeCloseTo(200 / 500, 2);
     for (const answer of answers.slice(1)) {
       point("pointermove", 320, 100);
       answer({ code: "no_answer", text: "No answer within 0.75 s." }); // it may still wait in the network
@@ -122,20 +122,20 @@ describe("the picture as a handle of the head", () => {
     }
     point("pointermove", 340, 100);
     await vi.advanceTimersByTimeAsync(200);
-    expect(orders).toHaveLength(3);
+    expect(requests).toHaveLength(3);
     point("pointerup", 340, 100);
     point("pointerdown", 200, 100);
     point("pointermove", 250, 100);
     await vi.advanceTimersByTimeAsync(200);
-    expect(orders).toHaveLength(4);
+    expect(requests).toHaveLength(4);
   });
 
   it("looks at a clicked place, once no second click comes", () => {
     click(10 + 40 + 210, 20 + 170); // u 420, v 340
     vi.advanceTimersByTime(250);
-    expect(orders).toEqual([]);
+    expect(requests).toEqual([]);
     vi.advanceTimersByTime(100);
-    expect(orders).toEqual([
+    expect(requests).toEqual([
       { t: "turn_head", pan: Math.atan(-0.2), tilt: Math.atan(-0.2), quiet: true },
     ]);
   });
@@ -144,7 +144,7 @@ describe("the picture as a handle of the head", () => {
     click(100, 100);
     click(101, 100);
     vi.advanceTimersByTime(1000);
-    expect(orders).toEqual([{ t: "look_ahead", quiet: true }]);
+    expect(requests).toEqual([{ t: "look_ahead", quiet: true }]);
   });
 
   it("follows one finger only", () => {
@@ -153,10 +153,10 @@ describe("the picture as a handle of the head", () => {
     point("pointermove", 150, 100, 2);
     point("pointerup", 150, 100, 2);
     vi.advanceTimersByTime(1000);
-    expect(orders).toEqual([]);
+    expect(requests).toEqual([]);
     point("pointermove", 250, 100, 1);
     vi.advanceTimersByTime(1000);
-    expect(orders).toHaveLength(1);
+    expect(requests).toHaveLength(1);
   });
 
   it("ends a drag that is refused", async () => {
@@ -166,7 +166,7 @@ describe("the picture as a handle of the head", () => {
     await vi.advanceTimersByTimeAsync(0);
     point("pointermove", 300, 100);
     await vi.advanceTimersByTimeAsync(1000);
-    expect(orders).toHaveLength(1);
+    expect(requests).toHaveLength(1);
   });
 
   it("goes on when only the answer is late", async () => {
@@ -176,7 +176,7 @@ describe("the picture as a handle of the head", () => {
     await vi.advanceTimersByTimeAsync(0);
     point("pointermove", 300, 100);
     await vi.advanceTimersByTimeAsync(1000);
-    expect(orders).toHaveLength(2);
+    expect(requests).toHaveLength(2);
   });
 
   it.each(["moves", "mayAct"])("does nothing without %s", (name) => {
@@ -186,12 +186,12 @@ describe("the picture as a handle of the head", () => {
     point("pointerdown", 200, 100);
     point("pointermove", 250, 100);
     vi.advanceTimersByTime(1000);
-    expect(orders).toEqual([]);
+    expect(requests).toEqual([]);
   });
 
   it("turns by buttons, too", () => {
     for (const key of keys.children) key.click();
-    expect(orders).toEqual([
+    expect(requests).toEqual([
       { t: "turn_head", pan: 0.15, tilt: 0, quiet: true },
       { t: "turn_head", pan: 0, tilt: 0.15, quiet: true },
       { t: "look_ahead", quiet: true },

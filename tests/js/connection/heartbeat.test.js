@@ -28,7 +28,7 @@ describe("the heartbeat", () => {
   it("takes any message as a sign of life", () => {
     for (let seconds = 0; seconds < 20; seconds += 1) {
       vi.advanceTimersByTime(1000);
-      heartbeat.heard({ t: "fleet" });
+      heartbeat.receive({ t: "fleet" });
     }
     expect(socket.reset).not.toHaveBeenCalled();
     expect(heartbeat.delayMs).toBeNull();
@@ -55,7 +55,7 @@ describe("the heartbeat", () => {
     vi.advanceTimersByTime(1000);
     const [{ sent_ms }] = socket.send.mock.calls[0];
     vi.advanceTimersByTime(80);
-    heartbeat.heard({ t: "pong", sent_ms });
+    heartbeat.receive({ t: "pong", sent_ms });
     expect(heartbeat.delayMs).toBe(80);
   });
 });

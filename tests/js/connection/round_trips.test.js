@@ -13,9 +13,9 @@ describe("round trips", () => {
     const echoes = new DelayEchoes();
     echoes.sent(1, 100);
     echoes.sent(2, 130);
-    expect(echoes.heard(2, 150)).toBe(20);
-    expect(echoes.heard(2, 180)).toBeNull();
-    expect(echoes.heard(1, 190)).toBeNull(); // overtaken
-    expect(echoes.heard(null, 200)).toBeNull();
+    expect(echoes.receive(2, 150)).toBe(20);
+    expect(echoes.receive(2, 180)).toBeNull();
+    expect(echoes.receive(1, 190)).toBeNull(); // overtaken
+    expect(echoes.receive(null, 200)).toBeNull();
   });
 });

@@ -35,8 +35,8 @@ describe("control requests", () => {
   ])("of kind %s cause one notice when they are done", (t, control, text) => {
     requests.send({ t });
     expect(sent).toEqual([{ t }]);
-    expect(requests.heard(control)).toBe(true);
-    expect(requests.heard(control)).toBe(false);
+    expect(requests.receive(control)).toBe(true);
+    expect(requests.receive(control)).toBe(false);
     vi.advanceTimersByTime(20_000);
     expect(notices).toEqual([{ level: "success", code: `${t} done`, text, quiet: true }]);
   });
@@ -44,32 +44,34 @@ describe("control requests", () => {
   it("are not answered by an older state", () => {
     requests.send({ t: "take" });
     requests.send({ t: "ask" });
-    expect(requests.heard({ state: "other", holder: "Ann" })).toBe(false);
+    expect(requests.receive({ state: "other", holder: "Ann" })).toBe(false);
     expect(notices).toEqual([]);
   });
 
   it("to keep control ignore other news of the same session", () => {
-    requests.heard({ state: "yours", remaining_s: 200 });
+    requests.receive({ state: "yours", remaining_s: 200 });
     vi.advanceTimersByTime(10_000);
     requests.send({ t: "renew" });
-    expect(requests.heard({ state: "yours", remaining_s: 190, requests: [{ id: 1 }] })).toBe(false);
-    expect(requests.heard({ state: "yours", remaining_s: 900 })).toBe(true);
+    expect(requests.receive({ state: "yours", remaining_s: 190, requests: [{ id: 1 }] })).toBe(
+      false,
+    );
+    expect(requests.receive({ state: "yours", remaining_s: 900 })).toBe(true);
     requests.send({ t: "renew" }); // at once
-    expect(requests.heard({ state: "yours", remaining_s: 899.9 })).toBe(true);
+    expect(requests.receive({ state: "yours", remaining_s: 899.9 })).toBe(true);
     expect(texts()).toEqual(["You keep control: 15:00 left.", "You keep control: 15:00 left."]);
   });
 
   it("accept a late answer when control is kept soon after taking", () => {
-    requests.heard({ state: "yours", remaining_s: 900 });
+    requests.receive({ state: "yours", remaining_s: 900 });
     vi.advanceTimersByTime(1000);
     requests.send({ t: "renew" });
     vi.advanceTimersByTime(400);
-    expect(requests.heard({ state: "yours", remaining_s: 899.7 })).toBe(true);
+    expect(requests.receive({ state: "yours", remaining_s: 899.7 })).toBe(true);
   });
 
   it("repeat the console's own words", () => {
     requests.send({ t: "hand_over", request: 3 });
-    expect(requests.heard({ state: "other", holder: "Ann" })).toBe(true);
+    expect(requests.receive({ state: "other", holder: "Ann" })).toBe(true);
     expect(notices).toEqual([]);
   });
 
@@ -96,11 +98,11 @@ describe("control requests", () => {
     expect(notices).toEqual([]);
     vi.advanceTimersByTime(1);
     expect(texts()).toEqual(["Take control: no answer within 0.75 s. It may still come."]);
-    expect(requests.heard({ state: "yours", remaining_s: 900 })).toBe(true);
+    expect(requests.receive({ state: "yours", remaining_s: 900 })).toBe(true);
     expect(texts()).toHaveLength(2);
     requests.send({ t: "renew" });
     vi.advanceTimersByTime(60_000);
-    expect(requests.heard({ state: "yours", remaining_s: 900 })).toBe(false);
+    expect(requests.receive({ state: "yours", remaining_s: 900 })).toBe(false);
     expect(texts()).toHaveLength(3);
   });
 

@@ -64,13 +64,13 @@ describe("health in words", () => {
 
 describe("health on the control page", () => {
   let parts;
-  let tell;
+  let notify;
   let panel;
 
   beforeEach(() => {
     parts = Object.fromEntries(NAMES.map((name) => [name, document.createElement("ul")]));
-    tell = vi.fn();
-    panel = new HealthPanel(parts, tell);
+    notify = vi.fn();
+    panel = new HealthPanel(parts, notify);
   });
 
   function shown(health, ms = 0, more = {}) {
@@ -90,45 +90,45 @@ describe("health on the control page", () => {
 
   it("tells what gets worse: once, not at first, and a flapping part once a minute", () => {
     shown(ill(MOTOR));
-    expect(tell).not.toHaveBeenCalled(); // it was so before this page came
+    expect(notify).not.toHaveBeenCalled(); // it was so before this page came
     const speakers = { ...SPEAKERS, since_s: 0 };
     shown(ill(speakers, MOTOR), 1000);
     shown(ill(speakers, MOTOR), 2000);
-    expect(tell).toHaveBeenCalledExactlyOnceWith({
+    expect(notify).toHaveBeenCalledExactlyOnceWith({
       level: "error",
       code: "health Speakers",
       text: "Speakers: no answer",
     });
     for (let ms = 3000; ms < 60_000; ms += 1000) shown(ms % 2000 ? WELL : ill(speakers), ms);
-    expect(tell).toHaveBeenCalledTimes(1);
+    expect(notify).toHaveBeenCalledTimes(1);
     shown(WELL, 62_000);
     shown(ill(speakers), 63_000);
-    expect(tell).toHaveBeenCalledTimes(2);
+    expect(notify).toHaveBeenCalledTimes(2);
     shown(ill(MOTOR), 64_000); // it warned a while ago, and was well since
-    expect(tell).toHaveBeenCalledTimes(3);
+    expect(notify).toHaveBeenCalledTimes(3);
     shown(ill({ ...MOTOR, level: "error" }), 65_000);
-    expect(tell).toHaveBeenLastCalledWith(expect.objectContaining({ level: "error" })); // worse than what was told
+    expect(notify).toHaveBeenLastCalledWith(expect.objectContaining({ level: "error" })); // worse than what was told
   });
 
   it("tells nothing of a part that comes back into a full list unchanged", () => {
     shown(ill(MOTOR));
     const pushed = { ...ill({ ...SPEAKERS, since_s: 0 }), parts_more: 1 };
     shown(pushed, 100_000);
-    expect(tell).toHaveBeenCalledTimes(1); // the speakers
+    expect(notify).toHaveBeenCalledTimes(1); // the speakers
     shown(ill({ ...MOTOR, since_s: 200 }), 197_000);
-    expect(tell).toHaveBeenCalledTimes(1);
+    expect(notify).toHaveBeenCalledTimes(1);
     shown(WELL, 198_000);
     shown(ill({ ...MOTOR, level: "silent", since_s: 10 }), 260_000); // its last report was 10 s ago
-    expect(tell).toHaveBeenCalledTimes(2);
+    expect(notify).toHaveBeenCalledTimes(2);
   });
 
   it("tells of a part that was well while the list was full, and is ill again", () => {
     shown(ill(MOTOR));
     const full = { ...ill({ ...SPEAKERS, since_s: 500 }), parts_more: 1 };
     shown(full, 100_000); // the speakers were there before this page
-    expect(tell).not.toHaveBeenCalled();
+    expect(notify).not.toHaveBeenCalled();
     shown({ ...ill({ ...MOTOR, since_s: 1 }), parts_more: 1 }, 900_000);
-    expect(tell).toHaveBeenCalledExactlyOnceWith(
+    expect(notify).toHaveBeenCalledExactlyOnceWith(
       expect.objectContaining({ code: `health ${MOTOR.name}` }),
     );
   });
@@ -136,7 +136,7 @@ describe("health on the control page", () => {
   it("tells once that the battery is low", () => {
     shown(WELL, 0, { battery_percent: 20.4 });
     for (const percent of [19.9, 20.1, 19.8]) shown(WELL, 1000, { battery_percent: percent });
-    expect(tell).toHaveBeenCalledExactlyOnceWith(
+    expect(notify).toHaveBeenCalledExactlyOnceWith(
       expect.objectContaining({ level: "warning", text: "The battery is low: 20 %." }),
     );
     expect(parts.battery.dataset.low).toBe("true");

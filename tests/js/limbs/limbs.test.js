@@ -14,24 +14,24 @@ const PAGE = `${BUTTONS.map((name) => `<button data-part="${name}"></button>`).j
 const END = { fence: 1, seq: 7, outcome: "no_progress", text: "", at_m: 0.02 };
 
 let page;
-let order;
+let request;
 
 beforeEach(() => {
   vi.useFakeTimers();
   document.body.innerHTML = PAGE;
   page = parts(document.body);
-  order = vi.fn(() => Promise.resolve(null));
+  request = vi.fn(() => Promise.resolve(null));
 });
 
 afterEach(() => vi.useRealTimers());
 
 describe("the drawer of arm, gripper and torso", () => {
   let panel;
-  let tell;
+  let notify;
 
   beforeEach(() => {
-    tell = vi.fn();
-    panel = new LimbPanel(page, { order, tell });
+    notify = vi.fn();
+    panel = new LimbPanel(page, { request, notify });
     panel.facts = { limbs: RANGES, has_head: true };
     panel.mayAct = true;
   });
@@ -41,7 +41,7 @@ describe("the drawer of arm, gripper and torso", () => {
   it("opens and closes the gripper", () => {
     page["gripper-open"].click();
     page["gripper-close"].click();
-    expect(order.mock.calls.map(([{ to_m }]) => to_m)).toEqual([0.09, 0]);
+    expect(request.mock.calls.map(([{ to_m }]) => to_m)).toEqual([0.09, 0]);
   });
 
   it("sends one bounded goal when a slider is let go", () => {
@@ -51,9 +51,9 @@ describe("the drawer of arm, gripper and torso", () => {
       slider.value = value;
       slider.dispatchEvent(new Event("input"));
     }
-    expect(order).not.toHaveBeenCalled();
+    expect(request).not.toHaveBeenCalled();
     slider.dispatchEvent(new Event("change"));
-    expect(order.mock.calls).toEqual([
+    expect(request.mock.calls).toEqual([
       [{ t: "move_limb", limb: "torso", to_m: 0.25, quiet: true }],
     ]);
   });
@@ -63,12 +63,12 @@ describe("the drawer of arm, gripper and torso", () => {
     const slider = page["torso-to"];
     expect([slider.disabled, slider.title]).toEqual([false, "Take control first."]);
     panel.state = { limbs: { torso: { at_m: 0.1 } } };
-    order.mockResolvedValueOnce({ code: "no_lease" });
+    request.mockResolvedValueOnce({ code: "no_lease" });
     slider.dispatchEvent(new Event("pointerdown"));
     slider.value = 0.2;
     slider.dispatchEvent(new Event("input"));
     slider.dispatchEvent(new Event("change"));
-    expect(order).toHaveBeenCalledOnce();
+    expect(request).toHaveBeenCalledOnce();
     await vi.waitFor(() =>
       expect([slider.value, page["torso-at"].textContent]).toEqual(["0.1", "10 cm"]),
     );
@@ -84,10 +84,10 @@ describe("the drawer of arm, gripper and torso", () => {
       slider.dispatchEvent(new Event("change"));
       vi.advanceTimersByTime(100);
     }
-    expect(order).not.toHaveBeenCalled();
+    expect(request).not.toHaveBeenCalled();
     vi.advanceTimersByTime(400);
-    expect(order).toHaveBeenCalledOnce();
-    expect(order.mock.calls[0][0].to_m).toBe(0.03);
+    expect(request).toHaveBeenCalledOnce();
+    expect(request.mock.calls[0][0].to_m).toBe(0.03);
   });
 
   it("shows where limbs are, but not under a finger", () => {
@@ -104,7 +104,7 @@ describe("the drawer of arm, gripper and torso", () => {
     expect(page["arm-home"].hidden).toBe(true);
     panel.offers = { motions: [{ name: "home", title: "Home" }] };
     page["arm-home"].click();
-    expect(order).toHaveBeenCalledWith({ t: "play", motion: "home", title: "Home" });
+    expect(request).toHaveBeenCalledWith({ t: "play", motion: "home", title: "Home" });
   });
 
   it("hides what the robot has not", () => {
@@ -115,13 +115,13 @@ describe("the drawer of arm, gripper and torso", () => {
 
   it("tells an end that nobody wished, once, and none from before the page", () => {
     panel.state = { limbs: { gripper: { at_m: 0.02, ended: END } } };
-    expect(tell).not.toHaveBeenCalled();
+    expect(notify).not.toHaveBeenCalled();
     const later = { ...END, seq: 8 };
     panel.state = { limbs: { gripper: { at_m: 0.02, ended: later } } };
     panel.state = { limbs: { gripper: { at_m: 0.02, ended: later } } };
-    expect(tell).toHaveBeenCalledOnce();
-    expect(tell.mock.calls[0][0].text).toBe("Gripper: stopped on its way. It is at 2.0 cm.");
-    expect(tell.mock.calls[0][0].level).toBe("info"); // it may hold something
+    expect(notify).toHaveBeenCalledOnce();
+    expect(notify.mock.calls[0][0].text).toBe("Gripper: stopped on its way. It is at 2.0 cm.");
+    expect(notify.mock.calls[0][0].level).toBe("info"); // it may hold something
   });
 });
 
@@ -137,7 +137,7 @@ describe("the head's stick", () => {
 
   beforeEach(() => {
     page["head-pad"].getBoundingClientRect = () => ({ left: 0, top: 0, width: 100, height: 100 });
-    stick = new HeadStick(page, order, () => true);
+    stick = new HeadStick(page, request, () => true);
     stick.facts = { has_head: true };
     stick.mayAct = true;
   });
@@ -147,26 +147,26 @@ describe("the head's stick", () => {
   it("turns the head while it is held, and not a moment longer", async () => {
     page["head-pad"].dispatchEvent(press("pointerdown", 0, 50));
     await vi.advanceTimersByTimeAsync(450);
-    const count = order.mock.calls.length;
+    const count = request.mock.calls.length;
     expect(count).toBe(4);
-    expect(order.mock.calls[0][0].pan).toBeCloseTo(0.135);
+    expect(request.mock.calls[0][0].pan).toBeCloseTo(0.135);
     window.dispatchEvent(press("pointerup"));
     page["head-pad"].dispatchEvent(press("pointerup"));
     await vi.advanceTimersByTimeAsync(1000);
-    expect(order.mock.calls.length).toBe(count);
+    expect(request.mock.calls.length).toBe(count);
   });
 
   it("goes by keys, and ends when the window loses them", async () => {
     const key = (type, code) => window.dispatchEvent(Object.assign(new Event(type), { code }));
     key("keydown", "KeyI");
     await vi.advanceTimersByTimeAsync(300);
-    const count = order.mock.calls.length;
-    expect(order.mock.calls[0][0].tilt).toBeGreaterThan(0);
+    const count = request.mock.calls.length;
+    expect(request.mock.calls[0][0].tilt).toBeGreaterThan(0);
     window.dispatchEvent(new Event("blur"));
     await vi.advanceTimersByTimeAsync(500);
-    expect(order.mock.calls.length).toBe(count);
+    expect(request.mock.calls.length).toBe(count);
     key("keydown", "KeyO");
-    expect(order).toHaveBeenLastCalledWith({ t: "look_ahead" });
+    expect(request).toHaveBeenLastCalledWith({ t: "look_ahead" });
   });
 
   it("waits for a new press of a key that is held when input ends, and for a robot with a head", async () => {
@@ -175,32 +175,32 @@ describe("the head's stick", () => {
     key("keydown", "KeyJ");
     stick.mayAct = false; // a stop, or control ended
     stick.mayAct = true;
-    order.mockClear();
+    request.mockClear();
     key("keydown", "KeyJ", true);
     await vi.advanceTimersByTimeAsync(300);
-    expect(order).not.toHaveBeenCalled();
+    expect(request).not.toHaveBeenCalled();
     stick.facts = { has_head: false };
     for (const code of ["KeyJ", "KeyO"]) key("keydown", code);
     await vi.advanceTimersByTimeAsync(300);
-    expect(order).not.toHaveBeenCalled();
+    expect(request).not.toHaveBeenCalled();
   });
 
   it("sends no more than two requests without an answer", async () => {
-    order.mockImplementation(() => new Promise(() => {}));
+    request.mockImplementation(() => new Promise(() => {}));
     page["head-pad"].dispatchEvent(press("pointerdown", 50, 0));
     await vi.advanceTimersByTimeAsync(2000);
-    expect(order.mock.calls.length).toBe(2);
+    expect(request.mock.calls.length).toBe(2);
   });
 
   it("ends at a refusal and without control", async () => {
-    order.mockImplementation(() => Promise.resolve({ code: "stopped" }));
+    request.mockImplementation(() => Promise.resolve({ code: "stopped" }));
     page["head-pad"].dispatchEvent(press("pointerdown", 50, 0));
     await vi.advanceTimersByTimeAsync(1000);
-    expect(order.mock.calls.length).toBe(1);
+    expect(request.mock.calls.length).toBe(1);
     stick.mayAct = false;
     page["head-pad"].dispatchEvent(press("pointerdown", 50, 0));
     await vi.advanceTimersByTimeAsync(1000);
-    expect(order.mock.calls.length).toBe(1);
+    expect(request.mock.calls.length).toBe(1);
   });
 
   it("rests in the middle", () => {

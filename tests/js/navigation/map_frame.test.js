@@ -5,7 +5,7 @@ import {
   onMap,
   panned,
   toPixels,
-  toPlace,
+  toPoint,
   whole,
   zoomed,
 } from "../../../static/js/navigation/map_frame.js";
@@ -38,17 +38,17 @@ describe("the part of the map that is seen", () => {
     expect(turned[1][1]).toBeCloseTo(11);
   });
 
-  it("finds the place of a pixel again", () => {
+  it("finds the point of a pixel again", () => {
     const frame = { x: 3, y: 2, scale: 40 };
-    const place = toPlace(frame, [17, 250], ...SIZE);
-    const [x, y] = toPixels(frame, place, ...SIZE);
+    const point = toPoint(frame, [17, 250], ...SIZE);
+    const [x, y] = toPixels(frame, point, ...SIZE);
     expect([x, y].map(Math.round)).toEqual([17, 250]);
   });
 
-  it("keeps the place under the fingers when it zooms, within limits", () => {
+  it("keeps the point under the fingers when it zooms, within limits", () => {
     const frame = { x: 3, y: 2, scale: 40 };
-    const before = toPlace(frame, [50, 60], ...SIZE);
-    const after = toPlace(zoomed(frame, 2, [50, 60], ...SIZE, 2), [50, 60], ...SIZE);
+    const before = toPoint(frame, [50, 60], ...SIZE);
+    const after = toPoint(zoomed(frame, 2, [50, 60], ...SIZE, 2), [50, 60], ...SIZE);
     expect(after[0]).toBeCloseTo(before[0]);
     expect(after[1]).toBeCloseTo(before[1]);
     expect(zoomed(frame, 1e9, [0, 0], ...SIZE, 2).scale).toBe(200);
@@ -65,13 +65,13 @@ describe("the part of the map that is seen", () => {
 
   it("moves with the finger", () => {
     const frame = { x: 3, y: 2, scale: 40 };
-    const place = toPlace(frame, [100, 100], ...SIZE);
-    const moved = toPixels(panned(frame, 30, -10), place, ...SIZE);
+    const point = toPoint(frame, [100, 100], ...SIZE);
+    const moved = toPixels(panned(frame, 30, -10), point, ...SIZE);
     expect(moved.map(Math.round)).toEqual([130, 90]);
   });
 });
 
-describe("a place that is chosen", () => {
+describe("a point that is chosen", () => {
   it("looks to where the finger was dragged, else as it did", () => {
     expect(headingOf([10, 10], [10, 60], 9)).toBeCloseTo(-Math.PI / 2);
     expect(headingOf([10, 10], [60, 10], 9)).toBeCloseTo(0);

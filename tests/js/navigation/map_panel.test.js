@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { parts } from "../../../static/js/lib/dom.js";
-import { corners, toPixels, toPlace, whole } from "../../../static/js/navigation/map_frame.js";
+import { corners, toPixels, toPoint, whole } from "../../../static/js/navigation/map_frame.js";
 import { MapPanel } from "../../../static/js/navigation/map_panel.js";
 import { endText, goingText } from "../../../static/js/navigation/words.js";
 
@@ -50,8 +50,8 @@ function pointer(type, x, y, pointerId = 1) {
 describe("the map over the picture", () => {
   let panel;
   let page;
-  let order;
-  let tell;
+  let request;
+  let notify;
   let maps;
   let answers; // by method, in place of the maps
   let asked;
@@ -102,9 +102,9 @@ describe("the map over the picture", () => {
       ).join("")}${NAMES.map((name) => `<p data-part="${name}"></p>`).join("")}`;
     document.body.replaceChildren(root);
     page = parts(root);
-    order = vi.fn(() => Promise.resolve(null));
-    tell = vi.fn();
-    panel = new MapPanel(root, page, "tiago-1", { order, tell });
+    request = vi.fn(() => Promise.resolve(null));
+    notify = vi.fn();
+    panel = new MapPanel(root, page, "tiago-1", { request, notify });
     panel.facts = { has_map: true };
     panel.view = { state: { location: LOCATION, going: null, going_ended: null }, scan: null };
   });
@@ -134,7 +134,7 @@ describe("the map over the picture", () => {
   /** The place under a pixel of the whole map, in millimetres. */
   function placeAt(...pixel) {
     const frame = whole(corners(MAP), 400, 300);
-    const [x, y] = toPlace(frame, pixel, 400, 300).map(
+    const [x, y] = toPoint(frame, pixel, 400, 300).map(
       (metres) => Math.round(metres * 1000) / 1000,
     );
     return { x, y };
@@ -149,8 +149,8 @@ describe("the map over the picture", () => {
     }
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointerup", 240, 110));
-    expect(order).not.toHaveBeenCalled();
-    expect(tell).toHaveBeenCalledWith(expect.objectContaining({ code: "map unknown" }));
+    expect(request).not.toHaveBeenCalled();
+    expect(notify).toHaveBeenCalledWith(expect.objectContaining({ code: "map unknown" }));
   });
 
   it("takes no press without a drag for where the robot looks", async () => {
@@ -159,7 +159,7 @@ describe("the map over the picture", () => {
     page["map-pose"].click();
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointerup", 240, 150));
-    expect(order).not.toHaveBeenCalled();
+    expect(request).not.toHaveBeenCalled();
     expect(page["map-words"].textContent).toContain("Press, then drag");
     expect(page["map-pose"].getAttribute("aria-pressed")).toBe("true");
   });
@@ -176,7 +176,7 @@ describe("the map over the picture", () => {
     expect(page["map-go"].getAttribute("aria-pressed")).toBe("false");
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointerup", 240, 150));
-    expect(order).not.toHaveBeenCalled();
+    expect(request).not.toHaveBeenCalled();
     const second = pressed(); // it may close something else
     canvas.dispatchEvent(second);
     expect(second.defaultPrevented).toBe(false);
@@ -189,7 +189,7 @@ describe("the map over the picture", () => {
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointermove", 240, 110));
     canvas.dispatchEvent(pointer("pointerup", 240, 110));
-    expect(order).toHaveBeenCalledWith({
+    expect(request).toHaveBeenCalledWith({
       t: "go",
       ...placeAt(240, 150),
       heading: 1.571,
@@ -198,7 +198,7 @@ describe("the map over the picture", () => {
     expect(page["map-go"].getAttribute("aria-pressed")).toBe("false");
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointerup", 240, 150));
-    expect(order).toHaveBeenCalledTimes(1); // a press without a mode only moves the map
+    expect(request).toHaveBeenCalledTimes(1); // a press without a mode only moves the map
   });
 
   it("tells the robot where it is, by keys too, and lets no arrow drive it there", async () => {
@@ -209,7 +209,7 @@ describe("the map over the picture", () => {
     document.body.addEventListener("keydown", reached);
     for (const key of ["ArrowRight", ",", "Enter"])
       canvas.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
-    expect(order).toHaveBeenCalledWith({
+    expect(request).toHaveBeenCalledWith({
       t: "set_pose",
       ...placeAt(260, 150), // an arrow moves the map by 60 pixels
       heading: 0.262,
@@ -236,7 +236,7 @@ describe("the map over the picture", () => {
     canvas.dispatchEvent(pointer("pointermove", 240, 110));
     canvas.dispatchEvent(pointer("pointerup", 240, 110));
     const pose = { ...placeAt(240, 150), heading: 1.571, map: "abc" };
-    expect(order).toHaveBeenCalledExactlyOnceWith({ t: "set_pose", ...pose });
+    expect(request).toHaveBeenCalledExactlyOnceWith({ t: "set_pose", ...pose });
     panel.view = { state: { ...state, location: LOCATION }, scan: null };
     expect(page["map-words"].hidden).toBe(true);
   });
@@ -261,13 +261,13 @@ describe("the map over the picture", () => {
     canvas.dispatchEvent(pointer("pointermove", 300, 150));
     canvas.dispatchEvent(pointer("pointerup", 300, 150));
     canvas.dispatchEvent(pointer("pointerup", 100, 100, 2));
-    expect(order).not.toHaveBeenCalled();
+    expect(request).not.toHaveBeenCalled();
   });
 
   it("asks for control first", () => {
     opened();
     page["map-go"].click();
-    expect(tell).toHaveBeenCalledWith(expect.objectContaining({ text: "Take control first." }));
+    expect(notify).toHaveBeenCalledWith(expect.objectContaining({ text: "Take control first." }));
     expect(page["map-go"].getAttribute("aria-pressed")).toBe("false");
   });
 
@@ -283,11 +283,11 @@ describe("the map over the picture", () => {
   it("says how a drive ended, and nothing of one that ended before", () => {
     const state = { location: LOCATION, going: null };
     panel.view = { state: { ...state, going_ended: END }, scan: null };
-    expect(tell).toHaveBeenCalledWith(
+    expect(notify).toHaveBeenCalledWith(
       expect.objectContaining({ level: "success", text: "The robot is there." }),
     );
     panel.view = { state: { ...state, going_ended: END }, scan: null };
-    expect(tell).toHaveBeenCalledTimes(1);
+    expect(notify).toHaveBeenCalledTimes(1);
   });
 
   it("says that no map is known yet, without an error in the console", async () => {
@@ -317,10 +317,10 @@ describe("the map over the picture", () => {
     const [kitchen] = rowButtons();
     expect(page["places-title"].textContent).toContain("Office");
     kitchen.click();
-    expect(tell).toHaveBeenCalledWith(expect.objectContaining({ text: "Take control first." }));
+    expect(notify).toHaveBeenCalledWith(expect.objectContaining({ text: "Take control first." }));
     panel.drives = true;
     kitchen.click();
-    expect(order).toHaveBeenCalledExactlyOnceWith({
+    expect(request).toHaveBeenCalledExactlyOnceWith({
       t: "go",
       x: 3,
       y: 1.5,
@@ -349,11 +349,11 @@ describe("the map over the picture", () => {
     pressed(canvas, x, y + 10, 5);
     expect(page["map-picked-go"].textContent).toBe("Go to “kitchen”");
     page["map-picked-go"].click(); // a double tap
-    expect(order).not.toHaveBeenCalled();
+    expect(request).not.toHaveBeenCalled();
     clock.mockReturnValue(1600);
     page["map-picked-go"].click();
     const goal = { t: "go", x: 3, y: 1.5, heading: 0.5, place: "kitchen" };
-    expect(order).toHaveBeenCalledExactlyOnceWith(goal);
+    expect(request).toHaveBeenCalledExactlyOnceWith(goal);
     expect(page["map-picked"].hidden).toBe(true);
     pressed(canvas, x, y);
     pressed(canvas, x - 60, y); // beside it
@@ -369,8 +369,8 @@ describe("the map over the picture", () => {
     expect(page["map-picked-go"].title).toBe("Take control first.");
     vi.spyOn(performance, "now").mockReturnValue(performance.now() + 600);
     page["map-picked-go"].click();
-    expect(tell).toHaveBeenCalledWith(expect.objectContaining({ text: "Take control first." }));
-    expect(order).not.toHaveBeenCalled();
+    expect(notify).toHaveBeenCalledWith(expect.objectContaining({ text: "Take control first." }));
+    expect(request).not.toHaveBeenCalled();
     expect(page["map-picked"].hidden).toBe(false);
   });
 
@@ -391,7 +391,7 @@ describe("the map over the picture", () => {
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointermove", 240, 110));
     canvas.dispatchEvent(pointer("pointerup", 240, 110));
-    expect(order).not.toHaveBeenCalled();
+    expect(request).not.toHaveBeenCalled();
     answers.POST = { status: 409, detail: "The name is taken." };
     page["place-name"].value = " lab ";
     page["place-form"].dispatchEvent(new Event("submit", { cancelable: true }));
@@ -426,7 +426,7 @@ describe("the map over the picture", () => {
     page["map-name"].click(); // another dialog changes nothing about this question
     page["place-delete-dialog"].querySelector("form").dispatchEvent(new Event("submit"));
     await vi.waitFor(() =>
-      expect(tell).toHaveBeenCalledWith(
+      expect(notify).toHaveBeenCalledWith(
         expect.objectContaining({ text: "The place “kitchen” was deleted." }),
       ),
     );

@@ -3,7 +3,7 @@ import { Pace } from "../../../static/js/scene/pace.js";
 
 const COUNT = 15;
 const draw = (pace, ms, times = COUNT) =>
-  Array.from({ length: times }, () => pace.took(ms)).some(Boolean);
+  Array.from({ length: times }, () => pace.addFrameTime(ms)).some(Boolean);
 
 describe("how fine the 3D picture is", () => {
   it("is as fine as the page without a graphics processor, and twice as fine with one", () => {

@@ -18,7 +18,7 @@ class FakeScene extends EventTarget {
   words = "No WebGL.";
   mode = "orbit";
   describe = vi.fn();
-  lay = vi.fn();
+  showMap = vi.fn();
   close = vi.fn();
   begin = () => this.draws;
   constructor() {

@@ -2,12 +2,12 @@ import { beforeEach, describe, expect, it, vi } from "vitest";
 import { ChoiceEnds, Endings } from "../../../static/js/tasks/task_ends.js";
 
 describe("ends of tasks", () => {
-  let tell;
+  let notify;
   let ends;
 
   beforeEach(() => {
-    tell = vi.fn();
-    ends = new Endings(tell);
+    notify = vi.fn();
+    ends = new Endings(notify);
     ends.follow(null, { number: 4, outcome: "done" });
   });
 
@@ -16,7 +16,7 @@ describe("ends of tasks", () => {
     ends.follow("Hola", { number: 4, outcome: "done" });
     expect(ends.follow(null, { number: 5, outcome: "failed" })).toBe(true);
     expect(ends.follow(null, { number: 5, outcome: "failed" })).toBe(false);
-    expect(tell.mock.calls).toEqual([[{ number: 5, outcome: "failed" }, "Hola"]]);
+    expect(notify.mock.calls).toEqual([[{ number: 5, outcome: "failed" }, "Hola"]]);
   });
 
   it("carry the task's name; a refused task has no end", () => {
@@ -25,7 +25,7 @@ describe("ends of tasks", () => {
     undo();
     ends.begin("Adios")();
     ends.follow(null, { number: 6, outcome: "done" });
-    expect(tell.mock.calls).toEqual([[{ number: 5, outcome: "done" }, "Hola"]]);
+    expect(notify.mock.calls).toEqual([[{ number: 5, outcome: "done" }, "Hola"]]);
   });
 
   it("do not name the person to the page that cancelled", () => {
@@ -40,7 +40,7 @@ describe("ends of tasks", () => {
     ends.follow(null, { number: 7, outcome: "stopped", text: "Bo stopped the robot." });
     ends.begin("Adios");
     ends.follow(null, { number: 8, ...cancelled });
-    expect(tell.mock.calls.map(([{ text }]) => text)).toEqual([
+    expect(notify.mock.calls.map(([{ text }]) => text)).toEqual([
       "Its holder cancelled it.",
       "",
       "Bo stopped the robot.",
@@ -50,7 +50,7 @@ describe("ends of tasks", () => {
 
   it("are not reported for other people's or earlier tasks", () => {
     expect(ends.follow(null, { number: 5, outcome: "done" })).toBe(true);
-    expect(tell).not.toHaveBeenCalled();
+    expect(notify).not.toHaveBeenCalled();
   });
 
   it("are reported as unheard when the bridge ended", () => {
@@ -61,7 +61,7 @@ describe("ends of tasks", () => {
     ends.follow(null, null);
     ends.lost();
     ends.follow(null, null);
-    expect(tell.mock.calls).toEqual([[{ outcome: "unheard", text: "" }, "wave"]]);
+    expect(notify.mock.calls).toEqual([[{ outcome: "unheard", text: "" }, "wave"]]);
   });
 
   it("are reported after a lost connection", () => {
@@ -71,13 +71,15 @@ describe("ends of tasks", () => {
     expect(ends.follow("wave", { number: 4, outcome: "done" })).toBe(false);
     ends.lost();
     expect(ends.follow(null, { number: 5, name: "wave", outcome: "succeeded" })).toBe(true);
-    expect(tell.mock.calls).toEqual([[{ number: 5, name: "wave", outcome: "succeeded" }, "wave"]]);
+    expect(notify.mock.calls).toEqual([
+      [{ number: 5, name: "wave", outcome: "succeeded" }, "wave"],
+    ]);
   });
 
   it("use the robot's names", () => {
     ends.begin();
     ends.follow(null, { number: 5, name: "wave", outcome: "succeeded" });
-    expect(tell.mock.calls[0][1]).toBe("wave");
+    expect(notify.mock.calls[0][1]).toBe("wave");
   });
 });
 

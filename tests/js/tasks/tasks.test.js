@@ -1,10 +1,10 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { Orders, shortened } from "../../../static/js/tasks/tasks.js";
+import { shortened, TaskRequests } from "../../../static/js/tasks/tasks.js";
 
 describe("tasks", () => {
   let sent;
   let notices;
-  let orders;
+  let requests;
   let open;
 
   beforeEach(() => {
@@ -13,17 +13,17 @@ describe("tasks", () => {
     notices = [];
     open = true;
     const send = (message) => open && sent.push(message) > 0;
-    orders = new Orders(send, (notice) => notices.push(notice), 100);
-    orders.fence = 7;
+    requests = new TaskRequests(send, (notice) => notices.push(notice), 100);
+    requests.fence = 7;
   });
   afterEach(() => {
-    orders.close();
+    requests.close();
     vi.useRealTimers();
   });
 
   it("carry this tab's fence, and a number each", () => {
-    orders.send({ t: "play", motion: "wave", title: "Wave" });
-    orders.send({ t: "refresh" });
+    requests.send({ t: "play", motion: "wave", title: "Wave" });
+    requests.send({ t: "refresh" });
     expect(sent).toEqual([
       { t: "play", motion: "wave", seq: 101, fence: 7 },
       { t: "refresh", seq: 102 },
@@ -31,34 +31,34 @@ describe("tasks", () => {
   });
 
   it("without control are not sent, and say what to do", async () => {
-    orders.fence = null;
-    expect((await orders.send({ t: "play", motion: "wave" })).code).toBe("no_lease");
+    requests.fence = null;
+    expect((await requests.send({ t: "play", motion: "wave" })).code).toBe("no_lease");
     expect(sent).toEqual([]);
     expect(notices[0].text).toBe("Play wave: Take control first.");
   });
 
   it("to cancel without control carry no fence", () => {
-    orders.fence = null;
-    orders.send({ t: "play_cancel" });
+    requests.fence = null;
+    requests.send({ t: "play_cancel" });
     expect(sent).toEqual([{ t: "play_cancel", seq: 101 }]);
   });
 
   it("report only a refusal when repeated quietly", () => {
-    orders.send({ t: "publish", topic: "/key_vel", quiet: true });
-    orders.send({ t: "publish", topic: "/key_vel", quiet: true });
+    requests.send({ t: "publish", topic: "/key_vel", quiet: true });
+    requests.send({ t: "publish", topic: "/key_vel", quiet: true });
     expect(sent[0]).toEqual({ t: "publish", topic: "/key_vel", seq: 101, fence: 7 });
-    orders.heard({ t: "accepted", of: "publish", seq: 101 });
+    requests.receive({ t: "accepted", of: "publish", seq: 101 });
     expect(notices).toEqual([]);
     const refusal = { code: "stopped", text: "The robot is stopped." };
-    orders.heard({ t: "refused", of: "publish", seq: 102, refusal });
+    requests.receive({ t: "refused", of: "publish", seq: 102, refusal });
     expect(notices.length).toBe(1);
   });
 
   it("are reported once when accepted, with the effect", async () => {
-    const answer = orders.send({ t: "look_ahead" });
-    expect(orders.heard({ t: "accepted", of: "look_ahead", seq: 101 })).toBe(true);
+    const answer = requests.send({ t: "look_ahead" });
+    expect(requests.receive({ t: "accepted", of: "look_ahead", seq: 101 })).toBe(true);
     expect(await answer).toBeNull();
-    expect(orders.heard({ t: "accepted", of: "look_ahead", seq: 101 })).toBe(false);
+    expect(requests.receive({ t: "accepted", of: "look_ahead", seq: 101 })).toBe(false);
     expect(notices).toHaveLength(1);
     expect(notices[0]).toMatchObject({ level: "success" });
     vi.advanceTimersByTime(1000);
@@ -66,9 +66,9 @@ describe("tasks", () => {
   });
 
   it("are reported once when refused, with the reason", async () => {
-    const answer = orders.send({ t: "play", motion: "wave", title: "Wave" });
+    const answer = requests.send({ t: "play", motion: "wave", title: "Wave" });
     const refusal = { code: "motion_runs", text: "Ann has it perform bow.", rule: "robot" };
-    orders.heard({ t: "refused", of: "play", seq: 101, refusal });
+    requests.receive({ t: "refused", of: "play", seq: 101, refusal });
     expect(await answer).toBe(refusal);
     expect(notices).toEqual([
       {
@@ -80,45 +80,45 @@ describe("tasks", () => {
   });
 
   it("share a notice only with repeats of the same task", () => {
-    for (const topic of ["/say", null]) orders.send({ t: "choose", use: "speech", topic });
-    for (const seq of [101, 102]) orders.heard({ t: "accepted", of: "choose", seq });
-    orders.fence = null;
-    for (const motion of ["wave", "bow"]) orders.send({ t: "play", motion });
+    for (const topic of ["/say", null]) requests.send({ t: "choose", use: "speech", topic });
+    for (const seq of [101, 102]) requests.receive({ t: "accepted", of: "choose", seq });
+    requests.fence = null;
+    for (const motion of ["wave", "bow"]) requests.send({ t: "play", motion });
     expect(new Set(notices.map(({ code }) => code)).size).toBe(4);
   });
 
   it("report a missing answer after 0.75 s, then a late one", async () => {
-    const answer = orders.send({ t: "look_ahead" });
+    const answer = requests.send({ t: "look_ahead" });
     vi.advanceTimersByTime(749);
     expect(notices).toEqual([]);
     vi.advanceTimersByTime(1);
     expect((await answer).code).toBe("no_answer");
     expect(notices[0].text).toContain("0.75 s");
-    orders.heard({ t: "accepted", of: "look_ahead", seq: 101 });
+    requests.receive({ t: "accepted", of: "look_ahead", seq: 101 });
     expect(notices[1].level).toBe("success");
   });
 
   it("report a missing answer once, also after a lost connection", () => {
-    orders.send({ t: "look_ahead" });
+    requests.send({ t: "look_ahead" });
     vi.advanceTimersByTime(4000);
-    orders.lost();
+    requests.lost();
     expect(notices).toHaveLength(1);
   });
 
   it("are refused without a connection, and when it is lost", async () => {
-    const answer = orders.send({ t: "play", motion: "wave" });
-    orders.lost();
+    const answer = requests.send({ t: "play", motion: "wave" });
+    requests.lost();
     expect((await answer).code).toBe("no_answer");
     open = false;
-    expect((await orders.send({ t: "play", motion: "wave" })).code).toBe("not_connected");
+    expect((await requests.send({ t: "play", motion: "wave" })).code).toBe("not_connected");
     expect(notices).toHaveLength(2);
   });
 
   it("leave the answers of others alone", () => {
-    orders.send({ t: "play", motion: "wave" });
+    requests.send({ t: "play", motion: "wave" });
     const refusal = { code: "too_old", text: "", rule: "wire" };
-    expect(orders.heard({ t: "refused", of: "drive", seq: 101, refusal })).toBe(false);
-    expect(orders.heard({ t: "view" })).toBe(false);
+    expect(requests.receive({ t: "refused", of: "drive", seq: 101, refusal })).toBe(false);
+    expect(requests.receive({ t: "view" })).toBe(false);
   });
 
   it("name a long text by its beginning", () => {

@@ -16,7 +16,7 @@ describe("repeated velocities", () => {
   beforeEach(() => {
     vi.useFakeTimers();
     sent = [];
-    repeater = new Repeater((order) => sent.push(order));
+    repeater = new Repeater((request) => sent.push(request));
   });
   afterEach(() => {
     repeater.end();

@@ -28,8 +28,8 @@ describe("the Topics tab of a robot that is slow to answer", () => {
     FakeSocket.begin();
     document.body.innerHTML = template.replace(/\{%.*?%\}/g, "") + DIALOG;
     notices = [];
-    const tell = (notice) => notices.push(notice.text);
-    tab = new TopicsTab(parts(document), "ws://here/", { send: vi.fn(), tell }, () => 0);
+    const notify = (notice) => notices.push(notice.text);
+    tab = new TopicsTab(parts(document), "ws://here/", { send: vi.fn(), notify }, () => 0);
     tab.offers = { uses: { drive: { topic: "/key_vel", type: TWIST, chooseable: {} } } };
     tab.mayAct = true;
     tab.show();

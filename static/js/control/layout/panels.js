@@ -33,7 +33,7 @@ export class Panels {
   #panels;
   #places;
   #choices;
-  #tell;
+  #notify;
   #dragged = null;
   #listening = new AbortController();
 
@@ -41,11 +41,11 @@ export class Panels {
    * @param {HTMLElement} root its elements with data-panel are the panels, those with data-moves their
    *   handles
    * @param {import("../choices.js").Choices} choices of the person
-   * @param {(text: string) => void} tell reports a move to screen readers
+   * @param {(text: string) => void} notify reports a move to screen readers
    */
-  constructor(root, choices, tell) {
+  constructor(root, choices, notify) {
     this.#choices = choices;
-    this.#tell = tell;
+    this.#notify = notify;
     this.#panels = new Map(
       [...root.querySelectorAll("[data-panel]")].map((panel) => [panel.dataset.panel, panel]),
     );
@@ -74,7 +74,7 @@ export class Panels {
     if (place === undefined || this.#places[name] === place) return;
     this.#place(moved(this.#places, name, place));
     this.#choices.remember("panels", this.#places);
-    this.#tell(placeWords(place));
+    this.#notify(placeWords(place));
   }
 
   /** Arrow keys on a handle move the panel: they do not drive. */

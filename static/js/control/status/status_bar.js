@@ -23,13 +23,13 @@ export class StatusBar {
 
   /**
    * @param {HTMLElement} root gets the state of the robot's stop for the style sheet
-   * @param {(notice: object) => void} tell
+   * @param {(notice: object) => void} notify
    */
-  constructor(root, parts, tell) {
+  constructor(root, parts, notify) {
     this.#root = root;
     this.#parts = parts;
     this.#details = new Details(parts);
-    this.#health = new HealthPanel(parts, tell);
+    this.#health = new HealthPanel(parts, notify);
     this.#announcer = new Announcer(parts.live);
   }
 
@@ -82,7 +82,7 @@ export class StatusBar {
     const { connection, delay, echo } = this.#parts;
     const { level, text } = connectionFact({
       ...now,
-      heard: now.state !== null,
+      received: now.state !== null,
       stale: isStale(now.sinceViewMs),
     });
     mark(connection, "level", level);

@@ -19,13 +19,13 @@ export function isSilent(sinceViewMs) {
  * @param {object} now
  * @param {boolean} now.connected the page has its socket
  * @param {object | null} [now.gone] refusal: no link from the console to the robot's bridge
- * @param {boolean} now.heard a state was received
+ * @param {boolean} now.received a state was received
  * @param {boolean} now.stale the newest state is too old
  */
-export function connectionFact({ connected, gone = null, heard, stale }) {
+export function connectionFact({ connected, gone = null, received, stale }) {
   if (!connected) return { level: "fail", text: gettext("Offline") };
   if (gone) return { level: "fail", text: gettext("No link") };
-  if (!heard) return { level: "warn", text: gettext("Connecting") };
+  if (!received) return { level: "warn", text: gettext("Connecting") };
   return stale
     ? { level: "fail", text: gettext("No news") }
     : { level: "ok", text: gettext("Connected") };

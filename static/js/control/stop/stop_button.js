@@ -14,7 +14,7 @@ export class StopButton {
   #button;
   #send;
   #answered;
-  #say;
+  #showText;
   #fail;
   #arrived;
   #posting = 0; // requests to the form's address without an answer yet
@@ -29,16 +29,16 @@ export class StopButton {
    * @param {(sinceMs: number) => boolean} ways.answered whether the robot's side has reported a stop since
    *   that time
    * @param {() => void} [ways.arrived] the robot's side has reported the stop, where nothing else shows that
-   * @param {(text: string) => void} ways.say shows that the stop is on its way, and that it arrived
+   * @param {(text: string) => void} ways.showText shows that the stop is on its way, and that it arrived
    * @param {(text: string, robots?: object) => void} ways.fail shows that the stop did not arrive, or not
    *   yet, and the remedy. `robots`: the answer of each robot's bridge, by slug, if the server sent it
    */
-  constructor(form, { send, answered, arrived = () => {}, say, fail }) {
+  constructor(form, { send, answered, arrived = () => {}, showText, fail }) {
     this.#form = form;
     this.#button = form.querySelector("button");
     this.#send = send;
     this.#answered = answered;
-    this.#say = say;
+    this.#showText = showText;
     this.#fail = fail;
     this.#arrived = arrived;
     const { signal } = this.#listening;
@@ -52,9 +52,9 @@ export class StopButton {
     this.#pressedMs = sinceMs;
     clearTimeout(this.#timer);
     if (this.#send()) {
-      this.#say(gettext("Stop sent, waiting for the robot"));
-      const look = () => (this.#answered(sinceMs) ? this.#arrived() : this.#post());
-      this.#timer = setTimeout(look, ANSWER_MS);
+      this.#showText(gettext("Stop sent, waiting for the robot"));
+      const check = () => (this.#answered(sinceMs) ? this.#arrived() : this.#post());
+      this.#timer = setTimeout(check, ANSWER_MS);
     } else {
       this.#post();
     }
@@ -80,7 +80,7 @@ export class StopButton {
 
   /** Send the stop to the form's address. Wait without limit: a late stop is reported, never withdrawn. */
   async #post() {
-    this.#say(gettext("Sending the stop"));
+    this.#showText(gettext("Sending the stop"));
     this.#posting += 1;
     const late = setTimeout(() => this.#fail(noAnswer()), PATIENCE_MS);
     this.#timer = late;
@@ -93,7 +93,7 @@ export class StopButton {
         keepalive: true,
       });
       const { text, robots } = await answer.json(); // the server names the robots that did not confirm
-      if (answer.ok && answer.status !== PENDING) this.#say(text);
+      if (answer.ok && answer.status !== PENDING) this.#showText(text);
       else failed(text ?? noWay(), robots);
     } catch {
       failed(noWay());

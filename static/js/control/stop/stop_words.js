@@ -17,7 +17,7 @@ export class StopWords {
   }
 
   /** Show news of "Stop all", which concerns every robot: earlier failures are cleared. */
-  say(text) {
+  showText(text) {
     this.#failures.clear();
     this.#show(text);
     this.#timer = setTimeout(() => this.#show(""), SAID_MS);

@@ -53,7 +53,7 @@ export class Stick extends EventTarget {
     if (input === null) return;
     this.#blocked.add(input);
     this.#set(null, NEUTRAL);
-    this.#tell("zero", { reason, input });
+    this.#emit("zero", { reason, input });
   }
 
   /** A second input moved while the first drives: both are ignored until each has been in neutral. */
@@ -64,16 +64,16 @@ export class Stick extends EventTarget {
 
   #unblock(input) {
     this.#blocked.delete(input);
-    this.#tell("change", { axes: this.#axes, input: this.#input });
+    this.#emit("change", { axes: this.#axes, input: this.#input });
   }
 
   #set(input, axes) {
     this.#input = input;
     this.#axes = axes;
-    this.#tell("change", { axes, input });
+    this.#emit("change", { axes, input });
   }
 
-  #tell(type, detail) {
+  #emit(type, detail) {
     this.dispatchEvent(new CustomEvent(type, { detail }));
   }
 }

@@ -50,13 +50,13 @@ describe("the speed limits", () => {
 });
 
 describe("the connection", () => {
-  const good = { connected: true, gone: null, heard: true, stale: false };
+  const good = { connected: true, gone: null, received: true, stale: false };
 
   it.each([
     [{}, "Connected", "ok"],
     [{ stale: true }, "No news", "fail"],
-    [{ stale: true, heard: false }, "Connecting", "warn"],
-    [{ gone: { text: "away" }, heard: false }, "No link", "fail"],
+    [{ stale: true, received: false }, "Connecting", "warn"],
+    [{ gone: { text: "away" }, received: false }, "No link", "fail"],
     [{ connected: false, gone: { text: "away" } }, "Offline", "fail"],
   ])("is called by what came of it (%o: %s)", (now, text, level) => {
     expect(connectionFact({ ...good, ...now })).toEqual({ level, text });

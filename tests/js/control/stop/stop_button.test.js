@@ -14,7 +14,12 @@ describe("the stop button", () => {
     form = document.body.appendChild(document.createElement("form"));
     form.action = "/robots/tiago-1/stop/";
     form.append(document.createElement("button"));
-    ways = { send: vi.fn(() => true), answered: vi.fn(() => true), say: vi.fn(), fail: vi.fn() };
+    ways = {
+      send: vi.fn(() => true),
+      answered: vi.fn(() => true),
+      showText: vi.fn(),
+      fail: vi.fn(),
+    };
     stop = new StopButton(form, ways);
     vi.stubGlobal("fetch", answer(true, { text: "Stopped." }));
     vi.advanceTimersByTime(5000);
@@ -100,9 +105,9 @@ describe("the stop button", () => {
   it("shows Sending until the posted form is answered", async () => {
     ways.send.mockReturnValue(false);
     press();
-    expect(ways.say.mock.calls).toEqual([["Sending the stop"]]);
+    expect(ways.showText.mock.calls).toEqual([["Sending the stop"]]);
     await settle();
-    expect(ways.say).toHaveBeenLastCalledWith("Stopped.");
+    expect(ways.showText).toHaveBeenLastCalledWith("Stopped.");
     expect(ways.fail).not.toHaveBeenCalled();
   });
 
@@ -122,7 +127,7 @@ describe("the stop button", () => {
     await vi.advanceTimersByTimeAsync(200);
     expect(ways.fail.mock.calls).toEqual([[expect.stringContaining("No answer")]]);
     await vi.advanceTimersByTimeAsync(2000);
-    expect(ways.say).toHaveBeenLastCalledWith("Stopped.");
+    expect(ways.showText).toHaveBeenLastCalledWith("Stopped.");
     await vi.advanceTimersByTimeAsync(10_000);
     expect(ways.fail).toHaveBeenCalledTimes(1);
   });
@@ -147,9 +152,9 @@ describe("the stop button", () => {
     press();
     await vi.advanceTimersByTimeAsync(5000);
     press();
-    ways.say.mockClear();
+    ways.showText.mockClear();
     await vi.advanceTimersByTimeAsync(1500);
-    expect(ways.say).toHaveBeenCalledWith("Stopped.");
+    expect(ways.showText).toHaveBeenCalledWith("Stopped.");
   });
 
   it("does not take an HTML page for success", async () => {
@@ -184,7 +189,7 @@ describe("the stop button", () => {
     );
     press();
     await settle();
-    expect(ways.say).toHaveBeenCalledTimes(1); // only that it is being sent
+    expect(ways.showText).toHaveBeenCalledTimes(1); // only that it is being sent
     expect(ways.fail).toHaveBeenCalledWith(body.text, robots);
   });
 

@@ -14,9 +14,9 @@ describe("the words next to Stop all", () => {
   afterEach(() => vi.useRealTimers());
 
   it("disappear some seconds after the newest", () => {
-    words.say("Sending the stop");
+    words.showText("Sending the stop");
     vi.advanceTimersByTime(4000);
-    words.say("Stopped.");
+    words.showText("Stopped.");
     vi.advanceTimersByTime(4000);
     expect(element.textContent).toBe("Stopped.");
     vi.advanceTimersByTime(1000);
@@ -24,7 +24,7 @@ describe("the words next to Stop all", () => {
   });
 
   it("keep all failures, each once", () => {
-    words.say("Sending the stop");
+    words.showText("Sending the stop");
     words.fail("No answer.", "a");
     words.fail("Not reached: B.", "b");
     words.fail("No answer.", "c");
@@ -33,11 +33,11 @@ describe("the words next to Stop all", () => {
   });
 
   it("interrupt a screen reader only for failures", () => {
-    words.say("Stop sent");
+    words.showText("Stop sent");
     expect(element.getAttribute("role")).toBe("status");
     words.fail("No answer.");
     expect(element.getAttribute("role")).toBe("alert");
-    words.say("Stopped.");
+    words.showText("Stopped.");
     expect(element.getAttribute("role")).toBe("status");
   });
 
@@ -67,7 +67,7 @@ describe("the words next to Stop all", () => {
     for (const slug of ["a", "b", "c"]) words.fail(`Not reached: ${slug}.`, slug);
     words.forget("a");
     expect(element.textContent).toBe("Not reached: b. Not reached: c.");
-    words.say("Stop sent");
+    words.showText("Stop sent");
     expect(element.textContent).toBe("Stop sent");
     words.forget("b"); // it has no failure: the news stays
     expect(element.textContent).toBe("Stop sent");
