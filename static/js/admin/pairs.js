@@ -37,7 +37,7 @@ export function pairsOf(json, kind) {
  * @param {string} kind
  */
 export function jsonOf(pairs, kind) {
-  const found = {};
+  const found = Object.create(null); // a name may be "__proto__" or "constructor"
   for (const [typed, value] of pairs) {
     const name = typed.trim();
     if (!name) continue;
@@ -49,7 +49,7 @@ export function jsonOf(pairs, kind) {
     // The console refuses a name without a group, and gives the reason.
     if (dot < 0) found[name] = read(value);
     else {
-      found[name.slice(0, dot)] ??= {};
+      found[name.slice(0, dot)] ??= Object.create(null);
       found[name.slice(0, dot)][name.slice(dot + 1)] = read(value);
     }
   }

@@ -183,13 +183,13 @@ export class CameraPanel {
   }
 
   #update() {
-    this.#shown((view) => view.look());
+    this.#shown((view) => view.update());
     dim(this.#snapshot, !this.#main.header, gettext("There is no picture to save yet."));
-    this.#tellAge();
+    this.#reportAge();
   }
 
   /** Report the age of the picture by which this person drives: the gate takes it into account. */
-  #tellAge() {
+  #reportAge() {
     if (!this.#drives) return;
     const nowMs = performance.now();
     const ageMs = this.#drivenBy();

@@ -69,7 +69,7 @@ export class CameraView extends EventTarget {
   /** @param {string} text why there are no pictures; empty: there is no fault */
   set why(text) {
     this.#why = text;
-    this.look();
+    this.update();
   }
 
   take(picture) {
@@ -81,7 +81,7 @@ export class CameraView extends EventTarget {
     this.#picture.clear();
     this.#why = "";
     this.#isDamaged = false;
-    this.look();
+    this.update();
   }
 
   /** A new connection: the next picture may have any number; the last one stays. */
@@ -90,7 +90,7 @@ export class CameraView extends EventTarget {
   }
 
   /** Show the age of the picture. Called again and again: the age grows also while no picture comes. */
-  look() {
+  update() {
     const ageMs = this.ageMs;
     const isOld = ageMs !== null && ageMs > OLD_MS;
     mark(this.#element, "old", isOld);
@@ -127,13 +127,13 @@ export class CameraView extends EventTarget {
 
   #onPainted({ header }) {
     this.#why = "";
-    this.look();
+    this.update();
     this.dispatchEvent(new CustomEvent("painted", { detail: header }));
   }
 
   #onDone(detail) {
     this.#isDamaged = detail.damaged;
-    this.look();
+    this.update();
     this.dispatchEvent(new CustomEvent("done", { detail }));
   }
 }

@@ -22,6 +22,14 @@ test("objects become rows and come back unchanged", () => {
   });
 });
 
+test.each([
+  ['{"__proto__": "10.68.0.1"}', "text"],
+  ['{"__proto__": {"lost": 1}, "constructor": {"lost": 2}, "limits": {"__proto__": 3}}', "grouped"],
+])("names that objects inherit are names like others: %s", (json, kind) => {
+  expect(JSON.parse(jsonOf(pairsOf(json, kind), kind))).toEqual(JSON.parse(json));
+  expect({}.lost ?? Object.lost).toBeUndefined();
+});
+
 test("what is no object stays a box to repair by hand", () => {
   for (const wrong of ["[1]", "{", '{"a": 1}']) expect(pairsOf(wrong, "text")).toBeNull();
 });

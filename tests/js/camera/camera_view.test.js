@@ -57,13 +57,13 @@ describe("a camera on the page", () => {
     await take(1, 40);
     expect([element.dataset.old, of(".camera-age").hidden]).toEqual([undefined, true]);
     nowMs += 400;
-    view.look();
+    view.update();
     expect([element.dataset.old, of(".camera-age").textContent]).toEqual([
       undefined,
       "picture 0.4 s old",
     ]);
     nowMs += 1000;
-    view.look();
+    view.update();
     expect([element.dataset.old, of(".camera-age").textContent]).toEqual([
       "true",
       "picture 1.4 s old",
