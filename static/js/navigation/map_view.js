@@ -4,16 +4,8 @@
  */
 
 import { Canvas } from "../lib/canvas.js";
-import {
-  corners,
-  headingOf,
-  onMap,
-  panned,
-  toPixels,
-  toPoint,
-  whole,
-  zoomed,
-} from "./map_frame.js";
+import { corners, headingOf, panned, toPixels, toPoint, whole, zoomed } from "./map_frame.js";
+import { drawGoal, drawLaser, drawPath, drawPicture, drawPlace, drawRobot } from "./map_symbols.js";
 
 const COLOURS = [
   "surface",
@@ -327,56 +319,40 @@ export class MapView extends EventTarget {
     const pixels = frame.scale * density;
     const [x, y] = toPixels({ ...frame, scale: pixels }, [0, 0], width, height);
     pen.setTransform(pixels, 0, 0, -pixels, x, y); // metres, y up
-    const pixel = density / pixels;
-    this.#drawMap(pen);
-    this.#line(pen, this.#path, colour.path, 2.5 * pixel);
-    if (this.#goal) this.#target(pen, this.#goal, colour.path, pixel);
-    if (this.#robot) this.#drawLaser(pen, colour.laser, pixel);
-    for (const place of this.#places) this.#drawPlace(pen, place, pixel);
-    if (this.#robot) this.#drawRobot(pen, this.#robot, pixel);
-    for (const robot of this.#robots) this.#drawOneOfMany(pen, robot, pixel);
-    if (this.#chosen) this.#target(pen, this.#chosen, colour.hold, pixel);
+    const brush = { pen, colour, pixel: density / pixels };
+    if (this.#map && this.#picture) drawPicture(brush, this.#map, this.#picture);
+    drawPath(brush, this.#path, 2.5);
+    if (this.#goal) drawGoal(brush, this.#goal, colour.path);
+    if (this.#robot) drawLaser(brush, this.#robot, this.#scan);
+    for (const place of this.#places) {
+      drawPlace(brush, place);
+      this.#write(brush, place.name, place, 17, colour.place);
+    }
+    if (this.#robot) drawRobot(brush, this.#robot);
+    for (const robot of this.#robots) this.#drawOneOfMany(brush, robot);
+    if (this.#chosen) drawGoal(brush, this.#chosen, colour.hold);
     else if (this.#chooses && document.activeElement === this.#element)
-      this.#target(pen, this.#middlePoint, colour.hold, pixel);
+      drawGoal(brush, this.#middlePoint, colour.hold);
   }
 
-  #drawMap(pen) {
-    if (!this.#map || !this.#picture) return;
-    const { origin_x_m: x, origin_y_m: y, origin_rad: yaw, resolution_m: side } = this.#map;
-    pen.save();
-    pen.translate(x, y);
-    pen.rotate(yaw);
-    pen.scale(1, -1);
-    pen.imageSmoothingEnabled = false;
-    const [w, h] = [this.#map.width * side, this.#map.height * side];
-    pen.drawImage(this.#picture, 0, -h, w, h);
-    pen.restore();
-  }
-
-  /** Draw a diamond and the place's name below it, in the same size at each zoom. */
-  #drawPlace(pen, { name, x, y }, pixel) {
-    const { colour } = this.#canvas;
-    const half = 6 * pixel;
-    pen.save();
-    pen.translate(x, y);
-    pen.fillStyle = colour.place;
-    pen.beginPath();
-    for (const [dx, dy] of [
-      [half, 0],
-      [0, half],
-      [-half, 0],
-      [0, -half],
-    ])
-      pen.lineTo(dx, dy);
-    pen.fill();
-    pen.restore();
-    this.#write(pen, name, [x, y], 17, colour.place, pixel);
+  /** Draw a robot of a fleet, its name, and a straight line to its goal: only its own page gets the path. */
+  #drawOneOfMany(brush, { name, location, going }) {
+    const { pen, colour, pixel } = brush;
+    if (going) {
+      pen.setLineDash([6 * pixel, 5 * pixel]);
+      const line = [location.x, location.y, going.x, going.y].map((metres) => 100 * metres);
+      drawPath(brush, line, 2);
+      pen.setLineDash([]);
+      drawGoal(brush, going, colour.path);
+    }
+    drawRobot(brush, location);
+    this.#write(brush, name, location, -18, colour.laser);
   }
 
   /**
    * Write a text some pixels below a point, outlined in the background's colour; at an edge it moves inside.
    */
-  #write(pen, text, [x, y], below, colour, pixel) {
+  #write({ pen, colour, pixel }, text, { x, y }, below, ink) {
     const [width] = this.#size;
     const [left] = toPixels(this.#seen, [x, y], ...this.#size);
     if (left < 0 || left > width) return;
@@ -389,108 +365,10 @@ export class MapView extends EventTarget {
     pen.textAlign = "center";
     pen.lineJoin = "round";
     pen.lineWidth = RIM;
-    pen.strokeStyle = this.#canvas.colour.surface;
-    pen.fillStyle = colour;
+    pen.strokeStyle = colour.surface;
+    pen.fillStyle = ink;
     pen.strokeText(text, 0, below);
     pen.fillText(text, 0, below);
-    pen.restore();
-  }
-
-  #line(pen, flatCm, colour, width) {
-    if (flatCm.length < 4) return;
-    pen.beginPath();
-    for (let i = 0; i < flatCm.length; i += 2) pen.lineTo(flatCm[i] / 100, flatCm[i + 1] / 100);
-    pen.strokeStyle = colour;
-    pen.lineWidth = width;
-    pen.stroke();
-  }
-
-  #drawLaser(pen, colour, pixel) {
-    pen.fillStyle = colour;
-    const side = 2.5 * pixel;
-    for (let i = 0; i < this.#scan.length; i += 2) {
-      const [x, y] = onMap(this.#robot, [this.#scan[i], this.#scan[i + 1]]);
-      pen.fillRect(x - side / 2, y - side / 2, side, side);
-    }
-  }
-
-  /** Draw the robot with its heading, and the ellipse of two standard deviations. */
-  #drawRobot(pen, robot, pixel) {
-    const { colour } = this.#canvas;
-    pen.beginPath();
-    pen.ellipse(
-      robot.x,
-      robot.y,
-      Math.max(2 * robot.sigma_m, 2 * pixel),
-      Math.max(2 * robot.sigma_across_m, 2 * pixel),
-      robot.ellipse_rad,
-      0,
-      2 * Math.PI,
-    );
-    pen.fillStyle = colour["path-body"];
-    pen.strokeStyle = robot.problem ? colour.hold : colour["robot-edge"];
-    pen.lineWidth = pixel;
-    pen.fill();
-    pen.stroke();
-    this.#arrow(pen, robot, colour["robot-edge"], pixel);
-  }
-
-  /** Draw a robot of a fleet, its name, and a straight line to its goal: only its own page gets the path. */
-  #drawOneOfMany(pen, { name, location, going }, pixel) {
-    const { colour } = this.#canvas;
-    if (going) {
-      pen.setLineDash([6 * pixel, 5 * pixel]);
-      const line = [location.x, location.y, going.x, going.y].map((metres) => 100 * metres);
-      this.#line(pen, line, colour.path, 2 * pixel);
-      pen.setLineDash([]);
-      this.#target(pen, going, colour.path, pixel);
-    }
-    this.#drawRobot(pen, location, pixel);
-    this.#write(pen, name, [location.x, location.y], -18, colour.laser, pixel);
-  }
-
-  /** Draw a goal: two rings, and a line that shows the heading. It must not look like a robot. */
-  #target(pen, { x, y, heading }, colour, pixel) {
-    const size = 11 * pixel;
-    pen.save();
-    pen.translate(x, y);
-    pen.rotate(heading);
-    for (const [stroke, width] of [
-      [this.#canvas.colour.surface, 6 * pixel],
-      [colour, 2.5 * pixel],
-    ]) {
-      pen.strokeStyle = stroke;
-      pen.lineWidth = width;
-      for (const radius of [size, size / 3]) {
-        pen.beginPath();
-        pen.arc(0, 0, radius, 0, 2 * Math.PI);
-        pen.stroke();
-      }
-      pen.beginPath();
-      pen.moveTo(size, 0);
-      pen.lineTo(1.9 * size, 0);
-      pen.stroke();
-    }
-    pen.restore();
-  }
-
-  /** Draw a robot and its heading. */
-  #arrow(pen, { x, y, heading }, colour, pixel) {
-    const size = Math.max(0.27, 9 * pixel);
-    pen.save();
-    pen.translate(x, y);
-    pen.rotate(heading);
-    pen.strokeStyle = pen.fillStyle = colour;
-    pen.lineWidth = 2 * pixel;
-    pen.beginPath();
-    pen.arc(0, 0, size, 0, 2 * Math.PI);
-    pen.stroke();
-    pen.beginPath();
-    pen.moveTo(size, 0);
-    pen.lineTo(-size / 2, size / 2);
-    pen.lineTo(-size / 2, -size / 2);
-    pen.closePath();
-    pen.fill();
     pen.restore();
   }
 }

@@ -26,7 +26,9 @@ test.each([
   ['{"__proto__": "10.68.0.1"}', "text"],
   ['{"__proto__": {"lost": 1}, "constructor": {"lost": 2}, "limits": {"__proto__": 3}}', "grouped"],
 ])("names that objects inherit are names like others: %s", (json, kind) => {
-  expect(JSON.parse(jsonOf(pairsOf(json, kind), kind))).toEqual(JSON.parse(json));
+  const pairs = pairsOf(json, kind);
+  expect(pairs).not.toEqual([]);
+  expect(pairsOf(jsonOf(pairs, kind), kind)).toEqual(pairs);
   expect({}.lost ?? Object.lost).toBeUndefined();
 });
 
