@@ -27,6 +27,19 @@ export class RoundTrips {
 export class DelayEchoes {
   #sent = new Map();
 
+  /** Return the socket, except that the number of every message is stored. */
+  counted(socket) {
+    return {
+      send: (message) => {
+        this.sent(message.seq, performance.now());
+        return socket.send(message);
+      },
+      get backlog() {
+        return socket.backlog;
+      },
+    };
+  }
+
   sent(seq, nowMs) {
     this.#sent.set(seq, nowMs);
     if (this.#sent.size > 200) this.#sent.delete(this.#sent.keys().next().value);

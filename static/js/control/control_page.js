@@ -32,8 +32,9 @@ import { Hints } from "./hints.js";
 import { Drawers } from "./layout/drawers.js";
 import { Panels } from "./layout/panels.js";
 import { takeControlFirst } from "./lease.js";
+import { RobotContact } from "./robot_contact.js";
 import { StatusBar } from "./status/status_bar.js";
-import { isHeld, isSilent, isStale, seenAt } from "./status/status_text.js";
+import { isHeld } from "./status/status_text.js";
 import { StopButton } from "./stop/stop_button.js";
 
 const UPDATE_MS = 250;
@@ -94,13 +95,7 @@ class ControlPage {
   #lostWithControl = false;
   #outdated = false; // the console uses another version of the protocol than this page
   #facts = null;
-  #state = null;
-  #gone = null;
-  #pending = null; // stop that waits until the link is back
-  #seen = null; // time of the robot's last report, in seconds since 1970
-  #viewMs = -Infinity;
-  // When the page was last hidden: a hidden page gets no views, which does not count as silence.
-  #hiddenMs = -Infinity;
+  #contact = new RobotContact();
   #moved = false; // the stick is not at rest
   #needsNeutralSinceMs = 0; // the stick must return to the middle since then; now, while it need not
   #timer;
@@ -124,7 +119,7 @@ class ControlPage {
           : takeControlFirst(),
       ),
     );
-    this.#sender = new DriveSender(this.#countedSocket(), this.#stick, this.#clock);
+    this.#sender = new DriveSender(this.#echoes.counted(this.#socket), this.#stick, this.#clock);
     this.#panel = new ControlPanel(this.#parts);
     this.#options = new DrivingOptions(root, this.#parts);
     this.#picture = new PlanView(this.#parts.picture);
@@ -182,7 +177,7 @@ class ControlPage {
     );
     this.#stopButton = new StopButton(this.#parts.stop, {
       send: () => this.#sendStop(),
-      answered: (sinceMs) => this.#viewMs > sinceMs && this.#state.stop.state !== "clear",
+      answered: (sinceMs) => this.#contact.isStoppedSince(sinceMs),
       showText: (text) => this.#statusBar.stopSays(text),
       fail: (text) => {
         this.#statusBar.stopSays(gettext("Not confirmed"));
@@ -257,11 +252,11 @@ class ControlPage {
     on(this.#joystick, "released", ({ reason }) => this.#stickReleased(reason));
     on(this.#stick, "change", ({ axes, input }) => this.#stickMoved(axes, input));
     on(this.#parts.clear, "click", () => {
-      this.#stopAsked = this.#state?.stop.number ?? 0;
+      this.#stopAsked = this.#contact.state?.stop.number ?? 0;
       this.#clear.ask();
     });
     on(document, "visibilitychange", () => {
-      this.#hiddenMs = performance.now();
+      this.#contact.hide(performance.now());
       if (document.hidden) this.#zero("hidden");
     });
     on(window, "blur", () => this.#zero("blurred"));
@@ -317,21 +312,6 @@ class ControlPage {
     if (wasMoved && !input) this.#hints.done("stick"); // it was pushed and released
   }
 
-  /** Return a socket that stores the number of every command until the robot's bridge echoes it. */
-  #countedSocket() {
-    const socket = this.#socket;
-    const echoes = this.#echoes;
-    return {
-      send(message) {
-        echoes.sent(message.seq, performance.now());
-        return socket.send(message);
-      },
-      get backlog() {
-        return socket.backlog;
-      },
-    };
-  }
-
   // --- connection ------------------------------------------------------------------------------
 
   #opened() {
@@ -353,7 +333,7 @@ class ControlPage {
   }
 
   #isCut() {
-    return !this.#socket.open || this.#gone !== null || isStale(performance.now() - this.#viewMs);
+    return !this.#socket.open || this.#contact.isCut(performance.now());
   }
 
   #receive(message) {
@@ -378,9 +358,7 @@ class ControlPage {
       case "refused":
         return this.#onRefused(message);
       case "bridge_gone":
-        this.#gone = message.refusal;
-        this.#pending = message.stop;
-        this.#seen = message.seen_at ?? this.#seen;
+        this.#contact.lose(message);
         this.#taskPanel.away();
         this.#map.path = this.#scene.path = [];
         return this.#update();
@@ -463,12 +441,10 @@ class ControlPage {
   #onView(view) {
     // This comes first: an error in the code below must not end the views.
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
-    const before = this.#state;
-    this.#gone = null;
-    this.#state = view.state;
-    this.#seen = seenAt(view.state) ?? this.#seen;
-    this.#viewMs = performance.now();
-    const echo = this.#echoes.receive(view.state.seq, this.#viewMs);
+    const before = this.#contact.state;
+    const now = performance.now();
+    this.#contact.receive(view.state, now);
+    const echo = this.#echoes.receive(view.state.seq, now);
     if (echo !== null) this.#echoTrips.add(echo);
     this.#picture.view = view;
     if (this.#camera) this.#camera.view = view;
@@ -508,22 +484,17 @@ class ControlPage {
 
   #update() {
     const now = performance.now();
-    const asksNeutral = this.#stick.waitsForNeutral || Boolean(this.#state?.neutral_needed);
+    const asksNeutral = this.#stick.waitsForNeutral || Boolean(this.#contact.state?.neutral_needed);
     if (!asksNeutral || !this.#drives) this.#needsNeutralSinceMs = now;
     const cut = this.#isCut();
     this.#picture.stale = this.#scene.stale = this.#map.stale = cut;
     if (this.#camera && cut) this.#camera.view = null;
-    if (document.hidden) this.#hiddenMs = now;
-    const silent = this.#state !== null && isSilent(now - Math.max(this.#viewMs, this.#hiddenMs));
-    mark(this.#root, "cut", !this.#socket.open || this.#gone !== null || silent);
+    if (document.hidden) this.#contact.hide(now);
+    mark(this.#root, "cut", !this.#socket.open || this.#contact.isLost(now));
     this.#statusBar.show({
       outdated: this.#outdated,
       connected: this.#socket.open,
-      gone: this.#gone,
-      pending: this.#pending,
-      seen: this.#seen,
-      state: this.#state,
-      sinceViewMs: now - this.#viewMs,
+      ...this.#contact.facts(now),
       asksNeutral: now - this.#needsNeutralSinceMs > NEUTRAL_SAID_AFTER_MS,
       cut,
       mayClear: Boolean(this.#control?.may_clear),

@@ -1,6 +1,7 @@
 /**
- * What a map view draws: the map's picture, paths, laser points, robots, goals and places. The pen's unit is the
- * metre, with y up. `pixel` is the size of a pixel of the page in metres: symbols keep their size at each zoom.
+ * What a map view draws: the map's picture, paths, laser points, robots, goals and places. The pen's unit is
+ * the metre, with y up. `pixel` is the size of a pixel of the page in metres: symbols keep their size at each
+ * zoom.
  *
  * @typedef {{pen: CanvasRenderingContext2D, colour: Record<string, string>, pixel: number}} Brush
  */
@@ -20,7 +21,11 @@ export function drawPicture({ pen }, map, picture) {
   pen.restore();
 }
 
-/** @param {Brush} brush @param {number[]} flatCm points [x0, y0, x1, y1, ...] @param {number} width in pixels */
+/**
+ * @param {Brush} brush
+ * @param {number[]} flatCm points [x0, y0, x1, y1, ...], centimetres
+ * @param {number} width in pixels
+ */
 export function drawPath({ pen, colour, pixel }, flatCm, width) {
   if (flatCm.length < 4) return;
   pen.beginPath();
@@ -30,7 +35,11 @@ export function drawPath({ pen, colour, pixel }, flatCm, width) {
   pen.stroke();
 }
 
-/** @param {Brush} brush @param {object} robot its pose @param {number[]} flatCm points in the robot's frame */
+/**
+ * @param {Brush} brush
+ * @param {object} robot its pose
+ * @param {number[]} flatCm points [x0, y0, x1, y1, ...] in the robot's frame, centimetres
+ */
 export function drawLaser({ pen, colour, pixel }, robot, flatCm) {
   pen.fillStyle = colour.laser;
   const side = 2.5 * pixel;

@@ -27,8 +27,8 @@ export class PlacesPanel {
   /**
    * @param {Record<string, HTMLElement>} parts
    * @param {{go: (place: object) => void, choose: () => void, here: () => ?object, changed: () => void,
-   *   notify: (notice: object) => void}} page `choose`: the next press on the map chooses a point; `here`: the
-   *   robot's pose
+   *   notify: (notice: object) => void}} page `choose`: the next press on the map chooses a point; `here`:
+   *   the robot's pose
    */
   constructor(parts, page) {
     this.#parts = parts;

@@ -122,8 +122,8 @@ export class TaskRequests {
   }
 
   /**
-   * @param {object} request without its number and fence. `title` is for people and is not sent; `quiet`: only
-   *   refusals are reported, for requests that a page repeats.
+   * @param {object} request without its number and fence. `title` is for people and is not sent; `quiet`:
+   *   only refusals are reported, for requests that a page repeats.
    * @returns {Promise<?object>} the refusal; null if it was accepted
    */
   send(request) {

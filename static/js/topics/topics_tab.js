@@ -43,8 +43,8 @@ export class TopicsTab {
   /**
    * @param {Object<string, HTMLElement>} parts those of the tab, by data-part
    * @param {string} url of the WebSocket for topics
-   * @param {{send: (request: object) => Promise<?object>, notify: (notice: object) => void}} requests `send` sends
-   *   a request and resolves with the refusal or null; `notify` shows a notice
+   * @param {{send: (request: object) => Promise<?object>, notify: (notice: object) => void}} requests `send`
+   *   sends a request and resolves with the refusal or null; `notify` shows a notice
    * @param {() => number} clock milliseconds, monotonic in this tab
    */
   constructor(parts, url, requests, clock) {

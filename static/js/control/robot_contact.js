@@ -1,0 +1,64 @@
+/** What a page last received about its robot, and how long ago. Times are in milliseconds of the page. */
+
+import { isSilent, isStale, seenAt } from "./status/status_text.js";
+
+export class RobotContact {
+  #state = null; // the newest
+  #stateMs = -Infinity; // time at which it was received
+  #gone = null; // refusal: no link from the console to the robot's bridge
+  #pending = null; // stop that waits until the link is back
+  #seen = null; // time of the robot's last report, in seconds since 1970
+  // When the page was last hidden: a hidden page gets no views, which does not count as silence.
+  #hiddenMs = -Infinity;
+
+  get state() {
+    return this.#state;
+  }
+
+  /** @param {object} state of the robot, from a `view` */
+  receive(state, nowMs) {
+    this.#gone = null;
+    this.#state = state;
+    this.#seen = seenAt(state) ?? this.#seen;
+    this.#stateMs = nowMs;
+  }
+
+  /** The console has lost the robot's bridge. @param {object} message `bridge_gone` */
+  lose({ refusal, stop, seen_at: seen }) {
+    this.#gone = refusal;
+    this.#pending = stop;
+    this.#seen = seen ?? this.#seen;
+  }
+
+  /** The page is hidden, or was until now. */
+  hide(nowMs) {
+    this.#hiddenMs = nowMs;
+  }
+
+  /** Return whether the robot has reported a stop since this time. */
+  isStoppedSince(sinceMs) {
+    return this.#stateMs > sinceMs && this.#state.stop.state !== "clear";
+  }
+
+  /** Return whether the state may be out of date. */
+  isCut(nowMs) {
+    return this.#gone !== null || isStale(nowMs - this.#stateMs);
+  }
+
+  /** Return whether the robot is out of reach: there is no link, or no view came for some seconds. */
+  isLost(nowMs) {
+    const sinceMs = nowMs - Math.max(this.#stateMs, this.#hiddenMs);
+    return this.#gone !== null || (this.#state !== null && isSilent(sinceMs));
+  }
+
+  /** Return the facts that the banner and the status bar need. */
+  facts(nowMs) {
+    return {
+      gone: this.#gone,
+      pending: this.#pending,
+      seen: this.#seen,
+      state: this.#state,
+      sinceViewMs: nowMs - this.#stateMs,
+    };
+  }
+}

@@ -1,0 +1,46 @@
+import { beforeEach, describe, expect, it } from "vitest";
+import { RobotContact } from "../../../static/js/control/robot_contact.js";
+
+const STATE = { phase: "online", stop: { state: "clear" }, unseen_s: null };
+
+describe("what a page knows of its robot", () => {
+  let contact;
+  beforeEach(() => {
+    contact = new RobotContact();
+  });
+
+  it("is out of date a second after the last state, and out of reach after three", () => {
+    expect([contact.isCut(0), contact.isLost(0)]).toEqual([true, false]); // none yet
+    contact.receive(STATE, 1000);
+    expect(contact.isCut(1900)).toBe(false);
+    expect([contact.isCut(2100), contact.isLost(2100)]).toEqual([true, false]);
+    expect(contact.isLost(4100)).toBe(true);
+    contact.hide(4000); // a hidden page gets no views
+    expect(contact.isLost(4100)).toBe(false);
+  });
+
+  it("is out of reach at once without a bridge, and is back with the next state", () => {
+    contact.receive(STATE, 1000);
+    contact.lose({ refusal: { text: "No bridge." }, stop: { by: "Ann" }, seen_at: 7 });
+    expect([contact.isCut(1000), contact.isLost(1000)]).toEqual([true, true]);
+    expect(contact.facts(1500)).toEqual({
+      gone: { text: "No bridge." },
+      pending: { by: "Ann" },
+      seen: 7,
+      state: STATE,
+      sinceViewMs: 500,
+    });
+    contact.receive(STATE, 2000);
+    expect([contact.isCut(2000), contact.isLost(2000)]).toEqual([false, false]);
+    expect(contact.facts(2000).seen).toBe(7); // this state has no time of its own
+  });
+
+  it("confirms a stop only by a state that came after the press", () => {
+    expect(contact.isStoppedSince(0)).toBe(false);
+    contact.receive({ ...STATE, stop: { state: "stopping" } }, 1000);
+    expect(contact.isStoppedSince(900)).toBe(true);
+    expect(contact.isStoppedSince(1000)).toBe(false);
+    contact.receive(STATE, 2000);
+    expect(contact.isStoppedSince(900)).toBe(false);
+  });
+});
