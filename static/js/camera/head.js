@@ -194,9 +194,9 @@ export class Head {
     if (this.#timer !== null || this.#waiting >= MOST_WAITING) return;
     const waitMs = Math.max(0, this.#sentMs + PERIOD_MS - performance.now());
     this.#timer = setTimeout(() => {
-      const owed = this.#pendingTurn;
+      const turn = this.#pendingTurn;
       this.#setPending(0, 0);
-      this.#look(owed);
+      this.#look(turn);
     }, waitMs);
   }
 
