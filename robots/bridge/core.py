@@ -56,7 +56,7 @@ _IDLE = Verdict(STILL, STILL, "idle", "")
 _HALTING = {
     "motion_running": "nothing drives during a motion",
     "limb_moving": "nothing drives while gripper or torso move",
-    "not_recorded": "what the robot did could not be recorded",
+    "not_recorded": "the robot’s actions could not be recorded",
 }
 
 
@@ -279,7 +279,7 @@ class Core:
             self._gate.observe_acknowledgement(took_s, now_s)
         still = self._gate.standstill(now_s)
         if still is None:
-            self._drives.halted("nothing new came from odometry")
+            self._drives.halted("no new odometry arrived")
         self._records.tick(now_s, watched=self._drives.under_way or bool(self.tasks.under_way))
         drives_itself = self.tasks.navigation.driving_requester is not None
         self._drives.tick(now_s, self._passed == STILL and still is not False and not drives_itself)
@@ -678,7 +678,7 @@ class Core:
         sensor is back.
         """
         if self._phase(now_s)[0] != "online":
-            return wire.NeutralNeeded("robot_offline", "the robot was away")
+            return wire.NeutralNeeded("robot_offline", "the robot was offline")
         fault = self._gate.fault(now_s)
         return wire.NeutralNeeded(fault.code, f"stopped: {fault.text}") if fault else None
 

@@ -35,7 +35,7 @@ _FLOOD = wire.Refusal(
 )
 _FAULT = wire.Refusal(
     "bridge_fault",
-    "The bridge failed here; its log says why. It is unknown whether the request was carried out.",
+    "An error occurred in the bridge (see its log). It is unknown whether the request was carried out.",
     "robot",
 )
 
@@ -181,7 +181,9 @@ class LinkHandler:
     def _greet(self, link: Link, hello: wire.LinkHello, now_s: float) -> None:
         link.name = hello.web
         if hello.protocol != wire.PROTOCOL:
-            text = f"The web process speaks protocol {hello.protocol}, this bridge {wire.PROTOCOL}: restart both."
+            text = (
+                f"The web process uses protocol {hello.protocol}, this bridge {wire.PROTOCOL}: restart both."
+            )
             link.report(wire.Refused("link_hello", wire.Refusal("protocol", text, "wire")))
             link.end()
             return

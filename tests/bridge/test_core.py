@@ -594,7 +594,7 @@ def test_a_drive_whose_end_odometry_does_not_show_says_so(bench):
         bench.now_s += 0.05
         bench.core.tick(bench.now_s)
     bench.recorded()
-    assert bench.sink.records[-1][1].ended_by == "nothing new came from odometry"
+    assert bench.sink.records[-1][1].ended_by == "no new odometry arrived"
 
 
 def held(bench, *codes, for_s, neutral=False):

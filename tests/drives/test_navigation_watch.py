@@ -235,7 +235,7 @@ def test_a_head_that_looks_away_for_long_ends_a_fast_drive():
     assert watched.drive(4.0, 1.2) == pytest.approx(navigation_watch.UNSEEN_S, abs=0.3)
     assert watched.verdict.code == "head_away" and watched.verdict.velocity.vx == 0.0
     assert watched.verdict.text == (
-        "stopped: it drove 0.5 m/s forward, and the depth camera looks away from the way ahead"
+        "stopped: the robot drove 0.5 m/s forward, but the depth camera looks away from the way ahead"
     )
 
 

@@ -280,7 +280,7 @@ def test_an_echo_that_moves_along_names_its_sonar_and_the_remedy(turns):
         assert health.ok and verdict.velocity == STILL and "wherever" not in verdict.text
     for step in range(5, 10):
         health, verdict = at(gone(step), 0.04 + 0.01 * (step % 3))
-    why = f"{name} reports 0.04 m wherever the robot goes: clean it and remove what hangs before it, or take it out"
+    why = f"{name} reports 0.04 m wherever the robot goes: clean it, remove objects in front of it, or remove it"
     assert not health.ok and health.text.startswith(why)
     assert verdict.velocity == STILL, "it stays an obstacle"
     assert verdict.text.startswith("stopped (0.2 m/s asked): sonar, ") and why in verdict.text

@@ -46,7 +46,9 @@ def test_a_depth_robot_keeps_its_blind_speed_and_says_why():
     verdict = feeder.decide(0.9, w=0.6)
     assert verdict.velocity == Velocity(pytest.approx(0.3), 0.0, pytest.approx(0.2)), "the arc is kept"
     assert verdict.code == "depth_missing"
-    assert verdict.text == "held to 0.3 m/s: the depth camera is not used yet, table tops are not seen"
+    assert (
+        verdict.text == "held to 0.3 m/s: the depth camera is not in use yet: the robot cannot see table tops"
+    )
     assert verdict.limits == (SpeedLimit("depth_missing", verdict.text, 0.3),)
     assert verdict.way is None, "whichever it goes"
     assert feeder.decide().limits == verdict.limits, "said while idle, too"
@@ -154,7 +156,7 @@ def test_corners_swing_at_blind_speed_where_nothing_looks():
     assert abs(verdict.velocity.w) * swing == pytest.approx(0.3)
     assert (verdict.code, verdict.text) == (
         "blind_direction",
-        "turning held to 0.6 rad/s: no sensor looks where the corners swing",
+        "turning held to 0.6 rad/s: no sensor sees where the robot’s corners move",
     )
     assert verdict.way == "turn", "no limit on the way ahead or back"
 

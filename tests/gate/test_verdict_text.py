@@ -65,7 +65,7 @@ def test_stopped_says_so():
     feeder.ahead_at(0.12)
     feeder.all()
     assert feeder.decide(0.5).text == "stopped (0.5 m/s asked): laser, 0.05 m ahead"
-    assert feeder.decide(0.5, w=0.8).text == "only turning (0.5 m/s asked): laser, 0.05 m ahead"
+    assert feeder.decide(0.5, w=0.8).text == "turning only (0.5 m/s asked): laser, 0.05 m ahead"
 
 
 def test_the_side_is_named():

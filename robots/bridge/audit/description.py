@@ -12,7 +12,7 @@ from robots.bridge.tasks.urdf import LARGEST
 def taken_description(found: object) -> TakenDescription:
     """Return the parameter `robot_description` for storage; only a `problem` if it is not usable."""
     if not isinstance(found, str):
-        return _problem("the parameter /robot_description of the robot is no text")
+        return _problem("the parameter /robot_description of the robot is not a text")
     if len(found) >= LARGEST:  # a longer text was cut when it was read
         return _problem(f"the robot’s description has {LARGEST // 1_000_000} million characters or more")
     text = found.encode(errors="replace")

@@ -58,7 +58,7 @@ def lens_of(info: CameraInfo, width: int, height: int, topic: str) -> Lens:
         and 0.0 <= lens[3] <= height
     )
     if not plausible:
-        raise Misfit("the figures of its lens make no sense")
+        raise Misfit("the numbers of its camera calibration are not valid")
     bent = 0.0 if is_rectified else _most_bent(info.distortion_model, info.D, lens, width, height)
     if not bent <= MOST_BENT:
         raise Misfit("its lens bends the picture too much: it needs a rectified topic")

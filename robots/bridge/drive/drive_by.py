@@ -89,13 +89,13 @@ class DrivesBy:
         """Return why this request is refused: another request is in progress, or the speed is too high."""
         if self._request is not None:
             who = self._request.requester.holder.holder
-            text = f"The robot is {self._request.words}, asked for by {who}: cancel that, or wait."
+            text = f"The robot is {self._request.words}, requested by {who}: cancel it or wait."
             return Refusal("driving", text, "robot", {"who": who})
         most, asked = self._most(order, max_share), _speed(order)
         if asked is None or asked <= most:
             return None
         unit, name = ("m/s", "limit_mps") if order.angle_rad is None else ("rad/s", "limit_radps")
-        text = f"You may drive this robot with at most {most:.2f} {unit} that way."
+        text = f"You may drive this robot with at most {most:.2f} {unit} in this direction."
         return Refusal("too_fast", text, "robot", {name: round(most, 3)})
 
     def begin(self, order: DriveBy, max_share: float, requester: Requester, now_s: float) -> None:
@@ -162,7 +162,7 @@ class DrivesBy:
             self.end("late", f"This computer is overloaded: the bridge was {passed_s:.1f} s late.", now_s)
             return STILL
         if now_s - confirmed_s > CONFIRMED_S:
-            text = f"Nothing was heard of its holder for {CONFIRMED_S:.0f} s."
+            text = f"The holder’s page or program sent nothing for {CONFIRMED_S:.0f} s."
             self.end("control_lost", text, now_s)
             return STILL
         left = abs(request.goal) - request.progress
@@ -199,7 +199,7 @@ class DrivesBy:
             if request.held is not None:
                 self.end("held_back", _sentence(request.held.text), now_s, request.held.code)
             else:
-                text = f"The robot did not move for {HELD_S:.0f} s, and the gate held nothing back."
+                text = f"The robot did not move for {HELD_S:.0f} s, although the gate did not slow it down."
                 self.end("no_progress", text, now_s)
 
     def _arrive(self, request: _Request, now_s: float) -> None:
@@ -210,7 +210,7 @@ class DrivesBy:
         if waited_s >= SETTLED_S and self._gate.standstill(now_s):
             self.end("done", "", now_s)
         elif waited_s > NEVER_S:
-            self.end("no_progress", f"The robot still moves after {NEVER_S:.0f} s of zeros.", now_s)
+            self.end("no_progress", f"The robot still moves after {NEVER_S:.0f} s of zero velocity.", now_s)
 
     # --- end ----------------------------------------------------------------------------------------
 

@@ -200,8 +200,8 @@ def _words(step: StickStep) -> str:
         case Curve(exponent):
             return f"curve {exponent:g}" if exponent != 1.0 else ""
         case OneEuro():
-            return "steadied (One-Euro)"
+            return "smoothed (One-Euro)"
         case Mean(count):
-            return f"steadied (mean of {count})"
+            return f"smoothed (mean of {count})"
         case Snap(_, share):
             return f"sideways turns on the spot at {share:.0%}"

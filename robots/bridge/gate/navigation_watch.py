@@ -69,7 +69,9 @@ class Watch:
         _, in_words = words.way(math.atan2(moving.vy, moving.vx))
         drove = f"{words.figure(math.hypot(moving.vx, moving.vy))} m/s {in_words}"
         why = limit.text.partition(": ")[2]
-        return Verdict(STILL, moving, limit.code, f"stopped: it drove {drove}, and {why}", way=limit.way)
+        return Verdict(
+            STILL, moving, limit.code, f"stopped: the robot drove {drove}, but {why}", way=limit.way
+        )
 
 
 def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:

@@ -145,7 +145,7 @@ class SensorLimits:
         """Limit the `possible` part of `asked`, for a robot with this footprint."""
         left = LimitedTwist(possible, "free", "")
         if possible != asked:
-            left = LimitedTwist(possible, "robot_limit", "held to what the robot can do")
+            left = LimitedTwist(possible, "robot_limit", "limited to the robot’s maximum speed")
         speed = arc.speed(possible)
         if speed > 0.0:
             direction = math.atan2(possible.vy, possible.vx)
@@ -160,7 +160,7 @@ class SensorLimits:
         swing = abs(left.velocity.w) * footprint.reach(0.0)
         if swing > self._profile.blind_mps and self._swings_unwatched(footprint):
             slowed = left.velocity.scaled(self._profile.blind_mps / swing)
-            text = f"turning held to {words.figure(abs(slowed.w))} rad/s: no sensor looks where the corners swing"
+            text = f"turning held to {words.figure(abs(slowed.w))} rad/s: no sensor sees where the robot’s corners move"
             left = LimitedTwist(slowed, "blind_direction", text, "turn")
         for laser in self._lasers:
             age_s = laser.freshness.age_s(now_s) or 0.0
@@ -201,7 +201,7 @@ class SensorLimits:
     def _arm_limit(self, now_s: float) -> list[SpeedLimit]:
         """Return the limit while the arm's posture is unknown, or a limb may move without joint states."""
         if self.lost_limb:
-            why = f"whether the {self.lost_limb} still moves is not known, since its joint states ended"
+            why = f"the {self.lost_limb} may still move, because its joint states ended"
             return [
                 SpeedLimit(
                     "arm_away", f"held to {words.figure(arm_discs.AWAY_MPS)} m/s: {why}", arm_discs.AWAY_MPS
@@ -239,7 +239,11 @@ class SensorLimits:
             return []
         age_s = self._depth.freshness.age_s(now_s) if self._depth else None
         if self._depth is None:
-            return [self._blind("depth_missing", "the depth camera is not used yet, table tops are not seen")]
+            return [
+                self._blind(
+                    "depth_missing", "the depth camera is not in use yet: the robot cannot see table tops"
+                )
+            ]
         why = f" ({self._depth.complaint})" if self._depth.complaint else ""
         if age_s is None:
             return [self._blind("depth_missing", f"no picture of the depth camera has come yet{why}")]

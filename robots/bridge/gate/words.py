@@ -56,7 +56,7 @@ def reduction(asked: Velocity, allowed: Velocity) -> str:
         )
     if allowed_speed > 0.0:
         return f"slowed {_from_to(speed, allowed_speed)} m/s"
-    return f"{'only turning' if allowed.w else 'stopped'} ({figure(speed)} m/s asked)"
+    return f"{'turning only' if allowed.w else 'stopped'} ({figure(speed)} m/s asked)"
 
 
 def _from_to(asked: float, allowed: float) -> str:

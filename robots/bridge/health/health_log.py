@@ -145,5 +145,5 @@ def _is_worse(level: HealthLevel | None, than: HealthLevel | None) -> bool:
 
 
 def _words(plain: str, part: Part) -> str:
-    said = "reports nothing any more" if part.level == "silent" else part.text
+    said = "has stopped reporting" if part.level == "silent" else part.text
     return f"{plain}: {said}" if said else plain

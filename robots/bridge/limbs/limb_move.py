@@ -109,7 +109,7 @@ class LimbMove(Goals[Target]):
             text = f"The {limb} goes from {low:g} to {high:g} m."
             return Refusal("out_of_range", text, "robot", {"least_m": low, "most_m": high})
         if not self._mover.limb_heard(limb):
-            text = f"Nothing on the robot takes goals for its {limb} ({self._source.action})."
+            text = f"No node on the robot takes goals for its {limb} ({self._source.action})."
             return Refusal("no_listener", text, "robot", {"topic": self._source.action})
         if self.at_m is None:
             text = f"The position of the {limb} is unknown: its joint states are missing."
@@ -283,8 +283,8 @@ class LimbMove(Goals[Target]):
         if outcome == "stalled" and at_m is not None:
             outcome, text = ("done", "") if there else ("stalled", self._stuck(at_m))
         elif outcome == "succeeded":
-            where = "unknown" if at_m is None else f"{at_m:.3f} m"
-            said = f"The controller says done, and joint states say {where}."
+            where = "nothing" if at_m is None else f"{at_m:.3f} m"
+            said = f"The controller reports success, but joint states report {where}."
             outcome, text = ("done", "") if there else ("not_there", said)
         elif outcome == "cancelled" and goal.cancelled is None:
             outcome, text = "taken_over", f"Something else on the robot took the {self._limb} over."

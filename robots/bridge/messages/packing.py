@@ -203,7 +203,7 @@ class _Array:
         Elements of zero bytes may have any number; they are not iterated.
         """
         if self._element.size != 0 and length > len(reading.data) - reading.at:
-            raise Broken(f"An array says that it has {length} elements; the message is shorter.")
+            raise Broken(f"An array claims {length} elements, but the message is shorter.")
 
 
 class _Message:

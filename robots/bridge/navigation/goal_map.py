@@ -17,7 +17,7 @@ AROUND_M = 2.0  # occupied cells within this distance of the goal are checked: n
 NO_MAP = Refusal(
     "no_map", "The robot’s map has not come yet: nobody can be sent to a place without it.", "robot"
 )
-OUTSIDE = Refusal("goal_outside", "This place is outside what the robot’s map knows.", "robot")
+OUTSIDE = Refusal("goal_outside", "This place is outside the known part of the robot’s map.", "robot")
 IN_OBSTACLE = Refusal(
     "goal_in_obstacle", "The robot has no room at this place: its map has an obstacle there.", "robot"
 )

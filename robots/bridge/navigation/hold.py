@@ -21,7 +21,7 @@ WATCHED_S = 300.0  # navigation is watched this long after a goal, or after its 
 RUNS_ON_S = 30.0  # people are informed if navigation still reports a goal this long after its end
 GOES_ON_S = 1.5  # navigation that still drives this long after a cancel does not obey
 UNENDED = "The robot’s navigation still reports a goal that was ended: the bridge holds the base."
-UNHEARD = "The robot’s navigation drives on though its goal has ended: the bridge holds the base."
+UNHEARD = "The robot’s navigation still drives although its goal has ended: the bridge holds the base."
 
 
 class Hold:

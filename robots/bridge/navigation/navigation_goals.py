@@ -143,7 +143,7 @@ class NavigationGoals(Goals[Target]):
             text = f"The console drives by {drive_topic} itself: choose another topic for driving first."
             return Refusal("no_navigation", text, "robot")
         if self._busy(now_s):
-            text = "The robot’s navigation drives to a place that others asked for."
+            text = "The robot’s navigation drives to a place that another program requested."
             return Refusal("navigation_busy", text, "robot")
         if not self._navigator.navigates():
             text = f"No node of the robot takes goals on {self._source.action}: its navigation does not run."
@@ -180,7 +180,7 @@ class NavigationGoals(Goals[Target]):
         if self._current is None:
             return None
         who = self._current.requester.holder.holder
-        text = f"The robot drives to a place, asked for by {who}: cancel that, or wait."
+        text = f"The robot drives to a place, requested by {who}: cancel it or wait."
         return Refusal("going", text, "robot", {"who": who})
 
     def may_come(self, refusal: Refusal, now_s: float) -> bool:
@@ -307,7 +307,7 @@ class NavigationGoals(Goals[Target]):
     def end_if_unconfirmed(self, confirmed_s: float, now_s: float) -> None:
         """End the goal if its holder's client has been silent for `CONFIRMED_S`."""
         if now_s - confirmed_s > CONFIRMED_S:
-            text = f"Nothing was heard of its holder for {CONFIRMED_S:.0f} s."
+            text = f"The holder’s page or program sent nothing for {CONFIRMED_S:.0f} s."
             self.end("control_lost", text, now_s, "dead_man")
 
     def withdraw(self, now_s: float) -> Refusal | None:
@@ -337,7 +337,7 @@ class NavigationGoals(Goals[Target]):
             self.end("location_lost", refusal.text, now_s, refusal.code)
         goal = self._current
         if goal is not None and self.driving_requester and now_s - goal.what.heard_s > ANSWERS_S:
-            text = f"Navigation said nothing for {ANSWERS_S:.0f} s, and the robot stood."
+            text = f"Navigation reported nothing for {ANSWERS_S:.0f} s, and the robot stood still."
             self.end("unheard", text, now_s)
         super().tick(now_s)
         if goal is not None and goal.cancel_sent_s is not None and now_s - goal.what.ending_s > OBEYS_S:
@@ -432,7 +432,7 @@ class NavigationGoals(Goals[Target]):
             else:  # the reason of the cancel stays
                 self._end("arrived" if outcome == "succeeded" else "cancelled", "", now_s)
         elif self.driving_requester and goal_id != self._ended and not self._busy(now_s):
-            self.end("answered_another", "Navigation answered for a goal that nobody sent.", now_s)
+            self.end("answered_another", "Navigation reported a result for an unknown goal.", now_s)
 
     @property
     def shown_path(self) -> wire.GoPath:

@@ -529,7 +529,9 @@ class RosBase:
         """Return a sentence for each host name of the robot that this computer cannot resolve."""
         uris = [uri for node in list(nodes)[:MOST_LOOKED_UP] if (uri := self._master.node_uri(node))]
         return [
-            f"The robot calls itself {host or 'by no address'}, which cannot be resolved here: give it a host alias."
+            f"The robot calls itself {host}, which cannot be resolved here: give it a host alias."
+            if host
+            else "A node of the robot has no address."
             for host in sorted(self._names.unknown({_host(uri) for uri in uris}))
         ]
 
@@ -546,7 +548,7 @@ class RosBase:
         uri = self._master.node_uri(node)
         why = uri and why_silent(uri)
         if why:
-            return f"{node} should listen to {drive.name}, and {why}."
+            return f"{node} should listen to {drive.name}, but {why}."
         return (
             f"{node} listens to {drive.name} and does not connect: it takes no {drive.type}, "
             "or cannot reach this computer at its advertised address."

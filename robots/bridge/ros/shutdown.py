@@ -11,7 +11,7 @@ from rospy.impl.masterslave import ROSHandler
 log = logging.getLogger(__name__)
 
 _Answer = tuple[int, str, int]
-_REFUSED: _Answer = (0, "refused: this node ends by its supervisor", 0)
+_REFUSED: _Answer = (0, "refused: only its supervisor may end this node", 0)
 
 
 def refuse_shutdown(name_is_lost: Callable[[], bool] = lambda: False) -> None:

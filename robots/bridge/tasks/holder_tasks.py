@@ -226,7 +226,7 @@ class Tasks:
         `sent`: the last twist to the base. `page_gone_s`: when the holder's page was lost; None while it is there.
         """
         if page_gone_s is not None and now_s - page_gone_s > LINK_PATIENCE_S:
-            why = f"The requester’s page was out of reach for {LINK_PATIENCE_S:.0f} s."
+            why = f"The requester’s page was not connected for {LINK_PATIENCE_S:.0f} s."
             self.motions.cancel("link_lost", why)
             self.limbs.end(Refusal("link_lost", why, "lease"), now_s)
             self.publications.halt("link_lost", now_s)

@@ -126,7 +126,7 @@ class InputRouting:
             return Refusal("not_offered", f"This robot takes no input for {NAMES[use]}.", "robot")
         name = name or self.topic(use)
         if name not in {default.name, self.topic(use), *self._roles[use]}:
-            text = f"Input for {NAMES[use]} may not go to {name}: the allow-list does not have it."
+            text = f"Input for {NAMES[use]} may not go to {name}: it is not on the allow-list."
             return Refusal("not_allowed", text, "robot", {"use": use, "topic": name})
         return self._why_unheard(Topic(name, default.type))
 

@@ -160,11 +160,15 @@ class Motions(Goals[MotionGoal]):
         if goal is not None:
             who = goal.requester.holder.holder
             does = "performs" if self.begun else "is about to perform"
-            text = f"The robot {does} “{goal.what.title}”, asked for by {who}."
+            text = f"The robot {does} “{goal.what.title}”, requested by {who}."
             return Refusal("motion_running", text, "robot", {"motion": goal.what.name, "who": who})
         if busy := self._busy(now_s):
             is_ours = not busy.isdisjoint(self._unwatched_actions)
-            which = "this console left: it is being cancelled" if is_ours else "others asked for"
+            which = (
+                "this console no longer watches: it is being cancelled"
+                if is_ours
+                else "another program requested"
+            )
             return Refusal("motion_running", f"The robot performs a motion that {which}.", "robot")
         return None
 

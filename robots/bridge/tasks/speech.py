@@ -117,7 +117,7 @@ class SpeechTasks(Goals[_SpeechGoal]):
         goal = self._current
         if goal is not None:
             who, text = goal.requester.holder.holder, goal.what.utterance.text
-            reason = f"The robot says “{_short(text)}”, asked for by {who}: cancel that, or wait."
+            reason = f"The robot says “{_short(text)}”, requested by {who}: cancel it or wait."
             return Refusal("speaking", reason, "robot", {"who": who, "text": text})
         if self._busy(now_s):
             return Refusal("speaking", "The robot speaks a text from another program: wait.", "robot")

@@ -23,7 +23,7 @@ export function batteryText({ battery_percent: percent, battery_left_min: left =
 /** "Speakers: Amplifier does not answer". @param {{name: string, level: string, text: string}} part */
 export function partText({ name, level, text }) {
   const words = {
-    silent: gettext("reports nothing any more"),
+    silent: gettext("has stopped reporting"),
     warning: text || gettext("warns, without a reason"),
     error: text || gettext("reports an error, without a reason"),
   };

@@ -246,7 +246,7 @@ def test_kept_events_are_recorded_in_order_later(bench: Bench) -> None:
     bench.sink.fails = None
     bench.pass_time(1.0)
     assert bench.sink.kinds == ["drive.start", "gate.begin", "gate.end", "drive.end"]
-    assert drive_of(bench).ended_by == "what the robot did could not be recorded"
+    assert drive_of(bench).ended_by == "the robot’s actions could not be recorded"
 
 
 def test_stop_does_not_wait_for_its_record(bench: Bench) -> None:

@@ -81,7 +81,7 @@ def test_silence_is_recorded_with_the_time_when_it_was_last_heard(robot):
     assert (kind, change["to"], change["text"]) == (
         "health.worse",
         "silent",
-        "Speakers: reports nothing any more",
+        "Speakers: has stopped reporting",
     )
     assert change["since_s"] > SILENT_S
 
@@ -156,7 +156,7 @@ def test_silence_hides_no_error_that_waits_for_its_record(robot):
     told = [(change["to"], change["text"]) for _, change in robot.bench.sink.records[PART_BURST:]]
     assert told == [
         ("error", "Speakers: Amplifier does not answer"),
-        ("silent", "Speakers: reports nothing any more"),
+        ("silent", "Speakers: has stopped reporting"),
     ]
 
 

@@ -377,7 +377,7 @@ def test_a_motion_of_others_ends_a_drive(bench):
     end = ended(bench)
     assert (end.outcome, end.text) == (
         "motion_running",
-        "The robot performs a motion that others asked for.",
+        "The robot performs a motion that another program requested.",
     )
 
 

@@ -213,7 +213,7 @@ def test_a_motion_is_called_by_the_name_that_people_read(bench):
     bench.core.tasks.capabilities.read("/play_motion", [wire.MotionOffer("wave", "Wave the hand")], "")
     begun(bench)
     refusal = ask(bench, "nod")
-    assert refusal.text == "The robot performs “Wave the hand”, asked for by Ann."
+    assert refusal.text == "The robot performs “Wave the hand”, requested by Ann."
     assert refusal.figures == {"motion": "wave", "who": "Ann"}
     assert bench.core.tasks.under_way == ["the motion “Wave the hand”"]
 
@@ -358,7 +358,7 @@ def test_the_base_stands_while_the_robot_is_asked_for_points(bench):
     bench.ask(wire.Play(1, "wave"))
     refusal = bench.stick(0.5)
     assert refusal.code == "motion_running"
-    assert refusal.text == "The robot is about to perform “wave”, asked for by Ann."
+    assert refusal.text == "The robot is about to perform “wave”, requested by Ann."
     assert bench.last == STILL
 
 
@@ -446,7 +446,7 @@ def test_link_lost_for_two_seconds_cancels_the_motion(bench):
     end = ends(bench, goal_id)
     assert (end.outcome, end.text) == (
         "link_lost",
-        "The requester’s page was out of reach for 2 s.",
+        "The requester’s page was not connected for 2 s.",
     )
 
 
@@ -476,10 +476,13 @@ def test_unwatched_goal_of_an_earlier_bridge_is_cancelled(bench):
     assert bench.base.cancelled_goals == [left] * 3
     refusal = ask(bench)
     assert refusal.code == "motion_running"
-    assert refusal.text == "The robot performs a motion that this console left: it is being cancelled."
+    assert (
+        refusal.text
+        == "The robot performs a motion that this console no longer watches: it is being cancelled."
+    )
     bench.pass_time(2.2)
     bench.core.tasks.motions.running("/second_play", ["other"], bench.now_s)
-    assert ask(bench).text == "The robot performs a motion that others asked for."
+    assert ask(bench).text == "The robot performs a motion that another program requested."
     bench.core.tasks.motions.running("/second_play", [], bench.now_s)
     begun(bench)
 
@@ -557,7 +560,7 @@ def test_unwatched_goals_of_two_actions_are_cancelled_separately(bench):
 def test_goals_of_other_nodes_are_not_cancelled(bench):
     passes(bench, "/play_motion-7-1.2", 1.4)
     assert bench.base.cancelled_goals == []
-    assert ask(bench).text == "The robot performs a motion that others asked for."
+    assert ask(bench).text == "The robot performs a motion that another program requested."
 
 
 def test_bridge_end_cancels_and_records_the_motion(bench):

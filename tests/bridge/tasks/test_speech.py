@@ -187,9 +187,7 @@ def test_second_text_is_refused_naming_the_first(bench):
     [refusal] = ask(bench, "y otra vez")
     assert refusal.code == "speaking"
     assert refusal.figures == {"who": "Ann", "text": "Hola a todos"}
-    assert (
-        refusal.text == "The robot says “\u2068Hola a todos\u2069”, asked for by Ann: cancel that, or wait."
-    )
+    assert refusal.text == "The robot says “\u2068Hola a todos\u2069”, requested by Ann: cancel it or wait."
 
 
 def test_text_may_be_spoken_during_a_drive(bench):

@@ -105,7 +105,7 @@ def test_a_motion_is_played_shown_cancelled_and_exclusive(person: Arrive) -> Non
     search = operator.page.get_by_label("Search motions")
     search.fill("WÀV")
     search.press("Enter")
-    notice(operator, re.compile("Play Wave: .*asked for by Operator"))
+    notice(operator, re.compile("Play Wave: .*requested by Operator"))
     search.press("Escape")
     assert search.input_value() == ""
     operator.press("Cancel Inspect surroundings")

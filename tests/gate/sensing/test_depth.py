@@ -490,7 +490,7 @@ def test_a_silent_camera_means_blind_speed_after_half_a_second():
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 0.0, 0.1, 60.0])
 def test_pictures_without_floor_and_things_prove_nothing(value):
-    with pytest.raises(Malformed, match="neither the floor nor what stands on it"):
+    with pytest.raises(Malformed, match="neither the floor nor objects on it"):
         frame_of(picture_of_image(image(np.full((HEIGHT, WIDTH), value)), LENS), camera(), VIEW)
 
 

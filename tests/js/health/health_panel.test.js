@@ -54,7 +54,7 @@ describe("health in words", () => {
       "All well (6 parts), at most 84 °C",
     );
     expect(cardHealth(ill(SPEAKERS), 1e12)).toMatch(/^Speakers: no answer \(since .+\)$/);
-    expect(partText({ ...MOTOR, level: "silent" })).toBe("Motor: reports nothing any more");
+    expect(partText({ ...MOTOR, level: "silent" })).toBe("Motor: has stopped reporting");
     expect(partText({ ...MOTOR, text: "" })).toBe("Motor: warns, without a reason");
     expect(temperaturesText([{ name: "Motor", celsius: 84 }])).toBe("Motor 84 °C");
     expect(leftOutText(WELL)).toBe("");

@@ -32,10 +32,10 @@ describe("a parameter", () => {
 
   it.each([
     ["loud", "Write a value as JSON"],
-    ["70", "the allow-list does not have it"],
+    ["70", "it is not on the allow-list"],
   ])("that is not set, for %s, says why", async (written, words) => {
     const ask = vi.fn().mockResolvedValueOnce({ value: 50 });
-    ask.mockRejectedValue(refused("the allow-list does not have it"));
+    ask.mockRejectedValue(refused("it is not on the allow-list"));
     const { view, value, said } = await shown(ask);
     value.value = written;
     await pressed(view, "Set");

@@ -442,6 +442,6 @@ def test_a_locked_database_stops_the_robot_until_it_is_free(bench: Bench, robot:
     bench.odometry(STILL)
     bench.pass_time(1.0)
     assert [found.kind for found in records_of(robot)] == ["drive.start", "drive.end"]
-    assert records_of(robot)[-1].content.data["words"] == "what the robot did could not be recorded"
+    assert records_of(robot)[-1].content.data["words"] == "the robot’s actions could not be recorded"
     bench.stick(0.0)
     bench.driving()

@@ -148,7 +148,7 @@ def test_a_dead_node_is_not_blamed_on_type_or_address(bridges, rosmaster, hangs,
         try:
             hand = bridges(rosmaster, drive=Topic("/dead_vel", "geometry_msgs/Twist")).link()
             state = hand.state_until(lambda state: words in state.text, words)
-            assert state.text.startswith("/base should listen to /dead_vel, and ")
+            assert state.text.startswith("/base should listen to /dead_vel, but ")
             hand.close()
         finally:
             base.call("unregisterSubscriber", "/dead_vel", uri)

@@ -66,7 +66,7 @@ def test_a_description_that_changes_under_one_master_is_read_again(rosmaster: Ma
                 until(lambda: "head_1_joint" not in hand.view.joints, "the new description")
             assert "arm_1_joint" in hand.view.joints
             rospy.set_param("/robot_description", 7)  # until the node is gone, this is not read
-            until(lambda: "is no text" in bridge.description(), "the problem")
+            until(lambda: "is not a text" in bridge.description(), "the problem")
             until(lambda: not hand.view.joints, "no joints")
             hand.state_until(drivable, "a robot that can be driven as at its start without description")
     finally:

@@ -69,10 +69,10 @@ def test_a_picture_waits_for_the_frames_of_its_stamp(frames):
 @pytest.mark.parametrize(
     ("frame", "stamp_s", "says"),
     [
-        ("nose", 10.1, "tf does not tell where nose is on base"),
-        ("door", 10.1, "tf does not tell where map is on base"),
-        ("camera", 10.5, "tf did not tell in time where head was"),
-        ("camera", 9.0, "tf does not tell where head was then"),
+        ("nose", 10.1, "tf has no pose of nose on base"),
+        ("door", 10.1, "tf has no pose of map on base"),
+        ("camera", 10.5, "tf’s pose of head came too late"),
+        ("camera", 9.0, "tf has no pose of head for that time"),
     ],
 )
 def test_a_missing_transform_is_reported(frames, frame, stamp_s, says):
@@ -109,7 +109,7 @@ def test_frames_in_a_circle_are_no_way():
 def test_numbers_that_are_none_place_nothing(numbers):
     frames = Frames("base")
     frames.take(raw(stamped("base", "camera", 0.0, numbers)), fixed=True)
-    with pytest.raises(PoseUnknown, match="make no sense"):
+    with pytest.raises(PoseUnknown, match="invalid numbers"):
         frames.place("camera", 1.0, patience_s=0.0)
 
 

@@ -63,7 +63,7 @@ async def stands_while(stack: Stack, database_away: AbstractContextManager[objec
         since = [entry for entry in log.entries if entry.at_s > away_s]
         assert "not_recorded" in [entry.outcome for entry in since if entry.kind == "publish.end"]
         ended = [entry.details["words"] for entry in since if entry.outcome == "halted"]
-        assert "what the robot did could not be recorded" in ended, ended
+        assert "the robot’s actions could not be recorded" in ended, ended
 
 
 async def hold(driver: Driver, turn: float, seconds: float, until=None) -> None:

@@ -179,7 +179,7 @@ class Sonar:
         if self.own_echo or way_m >= OWN_ECHO_M or turned >= OWN_ECHO_RAD:
             self.own_echo = (
                 f"{self.name} reports {figure(self._close_m)} m wherever the robot goes: "
-                "clean it and remove what hangs before it, or take it out of the profile"
+                "clean it, remove objects in front of it, or remove it from the profile"
             )
 
     @property

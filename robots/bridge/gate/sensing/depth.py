@@ -131,12 +131,12 @@ def picture_of_image(image: DepthImage, lens: Lens) -> Picture:
         raise Malformed(f"its pictures are {image.encoding[:20]!r}, only 32FC1 and 16UC1 are understood")
     _check_size(image.width, image.height)
     if not lens.makes_sense:
-        raise Malformed("its lens makes no sense")
+        raise Malformed("its camera calibration is not valid")
     kind = np.dtype((">" if image.big_endian else "<") + kinds[image.encoding])
     if image.step < image.width * kind.itemsize:
         raise Malformed("the rows of its pictures are too short")
     if (image.height - 1) * image.step + image.width * kind.itemsize > len(image.data):
-        raise Malformed("its pictures are shorter than they say")
+        raise Malformed("its pictures are shorter than their headers state")
     thin = _thinning(image.width, image.height)
     rows, columns = image.height // thin, image.width // thin
     first = thin // 2  # the middle of each square represents it
@@ -198,7 +198,7 @@ def _view(
 ) -> NDArray[np.generic]:
     last = start + (shape[0] - 1) * strides[0] + (shape[1] - 1) * strides[1] + kind.itemsize
     if last > len(data):
-        raise Malformed("its pictures are shorter than they say")
+        raise Malformed("its pictures are shorter than their headers state")
     view: NDArray[np.generic] = np.ndarray(shape, kind, data, start, strides)
     return view
 
@@ -239,7 +239,7 @@ def check_shown(picture: Picture, to_base: Transform) -> None:
         shown = floor & (picture.ahead > NEAREST_M) & (depth_below < _floor_error(picture.ahead))
     expected = np.count_nonzero(floor)
     if expected > LEAST_FLOOR_SHARE * floor.size and np.count_nonzero(shown) < LEAST_SHOWN_SHARE * expected:
-        raise Malformed("its pictures show neither the floor nor what stands on it")
+        raise Malformed("its pictures show neither the floor nor objects on it")
 
 
 def columns_of(picture: Picture, to_base: Transform, highest_m: float) -> Columns:

@@ -46,11 +46,11 @@ class Sweep:
         if self.ranges.ndim != 1 or not 2 <= len(self.ranges) <= MOST_BEAMS:
             raise Malformed("its scans have no beams, or far too many")
         if not (abs(self.angle_min) <= math.tau and FINEST_RAD <= abs(self.increment) <= math.pi / 2.0):
-            raise Malformed("the angles of its scans make no sense")
+            raise Malformed("the angles of its scans are not valid")
         if self.span > math.tau + 2.0 * abs(self.increment):
-            raise Malformed("its scans go round more than once")
+            raise Malformed("its scans cover more than a full circle")
         if not 0.0 <= self.range_min_m < self.range_max_m:
-            raise Malformed("the range limits of its scans make no sense")
+            raise Malformed("the range limits of its scans are not valid")
         if self.known.mean() < LEAST_KNOWN_SHARE:
             raise Malformed("most of its beams measure nothing")
 
@@ -210,7 +210,7 @@ def cone_points(range_m: float, max_range_m: float, pose: Pose, fov: float) -> P
     valid.
     """
     if math.isnan(range_m) or (range_m < 0.0 and not math.isinf(range_m)):
-        raise Malformed("its ranges make no sense")
+        raise Malformed("its ranges are not valid")
     if range_m >= max_range_m or range_m == math.inf:
         return NO_POINTS
     angles = np.linspace(-fov / 2.0, fov / 2.0, CONE_POINTS)

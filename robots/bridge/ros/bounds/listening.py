@@ -135,7 +135,9 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
     def _cut_off(self, why: str) -> None:
         node = cut(str(self.transport.callerid_pub), NAME)
         BOARD.bar(self.topic, self.transport.endpoint_id, time.monotonic() + DROPPED_S)
-        BOARD.complain(self.topic, f"{self.topic}: {node} {why}. It is not listened to.")
+        BOARD.complain(
+            self.topic, f"{self.topic}: {node} {why}. The console ignores it for {DROPPED_S:.0f} s."
+        )
         raise TransportTerminated(why)
 
 
@@ -196,7 +198,7 @@ def connect(manager: Any, topic: str, uri: str) -> None:
         return
     most = kind_of(topic, subscriber.type).publishers
     if len(subscriber.connections) >= most:
-        BOARD.complain(topic, f"{topic}: more than {most} nodes publish; the others are not heard.")
+        BOARD.complain(topic, f"{topic}: more than {most} nodes publish; the console ignores the others.")
         BOARD.bar(topic, uri, time.monotonic() + DROPPED_S)
         return
     with _lock:

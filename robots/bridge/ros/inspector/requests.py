@@ -203,7 +203,7 @@ class Inspector:
         wanted = (what, name, type_name)
         if not any((allowed.what, allowed.name, allowed.type) == wanted for allowed in self._allowed):
             as_type = f" as {type_name}" if type_name else ""
-            text = f"It is not allowed to {what} {name}{as_type}: the allow-list does not have it."
+            text = f"It is not allowed to {what} {name}{as_type}: it is not on the allow-list."
             raise Declined("not_allowed", text, name=name, type=type_name)
 
     def _require_admissible(self, name: str, value: object) -> None:

@@ -87,8 +87,9 @@ def call(
     except OSError as error:
         raise Declined("service_lost", f"{service.name}: {error}", service=service.name) from error
     if succeeded != b"\x01":
-        said = answer.decode(errors="replace")[:300] or "without a word why"
-        raise Declined("service_failed", f"{service.name} said no: {said}", service=service.name)
+        reason = answer.decode(errors="replace")[:300]
+        text = f"reported a failure: {reason}" if reason else "reported a failure and gave no reason."
+        raise Declined("service_failed", f"{service.name} {text}", service=service.name)
     return service.response.layout.read(answer, detail)
 
 

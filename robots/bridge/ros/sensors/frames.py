@@ -160,7 +160,7 @@ class Frames:
             self._want(frame)
             place = self._newest(frame)
             if place is None or len(way) == LONGEST_WAY:
-                raise PoseUnknown(f"tf does not tell where {frame} is on {self._base}")
+                raise PoseUnknown(f"tf has no pose of {frame} on {self._base}")
             way.append(frame)
             frame = place.parent
         return way
@@ -185,12 +185,12 @@ class Frames:
         later = bisect_left(history, stamp_s, key=lambda place: place.stamp_s)
         if later == len(history):
             if stamp_s - history[-1].stamp_s > late_s:
-                raise PoseUnknown(f"tf did not tell in time where {child} was")
+                raise PoseUnknown(f"tf’s pose of {child} came too late")
             later, stamp_s = later - 1, history[-1].stamp_s
         if later > 0:
             return _between(child, history[later - 1], history[later], stamp_s)
         if history[0].stamp_s > stamp_s:
-            raise PoseUnknown(f"tf does not tell where {child} was then")
+            raise PoseUnknown(f"tf has no pose of {child} for that time")
         return _matrix(*_parts(history[0].packed))
 
 
@@ -225,7 +225,7 @@ def _parts(packed: bytes) -> tuple[Matrix, Matrix]:
     translation, rotation = numbers[:3], numbers[3:]
     length = math.sqrt(float(rotation @ rotation))
     if not (np.isfinite(numbers).all() and length > 0.5):
-        raise PoseUnknown("tf has numbers that make no sense")
+        raise PoseUnknown("tf has invalid numbers")
     return translation, rotation / length
 
 
@@ -237,7 +237,7 @@ def _cached_matrix(packed: bytes) -> Matrix:
 def _between(child: str, before: FramePlace, after: FramePlace, stamp_s: float) -> Matrix:
     hole_s = after.stamp_s - before.stamp_s
     if hole_s > LARGEST_HOLE_S:
-        raise PoseUnknown(f"tf did not tell where {child} was for {hole_s:.1f} s")
+        raise PoseUnknown(f"tf had no pose of {child} for {hole_s:.1f} s")
     if before.packed == after.packed:  # the frame rests
         return _cached_matrix(after.packed)
     (start, first), (end, second) = _parts(before.packed), _parts(after.packed)

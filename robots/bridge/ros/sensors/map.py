@@ -46,7 +46,7 @@ def _message(conversation: Conversation, wanted: MapWanted) -> bytes:
     offered = conversation.read_header()
     if offered.get("md5sum") != message_class(wanted.topic.type)._md5sum:
         raise ValueError(
-            offered.get("error") or f"it publishes another {offered.get('type')} than this console knows"
+            offered.get("error") or f"its definition of {offered.get('type')} differs from the console’s"
         )
     conversation.until_s = time.monotonic() + MESSAGE_S
     length = conversation.read_length()

@@ -108,7 +108,7 @@ class TrajectoryController:
         if run.phase is not Phase.DONE:
             handle.set_canceled(self._result(), run.phase.value)
         elif late := missed(run.joints, goal, self._player.positions):
-            text = f"not where they were to be: {', '.join(late)}"
+            text = f"these joints missed the goal: {', '.join(late)}"
             handle.set_aborted(self._result(int(ErrorCode.GOAL_TOLERANCE_VIOLATED), text), text)
         else:
             handle.set_succeeded(self._result(int(ErrorCode.SUCCESSFUL), ""))

@@ -66,5 +66,5 @@ export function brief(text, names) {
 export function stickWords(steps) {
   return steps === "no filter"
     ? gettext("goes to the robot as it is")
-    : gettext("steadied: a trembling hand does not shake the robot");
+    : gettext("smoothed: a trembling hand does not shake the robot");
 }

@@ -40,7 +40,7 @@ describe("plain words", () => {
     expect(brief("its lens is not known (nothing comes on /camera/info). Look.")).toBe(
       "its lens is not known. Look.",
     );
-    expect(brief("no picture yet (tf has numbers that make no sense)")).toBe("no picture yet");
+    expect(brief("no picture yet (tf has invalid numbers)")).toBe("no picture yet");
     const kept = "held to 0.1 m/s: sonar silent (base_sonar_03_link) (0.2 m/s, 640 x 480)";
     expect(brief(kept, namesOf(SONARS))).toContain(
       "(rear left distance sensor) (0.2 m/s, 640 x 480)",
@@ -54,7 +54,7 @@ describe("plain words", () => {
   });
 
   it("tell what becomes of a stick position", () => {
-    expect(stickWords("dead zone 0.03, steadied (One-Euro)")).toMatch(/^steadied/);
+    expect(stickWords("dead zone 0.03, smoothed (One-Euro)")).toMatch(/^smoothed/);
     expect(stickWords("no filter")).toMatch(/as it is/);
   });
 });

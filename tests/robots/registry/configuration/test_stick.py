@@ -27,10 +27,10 @@ def test_a_robot_takes_its_profiles_steps(robot: Robot) -> None:
 
 
 def test_the_page_shows_the_sticks_filters(robot: Robot) -> None:
-    assert robot_facts(robot).stick == "dead zone 0.03, steadied (One-Euro)"
+    assert robot_facts(robot).stick == "dead zone 0.03, smoothed (One-Euro)"
     robot.stick = [{"step": "scale", "w": 0.5}, {"step": "mean"}, {"step": "snap"}]
     assert robot_facts(robot).stick == (
-        "scaled (forward 1, left 1, turn 0.5), steadied (mean of 5), sideways turns on the spot at 25%"
+        "scaled (forward 1, left 1, turn 0.5), smoothed (mean of 5), sideways turns on the spot at 25%"
     )
     robot.stick = []
     assert robot_facts(robot).stick == "no filter"

@@ -178,7 +178,7 @@ def test_the_robots_own_path_to_a_package_is_the_one_here(ask, robot, describe, 
     ("found", "why"),
     [
         ("x" * 20_000_000, "8 million characters or more"),
-        ({"a": 1}, "is no text"),
+        ({"a": 1}, "is not a text"),
         ("<robot>", "cannot be parsed"),
         ('<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot>&a;</robot>', "declarations"),
     ],
