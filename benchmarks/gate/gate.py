@@ -334,7 +334,7 @@ class _Base:
 
     def limb_at(self, limb: str) -> None: ...
 
-    def limb_heard(self, limb: str) -> bool:
+    def limb_has_listener(self, limb: str) -> bool:
         return False
 
     def move_limb(self, limb: str, goal_id: str, to_m: float, seconds: float) -> None: ...

@@ -235,7 +235,9 @@ class Core:
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
         if is_first:
             grant, stop = self.lease.current, self.stop_state
-            self._records.stopped(holder_of(grant) if grant else None, stop.number, stop.was_standing, now_s)
+            self._records.record_stop(
+                holder_of(grant) if grant else None, stop.number, stop.was_standing, now_s
+            )
 
     def stop_from_watchdog(
         self, by: str, reason: str, press: UUID | None, now_s: float, pressed_s: float | None = None
@@ -565,7 +567,7 @@ class Core:
         elif grant and (requester := drives_by.running_requester):
             refusal, asked = self._drive_by(grant, requester, awaited, now_s)
         elif grant and (requester := self.tasks.navigation.driving_requester):
-            self._end_forbidden_navigation(grant, requester, now_s)
+            self._check_navigation(grant, requester, now_s)
         self._passed = asked if refusal is None else STILL
         verdict = self._gate.decide(self._passed, self._sent, now_s)
         if self._passed != STILL:
@@ -580,14 +582,14 @@ class Core:
             self._stop_until_neutral(awaited.code, awaited.text)
         if reason := refusal or self._unrecorded:
             verdict = verdict._replace(asked=asked, code=reason.code, text=reason.text)
-        if self.tasks.navigation.waits:
+        if self.tasks.navigation.holds_for_sensor:
             verdict = self._verdict  # it gives the reason why the base is held
         if not self._latch.latched:
             self._verdict = verdict
         if (
             self._passed == STILL
             and self.tasks.navigation.driving_requester
-            and not self.tasks.navigation.waits
+            and not self.tasks.navigation.holds_for_sensor
         ):
             self._drives.decided(verdict, now_s)  # an intervention may end
             self._sent = STILL  # send nothing: zeros on the drive topic have priority over navigation
@@ -609,7 +611,7 @@ class Core:
             drives_by.awaits(awaited, now_s)
         return refusal, drives_by.velocity(grant, self.lease.confirmed_s, self._sent, now_s)
 
-    def _end_forbidden_navigation(self, grant: Grant, requester: Requester, now_s: float) -> None:
+    def _check_navigation(self, grant: Grant, requester: Requester, now_s: float) -> None:
         """End the drive to a place if a rule forbids it. Brake if a sensor is silent.
 
         Otherwise continue, and record the path.
@@ -621,7 +623,7 @@ class Core:
             )
             return
         if not self._miss_sensors(now_s):
-            navigation.settles(now_s)
+            navigation.note_no_fault(now_s)
         if navigation.driving_requester:
             navigation.end_if_unconfirmed(self.lease.confirmed_s, now_s)
             self._drives.may_move(holder_of(grant), now_s)
@@ -645,7 +647,7 @@ class Core:
     def _brake_navigation(self, verdict: Verdict, now_s: float) -> None:
         """Brake a robot that drives itself. Its drive ends, unless the cause may soon end by itself."""
         self._verdict = verdict
-        if not self.tasks.navigation.waits_for(verdict, now_s):
+        if not self.tasks.navigation.hold_for_sensor(verdict, now_s):
             self.tasks.navigation.end_by_gate(verdict, now_s)
             verdict = verdict._replace(neutral=True)  # so that it gets its own record
         self._send(STILL, now_s)

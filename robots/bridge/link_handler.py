@@ -105,7 +105,7 @@ class LinkHandler:
                 self._core.console_was_late(message.late_s, now_s)
             case wire.Viewers():
                 link.watchers, link.watchers_more = message.watchers, message.more
-                link.draws_joints = message.joints
+                link.joints_wanted = message.joints
             case wire.LinkHello():
                 self._greet(link, message, now_s)
             case wire.LinkState():

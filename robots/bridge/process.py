@@ -259,7 +259,7 @@ class Bridge:
         if not looked_at or now_s - self._viewed_s < gap_s:
             return
         self._viewed_s = now_s
-        draws = any(link.draws_joints for link in looked_at)
+        draws = any(link.joints_wanted for link in looked_at)
         scan = state_view.scan(self._gate, self._sonars, now_s, with_heights=draws)
         joints = self._base.joints(now_s) if draws else {}
         shown = wire.encode_report(wire.View(self._core.state(now_s, *self._watchers()), scan, joints))

@@ -231,7 +231,7 @@ class MemoryBase:
     def limb_at(self, limb: str) -> float | None:
         return self.limbs.get(limb)
 
-    def limb_heard(self, limb: str) -> bool:
+    def limb_has_listener(self, limb: str) -> bool:
         return self.limbs_heard
 
     def move_limb(self, limb: str, goal_id: str, to_m: float, seconds: float) -> None:

@@ -212,7 +212,7 @@ def test_far_echoes_do_not_push_out_a_near_leg():
     world = World(tiago_profile(has_depth=True), leg(-0.55, 0.0) + legs(*places), 1, sonar_noise_m=0.03)
     world.drive(STILL, 3.0)
     world.drive(Velocity(0.0, 0.0, 0.4), 13.0)
-    kept = world.gate._echoes.everything()
+    kept = world.gate._echoes.all_places()
     assert len(kept) == MOST
     assert np.hypot(kept[:, 0] + 0.55, kept[:, 1]).min() < 0.06
 
@@ -234,7 +234,7 @@ def test_with_noisy_odometry_an_echo_counts_as_from_one_place(seed):
     full_reverse(world)
     world.put(FAR)
     world.drive(STILL, 3.0)
-    assert not len(world.gate._echoes.everything())
+    assert not len(world.gate._echoes.all_places())
 
 
 def test_with_noisy_odometry_departed_people_do_not_hold_it():

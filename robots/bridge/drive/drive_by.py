@@ -24,7 +24,8 @@ CONFIRMED_S = 2.0  # the request ends after this time without a sign of the hold
 HELD_S = 3.0  # after this time without progress, the request ends
 PROGRESS = 0.01  # m or rad: smaller changes do not count as progress
 SETTLED_S = 0.3  # time of zeros before standstill counts: the last velocity may still be on its way
-NEVER_S = 5.0  # if the robot still moves after this time of zeros, it does not obey: the request ends
+# If the robot still moves after this time of zeros, it does not obey: the request ends.
+STANDSTILL_TIMEOUT_S = 5.0
 
 # Outcome of the request, by the code of the halt.
 _OUTCOMES = {
@@ -43,11 +44,11 @@ _QUIET_CODES = frozenset({"idle", "free", "robot_limit"})  # the gate does not s
 class _Request(RecordedTask):
     order: DriveBy
     speed: float  # m/s or rad/s
-    asked_s: float = math.inf  # time of the last velocity
+    last_velocity_s: float = math.inf  # time of the last velocity
     travelled: Travelled | None = None  # None until the request starts
-    marked: float = 0.0  # last noted progress, m or rad
-    marked_s: float = math.inf  # time of this progress
-    held: Verdict | None = None  # the last verdict since `marked_s` that slowed the robot down
+    last_progress: float = 0.0  # last noted progress, m or rad
+    last_progress_s: float = math.inf  # time of this progress
+    held: Verdict | None = None  # the last verdict since `last_progress_s` that slowed the robot down
     zero_s: float | None = None  # when the robot reached the goal: zero is sent from then on
 
     @property
@@ -91,7 +92,7 @@ class DrivesBy:
             who = self._request.requester.holder.holder
             text = f"The robot is {self._request.words}, requested by {who}: cancel it or wait."
             return Refusal("driving", text, "robot", {"who": who})
-        most, asked = self._most(order, max_share), _speed(order)
+        most, asked = self._speed_limit(order, max_share), _speed(order)
         if asked is None or asked <= most:
             return None
         unit, name = ("m/s", "limit_mps") if order.angle_rad is None else ("rad/s", "limit_radps")
@@ -100,7 +101,7 @@ class DrivesBy:
 
     def begin(self, order: DriveBy, max_share: float, requester: Requester, now_s: float) -> None:
         """Record the request. `start` then answers the requester and starts the drive."""
-        speed = _speed(order) or self._most(order, min(DEFAULT_SHARE, max_share))
+        speed = _speed(order) or self._speed_limit(order, min(DEFAULT_SHARE, max_share))
         parameters: Parameters = (
             {"distance_m": order.distance_m, "speed_mps": round(speed, 3)}
             if order.distance_m is not None
@@ -130,7 +131,7 @@ class DrivesBy:
             self.deny("no_odometry", Refusal("robot_offline", text, "robot"), now_s)
             return
         request.travelled = Travelled(self._pose)
-        request.asked_s = request.marked_s = now_s
+        request.last_velocity_s = request.last_progress_s = now_s
         request.requester.answer(None)
 
     # --- while it runs ------------------------------------------------------------------------------
@@ -157,7 +158,7 @@ class DrivesBy:
         request = self._request
         if request is None or request.travelled is None:
             return STILL
-        passed_s, request.asked_s = now_s - request.asked_s, now_s
+        passed_s, request.last_velocity_s = now_s - request.last_velocity_s, now_s
         if passed_s > COMMAND_LIFE_S:
             self.end("late", f"This computer is overloaded: the bridge was {passed_s:.1f} s late.", now_s)
             return STILL
@@ -170,7 +171,7 @@ class DrivesBy:
             self._arrive(request, now_s)
             return STILL
         turns, latency_s = request.turns, self._gate.latency.in_force_s(now_s)
-        most = min(request.speed, self._most(request.order, grant.max_share))
+        most = min(request.speed, self._speed_limit(request.order, grant.max_share))
         sign = math.copysign(1.0, request.goal)
         speed = sign * speed_towards(
             left,
@@ -193,9 +194,9 @@ class DrivesBy:
             return
         if verdict.code not in _QUIET_CODES:
             request.held = verdict
-        if request.progress - request.marked >= PROGRESS:
-            request.marked, request.marked_s, request.held = request.progress, now_s, None
-        elif now_s - request.marked_s > HELD_S:
+        if request.progress - request.last_progress >= PROGRESS:
+            request.last_progress, request.last_progress_s, request.held = request.progress, now_s, None
+        elif now_s - request.last_progress_s > HELD_S:
             if request.held is not None:
                 self.end("held_back", _sentence(request.held.text), now_s, request.held.code)
             else:
@@ -209,8 +210,9 @@ class DrivesBy:
         waited_s = now_s - request.zero_s
         if waited_s >= SETTLED_S and self._gate.standstill(now_s):
             self.end("done", "", now_s)
-        elif waited_s > NEVER_S:
-            self.end("no_progress", f"The robot still moves after {NEVER_S:.0f} s of zero velocity.", now_s)
+        elif waited_s > STANDSTILL_TIMEOUT_S:
+            text = f"The robot still moves after {STANDSTILL_TIMEOUT_S:.0f} s of zero velocity."
+            self.end("no_progress", text, now_s)
 
     # --- end ----------------------------------------------------------------------------------------
 
@@ -284,7 +286,7 @@ class DrivesBy:
             since_s=round(now_s - request.since_s, 1),
         )
 
-    def _most(self, order: DriveBy, share: float) -> float:
+    def _speed_limit(self, order: DriveBy, share: float) -> float:
         """Return the speed of a full stick at this share, in the direction of `order`: m/s or rad/s."""
         limits = self._limits
         if order.angle_rad is not None:

@@ -48,10 +48,10 @@ class Part:
     level: HealthLevel
     since_s: float
     heard_s: float
-    said: HealthLevel = "ok"  # the last level that its node reported
-    said_s: float = 0.0  # since when `said` has this value
-    said_was: HealthLevel | None = None  # the level before `said`
-    told_s: float = 0.0  # time of the node's last report
+    reported: HealthLevel = "ok"  # the last level that its node reported
+    reported_since_s: float = 0.0  # since when `reported` has this value
+    reported_before: HealthLevel | None = None  # the level before `reported`
+    last_report_s: float = 0.0  # time of the node's last report
     text: str = ""  # text of this report
     temperatures: dict[str, float] = field(default_factory=dict)  # °C, by key
     was: HealthLevel | None = None  # the level before this one; None: no report before
@@ -59,25 +59,25 @@ class Part:
     def become(self, level: HealthLevel, since_s: float) -> None:
         """Take a level. `since_s` is kept for the same level, also if an ill part was silent in between."""
         if level != self.level:
-            if self.level == "silent" and level == self.said != "ok":
-                self.was, self.since_s = self.said_was, self.said_s
+            if self.level == "silent" and level == self.reported != "ok":
+                self.was, self.since_s = self.reported_before, self.reported_since_s
             else:
                 self.was, self.since_s = self.shown, since_s
             self.level = level
         if level != "silent":
-            self.told_s = since_s
-        if level not in ("silent", self.said):
-            self.said, self.said_s, self.said_was = level, self.since_s, self.was
+            self.last_report_s = since_s
+        if level not in ("silent", self.reported):
+            self.reported, self.reported_since_s, self.reported_before = level, self.since_s, self.was
 
     @property
     def shown(self) -> HealthLevel:
         """The level for people. Silence is never an improvement: a reported error may still exist."""
-        return self.said if self.level == "silent" and self.said != "ok" else self.level
+        return self.reported if self.level == "silent" and self.reported != "ok" else self.level
 
     @property
     def shown_since_s(self) -> float:
         """The time since which the part has the `shown` level."""
-        return self.since_s if self.level == self.shown else self.said_s
+        return self.since_s if self.level == self.shown else self.reported_since_s
 
     @property
     def got_worse(self) -> bool:
@@ -116,7 +116,7 @@ class Diagnostics:
             elif (part := self._part(status.name, level, now_s)) is not None:
                 part.become(level, now_s)
                 part.heard_s = now_s
-                if level != "silent" or part.said == "ok":
+                if level != "silent" or part.reported == "ok":
                     part.text = status.text
                 part.temperatures = _temperatures(status.values)
         self._viewed_s = -math.inf
@@ -134,7 +134,7 @@ class Diagnostics:
     def _forget(self, now_s: float, *, also_ill: bool = False) -> None:
         """Forget parts that are silent for long; ill parts only with `also_ill`, to make room."""
         for name, part in list(self._parts.items()):
-            if now_s - part.heard_s > FORGOTTEN_S and (also_ill or part.said == "ok"):
+            if now_s - part.heard_s > FORGOTTEN_S and (also_ill or part.reported == "ok"):
                 del self._parts[name]
 
     def view(self, now_s: float) -> wire.Health | None:
@@ -150,8 +150,8 @@ class Diagnostics:
         for part in self._parts.values():
             if now_s - part.heard_s > SILENT_S:
                 part.become("silent", part.heard_s)
-            if part.level == "silent" and part.told_s < self._began_s < now_s - RESTARTED_S:
-                part.said = "ok"  # an error of the run before may not exist in this run
+            if part.level == "silent" and part.last_report_s < self._began_s < now_s - RESTARTED_S:
+                part.reported = "ok"  # an error of the run before may not exist in this run
         groups = {parent for name in self._parts for parent in _parents(name)}
         return {name: part for name, part in self._parts.items() if name not in groups}
 

@@ -14,7 +14,7 @@ from robots.bridge.config import LimbSource
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
 from robots.wire import Limb, MoveLimb, Refusal
 
-EASED = 1.5  # top speed / mean speed of a controller that begins and ends at rest
+TOP_TO_MEAN_SPEED = 1.5  # top speed / mean speed of a controller that begins and ends at rest
 LEAST_S = 0.5  # shortest duration of a move
 MOVED_M = 0.001  # smaller changes are noise of joint states
 STILL_S = 3.0  # a limb that has not moved by `MOVED_M` for this time has stopped on its way
@@ -31,7 +31,7 @@ class LimbMover(Protocol):
     def limb_at(self, limb: Limb) -> float | None:
         """Return a limb's position by joint states (metres); None: unknown."""
 
-    def limb_heard(self, limb: Limb) -> bool:
+    def limb_has_listener(self, limb: Limb) -> bool:
         """Return whether a node of the robot takes goals for this limb."""
 
     def move_limb(self, limb: Limb, goal_id: str, to_m: float, seconds: float) -> None:
@@ -108,7 +108,7 @@ class LimbMove(Goals[Target]):
         if not low - 1e-6 <= to_m <= high + 1e-6:  # also true for NaN
             text = f"The {limb} goes from {low:g} to {high:g} m."
             return Refusal("out_of_range", text, "robot", {"least_m": low, "most_m": high})
-        if not self._mover.limb_heard(limb):
+        if not self._mover.limb_has_listener(limb):
             text = f"No node on the robot takes goals for its {limb} ({self._source.action})."
             return Refusal("no_listener", text, "robot", {"topic": self._source.action})
         if self.at_m is None:
@@ -144,7 +144,7 @@ class LimbMove(Goals[Target]):
             return
         target = goal.what
         way_m = abs(target.order.to_m - (self._range[0] if at_m is None else at_m)) / len(self._source.joints)
-        target.seconds = max(LEAST_S, EASED * way_m / self._source.speed_mps)
+        target.seconds = max(LEAST_S, TOP_TO_MEAN_SPEED * way_m / self._source.speed_mps)
         target.known_s = target.moved_s = now_s
         target.moved_m = at_m
         low, high = self._range
@@ -249,14 +249,19 @@ class LimbMove(Goals[Target]):
             own.what.active = goals[own.id]
         self._strays = {goal_id: self._strays.get(goal_id, -math.inf) for goal_id in strays}
         for goal_id, cancelled_s in self._strays.items():
-            if goals[goal_id] and math.isinf(cancelled_s) and self._may_hold and self._left(goal_id, now_s):
+            if (
+                goals[goal_id]
+                and math.isinf(cancelled_s)
+                and self._may_hold
+                and self._keeps_earlier_goal(goal_id, now_s)
+            ):
                 continue
             self._may_hold = False  # from now on, goals of an earlier bridge are cancelled
             if now_s - cancelled_s >= CANCEL_AGAIN_S:
                 self._strays[goal_id] = now_s
                 self._mover.cancel_limb(self._limb, goal_id)
 
-    def _left(self, goal_id: str, now_s: float) -> bool:
+    def _keeps_earlier_goal(self, goal_id: str, now_s: float) -> bool:
         """Return whether to keep a goal of an earlier bridge: the fingers stand, or their position may come.
 
         The fingers may hold something, and a restart of the bridge must not drop it.

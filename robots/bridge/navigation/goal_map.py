@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.gate.geometry.footprint import Footprint
-from robots.bridge.gate.geometry.planar import ORIGIN, Points, from_columns, placed, seen_from
+from robots.bridge.gate.geometry.planar import ORIGIN, Points, from_columns, placed, relative_to
 from robots.bridge.gate.values import Pose
 from robots.bridge.maps.occupancy import OCCUPIED, UNKNOWN, cells_of
 from robots.wire import Refusal
@@ -33,7 +33,7 @@ class GoalMap:
 
     def refuse(self, goal: Pose, footprint: Footprint) -> Refusal | None:
         """Return why the robot cannot stand at `goal`; None if it can."""
-        here = seen_from(goal, self._origin)
+        here = relative_to(goal, self._origin)
         column, row = int(here.x // self._resolution_m), int(here.y // self._resolution_m)
         height, width = self._cells.shape
         if not (0 <= column < width and 0 <= row < height) or self._cells[row, column] == UNKNOWN:
@@ -41,7 +41,7 @@ class GoalMap:
         around = self._occupied(column, row)
         if not len(around):
             return None
-        at_goal = placed(placed(around, self._origin), seen_from(ORIGIN, goal))
+        at_goal = placed(placed(around, self._origin), relative_to(ORIGIN, goal))
         return IN_OBSTACLE if (footprint.gaps(at_goal) < 0.0).any() else None
 
     def _occupied(self, column: int, row: int) -> Points:

@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from robots import wire
 from robots.bridge.gate.gate import BEYOND_REASON
-from robots.bridge.gate.geometry.planar import ORIGIN, put, seen_from, wrapped
+from robots.bridge.gate.geometry.planar import ORIGIN, put, relative_to, wrapped
 from robots.bridge.gate.values import Pose
 from robots.wire import Refusal
 
@@ -97,7 +97,7 @@ class Localisation:
             return
         self._spread, self._heard_s = spread, now_s
         if self._odometry is not None and now_s - self._transformed_s > OLD_S:
-            self._frame = put(seen_from(ORIGIN, self._odometry), pose)
+            self._frame = put(relative_to(ORIGIN, self._odometry), pose)
 
     @property
     def pose(self) -> Pose | None:

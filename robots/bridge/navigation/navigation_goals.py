@@ -107,9 +107,9 @@ class NavigationGoals(Goals[Target]):
     """Goals of the robot's own navigation, one at a time: the drive to a place in progress, if any."""
 
     def __init__(
-        self, config: BridgeConfig, navigator: Navigator, gate: Gate, records: Records, left: str = ""
+        self, config: BridgeConfig, navigator: Navigator, gate: Gate, records: Records, earlier_goal: str = ""
     ) -> None:
-        """`left`: the last `may_drive_to` of an earlier bridge."""
+        """`earlier_goal`: the last `may_drive_to` of an earlier bridge."""
         super().__init__(records, lambda goal_id, _topic: navigator.cancel_navigation(goal_id))
         self._source = config.topics.navigation
         self._has_arm = config.gate.has_arm
@@ -118,7 +118,7 @@ class NavigationGoals(Goals[Target]):
         self._gate = gate
         self.localisation = Localisation()
         self.path = PlannedPath()
-        self.hold = Hold(records, navigator.cancel_navigation, left)
+        self.hold = Hold(records, navigator.cancel_navigation, earlier_goal)
         self._map: GoalMap | None = None
         self._map_problem = NO_MAP
         self._at_home_s = -math.inf  # when the arm was last at home
@@ -280,25 +280,25 @@ class NavigationGoals(Goals[Target]):
         return watch.judge(self._gate, self.commanded(now_s), now_s)
 
     @property
-    def waits(self) -> bool:
+    def holds_for_sensor(self) -> bool:
         """Return whether the bridge holds the base because a sensor is silent; navigation keeps its goal."""
         goal = self._current
         return goal is not None and self.driving_requester is not None and goal.what.sensor_grace.holds
 
-    def waits_for(self, verdict: Verdict, now_s: float) -> bool:
+    def hold_for_sensor(self, verdict: Verdict, now_s: float) -> bool:
         """Return whether to hold the base instead of ending the goal: this verdict's cause may end by itself.
 
         During such a hold, late messages make the latency seem long and obstacles too near: these verdicts
         wait too.
         """
         goal = self._current
-        late = verdict.code in MAY_PASS or (self.waits and verdict.sensor != "odometry")
+        late = verdict.code in MAY_PASS or (self.holds_for_sensor and verdict.sensor != "odometry")
         return goal is not None and late and goal.what.sensor_grace.note_fault(now_s)
 
-    def settles(self, now_s: float) -> None:
+    def note_no_fault(self, now_s: float) -> None:
         """Note that no sensor is silent. Navigation drives on soon, when the last zeros have timed out."""
         if self._current is not None:
-            self._current.what.sensor_grace.settle(now_s)
+            self._current.what.sensor_grace.note_no_fault(now_s)
 
     def end_by_gate(self, verdict: Verdict, now_s: float) -> None:
         """End the goal: the gate's verdict forbids it."""
@@ -342,7 +342,12 @@ class NavigationGoals(Goals[Target]):
         super().tick(now_s)
         if goal is not None and goal.cancel_sent_s is not None and now_s - goal.what.ending_s > OBEYS_S:
             self._end("cancelled", "", now_s)  # the hold goes on
-        if self.driving_requester and not self.waits and self._has_arm and now_s - self._at_home_s > KNOWN_S:
+        if (
+            self.driving_requester
+            and not self.holds_for_sensor
+            and self._has_arm
+            and now_s - self._at_home_s > KNOWN_S
+        ):
             self.end("arm_away", "The position of the robot’s arm is unknown now.", now_s)
         runs_on = self.hold.goal_id in self._strays and now_s - self._reported_s < REPORTS_S
         self.hold.tick(still, bool(self._busy(now_s)) and fence is None, runs_on or self._ending, now_s)

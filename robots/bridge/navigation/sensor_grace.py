@@ -28,7 +28,7 @@ class SensorGrace:
         self.holds, self._fault_s = True, now_s
         return self._held_s <= WAITS_S
 
-    def settle(self, now_s: float) -> None:
+    def note_no_fault(self, now_s: float) -> None:
         """Note that no sensor is silent. The hold ends `SETTLES_S` after the last fault."""
         if self.holds and now_s - self._fault_s >= SETTLES_S:
             self._held_s += now_s - self._fault_s

@@ -118,7 +118,9 @@ class RosBase:
         self._description: object = None  # the robot's description that is in use
         self._read_s = -math.inf  # time of the last read
         self._fruitless = 0  # reads in a row, while somebody has control, that found nothing new
-        self._tellers: set[str] = set()  # nodes that published joints, tf and odometry at the last read
+        self._publishers_at_last_read: set[str] = (
+            set()
+        )  # nodes that published joints, tf and odometry at the last read
         self._runs = RunMonitor()
         self._moves = True  # by the last odometry
         self._mail = Mailboxes(self._post, lambda: self._core.needs_fresh_sensors, speaker)
@@ -185,7 +187,7 @@ class RosBase:
         known = [place for place in places if place is not None]
         return sum(known) if len(known) == len(places) else None
 
-    def limb_heard(self, limb: Limb) -> bool:
+    def limb_has_listener(self, limb: Limb) -> bool:
         """Return whether a node of the robot takes goals for this limb."""
         return limb in self._limbs and self._limbs[limb].heard
 
@@ -412,7 +414,7 @@ class RosBase:
 
     def surveyed(self, system: SystemState) -> None:
         """Report the robot's state. Read missing data, since the robot may start after its master."""
-        self.tell(self._survey(system))
+        self.report(self._survey(system))
         self._report_listened(system)
         self._look_for_restart(system)
         self._describe()
@@ -423,7 +425,7 @@ class RosBase:
         self._listened = listened = _listened(system)
         self._post(lambda: self._core.tasks.routing.surveyed(listened, time.monotonic()))
 
-    def tell(self, status: RosStatus) -> None:
+    def report(self, status: RosStatus) -> None:
         """Report the state of the connection to the master."""
         short = structs.replace(status, text=cut(status.text, SENTENCE))
         self._post(lambda: self._core.ros_status(short, time.monotonic()))
@@ -440,12 +442,12 @@ class RosBase:
         """
         topics = self._config.topics
         names = {"/tf", topics.odometry.name, *([topics.joint_states.name] if topics.joint_states else [])}
-        tellers = {node for name in names for node in system.publishers.get(name, [])}
+        publishers = {node for name in names for node in system.publishers.get(name, [])}
         seconds = time.monotonic() - self._read_s
         is_due = seconds >= DESCRIBED_S and not self._core.needs_fresh_sensors
         gap_s = RESTARTED_S if self._fruitless < FRUITLESS else DESCRIBED_S
-        if is_due or (tellers != self._tellers and seconds >= gap_s):
-            self._described, self._tellers = False, tellers
+        if is_due or (publishers != self._publishers_at_last_read and seconds >= gap_s):
+            self._described, self._publishers_at_last_read = False, publishers
 
     def _describe(self) -> None:
         """Pass the robot's description to the arm's posture and to the console as soon as the robot has one.

@@ -46,7 +46,7 @@ class Link:
         self.greeted = False  # it has sent its hello; from then on it gets reports
         self.watchers: list[str] = []
         self.watchers_more = 0
-        self.draws_joints = False  # a watcher's page draws the robot's joints
+        self.joints_wanted = False  # a watcher's page draws the robot's joints
         self.token = ""  # authenticates its drive lane
         self.lane: Lane | None = None
         self._socket = socket

@@ -27,7 +27,7 @@ async def listen(
     """Listen on this address; `serve_connection` runs for each connection until it returns."""
     if address.unix_path:
         # The lock of the state file guarantees that no other bridge of this robot runs.
-        remove_socket(address.unix_path)
+        prepare_socket_path(address.unix_path)
         umask = os.umask(0o177)
         try:
             return await unix_serve(serve_connection, address.unix_path, compression=None, ping_interval=None)
@@ -45,9 +45,14 @@ async def listen(
     )
 
 
-def remove_socket(path: str) -> None:
+def prepare_socket_path(path: str) -> None:
     """Create the socket's folder for its owner only, and remove an old socket."""
     Path(path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    remove_socket(path)
+
+
+def remove_socket(path: str) -> None:
+    """Remove the socket, if it exists."""
     Path(path).unlink(missing_ok=True)
 
 

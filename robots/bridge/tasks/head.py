@@ -24,7 +24,7 @@ FOREKNOWLEDGE_S = 1.5
 FOLLOW_RAD = 0.3  # at a larger angle, the way straight ahead is outside the camera's picture
 FOLLOW_RADPS = 0.4  # above 0.5 rad/s of the head, the gate ignores depth frames
 LEAST_RAD = 0.03
-SAID_AGAIN_S = 2.0  # send again: a motion or another node may have turned the head
+REPEAT_S = 2.0  # send again: a motion or another node may have turned the head
 DRIVING_MPS = 0.05
 TURN_RADPS = 1.2  # for turns by the holder; TIAGo's head can do 3
 TURN_LEAST_S = 0.2
@@ -73,7 +73,7 @@ class Head:
 
     def forward(self, now_s: float) -> Aim | None:
         """Return the aim at the floor in front of the robot; None if it was returned a moment ago."""
-        if now_s - self._forward_s < SAID_AGAIN_S:
+        if now_s - self._forward_s < REPEAT_S:
             return None
         self._forward_s = now_s
         self._next.clear()
@@ -144,8 +144,8 @@ class Head:
         return Aim(self._pan, self._source.look_tilt, FOLLOW_EVERY_S)
 
     def _again(self, now_s: float) -> Aim | None:
-        """Repeat the last aim every `SAID_AGAIN_S`, slowly: the head may be anywhere."""
-        if now_s - self._sent_s < SAID_AGAIN_S:
+        """Repeat the last aim every `REPEAT_S`, slowly: the head may be anywhere."""
+        if now_s - self._sent_s < REPEAT_S:
             return None
         self._sent_s = now_s
         return Aim(self._pan, self._source.look_tilt, AHEAD_TAKES_S)

@@ -168,9 +168,9 @@ class Tasks:
             case wire.Choose():
                 self.routing.take(order, requester, now_s)
             case _:
-                answer(self._end(order, now_s))
+                answer(self._cancel_task(order, now_s))
 
-    def _end(self, order: wire.TaskRequest, now_s: float) -> Refusal | None:
+    def _cancel_task(self, order: wire.TaskRequest, now_s: float) -> Refusal | None:
         """End a task at once and record its outcome."""
         match order:
             case wire.PlayCancel():

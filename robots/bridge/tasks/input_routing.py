@@ -128,7 +128,7 @@ class InputRouting:
         if name not in {default.name, self.topic(use), *self._roles[use]}:
             text = f"Input for {NAMES[use]} may not go to {name}: it is not on the allow-list."
             return Refusal("not_allowed", text, "robot", {"use": use, "topic": name})
-        return self._why_unheard(Topic(name, default.type))
+        return self._why_no_listener(Topic(name, default.type))
 
     # --- choosing -------------------------------------------------------------------------------------
 
@@ -178,7 +178,7 @@ class InputRouting:
         self._listened = listened
         for use, made in list(self._made.items()):
             default = self._defaults[use]
-            if self._why_unheard(Topic(made.topic, default.type)) is not None:
+            if self._why_no_listener(Topic(made.topic, default.type)) is not None:
                 why = f"{made.topic} has no subscriber any more: input goes to {default.name} again"
                 self.gone[use] = wire.ChoiceEnd(made.number.result(), made.topic, default.name, f"{why}.")
                 self._go_back(use, "gone", why, now_s)
@@ -285,7 +285,7 @@ class InputRouting:
         parameters = {"use": use, "to": choice.topic}
         self._records.outcome(choice, "topic.choose", outcome, parameters, now_s)
 
-    def _why_unheard(self, topic: Topic) -> Refusal | None:
+    def _why_no_listener(self, topic: Topic) -> Refusal | None:
         """Return a refusal if, by the last survey, no node subscribes to the topic with its type."""
         if self._listened is None:
             return None

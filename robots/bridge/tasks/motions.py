@@ -278,7 +278,7 @@ class Motions(Goals[MotionGoal]):
                 self._unwatched_goals[goal_id].heard_s = now_s
             elif len(self._unwatched_goals) < MOST_LEFT:
                 self._unwatched_goals[goal_id] = _UnwatchedGoal(
-                    self._records.cancelled(action, goal_id, now_s), now_s
+                    self._records.record_cancel(action, goal_id, now_s), now_s
                 )
         if not strays:
             self._unwatched_actions.pop(action, None)
@@ -289,7 +289,7 @@ class Motions(Goals[MotionGoal]):
 
     def _record_unwatched_end(self, goal_id: str, outcome: str, now_s: float) -> None:
         """Record the result of this cancel."""
-        self._records.was_cancelled(self._unwatched_goals.pop(goal_id).record, outcome, now_s)
+        self._records.record_cancel_outcome(self._unwatched_goals.pop(goal_id).record, outcome, now_s)
 
     def _report_end(self, goal: Goal[MotionGoal], outcome: str, text: str) -> None:
         self.last = wire.MotionEnd(goal.number.result(), goal.what.name, outcome, text)

@@ -22,9 +22,8 @@ CHEST_M = 1.0  # height at which people are wider than their legs: a real costma
 PLANNED_M = 0.30  # radius of the robot in plans
 SCAN_S = 0.1
 REPLANS_S = 1.0  # pause between two plans around an obstacle that is not on the map
-BARRED_M = (
-    1.5  # length of the path ahead that is checked: obstacles farther away are checked later, from nearer
-)
+# Length of the path ahead that is checked: obstacles farther away are checked later, from nearer.
+CHECKED_AHEAD_M = 1.5
 MOVED_M = 0.15
 GIVES_UP_S = 15.0  # without progress, as move_base with its recovery behaviours
 
@@ -119,7 +118,9 @@ class Navigator:
     def _is_barred(self, path: list[Point], pose: Pose) -> bool:
         """Return whether a point that was seen is nearer to the path ahead than plans allow."""
         ahead = [
-            point for point in path[follower.nearest(path, pose) :] if math.dist(point, pose[:2]) < BARRED_M
+            point
+            for point in path[follower.nearest(path, pose) :]
+            if math.dist(point, pose[:2]) < CHECKED_AHEAD_M
         ]
         if not ahead or not len(self._seen):
             return False

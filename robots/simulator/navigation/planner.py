@@ -15,7 +15,7 @@ Point = tuple[float, float]
 Cell = tuple[int, int]  # row, column
 
 STEP_CELLS = 2  # the path runs on every second cell of the map: 0.1 m
-SEEN_M = 0.7  # walls within this distance make a path more expensive
+WALL_INFLUENCE_M = 0.7  # walls within this distance make a path more expensive
 DEARER = 4.0  # additional cost of a metre at a wall; a metre in the open costs 1
 BESIDE_M = 0.3  # a goal in an obstacle is moved by at most this along each axis
 
@@ -23,7 +23,7 @@ _NEIGHBOURS = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1) if r
 
 
 class CostMap:
-    """Distances (m) to the nearest obstacle of the map or of the laser, up to `SEEN_M`."""
+    """Distances (m) to the nearest obstacle of the map or of the laser, up to `WALL_INFLUENCE_M`."""
 
     def __init__(self, survey: Survey, radius_m: float) -> None:
         self._survey = survey
@@ -87,7 +87,7 @@ class CostMap:
                     continue
                 if clear_m <= 0.0:
                     continue
-                dear = 1.0 + DEARER * max(0.0, SEEN_M - clear_m) / SEEN_M
+                dear = 1.0 + DEARER * max(0.0, WALL_INFLUENCE_M - clear_m) / WALL_INFLUENCE_M
                 via = cost[cell] + math.hypot(row, column) * dear
                 if via < cost.get(other, math.inf):
                     cost[other] = via
@@ -126,14 +126,14 @@ class CostMap:
 
 
 def _clearance(solid: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the distance (m) of each cell to the nearest solid cell, up to `SEEN_M`."""
-    reach = round(SEEN_M / RESOLUTION_M)
-    clear = np.full(solid.shape, SEEN_M)
+    """Return the distance (m) of each cell to the nearest solid cell, up to `WALL_INFLUENCE_M`."""
+    reach = round(WALL_INFLUENCE_M / RESOLUTION_M)
+    clear = np.full(solid.shape, WALL_INFLUENCE_M)
     rows, columns = np.nonzero(solid)
     for row in range(-reach, reach + 1):
         for column in range(-reach, reach + 1):
             distance = math.hypot(row, column) * RESOLUTION_M
-            if distance >= SEEN_M:
+            if distance >= WALL_INFLUENCE_M:
                 continue
             r, c = rows + row, columns + column
             inside = (r >= 0) & (r < solid.shape[0]) & (c >= 0) & (c < solid.shape[1])

@@ -38,7 +38,7 @@ class Duty(NamedTuple):
 
     rate_hz: int
     phase: int
-    tell: Callable[[rospy.Time], None]
+    run: Callable[[rospy.Time], None]
 
     def due(self, tick: int) -> bool:
         """Return whether the job runs in this tick."""
@@ -116,7 +116,7 @@ class SimulatorNode:
         stamp = rospy.Time.now()
         for duty in self._duties:
             if duty.due(self._tick):
-                duty.tell(stamp)
+                duty.run(stamp)
         self._tick += 1
 
     def set_parameters(self) -> None:

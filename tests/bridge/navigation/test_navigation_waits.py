@@ -52,7 +52,7 @@ class SelfDriver(Bench):
         self.steps(0.2)
         self.speed = SPEED
         self.steps(1.0)
-        assert self.navigation.driving_requester and not self.navigation.waits
+        assert self.navigation.driving_requester and not self.navigation.holds_for_sensor
 
     def steps(self, seconds, odometry=True, scans=True):
         """Let time pass. Odometry that does not arrive is kept."""
@@ -129,9 +129,9 @@ def test_lost_odometry_holds_the_base_and_the_drive_goes_on(driver, lost_s):
     driver.steps(lost_s, odometry=False)
     driver.kept.clear()
     driver.steps(SETTLES_S)
-    assert driver.navigation.waits and driver.last == STILL
+    assert driver.navigation.holds_for_sensor and driver.last == STILL
     driver.steps(0.3)
-    assert driver.navigation.driving_requester and not driver.navigation.waits
+    assert driver.navigation.driving_requester and not driver.navigation.holds_for_sensor
     assert driver.zeros(lambda: driver.steps(1.5)) == 0
     assert [kind for kind in driver.sink.kinds if kind.startswith("gate")] == ["gate.begin", "gate.end"]
 
@@ -157,7 +157,7 @@ def test_a_late_process_beside_a_wall_does_not_end_a_drive():
         driver.kept.append((driver.stamp_s, driver.x))
     driver.speed = SPEED
     driver.arrive()  # old messages say that it drives
-    assert driver.navigation.waits and driver.end is None and driver.last == STILL
+    assert driver.navigation.holds_for_sensor and driver.end is None and driver.last == STILL
     driver.close()
 
 
@@ -183,9 +183,9 @@ def test_a_drive_ended_by_an_overloaded_computer_names_it(driver):
 def test_a_scan_that_comes_before_its_odometry_does_not_end_a_drive(driver):
     driver.scan(ahead_s=0.3)
     driver.steps(0.04, scans=False)
-    assert driver.navigation.waits and driver.last == STILL
+    assert driver.navigation.holds_for_sensor and driver.last == STILL
     driver.steps(0.6)
-    assert driver.navigation.driving_requester and not driver.navigation.waits
+    assert driver.navigation.driving_requester and not driver.navigation.holds_for_sensor
 
 
 def test_the_wait_for_several_sensors_is_one(driver):
@@ -230,7 +230,7 @@ DURING = {
 @pytest.mark.parametrize("cause", DURING)
 def test_all_that_ends_a_drive_ends_it_during_a_wait(driver, cause):
     driver.steps(0.7, scans=False)
-    assert driver.navigation.waits
+    assert driver.navigation.holds_for_sensor
     DURING[cause](driver)
     assert driver.navigation.driving_requester is None
     driver.scan()

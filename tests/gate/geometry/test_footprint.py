@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry import arc
 from robots.bridge.gate.geometry.footprint import Disc, Discs, Footprint, Polygon, Spread, footprint_of
-from robots.bridge.gate.geometry.planar import ORIGIN, Path, placed, put, seen_from
+from robots.bridge.gate.geometry.planar import ORIGIN, Path, placed, put, relative_to
 from robots.bridge.gate.values import Pose, Velocity
 from tests.gate.conftest import box_profile, tiago_profile
 from tests.gate.geometry.test_arc import (
@@ -139,7 +139,7 @@ def test_a_spread_base_is_nowhere_nearer_than_its_gaps_say(kind, at, sizes, shar
         base = put(
             Pose(along, aside, turn * (spread.turned_left if turn > 0 else spread.turned_right)), there
         )
-        gaps = hull.gaps(placed(cloud, seen_from(ORIGIN, base)))
+        gaps = hull.gaps(placed(cloud, relative_to(ORIGIN, base)))
         assert (about <= np.maximum(gaps, 0.0) * hull.sharpness + 1e-9).all()
         rim = placed(np.array(RIMS[kind]), base)
         assert (hull.gaps_about(there, spread, rim, math.inf) <= 1e-9).all()
@@ -159,7 +159,7 @@ def test_on_its_way_round_a_hull_stays_within_its_gaps(kind, left, right):
 def test_a_base_that_is_nowhere_else_has_the_gaps_of_its_hull(kind):
     hull, there = HULLS[kind], Pose(0.3, -0.2, 0.7)
     cloud = np.random.default_rng(3).uniform(-2.0, 2.0, (50, 2))
-    gaps = hull.gaps(placed(cloud, seen_from(ORIGIN, there)))
+    gaps = hull.gaps(placed(cloud, relative_to(ORIGIN, there)))
     about = hull.gaps_about(there, Spread(0, 0, 0, 0, 0, 0), cloud, math.inf)
     np.testing.assert_allclose(about[gaps > 0.0], gaps[gaps > 0.0], atol=1e-9)
 

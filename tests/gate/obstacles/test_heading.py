@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.gate.geometry.planar import placed, seen_from
+from robots.bridge.gate.geometry.planar import placed, relative_to
 from robots.bridge.gate.values import Pose, Velocity
 from tests.gate.conftest import tiago_profile
 from tests.gate.world import World, leg, wall
@@ -55,7 +55,7 @@ def test_remembered_points_stay_in_place_during_a_slip(noise_m, half_view, beams
     turned(world, math.radians(175))
     assert abs(off_rad(world)) < math.radians(8)
     obstacles = world.gate.obstacles(world.now_s)
-    there = placed(np.array([LEG]), seen_from(Pose(0.0, 0.0, 0.0), world.pose))
+    there = placed(np.array([LEG]), relative_to(Pose(0.0, 0.0, 0.0), world.pose))
     assert np.hypot(*(obstacles.points - there).T).min() < 0.12
 
 
@@ -109,7 +109,7 @@ def test_a_drive_continues_from_a_corrected_turn():
     world.slip = 0.0
     before, begun = world.gate._trail.newest, world.pose
     world.drive(Velocity(0.5, 0.0, 0.0), 1.5)
-    after = seen_from(world.gate._trail.newest, before)
-    truly = seen_from(world.pose, begun)
+    after = relative_to(world.gate._trail.newest, before)
+    truly = relative_to(world.pose, begun)
     assert truly.x > 0.2
     assert (after.x, after.y) == pytest.approx((truly.x, truly.y), abs=0.01)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry.footprint import Disc
-from robots.bridge.gate.geometry.planar import ORIGIN, placed, seen_from
+from robots.bridge.gate.geometry.planar import ORIGIN, placed, relative_to
 from robots.bridge.gate.obstacles.laser_memory import LaserMemory
 from robots.bridge.gate.obstacles.point_memory import (
     BRIEFLY_S,
@@ -446,7 +446,7 @@ class Bench:
 
     @property
     def remembered(self):
-        there = seen_from(ORIGIN, self.trail.newest or ORIGIN)
+        there = relative_to(ORIGIN, self.trail.newest or ORIGIN)
         return placed(self.memory.places(self.trail, self.now_s), there)
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry.footprint import Disc
-from robots.bridge.gate.geometry.planar import placed, seen_from
+from robots.bridge.gate.geometry.planar import placed, relative_to
 from robots.bridge.gate.sensing.scan import Sweep, cone_points, differences, has_neighbour, outside_hull
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity
@@ -230,7 +230,7 @@ class TestTrail:
 def test_a_pose_seen_from_another_places_points_alike(x, y, yaw, vx, vy, vyaw):
     pose, viewer = Pose(x, y, yaw), Pose(vx, vy, vyaw)
     points = np.array([[1.0, 2.0], [-0.5, 0.1]])
-    there_and_back = placed(placed(points, seen_from(pose, viewer)), viewer)
+    there_and_back = placed(placed(points, relative_to(pose, viewer)), viewer)
     np.testing.assert_allclose(there_and_back, placed(points, pose), atol=1e-9)
 
 

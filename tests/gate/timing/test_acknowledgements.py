@@ -2,7 +2,7 @@
 
 import pytest
 
-from robots.bridge.gate.timing.acknowledgements import Echo
+from robots.bridge.gate.timing.acknowledgements import RoundTrips
 
 PERIOD_S = 0.05
 SIZE = 52
@@ -14,7 +14,7 @@ class Line:
     def __init__(self, way_s):
         self.way_s = way_s
         self.now_s = 100.0
-        self.echo = Echo()
+        self.round_trips = RoundTrips()
         self.total = 0
         self.acknowledgements = []  # time, bytes in total
 
@@ -26,10 +26,10 @@ class Line:
             acknowledged = max(
                 (total for at_s, total in self.acknowledgements if at_s <= self.now_s), default=0
             )
-            shown.append(self.echo.took_s(acknowledged, self.now_s))
+            shown.append(self.round_trips.took_s(acknowledged, self.now_s))
             if writes:
                 self.total += SIZE
-                self.echo.wrote(self.total, self.now_s)
+                self.round_trips.wrote(self.total, self.now_s)
                 self.acknowledgements.append((self.now_s + self.way_s, self.total))
         return [took_s for took_s in shown if took_s is not None]
 

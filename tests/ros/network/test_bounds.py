@@ -90,16 +90,16 @@ def test_endless_frames_drop_old_unneeded_ones():
     frames = Frames("base")
     tree = (_transform("base", "torso"), _transform("torso", "camera"))
     with pytest.raises(PoseUnknown):
-        frames.place("camera", 1.0, patience_s=0.0)  # so this frame is wanted
+        frames.pose_at("camera", 1.0, patience_s=0.0)  # so this frame is wanted
     for transform in tree * 2:  # twice: the first round makes the parent known
         frames.take(transform, fixed=False)
         with pytest.raises(PoseUnknown):
-            frames.place("camera", 99.0, patience_s=0.0)
+            frames.pose_at("camera", 99.0, patience_s=0.0)
     for number in range(4 * MOST_MOVING):
         frames.take(_transform("base", f"flood_{number}"), fixed=False)
     assert len(frames._moving) == MOST_MOVING
     assert frames.is_full
-    assert frames.place("camera", 1.0, patience_s=0.0).shape == (4, 4)
+    assert frames.pose_at("camera", 1.0, patience_s=0.0).shape == (4, 4)
 
 
 def test_endless_fixed_frames_leave_the_first_ones():
@@ -108,7 +108,7 @@ def test_endless_fixed_frames_leave_the_first_ones():
     for number in range(2 * MOST_FIXED):
         frames.take(_transform("base", f"flood_{number}"), fixed=True)
     assert len(frames._fixed) == MOST_FIXED
-    assert frames.place("camera", 1.0, patience_s=0.0).shape == (4, 4)
+    assert frames.pose_at("camera", 1.0, patience_s=0.0).shape == (4, 4)
 
 
 def test_a_frame_with_a_long_name_is_not_kept():
@@ -370,22 +370,22 @@ def test_silent_callers_lock_no_other_out():
 
 def test_an_address_that_calls_without_pause_is_not_served():
     callers = doors.CallerLimits(4)
-    assert sum(callers.may("10.0.0.1", 0.0) for _ in range(1000)) == doors.BURST
-    assert callers.may("10.0.0.2", 0.0)
+    assert sum(callers.allow("10.0.0.1", 0.0) for _ in range(1000)) == doors.BURST
+    assert callers.allow("10.0.0.2", 0.0)
 
 
 def test_a_call_refused_for_its_rate_makes_the_bridge_ask_master(monkeypatch):
-    monkeypatch.setattr(doors, "UNHEARD", threading.Event())
+    monkeypatch.setattr(doors, "CALL_REFUSED", threading.Event())
     monkeypatch.setattr(doors, "BURST", 2.0)  # one connection and one call
     with (
         call_server() as server,
         xmlrpc.client.ServerProxy("http://{}:{}/".format(*server.server_address)) as proxy,
     ):
         proxy.getPid("/test")
-        assert not doors.UNHEARD.is_set()
+        assert not doors.CALL_REFUSED.is_set()
         with pytest.raises(xmlrpc.client.ProtocolError):
             proxy.getPid("/test")
-    assert doors.UNHEARD.is_set()
+    assert doors.CALL_REFUSED.is_set()
 
 
 def test_a_laser_of_40_hz_may_cost_a_slow_computers_loop_a_fifth():

@@ -62,7 +62,7 @@ class RecordingNode:
     def surveyed(self, system) -> None:
         self._heard.put("surveyed")
 
-    def tell(self, status) -> None:
+    def report(self, status) -> None:
         self._heard.put(f"{status.phase}: {status.text}")
 
     def lost(self, name_taken: bool) -> None:

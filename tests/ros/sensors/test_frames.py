@@ -53,16 +53,16 @@ def test_the_way_is_put_together_at_the_stamp(frames):
     for stamp_s in (10.0, 10.03, 10.1, 10.19):
         yaw = 0.2 * (stamp_s - 10.0)
         expected = (0.1 * math.cos(yaw), 0.1 * math.sin(yaw), 1.0)
-        place = frames.place("camera", stamp_s, patience_s=0.0)
-        np.testing.assert_allclose(place[:3, 3], expected, atol=1e-4)
-        assert math.atan2(place[1, 0], place[0, 0]) == pytest.approx(yaw, abs=1e-4)
+        pose = frames.pose_at("camera", stamp_s, patience_s=0.0)
+        np.testing.assert_allclose(pose[:3, 3], expected, atol=1e-4)
+        assert math.atan2(pose[1, 0], pose[0, 0]) == pytest.approx(yaw, abs=1e-4)
 
 
 def test_a_picture_waits_for_the_frames_of_its_stamp(frames):
     late = raw(stamped("base", "head", 10.24, (0.0, 0.0, 1.0), yaw=0.05))
     timer = threading.Timer(0.05, frames.take, (late, False))
     timer.start()
-    assert frames.place("camera", 10.23, patience_s=5.0)[2, 3] == 1.0
+    assert frames.pose_at("camera", 10.23, patience_s=5.0)[2, 3] == 1.0
     timer.join()
 
 
@@ -77,32 +77,32 @@ def test_a_picture_waits_for_the_frames_of_its_stamp(frames):
 )
 def test_a_missing_transform_is_reported(frames, frame, stamp_s, says):
     with pytest.raises(PoseUnknown, match=says):
-        frames.place(frame, stamp_s, patience_s=0.01)
+        frames.pose_at(frame, stamp_s, patience_s=0.01)
 
 
 def test_while_the_head_turns_its_place_counts_for_nothing(frames):
     frames.take(raw(stamped("base", "head", 10.22, yaw=0.24)), fixed=False)
     with pytest.raises(PoseUnknown, match="the head is turning"):
-        frames.place("camera", 10.21, patience_s=0.0)
+        frames.pose_at("camera", 10.21, patience_s=0.0)
 
 
 def test_a_hole_is_not_bridged(frames):
     frames.take(raw(stamped("base", "head", 11.2)), fixed=False)
     with pytest.raises(PoseUnknown, match=r"for 1\.0 s"):
-        frames.place("camera", 10.9, patience_s=0.0)
+        frames.pose_at("camera", 10.9, patience_s=0.0)
 
 
 def test_a_clock_that_was_set_back_starts_again(frames):
     for stamp_s in (3.0, 3.1):
         frames.take(raw(stamped("base", "head", stamp_s, (0.0, 0.0, 2.0))), fixed=False)
-    assert frames.place("camera", 3.05, patience_s=0.0)[2, 3] == 2.0
+    assert frames.pose_at("camera", 3.05, patience_s=0.0)[2, 3] == 2.0
 
 
 def test_frames_in_a_circle_are_no_way():
     frames = Frames("base")
     frames.take(raw(stamped("a", "b", 0.0), stamped("b", "a", 0.0)), fixed=True)
     with pytest.raises(PoseUnknown):
-        frames.place("a", 1.0, patience_s=0.0)
+        frames.pose_at("a", 1.0, patience_s=0.0)
 
 
 @pytest.mark.parametrize("numbers", [(math.nan, 0.0, 0.0), (math.inf, 0.0, 0.0)])
@@ -110,15 +110,15 @@ def test_numbers_that_are_none_place_nothing(numbers):
     frames = Frames("base")
     frames.take(raw(stamped("base", "camera", 0.0, numbers)), fixed=True)
     with pytest.raises(PoseUnknown, match="invalid numbers"):
-        frames.place("camera", 1.0, patience_s=0.0)
+        frames.pose_at("camera", 1.0, patience_s=0.0)
 
 
 def test_a_floor_frames_newest_pose_counts(frames):
     assert frames.flat("odom", "map") is None
     for x in (1.0, 2.0):
         frames.take(raw(stamped("map", "odom", 10.0 + x, (x, -3.0, 0.5), yaw=2.5)), fixed=False)
-    _, place = frames.flat("odom", "map")
-    assert place == pytest.approx((2.0, -3.0, 2.5))
+    _, pose = frames.flat("odom", "map")
+    assert pose == pytest.approx((2.0, -3.0, 2.5))
     assert frames.flat("odom", "world") is None
 
 

@@ -53,7 +53,7 @@ def placed(points: Points, pose: Pose) -> Points:
     return there.T
 
 
-def seen_from(pose: Pose, viewer: Pose) -> Pose:
+def relative_to(pose: Pose, viewer: Pose) -> Pose:
     """Return `pose` in the frame at `viewer`; both are given in one frame."""
     dx, dy = pose.x - viewer.x, pose.y - viewer.y
     cos, sin = math.cos(viewer.yaw), math.sin(viewer.yaw)

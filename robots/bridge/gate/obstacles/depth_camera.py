@@ -26,7 +26,7 @@ from robots.bridge.gate.geometry.planar import (
     from_columns,
     joined,
     placed,
-    seen_from,
+    relative_to,
     wrapped,
 )
 from robots.bridge.gate.obstacles.near_side import NearSide
@@ -181,7 +181,7 @@ class DepthCamera:
         self._memory.see(places, base, moved_s)
         self._memory.forget(self._spans.have_passed(self._memory.points(moved_s), now_s))
         remembered = self._memory.points(moved_s)
-        from_base = placed(remembered, seen_from(ORIGIN, base))
+        from_base = placed(remembered, relative_to(ORIGIN, base))
         columns = self._spans.columns(remembered, from_base)
         self._memory.pass_through(seen_through(frame.picture, frame.to_base, columns))
         self._hidden = self._near_side.hidden(
@@ -197,7 +197,7 @@ class DepthCamera:
             if not len(asked):
                 break
             known = shown.only(asked)
-            places = placed(placed(known.points, base), seen_from(ORIGIN, there))
+            places = placed(placed(known.points, base), relative_to(ORIGIN, there))
             came[asked] = came_since(then.picture, then.to_base, known._replace(points=places))
         return came
 
@@ -213,13 +213,13 @@ class DepthCamera:
         free = self._spans.stands(remembered) & ~self._feet.near(remembered)
         below = np.flatnonzero(free)
         if len(below):
-            x, y = placed(chosen(remembered, below), seen_from(ORIGIN, sensor)).T
+            x, y = placed(chosen(remembered, below), relative_to(ORIGIN, sensor)).T
             far = np.maximum(np.sqrt(x * x + y * y), FOOT_M)
             for aside_m in (-FOOT_M, 0.0, FOOT_M):
                 beside = from_columns(x - y / far * aside_m, y + x / far * aside_m)
                 free[below] &= seen_free(sweep, beside)
         met = np.flatnonzero(self._spans.is_met(remembered))
-        behind = past(sweep, placed(remembered, seen_from(ORIGIN, sensor)))
+        behind = past(sweep, placed(remembered, relative_to(ORIGIN, sensor)))
         tells = behind.likely > -SAME_M
         overruled = np.zeros(len(remembered), dtype=np.bool_)
         overruled[met] = tells[met]
@@ -322,7 +322,7 @@ class DepthCamera:
     def near_sides(self, trail: Trail) -> Points:
         """Return places to which an unseen near side may reach, base frame of the newest odometry."""
         self._forget_another_frame(trail)
-        return placed(self._hidden, seen_from(ORIGIN, trail.newest)) if trail.newest else NO_POINTS
+        return placed(self._hidden, relative_to(ORIGIN, trail.newest)) if trail.newest else NO_POINTS
 
     def unseen(self, trail: Trail, now_s: float) -> tuple[Points, NDArray[np.float64]]:
         """Return remembered points outside the newest picture, odometry frame, and the possible error of each."""
@@ -397,7 +397,7 @@ class _MotionClock:
         if self._last is None:
             self._last = pose, now_s
         there, since_s = self._last
-        way = seen_from(pose, there)
+        way = relative_to(pose, there)
         if math.hypot(way.x, way.y) > MOVED_M or abs(way.yaw) > MOVED_RAD:
             self.now_s += min(max(now_s - since_s, 0.0), DEPTH_STALE_S)
             self._last = pose, now_s
@@ -429,7 +429,7 @@ class _Feet:
         """Return how far behind these places the beams end; of several lasers the farthest counts."""
         surely, likely = np.full((2, len(points)), -math.inf)
         for sweep, sensor in self._scans.values():
-            one = past(sweep, placed(points, seen_from(ORIGIN, sensor)))
+            one = past(sweep, placed(points, relative_to(ORIGIN, sensor)))
             surely, likely = np.maximum(surely, one.surely), np.maximum(likely, one.likely)
         return Past(surely, likely)
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.planar import placed, seen_from
+from robots.bridge.gate.geometry.planar import placed, relative_to
 from robots.bridge.gate.obstacles.sightings import beams_at
 from robots.bridge.gate.obstacles.sources import Laser
 from robots.bridge.gate.sensing.scan import Sweep
@@ -66,7 +66,7 @@ class Heading:
         if then is None or then.resets != trail.resets or stamp_s <= then.stamp_s:
             self._share = trail.turn_share = 1.0
             return
-        way = seen_from(base, then.base)
+        way = relative_to(base, then.base)
         reported = way.yaw / trail.turn_share
         is_far = math.hypot(way.x, way.y) > MOST_WAY_M
         if abs(reported) < LEAST_TURN_RAD:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robots.bridge.gate.geometry.planar import ORIGIN, Points, chosen, placed, seen_from
+from robots.bridge.gate.geometry.planar import ORIGIN, Points, chosen, placed, relative_to
 from robots.bridge.gate.obstacles.point_memory import LASER_LAYER, Memory, grown, outside_robot
 from robots.bridge.gate.obstacles.sightings import sight
 from robots.bridge.gate.obstacles.sources import Carried, Laser
@@ -42,9 +42,9 @@ class LaserMemory:
             self._resets = trail.resets
             self._memory.clear()
         self._memory.see(placed(self._laser.seen, base), base, now_s)
-        origin = seen_from(ORIGIN, base)
+        origin = relative_to(ORIGIN, base)
         remembered = self._memory.points(now_s)
-        sighting = sight(sweep, placed(remembered, seen_from(origin, self._laser.pose)))
+        sighting = sight(sweep, placed(remembered, relative_to(origin, self._laser.pose)))
         kept = np.flatnonzero(~sighting.vouched)
         unseen = placed(chosen(remembered, kept), origin)
         points = grown(unseen, self._memory.doubts_m(kept), self._laser.footprint)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Points, chosen, placed, seen_from, wrapped
+from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Points, chosen, placed, relative_to, wrapped
 from robots.bridge.gate.obstacles.sightings import seen_free, sight
 from robots.bridge.gate.sensing.scan import Sweep
 from robots.bridge.gate.values import Pose
@@ -183,4 +183,4 @@ def _seen_through(observer: _Look, other: _Look, places: Points) -> Flags:
 
 def _seen_by(sensor: Pose, places: Points) -> Points:
     """Return places in the frame of a sensor."""
-    return placed(places, seen_from(ORIGIN, sensor)) if len(places) else NO_POINTS
+    return placed(places, relative_to(ORIGIN, sensor)) if len(places) else NO_POINTS

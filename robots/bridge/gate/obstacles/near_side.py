@@ -22,7 +22,7 @@ from robots.bridge.gate.geometry.planar import (
     chosen,
     from_columns,
     placed,
-    seen_from,
+    relative_to,
 )
 from robots.bridge.gate.obstacles.point_memory import DEPTH_LAYER, Memory
 from robots.bridge.gate.sensing.depth import CELL_M, Columns, Transform
@@ -69,15 +69,15 @@ class NearSide:
         `shown`: the columns of its picture (base frame), taken with the camera at `to_base` and the robot at
         `base`. `remembered`: the points kept from earlier pictures (odometry frame).
         """
-        cut = self._is_cut(shown, to_base)
+        reaching = self._reaches_blind_range(shown, to_base)
         places = placed(shown.points, base)
-        self._edges.see(chosen(places, np.flatnonzero(~cut)), base, now_s)
+        self._edges.see(chosen(places, np.flatnonzero(~reaching)), base, now_s)
         self._forget(places, remembered, base, body)
-        if cut.any():
-            there = seen_from(ORIGIN, base)
+        if reaching.any():
+            there = relative_to(ORIGIN, base)
             edges = _near(placed(self._edges.points(now_s), there))
             edges = edges[_coincide(edges, _near(placed(remembered, there)))]
-            self._add(_without_edge(shown.points[cut], edges), base, body)
+            self._add(_without_edge(shown.points[reaching], edges), base, body)
         return self._places
 
     def _forget(self, shown: Points, remembered: Points, base: Pose, body: Footprint) -> None:
@@ -85,7 +85,7 @@ class NearSide:
         if not len(self._tops):
             return
         self._keep(_coincide(self._tops, remembered) & ~_coincide(self._tops, shown))
-        outside = np.flatnonzero(body.gaps(placed(self._places, seen_from(ORIGIN, base))) >= 0.0)
+        outside = np.flatnonzero(body.gaps(placed(self._places, relative_to(ORIGIN, base))) >= 0.0)
         self._places, self._top_of = chosen(self._places, outside), self._top_of[outside]
 
     def _keep(self, tops: Flags) -> None:
@@ -102,15 +102,15 @@ class NearSide:
         self._top_of = np.concatenate((self._top_of, len(self._tops) + top_of))
         self._tops = np.concatenate((self._tops, placed(tops, base)))
 
-    def _is_cut(self, shown: Columns, to_base: Transform) -> Flags:
+    def _reaches_blind_range(self, shown: Columns, to_base: Transform) -> Flags:
         """Return which columns are flat and may continue nearer, where the camera cannot measure."""
         x, y = shown.points.T
         far = np.maximum(np.hypot(x, y), STEP_M)
         x, y = x - STEP_M * x / far, y - STEP_M * y / far
         inverse = np.linalg.inv(to_base)[2]
         ahead = inverse[0] * x + inverse[1] * y + inverse[2] * shown.high + inverse[3]
-        cut: Flags = (ahead < self._blind_m) & (shown.high - shown.low < FLAT_M)
-        return cut
+        reaching: Flags = (ahead < self._blind_m) & (shown.high - shown.low < FLAT_M)
+        return reaching
 
 
 def _near(points: Points) -> Points:
@@ -126,22 +126,22 @@ def _coincide(points: Points, others: Points) -> Flags:
     return same
 
 
-def _without_edge(cut: Points, edges: Points) -> Points:
-    """Return the points of `cut` that have no known edge between them and the robot."""
-    far = np.maximum(np.hypot(*cut.T), STEP_M)
-    along = cut @ edges.T / far[:, None]
-    aside = np.abs(cut[:, :1] * edges[:, 1] - cut[:, 1:] * edges[:, 0]) / far[:, None]
+def _without_edge(reaching: Points, edges: Points) -> Points:
+    """Return the points of `reaching` that have no known edge between them and the robot."""
+    far = np.maximum(np.hypot(*reaching.T), STEP_M)
+    along = reaching @ edges.T / far[:, None]
+    aside = np.abs(reaching[:, :1] * edges[:, 1] - reaching[:, 1:] * edges[:, 0]) / far[:, None]
     has_edge = (along > 0.0) & (along < far[:, None] + CELL_M) & (aside < ASIDE_M)
-    return chosen(cut, np.flatnonzero(~has_edge.any(axis=1)))
+    return chosen(reaching, np.flatnonzero(~has_edge.any(axis=1)))
 
 
-def _filled(cut: Points, body: Footprint) -> tuple[Points, NDArray[np.intp]]:
-    """Return the places on the lines from `cut` to the hull, and for each place its row in `cut`."""
-    far = np.hypot(*cut.T)
+def _filled(reaching: Points, body: Footprint) -> tuple[Points, NDArray[np.intp]]:
+    """Return the places on the lines from `reaching` to the hull, and for each place its row in `reaching`."""
+    far = np.hypot(*reaching.T)
     steps = np.arange(CELL_M, NEAR_M, CELL_M)
     share = 1.0 - steps[:, None] / far
-    x, y = (share * cut[:, 0]).ravel(), (share * cut[:, 1]).ravel()
+    x, y = (share * reaching[:, 0]).ravel(), (share * reaching[:, 1]).ravel()
     ahead = np.flatnonzero(share.ravel() > 0.0)
     places = chosen(from_columns(x, y), ahead)
     outside = np.flatnonzero(body.gaps(places) >= HULL_M)
-    return chosen(places, outside), ahead[outside] % max(len(cut), 1)
+    return chosen(places, outside), ahead[outside] % max(len(reaching), 1)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Points, joined, placed, seen_from
+from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Points, joined, placed, relative_to
 from robots.bridge.gate.motion.corridors import Corridors
 from robots.bridge.gate.obstacles.sources import Source
 from robots.bridge.gate.timing.trail import Trail
@@ -61,13 +61,13 @@ class ObstacleCache:
     def as_seen(self, now_s: float) -> Obstacles:
         """Return all points at their measured places, base frame of the newest odometry."""
         parts = [source.as_seen(self._trail, now_s) for source in self._sources]
-        points = placed(joined(parts), seen_from(ORIGIN, self._trail.newest or ORIGIN))
+        points = placed(joined(parts), relative_to(ORIGIN, self._trail.newest or ORIGIN))
         return Obstacles(
             points, self._numbers.repeat([len(part) for part in parts]), self._names, self._kinds
         )
 
     def _at(self, base: Pose) -> Obstacles:
-        points, rows = placed(self._places, seen_from(ORIGIN, base)), self._rows
+        points, rows = placed(self._places, relative_to(ORIGIN, base)), self._rows
         begin, parts, fits = 0, [], True
         for source, places in zip(self._sources, self._parts, strict=True):
             count = len(places)

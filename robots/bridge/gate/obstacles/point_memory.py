@@ -22,7 +22,7 @@ from robots.bridge.gate.geometry.planar import (
     chosen,
     from_columns,
     placed,
-    seen_from,
+    relative_to,
 )
 from robots.bridge.gate.sensing.scan import INSIDE_HULL_M
 from robots.bridge.gate.timing.tremble import Way
@@ -88,7 +88,7 @@ def outside_robot(places: Points, base: Pose | None, footprint: Footprint) -> Po
     """Return the places (odometry frame) outside the hull of a robot at `base`: places inside are wrong."""
     if base is None or not len(places):
         return NO_POINTS
-    gaps = footprint.gaps(placed(places, seen_from(ORIGIN, base)))
+    gaps = footprint.gaps(placed(places, relative_to(ORIGIN, base)))
     return chosen(places, np.flatnonzero(gaps >= -INSIDE_HULL_M))
 
 

@@ -26,7 +26,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.geometry.footprint import Footprint
-from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Points, from_columns, placed, put, seen_from
+from robots.bridge.gate.geometry.planar import (
+    NO_POINTS,
+    ORIGIN,
+    Points,
+    from_columns,
+    placed,
+    put,
+    relative_to,
+)
 from robots.bridge.gate.obstacles.depth_camera import Frame
 from robots.bridge.gate.obstacles.sightings import seen_free
 from robots.bridge.gate.sensing.depth import Columns, seen_through
@@ -110,7 +118,7 @@ class SonarMemory:
         """Return a good state: memory does not fail, and each sonar has its own state."""
         return SensorHealth(self.name, "sonar", True, None, "")
 
-    def everything(self) -> Points:
+    def all_places(self) -> Points:
         """Return all places, odometry frame, in the order of `pass_through`."""
         return from_columns(self._table[X], self._table[Y])
 
@@ -148,18 +156,18 @@ class SonarMemory:
     def look(self, frame: Frame, base: Pose, now_s: float) -> None:
         """Take a depth picture that was taken when the robot was at `base`."""
         if self._table.shape[1]:
-            places = placed(self.everything(), seen_from(ORIGIN, base))
+            places = placed(self.all_places(), relative_to(ORIGIN, base))
             low, high = (np.full(len(places), height_m, dtype=np.float32) for height_m in HEARD_BETWEEN_M)
             self.pass_through(seen_through(frame.picture, frame.to_base, Columns(places, low, high)), now_s)
 
     def scan(self, sweep: Sweep, laser: Pose, base: Pose, now_s: float) -> None:
         """Take a scan; `laser` is the laser's pose on the robot, which was at `base`."""
         if self._table.shape[1]:
-            there = placed(self.everything(), seen_from(ORIGIN, put(laser, base)))
+            there = placed(self.all_places(), relative_to(ORIGIN, put(laser, base)))
             self.pass_through(seen_free(sweep, there), now_s)
 
     def pass_through(self, free: Flags, now_s: float) -> None:
-        """Take evidence of a sensor that these of `everything` are free; present echoes are kept."""
+        """Take evidence of a sensor that these of `all_places` are free; present echoes are kept."""
         self._table[PASSES, free & (self._table[HEARD_S] < now_s - LIVE_S)] += FARTHER_COUNTS
         self._keep(self._table[PASSES] < GONE)
 
@@ -189,7 +197,7 @@ class SonarMemory:
         self._way.follow(self._here)
         if not self._table.shape[1]:
             return
-        places = placed(self.everything(), seen_from(ORIGIN, base))
+        places = placed(self.all_places(), relative_to(ORIGIN, base))
         near = np.hypot(*places.T) < REACH_M
         lasting = self._table[HEARD_M] > self._way.driven_m - TRAVEL_M
         outside = (self._footprint.gaps(places) >= -INSIDE_HULL_M) | self._lately()

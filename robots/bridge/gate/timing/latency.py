@@ -44,7 +44,7 @@ _SURPRISE_S = 0.05  # an answer that takes longer than measured by this may take
 # The next three are in units of `_RESPONSE`:
 _ASKED = 3.0  # smaller changes of the command need no answer
 _ASTRAY = 2.0  # a base that is farther from a command than before by more than this does something else
-_SAGS = 1.5  # a base that is slower than all its commands by more than this brakes by itself
+_BRAKES = 1.5  # a base that is slower than all its commands by more than this brakes by itself
 _MISFIT = 0.2  # share of the speed change: a worse fit gives no measurement
 
 LATELY_S = 0.2  # the quickest message in this time counts: a single late one is jitter
@@ -108,7 +108,7 @@ class Latency:
             self._answered, self._answer_s = False, 0.0
         for axis, value in zip(self._axes, (velocity.vx, velocity.w), strict=True):
             axis.sent(value, now_s)
-        self._wonder(now_s)
+        self._note_doubt(now_s)
 
     def moved(self, velocity: Velocity, now_s: float) -> None:
         """Take the velocity of new odometry."""
@@ -124,12 +124,12 @@ class Latency:
                 self._measured.append((now_s, seen.measured_s))
                 self._sum_up()
                 self._answered, self._answer_s = True, 0.0
-        self._wonder(now_s)
+        self._note_doubt(now_s)
 
-    def _wonder(self, now_s: float) -> None:
+    def _note_doubt(self, now_s: float) -> None:
         """Note a base that does not answer in time or does something else: it may obey at any time."""
         late = self._waited_s(now_s) > self._expected_s(now_s) + _SURPRISE_S
-        if late or any(axis.is_astray or axis.sags for axis in self._axes):
+        if late or any(axis.is_astray or axis.brakes_by_itself for axis in self._axes):
             self._doubtful_until_s = now_s + LONGEST_S
 
     @property
@@ -254,12 +254,12 @@ class _Axis:
         self._asked_s: float | None = (
             None  # time since which the command differs from the base's speed, without an answer
         )
-        self._other_s = -math.inf  # last time at which the command differed from the steady speed
+        self._last_differing_s = -math.inf  # last time at which the command differed from the steady speed
         self._is_exact = False
         self._held: Sample = (math.inf, 0.0)  # time since which this command, or nearly this, is sent
         self._off = math.inf  # smallest distance of the speed from it, after the longest possible delay
         self.is_astray = False
-        self.sags = False  # the base brakes by itself, as bases do without commands: commands may be late
+        self.brakes_by_itself = False  # as bases do without commands: commands may be late
 
     def sent(self, value: float, now_s: float) -> None:
         last = self._commands[-1][1] if self._commands else self._before
@@ -280,7 +280,9 @@ class _Axis:
         if now_s - self._held[0] > LONGEST_S:
             self._off = min(self._off, off)
         self.is_astray = off - self._off > _ASTRAY * self._response
-        self.sags = self._got_slower(value) and self._least_asked(value) - abs(value) > _SAGS * self._response
+        self.brakes_by_itself = (
+            self._got_slower(value) and self._least_asked(value) - abs(value) > _BRAKES * self._response
+        )
         answer = self._answer(value, now_s)
         if self._since_s is None:
             return answer
@@ -320,8 +322,8 @@ class _Axis:
         if self._asked_s is None:
             self._asked_s = now_s
             rests = abs(self._steady) <= self._response  # a moving base may brake by itself
-            self._is_exact = rests and now_s - self._other_s > LONGEST_S
-        self._other_s = now_s
+            self._is_exact = rests and now_s - self._last_differing_s > LONGEST_S
+        self._last_differing_s = now_s
 
     def _answer(self, value: float, now_s: float) -> _Seen:
         before = self._steady

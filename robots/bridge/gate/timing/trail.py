@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 
-from robots.bridge.gate.geometry.planar import ORIGIN, put, seen_from, wrapped
+from robots.bridge.gate.geometry.planar import ORIGIN, put, relative_to, wrapped
 from robots.bridge.gate.timing.tremble import Rest
 from robots.bridge.gate.values import Pose, Velocity
 
@@ -43,7 +43,7 @@ class Trail:
         if self.turn_share != 1.0 and self._poses:
             off = (self.turn_share - 1.0) * wrapped(pose.yaw - self._reported_yaw)
             turned = corrected._replace(yaw=wrapped(corrected.yaw + off))
-            self._frame = put(seen_from(self._frame, corrected), turned)
+            self._frame = put(relative_to(self._frame, corrected), turned)
             corrected = turned
         self._reported_yaw = pose.yaw
         self._stamps.append(stamp_s)
@@ -89,8 +89,8 @@ class Trail:
             if share < 1.0:
                 self._poses[n] = pose._replace(yaw=wrapped(pose.yaw + share * off))
             else:
-                self._poses[n] = put(seen_from(pose, about), turned)
-        self._frame = put(seen_from(self._frame, about), turned)
+                self._poses[n] = put(relative_to(pose, about), turned)
+        self._frame = put(relative_to(self._frame, about), turned)
         self.revision += 1
 
     def pose_at(self, stamp_s: float) -> Pose | None:

@@ -27,7 +27,7 @@ from rospy.impl.tcpros_pubsub import TCPROSSub
 from rospy.impl.transport import INBOUND
 
 from robots.bridge.ros.bounds.board import BOARD
-from robots.bridge.ros.bounds.servers import UNHEARD
+from robots.bridge.ros.bounds.servers import CALL_REFUSED
 from robots.bridge.ros.bounds.sizes import Kind, kind_of, size_text
 from robots.bridge.ros.bounds.texts import NAME, cut
 from robots.bridge.ros.network.master import Master, MasterError
@@ -270,8 +270,8 @@ class Manager(RegManager):  # type: ignore[misc]
         while not rospy.is_shutdown():
             time.sleep(CHECK_S)
             topics = BOARD.released(time.monotonic())
-            if UNHEARD.is_set():
-                UNHEARD.clear()
+            if CALL_REFUSED.is_set():
+                CALL_REFUSED.clear()
                 topics |= {topic for topic, _ in get_topic_manager().get_subscriptions()}
                 # Refused calls of any host must not cause constant calls to the master.
                 time.sleep(DROPPED_S / 2.0)

@@ -39,7 +39,7 @@ MOST_ADDRESSES = 256
 
 # Set when a call was refused. The call may have been the master's update of publishers, so the master is
 # asked again.
-UNHEARD = threading.Event()
+CALL_REFUSED = threading.Event()
 
 
 class CallerLimits:
@@ -51,7 +51,7 @@ class CallerLimits:
         self._budgets: OrderedDict[str, TokenBucket] = OrderedDict()
         self._open: OrderedDict[socket.socket, None] = OrderedDict()
 
-    def may(self, address: str, now_s: float) -> bool:
+    def allow(self, address: str, now_s: float) -> bool:
         """Return whether this address may make one more call or connection."""
         with self._lock:
             budget = self._budgets.setdefault(address, TokenBucket(PER_S, BURST))
@@ -87,7 +87,7 @@ def _hang_up(connection: socket.socket) -> None:
 # --- XML-RPC ----------------------------------------------------------------------------------------
 
 
-class _Sip:
+class _LimitedFile:
     """A file with a byte budget for reading; `left` is set again for each call."""
 
     def __init__(self, file: Any) -> None:
@@ -117,7 +117,7 @@ class _Handler(SilenceableXMLRPCRequestHandler):  # type: ignore[misc]
 
     def setup(self) -> None:
         super().setup()
-        self.rfile = _Sip(self.rfile)
+        self.rfile = _LimitedFile(self.rfile)
 
     def handle_one_request(self) -> None:
         self.rfile.left = LARGEST_CALL
@@ -125,7 +125,7 @@ class _Handler(SilenceableXMLRPCRequestHandler):  # type: ignore[misc]
 
     def do_POST(self) -> None:
         size = self.headers.get("Content-Length", "")
-        if not self.server.callers.may(self.client_address[0], time.monotonic()):
+        if not self.server.callers.allow(self.client_address[0], time.monotonic()):
             self._refuse(503, "too many calls")
         elif not size.isdecimal() or int(size) > LARGEST_CALL or self.headers.get("Content-Encoding"):
             self._refuse(413, "a call must be short, with its length, and not compressed")
@@ -135,7 +135,7 @@ class _Handler(SilenceableXMLRPCRequestHandler):  # type: ignore[misc]
             self.connection.settimeout(IDLE_S)
 
     def _refuse(self, code: int, words: str) -> None:
-        UNHEARD.set()
+        CALL_REFUSED.set()
         self.close_connection = True
         self.send_error(code, words)
 
@@ -153,8 +153,8 @@ class Server(ThreadingXMLRPCServer):  # type: ignore[misc]
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
         """Refuse addresses with too many connections; close the oldest connection when there are too many."""
-        if not self.callers.may(client_address[0], time.monotonic()):
-            UNHEARD.set()
+        if not self.callers.allow(client_address[0], time.monotonic()):
+            CALL_REFUSED.set()
             return False
         self.callers.enter(request)
         return True
@@ -182,7 +182,7 @@ def take_connection(
     exhausted: Callable[[], None] = end_without_memory,
 ) -> None:
     """Handle a node's new connection. Returns at once. Replaces TCPROSServer._tcp_server_callback."""
-    if not _handshakes.may(address[0], time.monotonic()):
+    if not _handshakes.allow(address[0], time.monotonic()):
         connection.close()
         return
     _handshakes.enter(connection)

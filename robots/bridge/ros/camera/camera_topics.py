@@ -186,13 +186,13 @@ class CameraTopics:
     def _pose(self, frame: str, stamp_s: float) -> tuple[float, ...] | None:
         """Return the base frame's pose in the optical frame, 3 x 4 row by row; None if tf has no pose."""
         try:
-            place = self._frames.place(frame, stamp_s, patience_s=0.0, late_s=POSE_LATE_S)
+            to_base = self._frames.pose_at(frame, stamp_s, patience_s=0.0, late_s=POSE_LATE_S)
         except PoseUnknown as unknown:
             why = f"where it is on the robot is not known ({str(unknown)[:MOST_WORDS]})"
             self._misfit = ("no_camera_place", why)
             return None
-        turned = place[:3, :3].T
-        origin = -turned @ place[:3, 3]
+        turned = to_base[:3, :3].T
+        origin = -turned @ to_base[:3, 3]
         return tuple(round(float(number), 5) for row in range(3) for number in (*turned[row], origin[row]))
 
     def warning(self, now_s: float) -> Refusal | None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import rospy
 
-from robots.bridge.gate.timing.acknowledgements import Echo
+from robots.bridge.gate.timing.acknowledgements import RoundTrips
 from robots.bridge.ros.tasks.publishing import heard_by
 
 
@@ -24,24 +24,24 @@ class Acknowledgements:
 
     def __init__(self, address: str) -> None:
         self._address = address
-        self._acknowledgements: dict[Any, Echo] = {}  # by rospy's connection
+        self._acknowledgements: dict[Any, RoundTrips] = {}  # by rospy's connection
 
     def wrote(self, publisher: rospy.Publisher, now_s: float) -> None:
         """Note that a message was published at `now_s`."""
         connections = heard_by(publisher)
         of_robot = [connection for connection in connections if _peer(connection) == self._address]
         self._acknowledgements = {
-            connection: self._acknowledgements.get(connection) or Echo()
+            connection: self._acknowledgements.get(connection) or RoundTrips()
             for connection in of_robot or connections
         }
-        for connection, echo in self._acknowledgements.items():
-            echo.wrote(connection.stat_bytes, now_s)
+        for connection, round_trips in self._acknowledgements.items():
+            round_trips.wrote(connection.stat_bytes, now_s)
 
     def took_s(self, now_s: float) -> float | None:
         """Return the slowest connection's acknowledgement time (s) since the last call, if there is any."""
         found = [
-            echo.took_s(connection.stat_bytes - _kept(connection), now_s)
-            for connection, echo in self._acknowledgements.items()
+            round_trips.took_s(connection.stat_bytes - _kept(connection), now_s)
+            for connection, round_trips in self._acknowledgements.items()
         ]
         return max((took_s for took_s in found if took_s is not None), default=None)
 

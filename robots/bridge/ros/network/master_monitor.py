@@ -47,7 +47,7 @@ class Node(Protocol):
     def surveyed(self, system: SystemState) -> None:
         """Take the present publishers and subscribers."""
 
-    def tell(self, status: RosStatus) -> None:
+    def report(self, status: RosStatus) -> None:
         """Take the reason why the robot is not joined."""
 
     def lost(self, name_taken: bool) -> None:
@@ -78,17 +78,17 @@ class MasterMonitor:
             try:
                 self._join_and_stay()
             except MasterError as error:
-                self._node.tell(RosStatus("waiting", str(error)))
+                self._node.report(RosStatus("waiting", str(error)))
             except Namesake as error:
-                self._node.tell(RosStatus("refused", str(error)))
+                self._node.report(RosStatus("refused", str(error)))
             except NodeLost as error:
                 if not self._ending.is_set():  # else this process itself called `rospy.signal_shutdown`
-                    self._node.tell(RosStatus("refused", str(error)))
+                    self._node.report(RosStatus("refused", str(error)))
                     self._node.lost(error.name_taken)
                 return
             except Exception as error:  # without this thread no one would notice the robot's loss
                 log.exception("watching the robot's master failed")
-                self._node.tell(RosStatus("waiting", f"Watching the robot’s ROS master failed ({error})."))
+                self._node.report(RosStatus("waiting", f"Watching the robot’s ROS master failed ({error})."))
             self._ending.wait(RETRY_S)
 
     def _join_and_stay(self) -> None:

@@ -77,7 +77,7 @@ class DepthTopics:
             message = (PointCloud2 if self._is_cloud else Image)().deserialize(raw)
             stamp_s = message.header.stamp.to_sec()
             picture = self._cloud(message) if self._is_cloud else self._image(message)
-            to_base = self._frames.place(message.header.frame_id.lstrip("/"), stamp_s)
+            to_base = self._frames.pose_at(message.header.frame_id.lstrip("/"), stamp_s)
             frame = frame_of(picture, to_base, self._view)
             self._mail.post("depth", lambda: self._core.depth(frame, stamp_s, arrival_s))
         except (Malformed, PoseUnknown) as error:

@@ -47,7 +47,7 @@ class PoseUnknown(Exception):
     """The frames do not give a pose. The text is the reason; it follows "depth camera:"."""
 
 
-class FramePlace(NamedTuple):
+class FramePose(NamedTuple):
     """A child frame's pose in its parent, not unpacked yet."""
 
     stamp_s: float
@@ -56,12 +56,12 @@ class FramePlace(NamedTuple):
 
 
 class Frames:
-    """The newest transforms of every frame. `take` and `place` may be called on different threads."""
+    """The newest transforms of every frame. `take` and `pose_at` may be called on different threads."""
 
     def __init__(self, base: str) -> None:
         self._base = base
-        self._fixed: dict[str, FramePlace] = {}
-        self._moving: OrderedDict[str, deque[FramePlace]] = OrderedDict()  # most recently updated at the end
+        self._fixed: dict[str, FramePose] = {}
+        self._moving: OrderedDict[str, deque[FramePose]] = OrderedDict()  # most recently updated at the end
         self._wanted: set[str] = set()  # frames on the chain of a requested frame
         self._full_s = -math.inf  # when a frame was dropped last
         self._news = threading.Condition()
@@ -74,30 +74,30 @@ class Frames:
     def take(self, raw: bytes, fixed: bool) -> None:
         """Take a serialized tf2_msgs/TFMessage, or the complete transforms of a truncated one."""
         with self._news:
-            for child, place in transforms(raw):
-                if len(child) > NAME or len(place.parent) > NAME:
+            for child, pose in transforms(raw):
+                if len(child) > NAME or len(pose.parent) > NAME:
                     continue
                 if fixed:
-                    self._fix(child, place)
+                    self._fix(child, pose)
                     continue
                 history = self._history(child)
                 if history is None:
                     continue
-                if history and place.stamp_s <= history[-1].stamp_s:
-                    if place.stamp_s > history[-1].stamp_s - SET_BACK_S:
+                if history and pose.stamp_s <= history[-1].stamp_s:
+                    if pose.stamp_s > history[-1].stamp_s - SET_BACK_S:
                         continue
                     history.clear()
-                history.append(place)
+                history.append(pose)
             self._news.notify_all()
 
-    def _fix(self, child: str, place: FramePlace) -> None:
+    def _fix(self, child: str, pose: FramePose) -> None:
         """Keep a static transform. It is published once, so when the table is full the first ones stay."""
         if child in self._fixed or child in self._wanted or len(self._fixed) < MOST_FIXED:
-            self._fixed[child] = place
+            self._fixed[child] = pose
         else:
             self._full_s = time.monotonic()
 
-    def _history(self, child: str) -> deque[FramePlace] | None:
+    def _history(self, child: str) -> deque[FramePose] | None:
         """Return the history of a moving frame. If there are too many, the oldest unneeded one is dropped."""
         if child not in self._moving:
             if len(self._moving) >= MOST_MOVING:
@@ -116,7 +116,7 @@ class Frames:
             self._fixed.clear()
             self._moving.clear()
 
-    def place(
+    def pose_at(
         self, frame: str, stamp_s: float, patience_s: float = PATIENCE_S, late_s: float = 0.0
     ) -> Matrix:
         """Return the transform from `frame` to the base at a stamp. Waits for late transforms. Raises PoseUnknown.
@@ -136,15 +136,15 @@ class Frames:
         """Return stamp and newest known pose of a frame in its parent, seen from above; None if unknown."""
         with self._news:
             self._want(frame)
-            place = self._newest(frame)
-        if place is None or place.parent != parent:
+            pose = self._newest(frame)
+        if pose is None or pose.parent != parent:
             return None
         try:
-            matrix = _matrix(*_parts(place.packed))
+            matrix = _matrix(*_parts(pose.packed))
         except PoseUnknown:
             return None
         yaw = math.atan2(float(matrix[1, 0]), float(matrix[0, 0]))
-        return place.stamp_s, Pose(float(matrix[0, 3]), float(matrix[1, 3]), yaw)
+        return pose.stamp_s, Pose(float(matrix[0, 3]), float(matrix[1, 3]), yaw)
 
     def _to_come(self, frame: str, stamp_s: float) -> bool:
         try:
@@ -158,11 +158,11 @@ class Frames:
         way: list[str] = []
         while frame != self._base:
             self._want(frame)
-            place = self._newest(frame)
-            if place is None or len(way) == LONGEST_WAY:
+            pose = self._newest(frame)
+            if pose is None or len(way) == LONGEST_WAY:
                 raise PoseUnknown(f"tf has no pose of {frame} on {self._base}")
             way.append(frame)
-            frame = place.parent
+            frame = pose.parent
         return way
 
     def _want(self, frame: str) -> None:
@@ -172,7 +172,7 @@ class Frames:
                 self._wanted.clear()
             self._wanted.add(frame)
 
-    def _newest(self, child: str) -> FramePlace | None:
+    def _newest(self, child: str) -> FramePose | None:
         if child in self._fixed:
             return self._fixed[child]
         return self._moving[child][-1] if child in self._moving else None
@@ -182,7 +182,7 @@ class Frames:
         if child in self._fixed:
             return _cached_matrix(self._fixed[child].packed)
         history = self._moving[child]
-        later = bisect_left(history, stamp_s, key=lambda place: place.stamp_s)
+        later = bisect_left(history, stamp_s, key=lambda pose: pose.stamp_s)
         if later == len(history):
             if stamp_s - history[-1].stamp_s > late_s:
                 raise PoseUnknown(f"tf’s pose of {child} came too late")
@@ -194,7 +194,7 @@ class Frames:
         return _matrix(*_parts(history[0].packed))
 
 
-def transforms(raw: bytes) -> Iterator[tuple[str, FramePlace]]:
+def transforms(raw: bytes) -> Iterator[tuple[str, FramePose]]:
     """Yield child frame and transform of a serialized tf2_msgs/TFMessage."""
     try:
         (count,) = _LENGTH.unpack_from(raw)
@@ -207,7 +207,7 @@ def transforms(raw: bytes) -> Iterator[tuple[str, FramePlace]]:
             at += _TRANSFORM.size
             if len(packed) < _TRANSFORM.size:
                 return
-            yield child, FramePlace(seconds + nanoseconds / 1e9, parent, packed)
+            yield child, FramePose(seconds + nanoseconds / 1e9, parent, packed)
     except struct.error:
         return
 
@@ -234,7 +234,7 @@ def _cached_matrix(packed: bytes) -> Matrix:
     return _matrix(*_parts(packed))
 
 
-def _between(child: str, before: FramePlace, after: FramePlace, stamp_s: float) -> Matrix:
+def _between(child: str, before: FramePose, after: FramePose, stamp_s: float) -> Matrix:
     hole_s = after.stamp_s - before.stamp_s
     if hole_s > LARGEST_HOLE_S:
         raise PoseUnknown(f"tf had no pose of {child} for {hole_s:.1f} s")

@@ -26,7 +26,7 @@ from robots.simulator.sensors.body import Body, CameraMount
 _WRONG_SIZE = Lens(100, 100, 50.0)
 
 
-class Make(NamedTuple):
+class CameraModel(NamedTuple):
     """One kind of camera: topic, frame, lens, pose, and whether it also sends compressed pictures."""
 
     topic: str
@@ -38,37 +38,39 @@ class Make(NamedTuple):
     breaks: bool = False  # has the faults named camera_
 
 
-def head_camera(robot: Robot, *, clock: bool) -> Make:
+def head_camera(robot: Robot, *, clock: bool) -> CameraModel:
     """Return the head's camera, as on TIAGo."""
 
     def pose() -> CameraPose:
         return camera_pose(robot.player.positions)
 
-    return Make("/xtion/rgb", OPTICAL_FRAME, HEAD_LENS, pose, compressed=True, clock=clock, breaks=True)
+    return CameraModel(
+        "/xtion/rgb", OPTICAL_FRAME, HEAD_LENS, pose, compressed=True, clock=clock, breaks=True
+    )
 
 
-def rear_camera(body: Body, mount: CameraMount) -> Make:
+def rear_camera(body: Body, mount: CameraMount) -> CameraModel:
     """Return a camera that looks back, without compressed pictures."""
     placed = CameraPose(*place(frames(body), mount.link, {}))
-    return Make("/rear_camera", mount.optical_frame, REAR_LENS, lambda: placed)
+    return CameraModel("/rear_camera", mount.optical_frame, REAR_LENS, lambda: placed)
 
 
 class CameraPublisher:
     """Publishes the pictures of one colour camera."""
 
-    def __init__(self, robot: Robot, thread: DrawingThread, make: Make) -> None:
+    def __init__(self, robot: Robot, thread: DrawingThread, model: CameraModel) -> None:
         self._robot = robot
         self._thread = thread
-        self._make = make
-        self._raw = rospy.Publisher(f"{make.topic}/image_raw", Image, queue_size=1, tcp_nodelay=True)
+        self._model = model
+        self._raw = rospy.Publisher(f"{model.topic}/image_raw", Image, queue_size=1, tcp_nodelay=True)
         self._publishers = [self._raw]
         self._compressed = None
-        if make.compressed:
+        if model.compressed:
             self._compressed = rospy.Publisher(
-                f"{make.topic}/image_raw/compressed", CompressedImage, queue_size=1, tcp_nodelay=True
+                f"{model.topic}/image_raw/compressed", CompressedImage, queue_size=1, tcp_nodelay=True
             )
             self._publishers.append(self._compressed)
-        self._info = rospy.Publisher(f"{make.topic}/camera_info", CameraInfo, queue_size=1, tcp_nodelay=True)
+        self._info = rospy.Publisher(f"{model.topic}/camera_info", CameraInfo, queue_size=1, tcp_nodelay=True)
         self._publishers.append(self._info)
         self._number = 0
         self._requested_s = -math.inf
@@ -82,15 +84,15 @@ class CameraPublisher:
         if faults.camera_rate_hz and now_s < self._requested_s + 1.0 / faults.camera_rate_hz:
             return
         self._requested_s = now_s
-        self._thread.request(self, Moment(stamp, now_s, self._robot.physics.snapshot(), self._make.pose()))
+        self._thread.request(self, Moment(stamp, now_s, self._robot.physics.snapshot(), self._model.pose()))
 
     def take(self, thread: DrawingThread, moment: Moment) -> None:
         """Draw and publish, on the drawing thread."""
         if not self._repeats():
-            pixels = thread.colour(moment, self._make.lens)
+            pixels = thread.colour(moment, self._model.lens)
             if pixels is None:
                 return
-            if self._make.clock:
+            if self._model.clock:
                 draw_clock(pixels, moment.monotonic_s)
             self._number += 1
             self._last = self._messages(pixels, moment)
@@ -106,7 +108,7 @@ class CameraPublisher:
 
     @property
     def _faults(self) -> Faults:
-        return self._robot.faults if self._make.breaks else Faults()
+        return self._robot.faults if self._model.breaks else Faults()
 
     def _messages(self, pixels: NDArray[np.uint8], moment: Moment) -> list[tuple[rospy.Publisher, Any]]:
         found: list[tuple[rospy.Publisher, Any]] = [(self._info, self._camera_info())]
@@ -122,12 +124,12 @@ class CameraPublisher:
                 (self._compressed, CompressedImage(format=f"rgb8; {kind} compressed bgr8", data=data))
             )
         for _, message in found:
-            stamped(message, moment.stamp, self._make.frame)
+            stamped(message, moment.stamp, self._model.frame)
         return found
 
     def _camera_info(self) -> CameraInfo:
         """Return the camera info; with the fault, in turn: zeros (not calibrated), another size, nan."""
-        info = camera_info(self._make.lens)
+        info = camera_info(self._model.lens)
         if self._faults.camera_info_wrong:
             match self._number % 3:
                 case 0:
