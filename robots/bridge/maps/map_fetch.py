@@ -102,16 +102,19 @@ class MapFetcher:
                     self._logged, self._failed = "", False
                     self._keep(taken)
                 case NoMap(why=why):
-                    self._say(why)
-                    if self._failed:
-                        self._gone(why)
-                    elif self._watched:
-                        self._due_s = now_s + DOUBTED_S
-                    self._failed = True
+                    self._fail(why, now_s)
         except (OSError, asyncio.TimeoutError, msgspec.MsgspecError) as error:
-            self._say(f"the process that fetches it failed ({error!r})")
+            self._fail(f"the process that fetches it failed ({error!r})", now_s)
         finally:
             self._taking = None
+
+    def _fail(self, why: str, now_s: float) -> None:
+        self._say(why)
+        if self._failed:
+            self._gone(why)
+        elif self._watched:
+            self._due_s = now_s + DOUBTED_S
+        self._failed = True
 
     async def _asked(self, wanted: MapWanted) -> TakenMap | NoMap:
         process = await asyncio.create_subprocess_exec(*self._command, stdin=PIPE, stdout=PIPE)

@@ -101,7 +101,8 @@ class LineProcess:
 
     async def _run(self) -> None:
         """Run one process after the other while one is needed."""
-        pause_s, longest_s = RESTART_S
+        shortest_s, longest_s = RESTART_S
+        pause_s = 0.0
         try:
             while self._needed():
                 began_s = time.monotonic()
@@ -110,7 +111,7 @@ class LineProcess:
                 except (OSError, ValueError):  # it cannot start, or sent an invalid line
                     log.exception("%s broke", self._command[-1])
                 lived_s = time.monotonic() - began_s
-                pause_s = RESTART_S[0] if lived_s > longest_s else min(2 * pause_s, longest_s)
+                pause_s = shortest_s if lived_s > longest_s else min(max(2 * pause_s, shortest_s), longest_s)
                 if self._needed() and not self._end_asked:
                     with suppress(asyncio.TimeoutError):
                         await asyncio.wait_for(self._closing.wait(), pause_s)

@@ -32,6 +32,7 @@ class Taker:
 
     def __init__(self, folder: Path, topic: Topic | None = MAP) -> None:
         self.kept: list[TakenMap] = []
+        self.gone: list[str] = []
         self._asked = folder / "asked"
         self._asked.touch()
         self._answer = folder / "answer"
@@ -42,7 +43,7 @@ class Taker:
             "sys.stdout.buffer.write(answer.read_bytes())\n"
         )
         command = (sys.executable, "-S", "-c", script, str(self._asked), str(self._answer))
-        self.maps = MapFetcher(with_map(topic), self.kept.append, command)
+        self.maps = MapFetcher(with_map(topic), self.kept.append, command, self.gone.append)
 
     def answers(self, answer: TakenMap | NoMap | bytes) -> None:
         raw = answer if isinstance(answer, bytes) else msgspec.msgpack.encode(answer)
@@ -121,6 +122,17 @@ async def test_missing_map_is_retried_and_logged_once(answer, why, taker, caplog
     taker.answers(TAKEN)
     await taker.tick(7, 3.0 * AGAIN_S)
     assert taker.kept == [TAKEN]
+
+
+@pytest.mark.parametrize("answer", [NoMap("failed"), b""], ids=["no map", "crash"])
+async def test_a_known_map_is_gone_after_two_failed_fetches(answer, taker):
+    await taker.tick(7, 0.0)
+    taker.answers(answer)
+    await taker.tick(7, FRESH_S)
+    assert taker.gone == []
+    await taker.tick(7, FRESH_S + AGAIN_S)
+    [why] = taker.gone
+    assert "failed" in why
 
 
 HANGS = ("sleep", "60")

@@ -7,6 +7,7 @@ import os
 import sys
 import textwrap
 import time
+from types import SimpleNamespace
 
 import msgspec
 import pytest
@@ -219,3 +220,17 @@ async def test_query_to_an_ending_inspector_goes_to_the_next(listen, monkeypatch
     assert process.returncode == 0
     may_end.unlink()
     may_end.touch()  # the next process may end at any time
+
+
+async def test_pauses_before_restarts_grow_from_the_shortest(monkeypatch):
+    pauses = []
+
+    async def pause(ended, seconds):
+        ended.close()
+        pauses.append(seconds)
+
+    monkeypatch.setattr(line_process, "RESTART_S", (0.1, 60.0))
+    monkeypatch.setattr(line_process.asyncio, "wait_for", pause)
+    owner = SimpleNamespace(needed=lambda: len(pauses) < 3)
+    await line_process.LineProcess(("/nowhere/inspector",), b"", owner)._run()
+    assert pauses == [0.1, 0.2, 0.4]

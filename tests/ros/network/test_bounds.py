@@ -22,7 +22,7 @@ import pytest
 
 import robots.bridge.ros.bounds.servers as doors
 from robots.bridge.ros.bounds import texts
-from robots.bridge.ros.bounds.board import MOST_SHOWN, SHOWN_S, Board
+from robots.bridge.ros.bounds.board import MOST_BARRED, MOST_SHOWN, SHOWN_S, Board
 from robots.bridge.ros.bounds.listening import Reading
 from robots.bridge.ros.bounds.logs import BURST, LogLimiter
 from robots.bridge.ros.bounds.mailboxes import LOOP_SHARE, Mailboxes
@@ -324,6 +324,16 @@ def test_a_cut_off_publisher_is_tried_again_after_its_time():
     assert board.released(9.0) == set()
     assert board.released(10.0) == {"/scan"}
     assert not board.barred("/scan", "http://x/", now_s=10.0)
+
+
+def test_a_publisher_that_a_full_board_drops_is_tried_again():
+    board = Board()
+    board.bar("/scan", "http://x/", until_s=10.0)
+    for number in range(MOST_BARRED):
+        board.bar("/other", f"http://{number}/", until_s=20.0)
+    assert board.released(9.0) == set()
+    assert board.released(10.0) == {"/scan"}
+    assert board.released(11.0) == set()
 
 
 # --- servers and callers -------------------------------------------------------------------------------

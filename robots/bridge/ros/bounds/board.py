@@ -23,6 +23,7 @@ class Board:
         self._lock = threading.Lock()
         self._shown: OrderedDict[str, tuple[str, float]] = OrderedDict()  # by subject: text, end (s)
         self._barred: OrderedDict[tuple[str, str], float] = OrderedDict()  # topic and address: end (s)
+        self._dropped: dict[str, float] = {}  # by topic: end (s) of an entry dropped from `_barred`
 
     def complain(self, subject: str, words: str, now_s: float | None = None) -> None:
         """Show a complaint about `subject` for `SHOWN_S`. A new complaint is logged."""
@@ -54,7 +55,8 @@ class Board:
             self._barred[topic, uri] = until_s
             self._barred.move_to_end((topic, uri))
             while len(self._barred) > MOST_BARRED:
-                self._barred.popitem(last=False)
+                (oldest, _), end_s = self._barred.popitem(last=False)
+                self._dropped.setdefault(oldest, end_s)
 
     def barred(self, topic: str, uri: str, now_s: float | None = None) -> bool:
         """Return whether this publisher is still barred."""
@@ -68,7 +70,10 @@ class Board:
             over = [key for key, until_s in self._barred.items() if until_s <= now_s]
             for key in over:
                 del self._barred[key]
-        return {topic for topic, _ in over}
+            dropped = {topic for topic, until_s in self._dropped.items() if until_s <= now_s}
+            for topic in dropped:
+                del self._dropped[topic]
+        return {topic for topic, _ in over} | dropped
 
     def _alive(self, now_s: float) -> OrderedDict[str, tuple[str, float]]:
         for subject in [subject for subject, (_, until_s) in self._shown.items() if until_s <= now_s]:
