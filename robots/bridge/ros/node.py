@@ -118,9 +118,7 @@ class RosBase:
         self._description: object = None  # the robot's description that is in use
         self._read_s = -math.inf  # time of the last read
         self._fruitless = 0  # reads in a row, while somebody has control, that found nothing new
-        self._publishers_at_last_read: set[str] = (
-            set()
-        )  # nodes that published joints, tf and odometry at the last read
+        self._publishers_at_last_read: set[str] = set()  # nodes that published joints, tf and odometry
         self._runs = RunMonitor()
         self._moves = True  # by the last odometry
         self._mail = Mailboxes(self._post, lambda: self._core.needs_fresh_sensors, speaker)
