@@ -60,8 +60,8 @@ def test_a_lens_that_bends_its_picture_draws_nothing(given):
     [
         (info(width=0), "0 x 480 pixels, not 640 x 480"),
         (info(height=400), "640 x 400 pixels, not 640 x 480"),
-        (info((math.nan, *LENS[1:])), "no sense"),
-        (info((0.0, *LENS[1:])), "no sense"),
+        (info((math.nan, *LENS[1:])), "not valid"),
+        (info((0.0, *LENS[1:])), "not valid"),
     ],
     ids=["empty", "shape", "no number", "zero"],
 )

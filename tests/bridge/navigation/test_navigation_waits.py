@@ -240,7 +240,7 @@ def test_all_that_ends_a_drive_ends_it_during_a_wait(driver, cause):
 def test_short_faults_that_recur_use_up_the_grace():
     grace, at_s, held = SensorGrace(), 10.0, 0
     while grace.note_fault(at_s):
-        grace.settle(at_s + SETTLES_S + 0.01)
+        grace.note_no_fault(at_s + SETTLES_S + 0.01)
         at_s, held = at_s + 0.15, held + 1
         assert held < 20
     assert held == 7
@@ -249,8 +249,8 @@ def test_short_faults_that_recur_use_up_the_grace():
 def test_grace_returns_after_a_time_without_a_fault():
     grace = SensorGrace()
     assert grace.note_fault(10.0) and grace.note_fault(10.5)
-    grace.settle(10.51 + SETTLES_S)
+    grace.note_no_fault(10.51 + SETTLES_S)
     assert not grace.holds
     assert grace.note_fault(11.0) and not grace.note_fault(11.2)  # too soon: what was left counts
-    grace.settle(12.0)
+    grace.note_no_fault(12.0)
     assert grace.note_fault(11.2 + WELL_S + 0.1) and grace.note_fault(11.2 + WELL_S + WAITS_S)

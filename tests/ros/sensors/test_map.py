@@ -112,7 +112,10 @@ def test_the_simulated_pose_is_right_within_centimetres(ros, simulated):
     ("topic", "why"),
     [
         (Topic("/nowhere", MAP.type), "nobody publishes /nowhere"),
-        (Topic("/mobile_base_controller/odom", MAP.type), "publishes another nav_msgs/Odometry"),
+        (
+            Topic("/mobile_base_controller/odom", MAP.type),
+            "publishes nav_msgs/Odometry, not nav_msgs/OccupancyGrid",
+        ),
     ],
 )
 def test_a_missing_map_is_explained(rosmaster, topic, why):

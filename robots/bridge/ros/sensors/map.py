@@ -45,9 +45,11 @@ def _message(conversation: Conversation, wanted: MapWanted) -> bytes:
     """Return the first message of a publisher. Raises ValueError for another definition of the type."""
     offered = conversation.read_header()
     if offered.get("md5sum") != message_class(wanted.topic.type)._md5sum:
-        raise ValueError(
-            offered.get("error") or f"its definition of {offered.get('type')} differs from the console’s"
-        )
+        found = offered.get("type")
+        why = f"its definition of {found} differs from the console’s"
+        if found != wanted.topic.type:
+            why = f"it publishes {found}, not {wanted.topic.type}"
+        raise ValueError(offered.get("error") or why)
     conversation.until_s = time.monotonic() + MESSAGE_S
     length = conversation.read_length()
     if length > LARGEST_MESSAGE:
