@@ -138,7 +138,7 @@ def hosts(env: Environment, *, debug: bool) -> list[str]:
     names = env.names("FLEET_HOSTS")
     if any("*" in name for name in names):
         raise ImproperlyConfigured(
-            "FLEET_HOSTS contains '*'. List the names and addresses: the Origin check of WebSockets rests on them."
+            "FLEET_HOSTS contains '*'. List the names and addresses: the Origin check of WebSockets needs them."
         )
     if not names and not debug:
         raise ImproperlyConfigured(

@@ -25,7 +25,7 @@ class EndReason(models.TextChoices):
     HANDED_OVER = "handed_over", _("handed over")
     TAKEN_OVER = "taken_over", _("taken over")
     TERM = "term", _("the term ended")
-    SLOT = "slot", _("the slot ended, or another person’s began")
+    SLOT = "slot", _("the slot ended, or another person’s slot began")
     AWAY = "away", _("the page was gone")
     RIGHT = "right", _("the right to control ended")
     BRIDGE = "bridge", _("the robot’s bridge refused it")
@@ -49,7 +49,7 @@ class ControlSession(models.Model):
     fence = models.BigIntegerField(_("fence"))
     started_at = models.DateTimeField(_("began"))
     ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
-    end_reason = models.CharField(_("ended how"), max_length=16, choices=EndReason, blank=True)
+    end_reason = models.CharField(_("how it ended"), max_length=16, choices=EndReason, blank=True)
 
     class Meta:
         ordering = ["-started_at"]

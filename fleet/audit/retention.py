@@ -88,8 +88,9 @@ def confirm_clock(actor: AbstractUser | SystemAccount) -> None:
 
 def _record_clock_doubt(today: date) -> None:
     log.error(
-        "nothing is taken out of the audit log: its days leapt by more than %d less than as many days ago, so the clock"
-        " (today is %s) may be wrong. If it is right: manage.py confirm_clock",
+        "The audit log had a gap of more than %d days, less than %d days ago. The clock may be wrong (today is %s), so"
+        " nothing is removed. If the clock is right: manage.py confirm_clock",
+        SILENCE.days,
         SILENCE.days,
         today,
     )
@@ -194,7 +195,7 @@ def empty_wal() -> Iterator[None]:
         if connection.vendor != "sqlite" or connection.in_atomic_block or _wal_emptied():
             return
         yield
-    log.warning("The write-ahead log of the database is in use; what was taken out stands in it for now.")
+    log.warning("The write-ahead log of the database is in use; removed content stays in it for now.")
 
 
 def _wal_emptied() -> bool:

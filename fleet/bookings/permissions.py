@@ -47,7 +47,7 @@ def may_book_for(person: User, owner: User, robot: Robot, at: datetime) -> bool:
     return any(_manages(person, course) for course in courses_for(robot, owner, at))
 
 
-def knows(person: User, other: User, robot: Robot, at: datetime) -> bool:
+def may_learn_of(person: User, other: User, robot: Robot, at: datetime) -> bool:
     """Return whether the person may learn that the account of `other` exists.
 
     Staff may learn of everybody, a supervisor of the robot of people with a role on the robot at that moment,

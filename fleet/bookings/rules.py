@@ -87,7 +87,7 @@ class Wish(Struct, frozen=True):
     qualified_until: datetime | None = None  # when the first required qualification expires
     own: tuple[Slot, ...] = ()  # the person's other bookings, of every robot
     own_here: tuple[Slot, ...] = ()  # the person's other bookings of this robot
-    beside: tuple[Taken, ...] = ()  # the person's bookings of other robots, with robot names, without lessons
+    other_robots: tuple[Taken, ...] = ()  # the person's bookings of other robots, with robot names, without lessons
     lesson: bool = False  # a lesson of a course: a teacher may book several robots at once
     course: Course | None = None  # the slot counts for this course, which lets the person drive the robot
     quota: Quota | None = None  # of that course
@@ -325,7 +325,7 @@ def with_notice(wish: Wish) -> Refusal | None:
     first = wish.now + timedelta(minutes=notice)
     if not notice or wish.start_kept or wish.slot.starts_at >= first:
         return None
-    text = f"{wish.robot} is booked at least {duration(notice)} ahead: start at {wish.local(first)} or later."
+    text = f"Book {wish.robot} at least {duration(notice)} before the start: choose {wish.local(first)} or later."
     return _not_by(wish.policy, "short_notice", text, notice_min=notice)
 
 
@@ -359,8 +359,8 @@ def within_common_quota(wish: Wish) -> Refusal | None:
     """Check that the minutes of all people of the course stay within its quota of each week."""
     if (quota := wish.quota) is None:
         return None
-    who = f"All of {quota.course} together may"
-    return _quota(wish, quota.course_week_min, quota.all, _weeks(wish), "week", who, "common_")
+    subject = f"All of {quota.course} together may"
+    return _quota(wish, quota.course_week_min, quota.all, _weeks(wish), "week", subject, "common_")
 
 
 def _quota(
@@ -369,7 +369,7 @@ def _quota(
     own: Sequence[Slot],
     periods: Sequence[Slot],
     name: str,
-    who: str,
+    subject: str,
     code: str = "",
 ) -> Refusal | None:
     if most is None:
@@ -378,7 +378,7 @@ def _quota(
         used = sum(period.shared_minutes(slot) for slot in own)
         if used + period.shared_minutes(wish.slot) > most:
             left = max(0.0, most - used)
-            text = f"{who} book {duration(most)} per {name}; {duration(left)} are left before"
+            text = f"{subject} book {duration(most)} per {name}; {duration(left)} are left before"
             text += f" {wish.local(period.ends_at)}. Cancel another booking, or choose a later {name}."
             refuse = _no if code else partial(_not_by, wish.policy)
             return refuse(f"quota_{code}{name}", text, most_min=most, left_min=round(left))
@@ -401,29 +401,32 @@ def _count(
     wish: Wish,
     most: int | None,
     own: Sequence[Slot],
-    who: str,
+    subject: str,
     code: str,
     refuse: Callable[..., Refusal],
 ) -> Refusal | None:
     to_come = sum(1 for slot in own if slot.ends_at > wish.now)
     if most is None or to_come < most:
         return None
-    text = f"{who} may have {most} booking{'s' * (most != 1)} to come and have {to_come}."
-    return refuse(f"quota_{code}", f"{text} Cancel one, or book after the next.", most=most, have=to_come)
+    text = f"{subject} may have {most} booking{'s' * (most != 1)} to come. You already have {to_come}."
+    return refuse(
+        f"quota_{code}", f"{text} Cancel one, or book again after the next.", most=most, have=to_come
+    )
 
 
 def within_robots_at_once(wish: Wish) -> Refusal | None:
     """Check that the person has not booked too many other robots for the same time. Lessons do not count."""
     most = wish.policy.robots_at_once
-    beside = [one for one in wish.beside if one.slot.overlaps(wish.slot)]
-    starts = [max(one.slot.starts_at, wish.slot.starts_at) for one in beside]
-    at_once = max((_robots_at(moment, beside) for moment in starts), default=0)
+    others = [one for one in wish.other_robots if one.slot.overlaps(wish.slot)]
+    moments = [max(one.slot.starts_at, wish.slot.starts_at) for one in others]
+    at_once = max((_robots_at(moment, others) for moment in moments), default=0)
     if wish.lesson or at_once < most:
         return None
-    first = beside[0]
+    first = others[0]
     robots = "one robot" if most == 1 else f"{most} robots"
-    text = f"You may book {robots} for the same time, and have {first.label} from {wish.local(first.slot.starts_at)}"
-    text += f" to {wish.local(first.slot.ends_at)}. Cancel that booking, or choose another time."
+    starts, ends = wish.local(first.slot.starts_at), wish.local(first.slot.ends_at)
+    text = f"You may book {robots} for the same time. You have already booked {first.label} from {starts} to {ends}."
+    text += " Cancel that booking, or choose another time."
     return _not_by(wish.policy, "robots_at_once", text, most=most, have=at_once)
 
 

@@ -293,7 +293,7 @@ def wish_of(
         qualified_until=qualified_until(person, facts.demanded),
         own=tuple(Slot(one.starts_at, one.held_until) for one in own),
         own_here=tuple(Slot(one.starts_at, one.held_until) for one in own if one.robot_id == robot.id),
-        beside=_beside(own, robot, now),
+        other_robots=_on_other_robots(own, robot, now),
         lesson=lesson,
         taken=tuple(one for one in taken if one.slot.overlaps(slot)),
         out=tuple(one for one in out if one.slot.overlaps(slot)),
@@ -391,7 +391,7 @@ def _own_rows(policy: Policy, person: User, slot: Slot, now: datetime, moved: Bo
     return [one for one in found if moved is None or one.id != moved.pk]
 
 
-def _beside(own: list[_Own], robot: Robot, now: datetime) -> tuple[Taken, ...]:
+def _on_other_robots(own: list[_Own], robot: Robot, now: datetime) -> tuple[Taken, ...]:
     """Return the person's bookings of other robots that hold time and are no lessons of a course."""
     others = [one for one in own if one.robot_id != robot.id and not one.lesson]
     begun = {one.robot_id for one in others if one.used_at is None and one.starts_at <= now}

@@ -24,7 +24,7 @@ from fleet.audit.services import record
 from fleet.bookings import overlaps
 from fleet.bookings.messages.notifications import changed_by_another
 from fleet.bookings.models import Booking, State
-from fleet.bookings.permissions import knows, may_book_for, may_manage_booking
+from fleet.bookings.permissions import may_learn_of, may_book_for, may_manage_booking
 from fleet.bookings.rules import LONGEST, Slot, Wish, check_cancel, refusals
 from fleet.bookings.selectors import (
     NOT_YET,
@@ -128,7 +128,7 @@ def account_named(username: str, actor: User, robot: Robot, at: datetime) -> Use
     The refusal is the same for a missing account and for an account of which the actor may not learn.
     """
     found = User.objects.filter(username=username, is_active=True).first()
-    if found is not None and knows(actor, found, robot, at):
+    if found is not None and may_learn_of(actor, found, robot, at):
         return found
     raise BookingRefused([_NO_ACCOUNT if manages_robot(actor, robot) else _FOR_ANOTHER])
 
@@ -145,7 +145,7 @@ def colleague_named(username: str, actor: User, booking: Booking) -> User:
     found = User.objects.filter(username=username, is_active=True).first()
     role = role_on(found, booking.robot, booking.starts_at) if found else None
     drives = role is not None and role >= Role.OPERATOR
-    known = found is not None and manages and knows(actor, found, booking.robot, booking.starts_at)
+    known = found is not None and manages and may_learn_of(actor, found, booking.robot, booking.starts_at)
     if found is None or not (drives or known):
         text = _("Nobody with the user name %(name)s may drive %(robot)s at this time.")
         text %= {"name": username, "robot": booking.robot.name}

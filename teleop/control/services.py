@@ -36,7 +36,9 @@ from teleop.models import ControlSession, EndReason, Lease, named
 
 T = TypeVar("T")
 
-_NO_REASON = Refusal("no_reason", "Say why you take over: the person reads it.", "lease")
+_NO_REASON = Refusal(
+    "no_reason", "Give a reason for taking over: the person in control will read it.", "lease"
+)
 
 
 # --- take, take over, hand over --------------------------------------------------------------------------
@@ -390,7 +392,7 @@ def _change_lease(robot_id: UUID, before: LeaseState | None, to: dict[str, Any],
     """Change the lease if it still equals `before` and `still`. Raises ControlRefused if another change was faster."""
     Lease.objects.get_or_create(robot_id=robot_id)
     if _unchanged(robot_id, before).filter(**still).update(**to) == 0:
-        text = "Another person was faster. Look who has control now."
+        text = "Another person was faster. Check who has control now."
         raise ControlRefused(Refusal("too_late", text, "lease"))
 
 

@@ -29,4 +29,4 @@ def _signed_out(*, request: HttpRequest, user: User | None, **_: Any) -> None:
             fingerprint(key), user_id=user.pk, refusal=SIGNED_OUT, now=timezone.now()
         )
     except ControlRefused as refused:
-        log.warning("Control of %s did not end at sign-out; it lapses by itself: %s", user.pk, refused)
+        log.warning("Control of %s did not end at sign-out; it ends by itself later: %s", user.pk, refused)

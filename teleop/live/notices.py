@@ -55,5 +55,5 @@ def request_received(name: str) -> Notice:
 
 YOUR_TURN = Notice("warning", "your_turn", f"It is your turn: take control within {OFFER_S:.0f} s.")
 LEFT_THE_LINE = Notice(
-    "info", "left_the_line", "You wait for control no more. Ask again if you still need the robot."
+    "info", "left_the_line", "You no longer wait for control. Ask again if you still need the robot."
 )

@@ -61,7 +61,9 @@ class TopicViewer:
                     "too_many_subscriptions", text, "wire", {"topic": topic, "limit": MAX_SUBSCRIPTIONS}
                 )
             if topic not in self._feed.rates_hz and len(self._feed.rates_hz) >= MOST_SUBSCRIPTIONS:
-                text = f"{MOST_SUBSCRIPTIONS} topics of this robot are shown to people already: more are not possible."
+                text = (
+                    f"People already watch {MOST_SUBSCRIPTIONS} topics of this robot. No more are possible."
+                )
                 return Refusal(
                     "too_many_subscriptions", text, "wire", {"topic": topic, "limit": MOST_SUBSCRIPTIONS}
                 )

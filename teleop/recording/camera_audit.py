@@ -44,7 +44,9 @@ PART_S = 3600.0
 ABANDONED_AFTER = timedelta(seconds=2 * PART_S)  # then the web process has died, and the end is unknown
 SEARCHED = timedelta(days=30)  # older abandoned viewings are not searched
 
-TOO_MANY_CAMERAS = Refusal("busy", "You opened cameras very often: this one is shown in a moment.", "audit")
+TOO_MANY_CAMERAS = Refusal(
+    "busy", "You have opened cameras too often. This camera will appear in a moment.", "audit"
+)
 
 _budgets = RecordBudgets()
 # Separate for small pictures, so that a page full of small pictures does not delay the camera of the holder.

@@ -253,7 +253,7 @@ def test_no_other_contents_can_be_said_to_be_of_days_to_come(ago):
     record("audit.expire", parameters={"kinds": {}, "misdated": [young.pk]})
     young.content.delete()
     [finding] = verify_all().findings
-    assert (finding.number, finding.what) == (young.pk, "has lost its content before its time.")
+    assert (finding.number, finding.what) == (young.pk, "has lost its content too early.")
 
 
 def test_removed_future_records_fit_heads_of_their_time(ago, five_years):

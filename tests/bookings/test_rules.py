@@ -53,7 +53,7 @@ def test_a_plain_slot_is_allowed():
         "quota_day": wish(day_min=90, own=(slot(4),)),
         "quota_week": wish(week_min=90, own=(slot(30),)),
         "quota_open": wish(at_once=1, own=(slot(30),)),
-        "robots_at_once": wish(beside=(Taken(slot(1.5), "Tiago 2"),)),
+        "robots_at_once": wish(other_robots=(Taken(slot(1.5), "Tiago 2"),)),
         "wrong_course": wish(wrong_course="HRI"),
         "gap": wish(gap_min=60, own_here=(slot(2.5),)),
     }.items(),
@@ -72,11 +72,11 @@ def test_a_policys_refusal_names_whose_policy_it_is():
 
 def test_robots_at_once_count_where_they_overlap():
     one_after_another = (Taken(slot(1, 0.5), "Tiago 2"), Taken(slot(1.5, 0.5), "Tiago 3"))
-    assert codes(wish(robots_at_once=2, beside=one_after_another)) == []
+    assert codes(wish(robots_at_once=2, other_robots=one_after_another)) == []
     together = (Taken(slot(0, 2), "Tiago 2"), Taken(slot(1.5), "Tiago 3"))
-    assert codes(wish(robots_at_once=2, beside=together)) == ["robots_at_once"]
-    assert codes(wish(beside=together, lesson=True)) == []
-    assert codes(wish(beside=together), override=True) == []
+    assert codes(wish(robots_at_once=2, other_robots=together)) == ["robots_at_once"]
+    assert codes(wish(other_robots=together, lesson=True)) == []
+    assert codes(wish(other_robots=together), override=True) == []
 
 
 def test_a_slot_ends_before_a_qualification_does():

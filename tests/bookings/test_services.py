@@ -67,7 +67,8 @@ def test_one_person_books_one_robot_at_a_time(robot, other_robot, operator, staf
     RobotRole.objects.create(user=operator, robot=other_robot, role=Role.OPERATOR)
     book(robot, operator)
     with pytest.raises(
-        BookingRefused, match=r"You may book one robot for the same time, and have TIAGo 1 from"
+        BookingRefused,
+        match=r"You may book one robot for the same time. You have already booked TIAGo 1 from",
     ):
         book(other_robot, operator, slot(1.5))
     book(other_robot, operator, slot(1.5), actor=staff, override="two robots meet")

@@ -67,7 +67,7 @@ def token_make(
     if tokens_of(user).count() >= MOST:
         raise TooManyTokens
     if made_with and not Token.objects.select_for_update(no_key=True).filter(pk=made_with.pk).exists():
-        raise TokenInvalid("token_invalid", "The token that asks has ended.")
+        raise TokenInvalid("token_invalid", "The token with which you asked has ended.")
     now = timezone.now()
     expires_at = min(expires_at, now + LONGEST)
     text = PREFIX + secrets.token_urlsafe(32)

@@ -44,7 +44,7 @@ def disagreements() -> Iterator[str]:
     with connection.cursor() as cursor:
         there = dict(_defined(cursor))
         wrong = [
-            f"the index {name} is {'another one than the console made' if name in there else 'missing'}."
+            f"the index {name} {'differs from the console’s own index' if name in there else 'is missing'}."
             for name, definition in definitions.items()
             if there.get(name) != definition
         ]
@@ -103,7 +103,7 @@ def _on_sqlite(cursor: CursorWrapper) -> Iterator[str]:
     elif different := sum(there.get(term) != said.get(term) for term in there.keys() | said.keys()):
         yield (
             f"the search index does not agree with the log: {different} of {len(said)} groups of three characters"
-            " stand at other places."
+            " are at other places."
         )
 
 
@@ -159,4 +159,4 @@ def _on_postgresql(cursor: CursorWrapper) -> Iterator[str]:
     for name in ("enable_seqscan", "enable_bitmapscan", "enable_indexscan"):
         cursor.execute(f"SET LOCAL {name} = DEFAULT")
     if counts[0] != counts[1]:
-        yield f"the search index knows of {counts[0]} texts, the log of {counts[1]}."
+        yield f"the search index has {counts[0]} texts, the log has {counts[1]}."

@@ -205,7 +205,7 @@ def _wrong(definition: str, there: list[_Trigger]) -> str:
         return "is missing"
     switches = [trigger.is_on for trigger in there if trigger.definition == definition]
     if not switches:
-        return "is another one than the console made"
+        return "differs from the console’s own trigger"
     return "" if any(switches) else "is switched off"
 
 

@@ -165,7 +165,7 @@ def compare(heads: Iterable[Head]) -> Iterator[Finding]:
         there = records.filter(seq=head.seq).values_list("id", flat=True).first()
         if there is not None:
             if _cell(there, "digest") != head.digest:
-                yield Finding(name, there, head.seq, "is another one than when the heads were kept.")
+                yield Finding(name, there, head.seq, "differs from the kept head.")
             continue
         first = _place(records.filter(seq__gt=0).order_by("seq").values_list("seq", flat=True).first())
         if first is None or head.seq > first:
@@ -179,14 +179,12 @@ def _how_removed(head: Head, removal: Removal | None) -> str:
     """Return the fault in the removal of a head's record; blank: none."""
     was_of = f"it was of {_time(head.at)}"
     if removal is None:
-        return f"was removed, and no checkpoint that counts says so: {was_of}."
+        return f"was removed, and no valid checkpoint covers it: {was_of}."
     day = head.at.astimezone(timezone.utc).date()
     if day >= removal.before and not _is_to_come(day):
-        return (
-            f"was removed before its time: {was_of}, and the checkpoint is for days before {removal.before}."
-        )
+        return f"was removed too early: {was_of}, and the checkpoint is for days before {removal.before}."
     if head.seq == removal.through and head.digest != removal.digest:
-        return "is another one in the checkpoint than when the heads were kept."
+        return "differs in the checkpoint from the kept head."
     return ""
 
 
@@ -249,14 +247,14 @@ class _Walk:
     def _what_is_wrong_inside(self, row: Any) -> str:
         if row.content__salt is None:
             lost = row.content_digest and not self._taken.covers(row)
-            return "has lost its content before its time." if lost else ""
+            return "has lost its content too early." if lost else ""
         content = _computed(content_digest, row.content__salt, row.content__text, row.content__data)
         return "" if content == row.content_digest else "has another content than was written."
 
     def _what_is_claimed(self, row: Any) -> str:
         """Return the fault of a record's statement about removed content; blank: none."""
         if row.kind == "audit.expire" and _expiry(row) is None:
-            return "reports contents that expired before their time, or is not valid."
+            return "reports contents that expired too early, or is not valid."
         if row.kind == "audit.checkpoint" and not self._counts(row):
             return "is no checkpoint of the console and is ignored."
         return ""
@@ -271,7 +269,7 @@ class _Walk:
         if row.id <= self._number:
             return f"is out of order after #{self._number}: records were swapped."
         if self._doubted:
-            return f"does not follow on #{self._number} as that is now."
+            return f"does not match record #{self._number} before it."
         return NOT_AS_WRITTEN
 
     def _find(self, row: Any, what: str) -> None:

@@ -54,9 +54,9 @@ class PersonField(forms.CharField):
         if len(exact) == 1 or len(found) == 1:
             return (exact or [found[0][0]])[0]
         if not found:
-            raise ValidationError(_("Nobody in the log is called so."))
+            raise ValidationError(_("Nobody in the log has this name."))
         names = ", ".join(name for _pk, name in found[:MOST_NAMED])
-        raise ValidationError(_("Several people are called so: %(names)s."), params={"names": names})
+        raise ValidationError(_("Several people have this name: %(names)s."), params={"names": names})
 
 
 class FilterForm(forms.Form):

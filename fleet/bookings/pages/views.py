@@ -149,7 +149,7 @@ def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], Rob
         return JsonResponse({"id": str(booking.pk), "version": booking.version})
     text = _("Booked: %(booking)s.")
     if booking.state == State.AWAITING:
-        text = _("%(booking)s awaits approval. Until then it holds the slot, and gives no control.")
+        text = _("%(booking)s awaits approval. Until then it holds the slot, but you cannot take control.")
     messages.success(request, text % {"booking": _in_words(booking)})
     return redirect("bookings-mine")
 

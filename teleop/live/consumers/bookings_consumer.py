@@ -74,7 +74,7 @@ class _Reader:
                     await self._tell()  # there may have been changes before this
                 lines = await in_database(lines_after, read_to)
             except DatabaseError as error:
-                log.warning("Calendars hear of no changes now: %s", error)
+                log.warning("Calendars get no hints of changes now: %s", error)
             else:
                 read_to = lines[-1].pk if lines else read_to
                 if any(line.kind.startswith(KINDS) for line in lines):

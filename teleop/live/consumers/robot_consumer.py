@@ -82,7 +82,7 @@ class RobotConsumer(RobotSocket):
             if self.control:
                 await self.control.leave()
         except (ControlRefused, DatabaseError) as error:
-            log.warning("A closed page was not stored; its lease lapses by itself: %s", error)
+            log.warning("The closing of a page was not stored; its lease ends by itself: %s", error)
         finally:
             await self.hub.remove(self)
 
@@ -182,7 +182,7 @@ class RobotConsumer(RobotSocket):
 
     async def _hello(self, hello: wire.Hello) -> None:
         if self.control is not None:
-            raise ControlRefused(Refusal("hello_twice", "This page has said hello already.", "wire"))
+            raise ControlRefused(Refusal("hello_twice", "This page has already sent hello.", "wire"))
         program = self.token.name if self.token else ""
         tab = Tab(hello.tab, fingerprint(self.person[1]), self.id, program)
         self.control = ControlHolder(

@@ -74,7 +74,7 @@ def test_an_index_of_another_make_is_found():
     execute("DROP TABLE audit_content_search")
     assert findings() == ["database: the index audit_content_search is missing."]
     execute("CREATE TABLE audit_content_search (text)")
-    assert findings() == ["database: the index audit_content_search is another one than the console made."]
+    assert findings() == ["database: the index audit_content_search differs from the console’s own index."]
 
 
 @pytest.mark.parametrize(
@@ -86,8 +86,8 @@ def test_a_missing_or_partial_short_word_index_is_found(instead):
     execute("DROP INDEX audit_content_said")
     if instead:
         execute(instead)
-    what = "another one than the console made" if instead else "missing"
-    assert findings() == [f"database: the index audit_content_said is {what}."]
+    what = "differs from the console’s own index" if instead else "is missing"
+    assert findings() == [f"database: the index audit_content_said {what}."]
 
 
 @postgresql_only
@@ -114,7 +114,7 @@ def test_a_search_trigger_that_is_gone_or_replaced_is_found(name):
     execute(f"DROP TRIGGER {name}")
     assert findings() == [f"database: the trigger {name} is missing."]
     execute(f"CREATE TRIGGER {name} AFTER INSERT ON audit_content WHEN 0 BEGIN SELECT 1; END")
-    assert findings() == [f"database: the trigger {name} is another one than the console made."]
+    assert findings() == [f"database: the trigger {name} differs from the console’s own trigger."]
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from fleet.audit.integrity.verify import verify_all
 
 pytestmark = pytest.mark.django_db
 
-ANOTHER = "is another one than the console made"
+ANOTHER = "differs from the console’s own trigger"
 OFF = "is switched off"
 
 _SQLITE = {

@@ -87,7 +87,7 @@ def test_a_changed_record_is_named(chain, change):
 @pytest.mark.parametrize("digest", ["00" * 32, "zz", ""])
 def test_a_changed_digest_and_its_successors_are_named(chain, digest):
     tamper("UPDATE audit_record SET digest = %s WHERE id = %s", digest, chain[3].pk)
-    what = f"does not follow on #{chain[3].pk} as that is now."
+    what = f"does not match record #{chain[3].pk} before it."
     assert found() == [of(chain[3], CHANGED), of(chain[4], what)]
 
 
@@ -200,7 +200,7 @@ def test_spoken_texts_cannot_be_changed(chain, change):
 
 def test_spoken_texts_cannot_be_removed_early(chain):
     chain[3].content.delete()
-    assert found() == [of(chain[3], "has lost its content before its time.")]
+    assert found() == [of(chain[3], "has lost its content too early.")]
 
 
 @pytest.mark.parametrize(
@@ -220,8 +220,8 @@ def test_contents_never_expire_before_their_time(chain, parameters):
     chain[3].content.delete()
     findings = {finding.number: finding.what for finding in verify_all().findings}
     assert findings == {
-        expiry.pk: "reports contents that expired before their time, or is not valid.",
-        chain[3].pk: "has lost its content before its time.",
+        expiry.pk: "reports contents that expired too early, or is not valid.",
+        chain[3].pk: "has lost its content too early.",
     }
 
 
@@ -243,7 +243,7 @@ def test_an_erasure_explains_only_earlier_named_records(chain, records):
     assert erasure.pk < later.pk in to_come
     for entry in (chain[2], chain[3], later):
         entry.content.delete()
-    what = "has lost its content before its time."
+    what = "has lost its content too early."
     assert found() == [of(chain[3], what), of(later, what)]
 
 
@@ -301,7 +301,7 @@ def test_early_removed_records_show_against_kept_heads(chain):
     assert verify_all().findings == []
     [finding] = compare(heads)
     assert (finding.chain, finding.number, finding.seq) == ("TIAGo 1", None, 8)
-    assert finding.what.startswith("was removed before its time: it was of 20")
+    assert finding.what.startswith("was removed too early: it was of 20")
 
 
 def test_so_does_a_checkpoint_far_beyond_the_end(chain):
@@ -321,7 +321,7 @@ def test_so_does_a_checkpoint_far_beyond_the_end(chain):
     tamper("DELETE FROM audit_content WHERE record_id IN (SELECT id FROM audit_record WHERE seq < 9)")
     tamper("DELETE FROM audit_record WHERE robot_id IS NOT NULL AND seq < 9 AND kind = 'speech.start'")
     [finding] = [finding for finding in compare(heads) if finding.chain == "TIAGo 1"]
-    assert finding.what.startswith("was removed before its time: it was of 20")
+    assert finding.what.startswith("was removed too early: it was of 20")
 
 
 def test_old_records_that_were_removed_fit_heads_of_their_time(chain):
@@ -333,7 +333,7 @@ def test_old_records_that_were_removed_fit_heads_of_their_time(chain):
     assert list(compare(heads)) == []
     [mine] = [head for head in heads if head.name == "TIAGo 1"]
     [finding] = compare([Head(mine.chain, mine.name, mine.seq, "00" * 32, mine.at)])
-    assert finding.what == "is another one in the checkpoint than when the heads were kept."
+    assert finding.what == "differs in the checkpoint from the kept head."
 
 
 # --- heads ----------------------------------------------------------------------------------------
@@ -355,7 +355,7 @@ def test_a_recomputed_chain_differs_from_kept_heads(chain, operator):
     _one(7, operator)
     assert verify_all().findings == []
     [finding] = compare(heads)
-    assert (finding.seq, finding.what) == (8, "is another one than when the heads were kept.")
+    assert (finding.seq, finding.what) == (8, "differs from the kept head.")
 
 
 def test_a_chain_that_has_grown_fits_older_heads(chain, operator):

@@ -21,7 +21,7 @@ class Command(BaseCommand):
 
     help = (
         "Erases a person: closes the account, takes name, e-mail and password away, replaces the name in the audit log "
-        "by a pseudonym and removes what they said and what names them. The log still verifies."
+        "by a pseudonym and removes their texts and all texts with their name. The log can still be verified."
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
