@@ -68,7 +68,7 @@ class ControlSessionAdmin(ListAdmin):
                 request, [(zones.day_of(row.started_at), _line(row, notes.get(row.pk, ""))) for row in rows]
             ),
             "count": count_of(of_the_days.order_by()[: COUNTED + 1].count())
-            if after is before is None
+            if before is None and after is None
             else "",
             **beside(
                 request,

@@ -10,7 +10,7 @@ from django.db import transaction
 from django.dispatch import Signal
 
 from fleet.audit.command_line import SystemAccount, here
-from fleet.audit.services import Said, actor_renamed, record, record_all
+from fleet.audit.services import RecordBody, actor_renamed, record, record_all
 
 SHOWN = ("username", "full_name", "email", "time_zone", "project", "is_active", "is_staff", "is_superuser")
 RECORDED = (*SHOWN, "password")  # the record says that the password changed, and does not contain it
@@ -67,8 +67,8 @@ class RecordedUser(AbstractUser):
 
 def record_creations(people: Sequence[RecordedUser], actor: AbstractUser | SystemAccount | None) -> None:
     """Record new accounts that were stored together in bulk, without `save`."""
-    said = [_said(person, _changes(type(person)(), person, RECORDED)) for person in people]
-    record_all("account.create", said, actor=actor or here())
+    bodies = [_body(person, _changes(type(person)(), person, RECORDED)) for person in people]
+    record_all("account.create", bodies, actor=actor or here())
 
 
 def _changes(before: AbstractUser, person: AbstractUser, fields: Collection[str]) -> list[dict[str, Any]]:
@@ -92,16 +92,16 @@ def _password_changed(before: AbstractUser, person: AbstractUser) -> bool:
 
 
 def _record(kind: str, person: RecordedUser, changes: list[dict[str, Any]]) -> None:
-    said = _said(person, changes)
+    body = _body(person, changes)
     record(
         kind,
         actor=person.changed_by or here(),
-        parameters=said.parameters,
-        private=said.private,
+        parameters=body.parameters,
+        private=body.private,
     )
 
 
-def _said(person: RecordedUser, changes: list[dict[str, Any]]) -> Said:
+def _body(person: RecordedUser, changes: list[dict[str, Any]]) -> RecordBody:
     """Return a change for the log.
 
     Field names and values of rights stay in the record; other values expire.
@@ -109,4 +109,4 @@ def _said(person: RecordedUser, changes: list[dict[str, Any]]) -> Said:
     kept = [change if change["field"] in RIGHTS else {"field": change["field"]} for change in changes]
     change_parameters: dict[str, Any] = {"changes": kept} if changes else {}
     whole: dict[str, Any] = {"changes": changes} if kept != changes else {}
-    return Said({"user": str(person.pk), **change_parameters}, private={"name": str(person), **whole})
+    return RecordBody({"user": str(person.pk), **change_parameters}, private={"name": str(person), **whole})

@@ -70,7 +70,7 @@ def record(
     people = {_id_of(person): person for person in (actor, real_actor) if person is not None}
     new = _new(
         kind,
-        Said(parameters or {}, text, private or {}),
+        RecordBody(parameters or {}, text, private or {}),
         actor_id=_id_of(actor) if actor else None,
         real_actor_id=_id_of(real_actor) if real_actor else None,
         robot_id=robot_id,
@@ -79,30 +79,32 @@ def record(
         fence=fence,
         outcome=_short(outcome),
     )
-    with _in_words(), transaction.atomic(savepoint=False):
+    with _as_audit_unavailable(), transaction.atomic(savepoint=False):
         _copy_from_request(new[0], _numbered(of) if isinstance(of, int) else of, request_id)
         _append([new], people)
     return new[0]
 
 
-class Said(NamedTuple):
-    """The content of one record: the same arguments as those of `record`."""
+class RecordBody(NamedTuple):
+    """What one record says: these arguments are those of `record`."""
 
     parameters: dict[str, Any]
     text: str = ""
     private: dict[str, Any] = {}
 
 
-def record_all(kind: str, several: Sequence[Said], *, actor: AbstractUser | SystemAccount | None) -> None:
+def record_all(
+    kind: str, several: Sequence[RecordBody], *, actor: AbstractUser | SystemAccount | None
+) -> None:
     """Append records of one kind and one actor, without robot, in this order.
 
     Raises the same errors as `record`.
     """
     people = {_id_of(actor): actor} if actor else {}
-    new = [_new(kind, said, actor_id=_id_of(actor) if actor else None) for said in several]
+    new = [_new(kind, body, actor_id=_id_of(actor) if actor else None) for body in several]
     for record_, _ in new:
         _copy_from_request(record_, None, None)
-    with _in_words(), transaction.atomic(savepoint=False):
+    with _as_audit_unavailable(), transaction.atomic(savepoint=False):
         _append(new, people)
 
 
@@ -111,7 +113,7 @@ def actor_renamed(person: AbstractUser) -> None:
 
     Raises `AuditUnavailable`.
     """
-    with _in_words():
+    with _as_audit_unavailable():
         Actor.objects.filter(pk=_id_of(person), erased_at=None).update(name=_name(person))
 
 
@@ -120,10 +122,10 @@ def lock_chain(chain_id: uuid.UUID, name: str = "") -> None:
 
     A chain is shown under the last `name` that was given.
     """
-    known = _hold(chain_id)
+    known = _lock(chain_id)
     if known is None:
         Chain.objects.bulk_create([Chain(id=chain_id, name=name)], ignore_conflicts=True)
-        known = _hold(chain_id)
+        known = _lock(chain_id)
     if name and name != known:
         Chain.objects.filter(pk=chain_id).update(name=name)
 
@@ -134,8 +136,8 @@ def wait_for_writers() -> None:
     This does not wait for the first record of a robot: nobody else can lock its chain before the commit.
     """
     for chain_id in list(Chain.objects.values_list("pk", flat=True)):
-        with _in_words(), transaction.atomic():
-            _hold(chain_id)
+        with _as_audit_unavailable(), transaction.atomic():
+            _lock(chain_id)
 
 
 def _copy_from_request(new: Record, earlier: Record | None, request_id: uuid.UUID | None) -> None:
@@ -160,12 +162,12 @@ def _numbered(number: int) -> Record:
 _New = tuple[Record, Content | None]
 
 
-def _new(kind: str, said: Said, **fields: Any) -> _New:
+def _new(kind: str, body: RecordBody, **fields: Any) -> _New:
     """Return a record, which has no place yet, and its content. Raises `UnknownKind` or `ValueError`."""
     if kind not in KINDS:
         raise UnknownKind(kind)
-    new = Record(kind=kind, parameters=plain(said.parameters, bounded_text), **fields)
-    content = _content(said.text, said.private)
+    new = Record(kind=kind, parameters=plain(body.parameters, bounded_text), **fields)
+    content = _content(body.text, body.private)
     if content is not None:
         new.content_digest = content_digest(content.salt, content.text, content.data)
     return new, content
@@ -181,7 +183,7 @@ def _append(new: Sequence[_New], people: dict[str, AbstractUser | SystemAccount]
     robot_id = new[0][0].robot_id
     chain_id = robot_id or NO_ROBOT
     lock_chain(chain_id, new[0][0].robot_name)
-    _know(people)
+    _ensure_actors(people)
     last = Record.objects.filter(robot_id=robot_id).order_by("-seq").values_list("seq", "digest").first()
     seq, digest = last or (0, first_digest(chain_id))
     for (one, _), number in zip(new, _next_numbers(len(new)), strict=True):
@@ -198,12 +200,12 @@ def _append(new: Sequence[_New], people: dict[str, AbstractUser | SystemAccount]
     Content.objects.bulk_create(contents, batch_size=BATCH)
 
 
-def _hold(chain_id: uuid.UUID) -> str | None:
+def _lock(chain_id: uuid.UUID) -> str | None:
     """Lock a chain until the commit and return its name; None: there is no such chain yet."""
     return Chain.objects.select_for_update().filter(pk=chain_id).values_list("name", flat=True).first()
 
 
-def _know(people: dict[str, AbstractUser | SystemAccount]) -> None:
+def _ensure_actors(people: dict[str, AbstractUser | SystemAccount]) -> None:
     """Ensure that each actor has a row; an existing row keeps its name."""
     if not people:
         return
@@ -231,8 +233,8 @@ def _content(text: str, private: dict[str, Any]) -> Content | None:
     if not text and not private:
         return None
     # normalised to NFC, like search words
-    said = bounded_text(unicodedata.normalize("NFC", text))
-    return Content(text=said, data=plain(private, bounded_text), salt=secrets.token_hex(SALT_BYTES))
+    kept = bounded_text(unicodedata.normalize("NFC", text))
+    return Content(text=kept, data=plain(private, bounded_text), salt=secrets.token_hex(SALT_BYTES))
 
 
 def _id_of(person: AbstractUser | SystemAccount) -> str:
@@ -252,7 +254,7 @@ def _short(name: str) -> str:
 
 
 @contextmanager
-def _in_words() -> Iterator[None]:
+def _as_audit_unavailable() -> Iterator[None]:
     try:
         yield
     except (OperationalError, InternalError, InterfaceError) as error:

@@ -87,7 +87,9 @@ class Wish(Struct, frozen=True):
     qualified_until: datetime | None = None  # when the first required qualification expires
     own: tuple[Slot, ...] = ()  # the person's other bookings, of every robot
     own_here: tuple[Slot, ...] = ()  # the person's other bookings of this robot
-    other_robots: tuple[Taken, ...] = ()  # the person's bookings of other robots, with robot names, without lessons
+    other_robots: tuple[
+        Taken, ...
+    ] = ()  # the person's bookings of other robots, with robot names, without lessons
     lesson: bool = False  # a lesson of a course: a teacher may book several robots at once
     course: Course | None = None  # the slot counts for this course, which lets the person drive the robot
     quota: Quota | None = None  # of that course

@@ -21,7 +21,7 @@ from robots.registry.models import Robot
 AHEAD = timedelta(days=1)
 GAP = timedelta(minutes=1)  # a shorter time between two bookings does not count as free
 
-_UNSET = (timedelta(minutes=Policy().grace_min), Policy().free_time)  # without any policy
+_DEFAULTS = (timedelta(minutes=Policy().grace_min), Policy().free_time)  # without any policy
 
 _OWN, _OF_GROUP, _OF_ALL, _BOOKING, _OUT = range(
     5
@@ -99,7 +99,7 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
     out: dict[UUID, list[Taken]] = {robot.id: [] for robot in robots}
 
     def policy(robot: UUID) -> tuple[timedelta, bool]:
-        return policies.get(robot) or policies.get(None) or _UNSET
+        return policies.get(robot) or policies.get(None) or _DEFAULTS
 
     for kind, of, starts_at, ends_at, used_at, made_at, key, person, name, note, grace_min, free in _read(
         held, now

@@ -24,7 +24,7 @@ from fleet.audit.services import record
 from fleet.bookings import overlaps
 from fleet.bookings.messages.notifications import changed_by_another
 from fleet.bookings.models import Booking, State
-from fleet.bookings.permissions import may_learn_of, may_book_for, may_manage_booking
+from fleet.bookings.permissions import may_book_for, may_learn_of, may_manage_booking
 from fleet.bookings.rules import LONGEST, Slot, Wish, check_cancel, refusals
 from fleet.bookings.selectors import (
     NOT_YET,

@@ -148,7 +148,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
     _body_unread = False
     _damaged = False  # a stop has a malformed or too large head, so the form of its body is unknown
     _between = False  # between two requests
-    _unheard = b""  # received bytes that wait for their turn
+    _unhandled = b""  # received bytes that wait for their turn
 
     @property
     def server(self) -> Any:
@@ -167,20 +167,20 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
 
     def dataReceived(self, data: bytes) -> None:
         """Store received bytes of a request until it is their turn."""
-        if not self._unheard:
+        if not self._unhandled:
             self.server.work.add(self._take_turn)
-        self._unheard += data
-        if len(self._unheard) > limits.UNHEARD_BYTES:
+        self._unhandled += data
+        if len(self._unhandled) > limits.UNHANDLED_BYTES:
             self.transport.pauseProducing()
 
     def _take_turn(self) -> None:
-        data, self._unheard = self._unheard, b""
+        data, self._unhandled = self._unhandled, b""
         if data and not self._leaving:
-            if len(data) > limits.UNHEARD_BYTES and not self._waitingForTransport:
+            if len(data) > limits.UNHANDLED_BYTES and not self._waitingForTransport:
                 self.transport.resumeProducing()
-            self._hear(data)
+            self._handle(data)
 
-    def _hear(self, data: bytes) -> None:
+    def _handle(self, data: bytes) -> None:
         if self._between:
             self._between = False
             self.setTimeout(limits.HEAD_S)
@@ -299,7 +299,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
 
     def connectionLost(self, reason: Any) -> None:
         """Handle the end of the connection."""
-        self._unheard = b""
+        self._unhandled = b""
         self.server.left(self.transport)
         super().connectionLost(reason)
 

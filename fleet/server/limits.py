@@ -17,7 +17,7 @@ BODY_BYTES = 64 * 1024  # without session cookie: a sign-in form has less than 1
 SIGNED_IN_BODY_BYTES = 4 * 1024 * 1024  # for an admin form: Django itself accepts 2.5 MB
 BODIES_BYTES = 64 * 1024 * 1024  # all bodies in memory together
 
-UNHEARD_BYTES = 64 * 1024  # received bytes of one connection that wait for their turn; then reading pauses
+UNHANDLED_BYTES = 64 * 1024  # received bytes of one connection that wait for their turn; then reading pauses
 
 HEAD_S = 10.0  # from the first byte of a request, or from connecting, to the end of its headers
 BODY_S = 60.0  # from the end of the headers to the end of the body

@@ -127,7 +127,7 @@ def _tidy(run_directory: Path) -> None:
 
 
 @implementer(IAgentEndpointFactory)
-class _There:
+class _SocketFactory:
     """Let Twisted's HTTP client connect to the socket of the pages process for every URL."""
 
     def __init__(self, path: Path) -> None:
@@ -144,7 +144,7 @@ class Forward:
         connections = HTTPConnectionPool(reactor)
         connections.maxPersistentPerHost = MOST_KEPT
         connections.cachedConnectionTimeout = KEPT_S
-        self._agent = Agent.usingEndpointFactory(reactor, _There(path), connections)
+        self._agent = Agent.usingEndpointFactory(reactor, _SocketFactory(path), connections)
 
     def __call__(self, request: Any) -> None:
         """Forward the request to the pages process, and send its response to the client."""
@@ -249,7 +249,7 @@ class _Passing(protocol.Protocol):  # type: ignore[misc]
             self._unread = reactor.callLater(limits.UNREAD_S, self._give_up)
 
     def resumeProducing(self) -> None:
-        self._heard()
+        self._client_reads()
         self.transport.resumeProducing()
 
     def _give_up(self) -> None:
@@ -264,7 +264,7 @@ class _Passing(protocol.Protocol):  # type: ignore[misc]
             self._request.write(data)
 
     def connectionLost(self, reason: Any = None) -> None:
-        self._heard()
+        self._client_reads()
         request = self._request
         if self.whole.called:  # it was cancelled
             return
@@ -278,7 +278,7 @@ class _Passing(protocol.Protocol):  # type: ignore[misc]
         else:
             self.whole.errback(reason)
 
-    def _heard(self) -> None:
+    def _client_reads(self) -> None:
         if self._unread is not None:
             self._unread.cancel()
             self._unread = None

@@ -34,7 +34,7 @@ class CameraConsumer(RobotSocket):
         self.camera_audit: CameraAudit | None = None
         self._viewers: dict[str, CameraViewer] = {}
         # The feed whose camera process runs for this connection, which watches no camera yet.
-        self._started: CameraFeed | None = None
+        self._kept_feed: CameraFeed | None = None
 
     async def on_open(self) -> None:
         """Join the robot's hub, if this person may see the robot. The camera process starts while the page loads."""
@@ -137,15 +137,15 @@ class CameraConsumer(RobotSocket):
     def _start_process(self) -> None:
         """Start the camera process before the page requests a camera. Stop waiting after `WATCHES_WITHIN_S`."""
         if self.hub.entry.facts.cameras:
-            self._started = feed_of(self.hub.link)
-            self._started.begin(self)
+            self._kept_feed = feed_of(self.hub.link)
+            self._kept_feed.begin(self)
             asyncio.get_running_loop().call_later(WATCHES_WITHIN_S, self._end_start)
 
     def _end_start(self) -> None:
         """Undo `_start_process`. The camera process goes on only while a connection watches a camera."""
-        started, self._started = self._started, None
-        if started is not None:
-            started.end(self)
+        kept, self._kept_feed = self._kept_feed, None
+        if kept is not None:
+            kept.end(self)
 
     async def _send_cameras(self, entry: RobotEntry) -> None:
         await self.send_encoded(wire.encode(wire.Cameras(entry.facts.cameras)).decode())
@@ -159,7 +159,7 @@ class CameraConsumer(RobotSocket):
         viewer = self._viewers.get(camera)
         if viewer is None:  # the viewing has ended
             return False
-        if not self.camera_audit.may_view(camera, small=viewer.watch.size == "small"):
+        if not self.camera_audit.begin_or_continue(camera, small=viewer.watch.size == "small"):
             await self.refuse("camera_watch", TOO_MANY_CAMERAS)
             return False
         await self.send_bytes(frame)

@@ -70,7 +70,7 @@ class CameraViewer:
     def decide(self, now_s: float) -> bool:
         """Choose the variant for this viewer; return whether the variant changed."""
         for sent_s in self._unacknowledged.values():
-            self.quality.waits(now_s, sent_s)
+            self.quality.unacknowledged(now_s, sent_s)
         changed = self.quality.decide(now_s)
         if changed:
             self.begin_anew()
@@ -90,7 +90,7 @@ class CameraViewer:
         self._broken = True
         self._sent = None
 
-    def takes(self, newest: _Newest, now_s: float) -> bool:
+    def is_due(self, newest: _Newest, now_s: float) -> bool:
         """Return whether to send this picture now. After a missed video picture, only a key picture can follow."""
         if newest is self._sent:
             return False
@@ -265,7 +265,7 @@ class CameraFeed:
     async def _show(self, viewer: CameraViewer) -> None:
         now_s = time.monotonic()
         newest = self._newest_for(viewer)
-        if newest is not None and viewer in self._viewers and viewer.takes(newest, now_s):
+        if newest is not None and viewer in self._viewers and viewer.is_due(newest, now_s):
             try:
                 await viewer.show(newest, now_s)
             except OSError:

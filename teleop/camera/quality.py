@@ -34,7 +34,7 @@ class Quality:
         self._since_s = now_s
         self._again_s = FULL_AGAIN_S[0]
         self._damaged = 0
-        self._tries = False  # full pictures are tried again: the first one is not acknowledged yet
+        self._is_trying_full = False  # full pictures are tried again: the first one is not acknowledged yet
         self._has_failed = False  # the try took too long
         self._offered: deque[float] = deque()  # when pictures arrived from the camera
         self._shown: deque[float] = deque()  # when pictures were acknowledged
@@ -42,7 +42,7 @@ class Quality:
     @property
     def most_unacknowledged(self) -> int:
         """Return the number of pictures that may be unacknowledged at once."""
-        if self._tries:
+        if self._is_trying_full:
             return 1
         return MOST_VIDEO_UNACKNOWLEDGED if self.variant == "video" else MOST_UNACKNOWLEDGED
 
@@ -58,13 +58,13 @@ class Quality:
     def acknowledged(self, now_s: float, sent_s: float) -> None:
         """Note that the viewer has painted a picture that was sent at `sent_s`."""
         self._shown.append(now_s)
-        if self._tries and sent_s >= self._since_s:
-            self._tries = False
+        if self._is_trying_full and sent_s >= self._since_s:
+            self._is_trying_full = False
             self._has_failed = now_s - sent_s > SLOWEST_S
 
-    def waits(self, now_s: float, sent_s: float) -> None:
+    def unacknowledged(self, now_s: float, sent_s: float) -> None:
         """Note that the viewer has not yet painted a picture that was sent at `sent_s`."""
-        self._has_failed |= self._tries and sent_s >= self._since_s and now_s - sent_s > SLOWEST_S
+        self._has_failed |= self._is_trying_full and sent_s >= self._since_s and now_s - sent_s > SLOWEST_S
 
     def painted(self, *, damaged: bool) -> None:
         """Note whether the viewer could decode a picture."""
@@ -95,7 +95,7 @@ class Quality:
         if self.variant != "full" and lasted_s > self._again_s and not self._is_slow:
             self._again_s = min(2.0 * self._again_s, FULL_AGAIN_S[1])
             self._change("full", now_s)
-            self._tries = True
+            self._is_trying_full = True
             return True
         return False
 
@@ -110,6 +110,6 @@ class Quality:
 
     def _change(self, variant: Variant, now_s: float) -> None:
         self.variant, self._since_s = variant, now_s
-        self._tries = self._has_failed = False
+        self._is_trying_full = self._has_failed = False
         self._offered.clear()
         self._shown.clear()

@@ -38,7 +38,7 @@ def line_join(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
             raise ControlRefused(refusal)
         if lease_checks.is_free(held, now):
             answer = permit_for(subject)
-            refusal = _FREE if isinstance(answer, Permit) and answer.over is None else None
+            refusal = _FREE if isinstance(answer, Permit) and answer.take_over_only is None else None
         else:
             refusal = lease_checks.check_other_holds(held, user=user_id, now=now)
         if refusal is not None:
@@ -125,7 +125,7 @@ def offer_next(*, robot_id: UUID, now: datetime) -> bool:
                 waiters_remove(NOT_ALLOWED, pk=waiter.id)
                 continue
             answer = permit_for(subject)
-            if isinstance(answer, Permit) and answer.over is None:
+            if isinstance(answer, Permit) and answer.take_over_only is None:
                 Waiting.objects.filter(pk=waiter.id).update(
                     offer_until=now + timedelta(seconds=lease_checks.OFFER_S)
                 )

@@ -69,8 +69,8 @@ class Permit(Struct, frozen=True):
     until: datetime | None = None
     max_share: float = 1.0  # share of the robot's speed limits
     whole_slot: bool = False  # a term lasts until `until`, without renewals
-    # The person may control only by taking over with a reason: another person has booked, or is next in line.
-    over: Refusal | None = None
+    # Set if the person may control only by taking over with a reason: another person has booked, or is next in line.
+    take_over_only: Refusal | None = None
 
     def narrowed_by(self, other: Permit) -> Permit:
         """Return a permit with the limits of both: the earlier end, the lower share."""
@@ -79,7 +79,7 @@ class Permit(Struct, frozen=True):
             until=min(ends, default=None),
             max_share=min(self.max_share, other.max_share),
             whole_slot=self.whole_slot or other.whole_slot,
-            over=self.over or other.over,
+            take_over_only=self.take_over_only or other.take_over_only,
         )
 
 
@@ -168,7 +168,7 @@ def require_booking(subject: Subject) -> Permit | Refusal:
         booked = f"{current.name} has booked this robot {_until(until, subject.user, subject.now)}."
         text = f"{booked} Book another time, or ask for control."
         refusal = Refusal("booked", text, "booking", {"holder": current.name, "until": until.isoformat()})
-        return Permit(until=begins, over=refusal) if subject.supervises else refusal
+        return Permit(until=begins, take_over_only=refusal) if subject.supervises else refusal
     if schedule.free_time or subject.supervises:
         return Permit(until=begins)
     return Refusal("book_first", "This robot is for booked time only: book a slot first.", "booking")
@@ -191,7 +191,7 @@ def require_turn(subject: Subject) -> Permit | Refusal:
     if all(one.user != me for one in subject.line):
         text += " Ask for control to wait in line."
     refusal = Refusal("next_in_line", text, "lease", {"next": first.name, "seconds": round(left_s, 1)})
-    return Permit(over=refusal) if subject.supervises else refusal
+    return Permit(take_over_only=refusal) if subject.supervises else refusal
 
 
 def _own_end(current: Held, schedule: Schedule) -> datetime:

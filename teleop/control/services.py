@@ -54,7 +54,7 @@ def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, n
         before = lease_of(robot_id)
         line = _line_if_free(before, robot_id, now)
         role, permit = _permit(user=user, robot=robot, now=now, line=line)
-        _require(permit.over)
+        _require(permit.take_over_only)
         _require(lease_checks.check_take(before, user=user_id, tab=tab, now=now))
         if before is not None:
             lapsed = lease_checks.lapse_reason(before, now)
@@ -75,7 +75,7 @@ def lease_take_over(
         before = lease_of(robot_id)
         line = _line_if_free(before, robot_id, now)
         role, permit = _permit(user=user, robot=robot, now=now, line=line)
-        if permit.over is None or (before is not None and before.user == user_id):
+        if permit.take_over_only is None or (before is not None and before.user == user_id):
             _require(
                 lease_checks.check_take_over(
                     before, user=user_id, supervises=supervises(user, robot), now=now

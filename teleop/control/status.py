@@ -64,7 +64,11 @@ class ControlStatus(Struct, frozen=True):
         if permit is None:
             return None
         current = self.schedule.current
-        if permit.over is not None and current is not None and lease.started_at < current.holds_from:
+        if (
+            permit.take_over_only is not None
+            and current is not None
+            and lease.started_at < current.holds_from
+        ):
             return self.read_at
         # A holder who gave up the slot keeps control no longer than for a term of unbooked time.
         if not permit.whole_slot or permit.until is None:
@@ -156,7 +160,7 @@ def _offer_s(status: ControlStatus, user: UUID) -> float | None:
 
 
 def _take_over_only(rights: Rights) -> wire.Refusal | None:
-    return rights.permit.over if isinstance(rights.permit, Permit) else None
+    return rights.permit.take_over_only if isinstance(rights.permit, Permit) else None
 
 
 def _state(phase: Phase, *, mine: bool, own: bool) -> wire.ControlState:

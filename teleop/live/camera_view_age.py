@@ -18,7 +18,7 @@ class CameraViewAge:
 
     def __init__(self) -> None:
         self._taken_s: float | None = None  # monotonic clock; None: the page does not drive by a camera
-        self._told = 0  # the age that was sent last, in steps beyond `NOTICED_S`
+        self._sent_step = 0  # the age that was sent last, in steps beyond `NOTICED_S`
 
     def age_s(self) -> float | None:
         """Return the picture's age now in seconds; None: the page does not drive by a camera."""
@@ -27,8 +27,8 @@ class CameraViewAge:
     def take(self, age_ms: float | None) -> bool:
         """Store a report. Return whether the age has changed so much that it must be sent to the bridge at once."""
         self._taken_s = None if age_ms is None else time.monotonic() - age_ms / 1000.0
-        told, self._told = self._told, _steps((age_ms or 0.0) / 1000.0)
-        return told != self._told
+        before, self._sent_step = self._sent_step, _steps((age_ms or 0.0) / 1000.0)
+        return before != self._sent_step
 
 
 def _steps(age_s: float) -> int:

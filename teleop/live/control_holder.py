@@ -257,7 +257,7 @@ class ControlHolder:
         self._renewer = None
         session, lease = renewer.lease.session, status.lease
         if lease and lease.session == session and lease.tab.connection not in ("", self.tab.connection):
-            renewer.pass_on()
+            renewer.stop_silently()
             await self._report(notices.GOES_ON_ELSEWHERE)
             return
         # If the end is not stored, the times of the lease give the reason.

@@ -24,7 +24,7 @@ CONFIRMED_S = 2.0  # without confirmation by the database for this time, control
 
 
 class GrantRenewer:
-    """Renews the grant of one connection's lease from its start until `revoke`, `leave` or `pass_on`.
+    """Renews the grant of one connection's lease from its start until `revoke`, `leave` or `stop_silently`.
 
     `answered` is called after the first grant, `refused` if the bridge's refusal of this control is final.
     `delay_s` returns the round trip time to the page (None: not known yet); the bridge adds it to its
@@ -82,7 +82,7 @@ class GrantRenewer:
         self._end()
         self._hub.link.send(Pause(self.fence, "The page is gone."))
 
-    def pass_on(self) -> None:
+    def stop_silently(self) -> None:
         """Stop renewing, but send the bridge nothing: another connection of the same tab continues with this grant."""
         self._end()
 

@@ -27,7 +27,7 @@ class DrivingCollector(Collector):
         forward = HistogramMetricFamily(
             "fleet_command_forward_seconds", "Drive messages, from arrival until sent on.", labels=names
         )
-        for robot, taken in robot_hub.forwards.items():
+        for robot, taken in robot_hub.forward_durations.items():
             forward.add_metric([web, robot], buckets(taken.counts), taken.sum_s)
         link = GaugeMetricFamily("fleet_link_up", "1: the link to the robot's bridge is up.", labels=names)
         viewers = GaugeMetricFamily("fleet_viewers", "Pages that get views of the robot.", labels=names)

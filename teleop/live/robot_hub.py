@@ -95,7 +95,7 @@ class RobotHub:
         self.robot_id = robot_id
         self.entry = entry
         self.link: BridgeLink = links.get(robot_id, entry.link)
-        self.forwards = forwards[entry.facts.slug]
+        self.forward_durations = forward_durations[entry.facts.slug]
         self.views = ViewFeed()
         self.topics = TopicFeed(self._subscribe_topics)
         self.members: dict[str, Member] = {}
@@ -355,7 +355,7 @@ class RobotHub:
 
 _hubs: dict[UUID, RobotHub] = {}
 # By robot: how long drive messages take, from arrival until they are sent on.
-forwards: dict[str, Durations] = defaultdict(Durations)
+forward_durations: dict[str, Durations] = defaultdict(Durations)
 
 
 def open_hubs() -> list[RobotHub]:

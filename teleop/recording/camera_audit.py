@@ -85,13 +85,13 @@ class CameraAudit:
         self._robot_name = robot_name
         self._open: dict[str, _Viewing] = {}
 
-    def may_show(self, message: str) -> bool:
-        """Return whether this encoded sample of a topic may be shown; see `may_view` for pictures."""
+    def begin_if_picture(self, message: str) -> bool:
+        """Begin or continue a viewing if this encoded sample is a picture. Return whether it may be shown."""
         camera = _camera_of(message)
-        return camera is None or self.may_view(camera)
+        return camera is None or self.begin_or_continue(camera)
 
-    def may_view(self, camera: str, *, small: bool = False) -> bool:
-        """Return whether a picture of this camera may be shown. It starts or continues a viewing.
+    def begin_or_continue(self, camera: str, *, small: bool = False) -> bool:
+        """Begin or continue a viewing of this camera. Return whether its picture may be shown.
 
         `small`: the page asked for small pictures. Returns False if the person's record budget is used up:
         the viewing could not be recorded.

@@ -137,7 +137,7 @@ def export_of(user: User) -> exports.ExportResponse:
         actor=user,
         name="your-data",
         format_=exports.Format.JSON_LINES,
-        besides=_lines_about(user, zones.viewers()),
+        further_pieces=_lines_about(user, zones.viewers()),
     )
 
 

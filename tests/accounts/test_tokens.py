@@ -103,6 +103,13 @@ def test_tokens_of_a_person_are_limited_and_each_id_is_unique(operator: User) ->
         make(operator)
 
 
+def test_expired_tokens_do_not_count_for_the_limit(operator: User) -> None:
+    for _ in range(MOST):
+        make(operator)
+    Token.objects.update(expires_at=timezone.now() - timedelta(hours=1))
+    make(operator)
+
+
 def test_the_log_says_that_the_command_made_a_token(operator: User) -> None:
     words = io.StringIO()
     call_command("make_token", "operator", "night-tests", "read", stdout=words)

@@ -10,7 +10,7 @@ from django.utils import timezone as django_timezone
 
 from fleet.accounts.models import User
 from fleet.bookings.changes.series import preview, series_make, weekly
-from fleet.bookings.hours.report import lines, report
+from fleet.bookings.hours.report import Row, lines, report
 from fleet.bookings.models import Booking, Policy
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import BookingRefused, booking_make
@@ -166,6 +166,11 @@ def test_a_name_is_no_formula_in_a_spreadsheet(robot, operator):
         now=starts,
     )
     assert lines(rows)[1][0] == "'=1+1"
+
+
+def test_no_name_in_the_report_begins_as_a_formula():
+    rows = [Row("\uff1d1+1"), Row("\n=1"), Row("-")]
+    assert [line[0] for line in lines(rows)[1:]] == ["'\uff1d1+1", "'\n=1", "-"]
 
 
 def test_two_people_of_one_name_are_two_rows(client, robot, operator, second_operator, supervisor):

@@ -28,8 +28,8 @@ FAILURES_OF_ADDRESS = 50  # with all names from one address: a whole lab may sha
 WINDOW = timedelta(minutes=5)
 # The largest difference between the clocks of two web processes. Records of a later time do not count: they
 # were made while a clock was ahead.
-CLOCKS = timedelta(minutes=5)
-LOOKED_AT = timedelta(minutes=1)  # an older attempt belongs to a process that died
+CLOCKS_DIFFER = timedelta(minutes=5)
+ATTEMPT_LASTS = timedelta(minutes=1)  # an older attempt belongs to a process that died
 KIND = "account.sign_in_failed"
 
 
@@ -119,12 +119,12 @@ def _begin(name: str, address: str) -> SignInAttempt:
         with connection.cursor() as cursor:
             cursor.execute("SELECT pg_advisory_xact_lock(hashtext(%s))", [address])
     now = timezone.now()
-    SignInAttempt.objects.filter(at__lt=now - LOOKED_AT).delete()
-    recent = Record.objects.filter(kind=KIND, at__gt=now - WINDOW, at__lt=now + CLOCKS)
+    SignInAttempt.objects.filter(at__lt=now - ATTEMPT_LASTS).delete()
+    recent = Record.objects.filter(kind=KIND, at__gt=now - WINDOW, at__lt=now + CLOCKS_DIFFER)
     failures = recent.filter(parameters__address_digest=address)
-    looked_at = SignInAttempt.objects.filter(address_digest=address)
-    of_name = failures.filter(parameters__name_digest=name), looked_at.filter(name_digest=name), FAILURES
-    of_address = failures, looked_at, FAILURES_OF_ADDRESS
+    being_checked = SignInAttempt.objects.filter(address_digest=address)
+    of_name = failures.filter(parameters__name_digest=name), being_checked.filter(name_digest=name), FAILURES
+    of_address = failures, being_checked, FAILURES_OF_ADDRESS
     wait_s = max(_wait_s(failed, most, now) for failed, _, most in (of_name, of_address))
     if wait_s > 0:
         raise TooMany(wait_s)

@@ -20,7 +20,7 @@ from fleet.audit.services import record
 
 LONGEST = timedelta(days=366)
 PREFIX = "fleet_"  # so that a search finds tokens in files that must not contain any
-MOST = 20  # tokens of one person
+MOST = 20  # valid tokens of one person
 USED_EVERY = timedelta(minutes=1)
 LISTED = timedelta(days=30)  # how long expired tokens stay in the list
 KEY = "token:"  # a token's key starts with this; it is used in place of a session key
@@ -35,7 +35,7 @@ class TokenInvalid(Exception):
 
 
 class TooManyTokens(Exception):
-    """A person has `MOST` tokens."""
+    """A person has `MOST` valid tokens."""
 
 
 class TokenExists(Exception):
@@ -58,17 +58,17 @@ def token_make(
 
     `token_id`: the id of the new token. A form that is sent twice makes only one token: raises `TokenExists`.
     `made_with`: the token with which a program makes it. When that token ends, the new one ends, too. If that
-    token has already ended: raises `TokenInvalid`. If the person has `MOST` tokens: raises `TooManyTokens`.
+    token has already ended: raises `TokenInvalid`. If the person has `MOST` valid tokens: raises `TooManyTokens`.
     """
     User.objects.select_for_update(no_key=True).get(pk=user.pk)
     token_id = token_id or uuid4()
     if Token.objects.filter(pk=token_id).exists():
         raise TokenExists
-    if tokens_of(user).count() >= MOST:
+    now = timezone.now()
+    if Token.objects.filter(user=user, expires_at__gt=now).count() >= MOST:
         raise TooManyTokens
     if made_with and not Token.objects.select_for_update(no_key=True).filter(pk=made_with.pk).exists():
         raise TokenInvalid("token_invalid", "The token with which you asked has ended.")
-    now = timezone.now()
     expires_at = min(expires_at, now + LONGEST)
     text = PREFIX + secrets.token_urlsafe(32)
     token = Token.objects.create(

@@ -115,7 +115,7 @@ class Erasure(Struct, frozen=True):
     records: list[int]  # the records whose contents were removed
 
 
-class Taken(Struct):
+class RemovedContents(Struct):
     """Contents that were removed by the rules, according to the log's own records."""
 
     # by kind: contents of days before this one have expired
@@ -138,9 +138,9 @@ T = TypeVar("T")
 
 def verify(chains: Iterable[Chain]) -> Verified:
     """Verify these chains. Others may write at the same time; robots are not delayed."""
-    result, taken = Verified(), _taken()
+    result, removed = Verified(), _removed_contents()
     for chain in chains:
-        _Walk(chain, taken, result).go()
+        _Walk(chain, removed, result).go()
     return result
 
 
@@ -191,11 +191,11 @@ def _how_removed(head: Head, removal: Removal | None) -> str:
 class _Walk:
     """Read a chain from its first kept record to its last, and collect the findings."""
 
-    def __init__(self, chain: Chain, taken: Taken, result: Verified) -> None:
+    def __init__(self, chain: Chain, removed: RemovedContents, result: Verified) -> None:
         self._chain = chain
         self._records = _records(chain.pk)
         self._name = _name(chain)
-        self._taken = taken
+        self._removed_contents = removed
         self._result = result
         self._seq = 0  # of the record before
         self._number = 0
@@ -246,7 +246,7 @@ class _Walk:
 
     def _what_is_wrong_inside(self, row: Any) -> str:
         if row.content__salt is None:
-            lost = row.content_digest and not self._taken.covers(row)
+            lost = row.content_digest and not self._removed_contents.covers(row)
             return "has lost its content too early." if lost else ""
         content = _computed(content_digest, row.content__salt, row.content__text, row.content__data)
         return "" if content == row.content_digest else "has another content than was written."
@@ -316,18 +316,18 @@ def _expiry(row: Any) -> Expiry | None:
     return expiry if lawful else None
 
 
-def _taken() -> Taken:
-    taken = Taken()
+def _removed_contents() -> RemovedContents:
+    removed = RemovedContents()
     for row in _rows(Record.objects.filter(kind="audit.expire").order_by("id")):
         if (expiry := _expiry(row)) is None:
             continue
         for kind, expired in expiry.kinds.items():
-            taken.before[kind] = max(taken.before.get(kind, date.min), expired.before)
-        taken.misdated.update((number, row.day) for number in expiry.misdated if number < row.id)
+            removed.before[kind] = max(removed.before.get(kind, date.min), expired.before)
+        removed.misdated.update((number, row.day) for number in expiry.misdated if number < row.id)
     for row in _rows(Record.objects.filter(kind="audit.erase").order_by("id")):
         erasure = _statement(row, Erasure)
-        taken.erased.update(number for number in (erasure.records if erasure else ()) if number < row.id)
-    return taken
+        removed.erased.update(number for number in (erasure.records if erasure else ()) if number < row.id)
+    return removed
 
 
 def _statement(row: Any, kind: type[T]) -> T | None:

@@ -154,16 +154,16 @@ def response(
     actor: AbstractUser,
     name: str,
     format_: Format,
-    besides: Iterable[tuple[str, int]] = (),
+    further_pieces: Iterable[tuple[str, int]] = (),
 ) -> ExportResponse:
     """Return the file as a response. Raises `AuditUnavailable` if the export cannot be recorded.
 
-    `besides` are further pieces (text and number of rows), which follow the selected rows.
+    `further_pieces` (text and number of rows) follow the selected rows.
     """
     head, to_text = _WRITERS[format_]
     zone = zones.viewers()  # read now: the rows are written after the request, when the zone is no longer set
     pieces = ((to_text(rows, zone), len(rows)) for rows in selection.chunks(CHUNK))
-    return _file(head, chain(pieces, besides), wanted, actor=actor, name=name, format_=format_)
+    return _file(head, chain(pieces, further_pieces), wanted, actor=actor, name=name, format_=format_)
 
 
 def response_of(

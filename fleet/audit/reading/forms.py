@@ -17,7 +17,7 @@ from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.kinds import KINDS, grouped
 from fleet.audit.models import Actor, Chain
 from fleet.audit.reading import wording
-from fleet.audit.reading.listing import CONSOLE, Wanted, seen, that_begin, with_ends
+from fleet.audit.reading.listing import CONSOLE, Wanted, outcomes_of, with_ends, without_ends
 from fleet.audit.reading.search import words_of
 
 ANY = [("", _("any"))]
@@ -91,11 +91,11 @@ class FilterForm(forms.Form):
         self.fields["person"].widget = forms.TextInput(
             attrs={"type": "search", "autocomplete": "off", "data-people": reverse("admin:audit_people")}
         )
-        groups = grouped(that_begin(listed))
+        groups = grouped(without_ends(listed))
         self.offer(
             "kind", [(name, [(kind, wording.label(kind)) for kind in found]) for name, found in groups]
         )
-        outcomes = dict.fromkeys(outcome for _kind, outcome in seen(with_ends(listed)))
+        outcomes = dict.fromkeys(outcome for _kind, outcome in outcomes_of(with_ends(listed)))
         self.offer("outcome", sorted((outcome, wording.outcome(outcome)) for outcome in outcomes))
         if outcomes_are is not None:
             self.fields["outcome"].label = outcomes_are

@@ -243,7 +243,7 @@ class Selection:
 
     def _telling(self) -> list[tuple[str, str]]:
         """Return the outcomes of the wanted kinds and of the kinds that end them."""
-        return seen(KINDS if self._wanted_kinds is None else with_ends(self._wanted_kinds))
+        return outcomes_of(KINDS if self._wanted_kinds is None else with_ends(self._wanted_kinds))
 
     def _whats(self) -> list[Q]:
         kinds = self._wanted_kinds
@@ -255,7 +255,7 @@ class Selection:
             ]
         if kinds is None:
             return [~_IS_OUTCOME]
-        return [Q(kind=kind) & ~_IS_OUTCOME for kind in that_begin(kinds)]
+        return [Q(kind=kind) & ~_IS_OUTCOME for kind in without_ends(kinds)]
 
     def _whos(self) -> list[Q]:
         person = self._wanted.person
@@ -268,7 +268,7 @@ class Selection:
         return [Q(actor=person), *([as_another] if Record.objects.filter(as_another).exists() else [])]
 
 
-def seen(kinds: Iterable[str]) -> list[tuple[str, str]]:
+def outcomes_of(kinds: Iterable[str]) -> list[tuple[str, str]]:
     """Return the pairs of kind and outcome that records of these kinds have.
 
     The query skips repetitions by an index.
@@ -293,7 +293,7 @@ def seen(kinds: Iterable[str]) -> list[tuple[str, str]]:
         return [(kind, outcome) for kind, outcome in cursor.fetchall()]
 
 
-def that_begin(kinds: Iterable[str]) -> list[str]:
+def without_ends(kinds: Iterable[str]) -> list[str]:
     """Return the kinds that have rows: those that are not the end of another kind."""
     return [kind for kind in kinds if kind not in _END_OF.values()]
 

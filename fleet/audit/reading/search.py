@@ -61,7 +61,7 @@ def texts_among(numbers: list[int], words: tuple[str, ...]) -> QuerySet[Content]
 
 
 def _having(words: tuple[str, ...]) -> QuerySet[Content]:
-    texts = Content.objects.filter(text__said=True)
+    texts = Content.objects.filter(text__not_empty=True)
     for word in words:
         texts = texts.filter(text__having=word)
     return texts
@@ -100,13 +100,13 @@ class Matches(Lookup):
 
 
 @TextField.register_lookup
-class Said(Lookup):
-    """`text__said=True`: there is a text.
+class NotEmpty(Lookup):
+    """`text__not_empty=True`: there is a text.
 
     The condition is written exactly as in the definition of the index.
     """
 
-    lookup_name = "said"
+    lookup_name = "not_empty"
 
     def as_sql(self, compiler: Any, connection: BaseDatabaseWrapper) -> Sql:
         """Return the condition. With a parameter in place of '', SQLite would not use the index."""

@@ -9,6 +9,7 @@ from typing import Any
 from django.db.models import F, Q, QuerySet
 from msgspec import Struct, structs
 
+from fleet.audit.reading.exports import safe_cell
 from fleet.bookings.models import Booking, State
 from fleet.bookings.selectors import NOT_YET
 from robots.access.models import Course
@@ -79,6 +80,7 @@ def lines(rows: list[Row]) -> list[list[str]]:
 
 
 def _cell(value: object) -> str:
-    """Return a value for a spreadsheet: a text that it would read as a formula gets an apostrophe."""
-    text = f"{value:.2f}" if isinstance(value, float) else str(value)
-    return f"'{text}" if isinstance(value, str) and text[:1] in "=+-@\t\r" and text != "-" else text
+    """Return a value for a spreadsheet. "-" alone stands for no name."""
+    if isinstance(value, float):
+        return f"{value:.2f}"
+    return safe_cell(value) if isinstance(value, str) and value != "-" else str(value)

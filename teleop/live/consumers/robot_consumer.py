@@ -135,7 +135,7 @@ class RobotConsumer(RobotSocket):
         if not isinstance(drive, wire.Drive) or drive.fence != fence or not self.spend():
             return False
         if self.hub.link.forward_now(raw):
-            self.hub.forwards.add(time.perf_counter() - began_s)
+            self.hub.forward_durations.add(time.perf_counter() - began_s)
         else:
             self.refused["link_busy"] += 1  # a newer drive input follows in a moment
         return True
@@ -144,7 +144,7 @@ class RobotConsumer(RobotSocket):
         if drive.fence == self.fence:
             began_s = time.perf_counter()
             if await self.hub.link.forward(raw):
-                self.hub.forwards.add(time.perf_counter() - began_s)
+                self.hub.forward_durations.add(time.perf_counter() - began_s)
             else:
                 self.refused["link_busy"] += 1  # a newer drive input follows in a moment
             return

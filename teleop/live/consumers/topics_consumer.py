@@ -66,7 +66,7 @@ class TopicsConsumer(RobotSocket):
             self.camera_audit.end_all()
 
     async def _show(self, event: dict[str, Any]) -> None:
-        if self.camera_audit and not self.camera_audit.may_show(event["text"]):
+        if self.camera_audit and not self.camera_audit.begin_if_picture(event["text"]):
             await self.refuse("subscribe", TOO_MANY_CAMERAS)
             raise SampleWithheld
         await self.asgi_send(event)

@@ -242,7 +242,7 @@ def test_an_attempt_of_a_process_that_died_is_forgotten(operator):
         throttle._begin(throttle._digest("operator"), throttle._digest("10.0.0.7"))
     with pytest.raises(throttle.TooMany), throttle.attempt(username="operator", address="10.0.0.7"):
         pass
-    SignInAttempt.objects.update(at=timezone.now() - throttle.LOOKED_AT - timedelta(seconds=1))
+    SignInAttempt.objects.update(at=timezone.now() - throttle.ATTEMPT_LASTS - timedelta(seconds=1))
     with throttle.attempt(username="operator", address="10.0.0.7"):
         pass
     assert not SignInAttempt.objects.exists()

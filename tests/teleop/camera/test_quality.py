@@ -105,9 +105,9 @@ def test_one_slow_full_picture_ends_a_try():
 
 def test_a_try_ends_while_its_picture_is_still_on_its_way():
     viewing = slow_then_tried()
-    viewing.quality.waits(viewing.now_s + 0.2, viewing.now_s)
+    viewing.quality.unacknowledged(viewing.now_s + 0.2, viewing.now_s)
     assert not viewing.quality.decide(viewing.now_s + 0.2)
-    viewing.quality.waits(viewing.now_s + 0.4, viewing.now_s)
+    viewing.quality.unacknowledged(viewing.now_s + 0.4, viewing.now_s)
     assert viewing.quality.decide(viewing.now_s + 0.4)
     assert viewing.quality.variant == "video"
 

@@ -14,7 +14,7 @@ async def test_video_after_a_damaged_picture_begins_with_a_key():
 
     async def offered(made, key=False):
         newest = _Newest(made, made, key, {})
-        taken = viewer.takes(newest, 0.0)
+        taken = viewer.is_due(newest, 0.0)
         if taken:
             await viewer.show(newest, 0.0)
             viewer.acknowledge(made, damaged=made == 3)

@@ -121,7 +121,7 @@ async def test_sample_is_decoded_once_for_all_viewers(observer, robot):
     message = wire.encode(shown).decode()
     before = camera_audit._camera_of.cache_info().misses
     for _ in range(3):
-        camera_audit.CameraAudit(observer, robot.id, robot.name).may_show(message)
+        camera_audit.CameraAudit(observer, robot.id, robot.name).begin_if_picture(message)
     assert camera_audit._camera_of.cache_info().misses == before + 1
 
 
