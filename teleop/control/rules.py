@@ -69,7 +69,7 @@ class Permit(Struct, frozen=True):
     until: datetime | None = None
     max_share: float = 1.0  # share of the robot's speed limits
     whole_slot: bool = False  # a term lasts until `until`, without renewals
-    # Set if the person may control only by taking over with a reason: another person has booked, or is next in line.
+    # Set if the person may only take over, with a reason: another person has booked, or is next in line.
     take_over_only: Refusal | None = None
 
     def narrowed_by(self, other: Permit) -> Permit:

@@ -58,7 +58,8 @@ def token_make(
 
     `token_id`: the id of the new token. A form that is sent twice makes only one token: raises `TokenExists`.
     `made_with`: the token with which a program makes it. When that token ends, the new one ends, too. If that
-    token has already ended: raises `TokenInvalid`. If the person has `MOST` valid tokens: raises `TooManyTokens`.
+    token has already ended: raises `TokenInvalid`. If the person has `MOST` valid tokens: raises
+    `TooManyTokens`.
     """
     User.objects.select_for_update(no_key=True).get(pk=user.pk)
     token_id = token_id or uuid4()
