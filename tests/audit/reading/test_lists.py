@@ -13,7 +13,7 @@ from django.utils import timezone
 from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.kinds import KINDS, Listing, kinds_listed
 from fleet.audit.models import Chain, Record
-from fleet.audit.reading.listing import CONSOLE, COUNTED, Selection, Wanted, seen
+from fleet.audit.reading.listing import CONSOLE, COUNTED, Selection, Wanted, outcomes_of
 from fleet.audit.services import record
 
 pytestmark = pytest.mark.django_db
@@ -173,9 +173,9 @@ def test_a_person_who_is_also_the_real_actor_is_found_once(operator):
 def test_outcomes_to_choose_from_are_those_of_the_list():
     say("hello", outcome="cancelled")
     record("refusal", outcome="not_holder")
-    assert seen(["speech.start", "speech.end"]) == [("speech.end", "cancelled")]
-    assert ("refusal", "not_holder") in seen(KINDS)
-    assert seen([]) == []
+    assert outcomes_of(["speech.start", "speech.end"]) == [("speech.end", "cancelled")]
+    assert ("refusal", "not_holder") in outcomes_of(KINDS)
+    assert outcomes_of([]) == []
 
 
 # --- days ---------------------------------------------------------------------------------------
