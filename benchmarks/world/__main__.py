@@ -38,7 +38,7 @@ def main() -> int:
     if not asked.quiet:
         _print_moments(trace)
     if asked.part == "drawn":
-        print(drawn.full_of(asked.seed), drawn.words_of(asked.seed), sep="\n")
+        print(drawn.job_of(asked.seed), drawn.words_of(asked.seed), sep="\n")
     _print_end(loop, trace)
     return 1 if trace.touches else 0
 
@@ -90,10 +90,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _case(asked: argparse.Namespace) -> Case:
     if asked.part == "object":
-        full = objects.Full(
+        job = objects.ObjectJob(
             asked.controller, asked.thing, asked.angle, asked.share, asked.seed, asked.blanked, asked.cold
         )
-        return objects.build(full)
+        return objects.build(job)
     if asked.part == "fault":
         return faults.build(faults.Failing(asked.fault, asked.thing, asked.share, asked.seed))
     if asked.part == "drawn":

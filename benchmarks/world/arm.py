@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
-from benchmarks.world.controllers import Ours
+from benchmarks.world.controllers import GateController
 from benchmarks.world.robot import tiago_arm
 from robots.bridge.gate.geometry.arm_discs import Disc
 from robots.bridge.gate.geometry.arm_sweep import Motion
@@ -39,7 +39,7 @@ class MovingArm:
     A motion whose room is lost is cancelled and started again, like by a person who tries again.
     """
 
-    def __init__(self, robot: Robot, controller: Ours, show: ArmShow) -> None:
+    def __init__(self, robot: Robot, controller: GateController, show: ArmShow) -> None:
         self._robot = robot
         self._controller = controller
         self._left = list(show.motions)

@@ -33,7 +33,7 @@ class Fan(NamedTuple):
     farthest_m: float
 
 
-class Said(NamedTuple):
+class Output(NamedTuple):
     """The published twist, the reason of its reduction, and the speed limits."""
 
     velocity: Velocity
@@ -59,11 +59,11 @@ class Controller(Protocol):
     def depth(self, stamp_s: float, arrival_s: float, metres: Ranges, to_base: Transform) -> None:
         """Process a depth picture; `to_base` is the transform from the camera's optical frame."""
 
-    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Output:
         """Return the twist to publish in place of `asked`, with its reason."""
 
 
-class Ours:
+class GateController:
     """The gate, used in the same way as in `robots.bridge.core.Core`."""
 
     looks = True
@@ -73,7 +73,7 @@ class Ours:
         self.gate.observe_operator(OPERATOR_DELAY_S)
         self._profile = profile
         self._fan = fan
-        self._neutral: Said | None = None  # why the stick must return to neutral first
+        self._neutral: Output | None = None  # why the stick must return to neutral first
         self.posture = AT_HOME  # as joint states report it
 
     def odometry(self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity) -> None:
@@ -112,15 +112,15 @@ class Ours:
         else:
             self.gate.observe_depth(frame, stamp_s, arrival_s)
 
-    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Output:
         if asked == STILL:
             self._neutral = None
         self.gate.observe_posture(self.posture, now_s)
         verdict = self.gate.decide(STILL if self._neutral else asked, sent, now_s)
-        said = Said(verdict.velocity, verdict.code, verdict.text, self.gate.limits(now_s))
+        output = Output(verdict.velocity, verdict.code, verdict.text, self.gate.limits(now_s))
         if verdict.neutral:
-            self._neutral = said
-        return said if self._neutral is None else self._neutral._replace(velocity=verdict.velocity)
+            self._neutral = output
+        return output if self._neutral is None else self._neutral._replace(velocity=verdict.velocity)
 
 
 class _LaserOnly:
@@ -169,12 +169,12 @@ class Cone(_LaserOnly):
         super().__init__(fan)
         self._limits = profile.limits
 
-    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Output:
         heading = math.atan2(asked.w / self._limits.turn_radps, asked.vx / self._limits.forward_mps)
         near = self._ranges[np.abs(self._angles - heading) < self._HALF_ANGLE]
         nearest = float(near.min()) if near.size else math.inf
         share = min(max((nearest - self._STOP_M) / (self._FREE_M - self._STOP_M), 0.0), 1.0)
-        return Said(Velocity(asked.vx * share, 0.0, asked.w), "cone", f"nearest {nearest:.2f} m")
+        return Output(Velocity(asked.vx * share, 0.0, asked.w), "cone", f"nearest {nearest:.2f} m")
 
 
 class Monitor(_LaserOnly):
@@ -191,15 +191,15 @@ class Monitor(_LaserOnly):
         super().__init__(fan)
         self._radius_m = profile.radius_m or 0.0
 
-    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Output:
         points = self.points()
         distances = np.hypot(*points)
         if self._many(distances < self._radius_m + self._STOP_M):
-            return Said(STILL, "stop")
+            return Output(STILL, "stop")
         slow = self._SLOW_SHARE if self._many(distances < self._radius_m + self._SLOW_M) else 1.0
         approach = self._until_collision(points, asked) / self._COLLISION_S
         share = min(slow, approach)
-        return Said(
+        return Output(
             Velocity(asked.vx * share, 0.0, asked.w * share), "approach" if approach < slow else "slow"
         )
 
@@ -219,16 +219,16 @@ class Monitor(_LaserOnly):
         return self._COLLISION_S
 
 
-class Nobody(_LaserOnly):
+class PassThrough(_LaserOnly):
     """Publishes every command unchanged."""
 
-    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
-        return Said(asked, "free")
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Output:
+        return Output(asked, "free")
 
 
 CONTROLLERS: dict[str, Callable[[GateProfile, Fan], Controller]] = {
-    "gate": lambda profile, fan: Ours(profile, fan),
+    "gate": lambda profile, fan: GateController(profile, fan),
     "cone": lambda profile, fan: Cone(fan, profile),
     "monitor": lambda profile, fan: Monitor(fan, profile),
-    "none": lambda profile, fan: Nobody(fan),
+    "none": lambda profile, fan: PassThrough(fan),
 }

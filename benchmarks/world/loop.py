@@ -17,7 +17,7 @@ import numpy as np
 from msgspec import structs
 
 from benchmarks.world.arm import ArmShow, MovingArm
-from benchmarks.world.controllers import Controller, Fan, Ours, Ranges
+from benchmarks.world.controllers import Controller, Fan, GateController, Ranges
 from benchmarks.world.robot import tiago_head
 from benchmarks.world.sensors import STANDARD, Sensors
 from benchmarks.world.witness import DEPTH, LASER, Look
@@ -227,7 +227,7 @@ class Loop:
         )
         self.controller = controller(fan)
         self.arm = None
-        if case.arm and isinstance(self.controller, Ours):
+        if case.arm and isinstance(self.controller, GateController):
             self.arm = MovingArm(self.robot, self.controller, case.arm)
         self._mux = TwistMux()
         sensors = self._sensors
@@ -301,8 +301,10 @@ class Loop:
             if now_s - STARTS_S < glance.ahead_s:
                 self._aim_head(Aim(glance.pan, LOOKS_DOWN, AHEAD_TAKES_S))
             elif now_s - STARTS_S < glance.ahead_s + TICK_S:
-                ours = self.controller if isinstance(self.controller, Ours) else None
-                self._aim_head(self._head.ahead(ours.gate.look_to(now_s) if ours else None, now_s))
+                controller = self.controller if isinstance(self.controller, GateController) else None
+                self._aim_head(
+                    self._head.ahead(controller.gate.look_to(now_s) if controller else None, now_s)
+                )
             elif onward := self._head.onward(now_s):
                 self._aim_head(onward)
         turned, tilted = (
@@ -441,12 +443,12 @@ class Loop:
             self.trace.arrived = self._done = True
             return
         asked = _asked(stick, self.limits)
-        said = self.controller.decide(asked, self._sent, now_s)
-        self._sent = said.velocity
+        output = self.controller.decide(asked, self._sent, now_s)
+        self._sent = output.velocity
         self._command_s = max(self._command_s, self._arrives_s(now_s))
         heapq.heappush(
             self._events,
-            (self._command_s, next(self._numbers), lambda at_s: self._obey(said.velocity, at_s)),
+            (self._command_s, next(self._numbers), lambda at_s: self._obey(output.velocity, at_s)),
         )
         if aim := self._head.follow(self._sent, now_s):
             self._turns_radps = FOLLOW_RADPS, FOLLOW_RADPS
@@ -454,9 +456,9 @@ class Loop:
         if len(self.trace.moments) % GAP_EVERY == 0:
             self._gap_m = self.robot.physics.clearance_m()
         self.trace.moments.append(
-            Moment(time_s, pose, moving, asked, *said[:3], self._gap_m, stick.trying, said.limits)
+            Moment(time_s, pose, moving, asked, *output[:3], self._gap_m, stick.trying, output.limits)
         )
-        self._end(now_s, stick.trying, said.velocity, moving)
+        self._end(now_s, stick.trying, output.velocity, moving)
 
     def _arrives_s(self, now_s: float) -> float:
         delays = self._delays

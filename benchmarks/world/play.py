@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from benchmarks.harness import progress
-from benchmarks.world.controllers import CONTROLLERS, Ours
+from benchmarks.world.controllers import CONTROLLERS, GateController
 from benchmarks.world.loop import Case, Loop, Trace
 from benchmarks.world.robot import tiago_profile
 from robots.bridge.gate_recording import Recorder
@@ -38,7 +38,7 @@ def loop_of(case: Case, controller: str, seed: int) -> Loop:
 
 def recorded(loop: Loop, path: Path) -> Trace:
     """Play a run of our gate, and record its input and verdicts."""
-    if not isinstance(loop.controller, Ours):
+    if not isinstance(loop.controller, GateController):
         raise ValueError("only our own gate can be recorded")
     with Recorder(path, loop.controller.gate.profile) as recorder:
         recorder.recorded(loop.controller.gate)

@@ -19,7 +19,7 @@ import numpy as np
 from msgspec import structs
 
 from benchmarks.world.cases import crossing, doors, objects
-from benchmarks.world.controllers import Fan, Ours, Ranges, Said
+from benchmarks.world.controllers import Fan, GateController, Output, Ranges
 from benchmarks.world.loop import Case, Loop
 from benchmarks.world.play import SCAN, recorded
 from benchmarks.world.robot import tiago_profile
@@ -36,9 +36,11 @@ LOOKS = {
 }  # cases with depth pictures; in the others the laser sees enough, and pictures make large files
 CASES: dict[str, Callable[[], Case]] = {
     "table_leg_at_45_degrees": lambda: replace(
-        objects.build(objects.Full("gate", "table leg", 45, 1.0, SEED)), longest_s=3.2
+        objects.build(objects.ObjectJob("gate", "table leg", 45, 1.0, SEED)), longest_s=3.2
     ),
-    "table_top": lambda: replace(objects.build(objects.Full("gate", "table top", 0, 1.0, 1)), longest_s=3.7),
+    "table_top": lambda: replace(
+        objects.build(objects.ObjectJob("gate", "table top", 0, 1.0, 1)), longest_s=3.7
+    ),
     "doorway_of_70_cm": lambda: replace(
         doors.build(0.70, SEED), start=TruePose(1.0, 0.08, -0.1), longest_s=4.5
     ),
@@ -55,7 +57,7 @@ class Witnessed(msgspec.Struct, frozen=True):
     people: list[list[tuple[float, float, float]]]  # x, y, radius of each, at each decision
 
 
-class Witness(Ours):
+class Witness(GateController):
     """Our gate with coarse sensors, which make small files. It also stores the truth.
 
     The laser has steps of 1 mm. The depth camera has the steps of structured light, and keeps one of `_THIN`
@@ -80,7 +82,7 @@ class Witness(Ours):
         coarse = (1.0 / disparity).astype(np.float32)
         super().depth(stamp_s, arrival_s, coarse.repeat(self._THIN, 0).repeat(self._THIN, 1), to_base)
 
-    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Output:
         self.poses.append(Pose(*(round(axis, 4) for axis in self.robot.physics.pose)))
         self.people.append(
             [(round(one.x, 4), round(one.y, 4), one.person.radius) for one in self.robot.people.values()]

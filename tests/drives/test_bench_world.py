@@ -30,7 +30,7 @@ AHEAD = Velocity(1.0, 0.0, 0.0)
 
 
 def played(controller: str, thing: str, angle: int, share: float = 1.0, seed: int = 0) -> Trace:
-    case = objects.build(objects.Full(controller, thing, angle, share, seed))
+    case = objects.build(objects.ObjectJob(controller, thing, angle, share, seed))
     return loop_of(case, controller, seed).play()
 
 
@@ -84,7 +84,7 @@ def test_an_arc_meets_a_box_that_a_line_passes():
 
 
 def test_reverse_has_its_own_limit_and_names_causes():
-    limits = loop_of(objects.build(objects.Full("none", "wall", 0, 1.0, 0)), "none", 0).limits
+    limits = loop_of(objects.build(objects.ObjectJob("none", "wall", 0, 1.0, 0)), "none", 0).limits
     text = "stopped (0.2 m/s asked): sonar, remembered, 0.1 m behind"
     asked = Velocity(-0.2, 0.0, 0.0)
 
@@ -116,7 +116,7 @@ def moments(sent_mps: float, asked: Velocity = AHEAD) -> Trace:
 
 
 def test_standing_in_the_open_is_a_false_stop():
-    limits = loop_of(objects.build(objects.Full("none", "wall", 0, 1.0, 0)), "none", 0).limits
+    limits = loop_of(objects.build(objects.ObjectJob("none", "wall", 0, 1.0, 0)), "none", 0).limits
     in_the_open = kept(moments(0.0), Truth(box_at(4.0, 0.0)), limits)
     assert in_the_open.false_stops == in_the_open.free > 0
     assert in_the_open.lost_percent == 100.0
@@ -125,7 +125,7 @@ def test_standing_in_the_open_is_a_false_stop():
 
 
 def test_reverse_is_judged_by_the_stick_and_by_its_limit():
-    limits = loop_of(objects.build(objects.Full("none", "wall", 0, 1.0, 0)), "none", 0).limits
+    limits = loop_of(objects.build(objects.ObjectJob("none", "wall", 0, 1.0, 0)), "none", 0).limits
     behind, back = Truth(box_at(-4.0, 0.0)), Velocity(-1.0, 0.0, 0.0)
     all_given, half = (kept(moments(mps, back), behind, limits) for mps in (-0.1, -0.05))
     assert all_given.lost_back_percent == pytest.approx(0.0)
@@ -134,9 +134,9 @@ def test_reverse_is_judged_by_the_stick_and_by_its_limit():
 
 
 def test_every_case_leaves_room_where_it_begins():
-    for full in objects.cases("none", 1):
-        case: Case = objects.build(full)
-        assert Physics(case.world, TIAGO, ORIGIN).clearance_m() >= objects.NEAREST_M, full
+    for job in objects.cases("none", 1):
+        case: Case = objects.build(job)
+        assert Physics(case.world, TIAGO, ORIGIN).clearance_m() >= objects.NEAREST_M, job
 
 
 def test_bounds_are_poissons():
@@ -214,8 +214,8 @@ def test_a_dead_laser_has_seen_nothing():
 
 
 def test_drawn_runs_have_each_object_way_and_start():
-    fulls = [drawn.full_of(seed) for seed in range(80)]
-    assert len({(full.thing, full.angle, full.cold) for full in fulls}) == 80
+    jobs = [drawn.job_of(seed) for seed in range(80)]
+    assert len({(job.thing, job.angle, job.cold) for job in jobs}) == 80
 
 
 def test_draws_stay_in_bounds_and_repeat_by_seed():
@@ -270,7 +270,7 @@ def test_a_wide_sonar_hears_low_things_but_not_the_floor(height_m, at_m, echo_m)
 
 
 def test_a_parked_robot_stands_until_the_stick_is_pushed():
-    case = objects.build(objects.Full("none", "person", 180, 1.0, 3, cold=True))
+    case = objects.build(objects.ObjectJob("none", "person", 180, 1.0, 3, cold=True))
     assert case.start == ORIGIN
     trace = loop_of(case, "none", 3).play()
     assert all(moment.sent.vx <= 0.0 and moment.sent.w == 0.0 for moment in trace.moments)

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.harness import Figure, progress
 from benchmarks.world.cases import objects
-from benchmarks.world.cases.objects import Full, Outcome
+from benchmarks.world.cases.objects import ObjectJob, Outcome
 from benchmarks.world.loop import Case, Conditions
 from benchmarks.world.play import at_most, played
 from benchmarks.world.sensors import SLIPS, Sensors
@@ -38,17 +38,15 @@ class End(NamedTuple):
     """One run: the command that plays it again, its case, and its outcome."""
 
     command: str
-    full: Full
+    job: ObjectJob
     drawn: str
     outcome: Outcome
 
 
 def measure_cold(repeats: int) -> list[Figure]:
     """Return contacts by way and by object, for a parked robot with standard sensors."""
-    jobs = [full._replace(cold=True) for full in objects.cases("gate", repeats)]
-    ends = [
-        End(_cold_command(full), full, "", outcome) for full, outcome in played("cold", jobs, objects.play)
-    ]
+    jobs = [job._replace(cold=True) for job in objects.cases("gate", repeats)]
+    ends = [End(_cold_command(job), job, "", outcome) for job, outcome in played("cold", jobs, objects.play)]
     return figures("cold", ends)
 
 
@@ -56,13 +54,13 @@ def measure_drawn(_: int) -> list[Figure]:
     """Return contacts by way and by object, for robots with drawn sensors. Half of the robots were parked."""
     ends = []
     for seed, outcome in played("drawn", range(FIRST, FIRST + DRAWS), play):
-        ends.append(End(f"drawn {seed}", full_of(seed), words_of(seed), outcome))
-    cold = [end for end in ends if end.full.cold]
-    warm = [end for end in ends if not end.full.cold]
+        ends.append(End(f"drawn {seed}", job_of(seed), words_of(seed), outcome))
+    cold = [end for end in ends if end.job.cold]
+    warm = [end for end in ends if not end.job.cold]
     return [*figures("drawn, cold", cold), *figures("drawn, warm", warm)]
 
 
-def full_of(seed: int) -> Full:
+def job_of(seed: int) -> ObjectJob:
     """Return the case of a seed.
 
     Successive seeds go through all kinds, ways and starts, each equally often.
@@ -70,7 +68,9 @@ def full_of(seed: int) -> Full:
     kind, rest = seed % len(objects.OBJECTS), seed // len(objects.OBJECTS)
     way, rest = rest % len(objects.ANGLES), rest // len(objects.ANGLES)
     share = objects.SHARES[rest // 2 % 2]
-    return Full("gate", list(objects.OBJECTS)[kind], objects.ANGLES[way], share, seed, cold=rest % 2 == 0)
+    return ObjectJob(
+        "gate", list(objects.OBJECTS)[kind], objects.ANGLES[way], share, seed, cold=rest % 2 == 0
+    )
 
 
 def conditions_of(seed: int) -> Conditions:
@@ -101,13 +101,13 @@ def words_of(seed: int) -> str:
 
 def build(seed: int) -> Case:
     """Build the case of a seed."""
-    return replace(objects.build(full_of(seed)), conditions=conditions_of(seed))
+    return replace(objects.build(job_of(seed)), conditions=conditions_of(seed))
 
 
 def play(seed: int) -> Outcome:
     """Play the case of a seed."""
-    full = full_of(seed)
-    return objects.outcome(build(seed), full.controller, full.seed)
+    job = job_of(seed)
+    return objects.outcome(build(seed), job.controller, job.seed)
 
 
 def figures(where: str, ends: Sequence[End]) -> list[Figure]:
@@ -116,9 +116,9 @@ def figures(where: str, ends: Sequence[End]) -> list[Figure]:
         return []
     shown = []
     for angle, way in WAYS.items():
-        shown.append(_contacts(f"{where}, {way}", [end for end in ends if end.full.angle == angle]))
+        shown.append(_contacts(f"{where}, {way}", [end for end in ends if end.job.angle == angle]))
     for thing in objects.OBJECTS:
-        shown.append(_contacts(f"{where}, {thing}", [end for end in ends if end.full.thing == thing]))
+        shown.append(_contacts(f"{where}, {thing}", [end for end in ends if end.job.thing == thing]))
     met = count(end.outcome.touched for end in ends)
     percent = min(100.0 * at_most(met.known) / len(ends), 100.0)
     name_worst(where, ends)
@@ -141,10 +141,10 @@ def name_worst(where: str, ends: Sequence[End]) -> None:
     met = [(end.outcome.touched, end) for end in ends if end.outcome.touched]
     for contact, end in sorted(met, key=lambda pair: worst_first(pair[0]))[:WORST]:
         progress(f"python -m benchmarks.world {end.command} --quiet")
-        progress(f"    {where}: {'cold' if end.full.cold else 'warm'}, {WAYS[end.full.angle]}, {contact}")
+        progress(f"    {where}: {'cold' if end.job.cold else 'warm'}, {WAYS[end.job.angle]}, {contact}")
         if end.drawn:
             progress(f"    {end.drawn}")
 
 
-def _cold_command(full: Full) -> str:
-    return f'object "{full.thing}" {full.angle} {full.share} {full.seed} --cold'
+def _cold_command(job: ObjectJob) -> str:
+    return f'object "{job.thing}" {job.angle} {job.share} {job.seed} --cold'

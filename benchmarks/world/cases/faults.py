@@ -115,5 +115,5 @@ def play(failing: Failing) -> Outcome:
 def build(failing: Failing) -> Case:
     """Build the case, straight ahead or in reverse."""
     fault = FAULTS[failing.name]
-    whole = objects.build(objects.Full("gate", failing.thing, fault.angle, failing.share, failing.seed))
+    whole = objects.build(objects.ObjectJob("gate", failing.thing, fault.angle, failing.share, failing.seed))
     return replace(whole, conditions=fault.conditions)

@@ -11,7 +11,7 @@ from msgspec import structs
 
 from benchmarks.harness import Figure
 from benchmarks.world.cases import objects
-from benchmarks.world.controllers import Ours
+from benchmarks.world.controllers import GateController
 from benchmarks.world.drivers import FullStick
 from benchmarks.world.judge import Keeping, kept, together
 from benchmarks.world.loop import Case, Conditions, Jump, Loop
@@ -106,14 +106,14 @@ def _hiccups(repeats: int) -> list[Figure]:
     ]
 
 
-def play_hiccups(full: objects.Full) -> Keeping:
+def play_hiccups(job: objects.ObjectJob) -> Keeping:
     """Play a case of `objects` with short gaps of the link."""
-    random = np.random.default_rng([full.seed, full.angle])
+    random = np.random.default_rng([job.seed, job.angle])
     times = np.cumsum(random.exponential(HICCUP_EVERY_S, 30))
     hiccups = tuple(zip(times.tolist(), random.uniform(*HICCUP_S, 30).tolist(), strict=True))
-    case = objects.build(full)
+    case = objects.build(job)
     conditions = replace(case.conditions, hiccups=hiccups)
-    loop = loop_of(replace(case, conditions=conditions), "gate", full.seed)
+    loop = loop_of(replace(case, conditions=conditions), "gate", job.seed)
     truth = Truth(loop.robot.physics)
     return kept(loop.play(), truth, loop.limits)
 
@@ -127,7 +127,9 @@ def play(late: Late) -> Outcome:
     profile = tiago_profile()
     parameters = structs.replace(profile.parameters, latency_spare_s=late.spare_s)
     profile = structs.replace(profile, parameters=parameters)
-    trace = Loop(build(late), lambda fan: Ours(profile, fan), profile.limits, SCAN, late.seed).play()
+    trace = Loop(
+        build(late), lambda fan: GateController(profile, fan), profile.limits, SCAN, late.seed
+    ).play()
     reported = any(limit.code == "robot_late" for moment in trace.moments for limit in moment.limits)
     mps = abs(trace.touches[0].robot.vx) if trace.touches else None
     return Outcome(mps, reported, trace.time_s)

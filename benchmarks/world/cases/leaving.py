@@ -74,7 +74,7 @@ ASIDE_RAD = 1.2
 ASIDE_S, PRESSED_S = 2.0, 8.0  # head aside before the object begins to go; *Look ahead* after it
 
 
-class Left(NamedTuple):
+class LeavingJob(NamedTuple):
     """The arguments of one case."""
 
     kind: str
@@ -131,11 +131,11 @@ class Outcome(NamedTuple):
 def measure(repeats: int) -> list[Figure]:
     """Return the longest and the median time by kind, and how many robots did not drive again."""
     seeds = 3 * repeats
-    jobs = [Left(kind, seed) for kind in (CROSSED, *KINDS, *GLANCED) for seed in range(seeds)]
+    jobs = [LeavingJob(kind, seed) for kind in (CROSSED, *KINDS, *GLANCED) for seed in range(seeds)]
     done = list(played("leaving", jobs, play))
     figures = []
     for kind in (CROSSED, *KINDS, *GLANCED):
-        mine = [(left, end) for left, end in done if left.kind == kind and end.again_s is not None]
+        mine = [(job, end) for job, end in done if job.kind == kind and end.again_s is not None]
         again_s = [end.again_s for _, end in mine if end.again_s is not None]
         limited = kind == CROSSED or (KINDS | GLANCED)[kind].cold
         what, most_s = ("Look ahead", LOOK_AHEAD_S) if kind in GLANCED else ("gone", AGAIN_S)
@@ -149,9 +149,12 @@ def measure(repeats: int) -> list[Figure]:
         ]  # fmt: skip
         _name_worst(mine)
     behind = [
-        Left(kind, seed, ahead=True) for kind in KINDS for seed in range(seeds) if KINDS[kind].angle == 180
+        LeavingJob(kind, seed, ahead=True)
+        for kind in KINDS
+        for seed in range(seeds)
+        if KINDS[kind].angle == 180
     ]
-    ends = [(left, end) for left, end in played("away", behind, play) if end.again_s is not None]
+    ends = [(job, end) for job, end in played("away", behind, play) if end.again_s is not None]
     slowest_s = max((end.again_s or 0.0 for _, end in ends), default=math.nan)
     _name_worst(ends)
     return [
@@ -169,8 +172,8 @@ def _turned_to(seeds: int) -> list[Figure]:
     """
     figures = []
     for kind in (kind for kind, about in KINDS.items() if about.angle == 180 and about.cold):
-        jobs = [Left(kind, seed, turns=True) for seed in range(seeds)]
-        ends = [(left, end) for left, end in played("turned", jobs, play) if end.again_s is not None]
+        jobs = [LeavingJob(kind, seed, turns=True) for seed in range(seeds)]
+        ends = [(job, end) for job, end in played("turned", jobs, play) if end.again_s is not None]
         longest_s = max((min(end.again_s or 0.0, PATIENCE_S) for _, end in ends), default=math.nan)
         figures.append(
             Figure(f"{kind}, turn around and look: longest until it drives there, of {len(ends)}", longest_s, "s",
@@ -180,23 +183,23 @@ def _turned_to(seeds: int) -> list[Figure]:
     return figures
 
 
-def _name_worst(done: list[tuple[Left, Outcome]]) -> None:
-    left, end = max(done, key=lambda pair: pair[1].again_s or 0.0, default=(None, Outcome(0.0)))
-    if left is not None and (end.again_s or 0.0) > AGAIN_S:
-        more = f"{' --ahead' if left.ahead else ''}{' --turns' if left.turns else ''}"
+def _name_worst(done: list[tuple[LeavingJob, Outcome]]) -> None:
+    job, end = max(done, key=lambda pair: pair[1].again_s or 0.0, default=(None, Outcome(0.0)))
+    if job is not None and (end.again_s or 0.0) > AGAIN_S:
+        more = f"{' --ahead' if job.ahead else ''}{' --turns' if job.turns else ''}"
         progress(
-            f'python -m benchmarks.world leaving "{left.kind}" {left.seed}{more}'
+            f'python -m benchmarks.world leaving "{job.kind}" {job.seed}{more}'
             f"  # {end.again_s:.1f} s, {end.held_by}"
         )
 
 
-def play(left: Left) -> Outcome:
+def play(job: LeavingJob) -> Outcome:
     """Play one case."""
-    case = build(left.kind, left.seed, ahead=left.ahead, turns=left.turns)
-    trace = loop_of(case, "gate", left.seed).play()
+    case = build(job.kind, job.seed, ahead=job.ahead, turns=job.turns)
+    trace = loop_of(case, "gate", job.seed).play()
     since_s = case.glance.ahead_s if case.glance else case.leaving.since_s if case.leaving else 0.0
-    since_s += HELD_S + RESTS_S if left.ahead or left.turns else 0.0
-    return until_there(trace, since_s) if left.turns else until_again(trace, since_s)
+    since_s += HELD_S + RESTS_S if job.ahead or job.turns else 0.0
+    return until_there(trace, since_s) if job.turns else until_again(trace, since_s)
 
 
 def until_there(trace: Trace, since_s: float) -> Outcome:
@@ -244,7 +247,7 @@ def build(kind: str, seed: int, *, ahead: bool = False, turns: bool = False) -> 
         case = crossing.build(objects.SHARES[seed % 2], seed)
         return replace(case, longest_s=case.longest_s + PATIENCE_S - 2.5)
     thing, angle, since_s, cold = (KINDS | GLANCED)[kind]
-    case = objects.build(objects.Full("gate", thing, angle, objects.SHARES[seed % 2], seed, cold=cold))
+    case = objects.build(objects.ObjectJob("gate", thing, angle, objects.SHARES[seed % 2], seed, cold=cold))
     random = np.random.default_rng([seed, 57])
     things: list[Person | Chair | Table] = [*case.world.people, *case.world.chairs, *case.world.tables]
     one = things[0]

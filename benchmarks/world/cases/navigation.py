@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from benchmarks.harness import Figure, progress
-from benchmarks.world.controllers import Fan, Ours
+from benchmarks.world.controllers import Fan, GateController
 from benchmarks.world.loop import LOOKS_DOWN, STARTS_S, WARM_UP_S, Case, Conditions, Loop
 from benchmarks.world.play import SCAN, played
 from benchmarks.world.robot import tiago_profile
@@ -71,7 +71,7 @@ class Outcome(NamedTuple):
     closest_m: float  # gap at rest after an intervention
 
 
-class Watched(Ours):
+class Watched(GateController):
     """The gate as a watch: it judges with each odometry message."""
 
     loop: NavigationLoop | None = None

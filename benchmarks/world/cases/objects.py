@@ -131,7 +131,7 @@ UNSEEN = {"desk without legs", "table top"}  # by the laser
 ABOVE_LASER = UNSEEN | {"chair"}  # the laser does not see these, or sees only a part
 
 
-class Full(NamedTuple):
+class ObjectJob(NamedTuple):
     """One case: controller, object, stick angle in degrees, share of the robot's speed, seed."""
 
     controller: str
@@ -165,7 +165,7 @@ def measure(repeats: int) -> list[Figure]:
     return figures
 
 
-def _figures(name: str, done: list[tuple[Full, Outcome]], *, ours: bool) -> list[Figure]:
+def _figures(name: str, done: list[tuple[ObjectJob, Outcome]], *, ours: bool) -> list[Figure]:
     figures = []
     for thing in OBJECTS:
         ends = [end for job, end in done if job.thing == thing and job.angle != 90]
@@ -195,9 +195,9 @@ def _figures(name: str, done: list[tuple[Full, Outcome]], *, ours: bool) -> list
     ]
 
 
-def play(full: Full) -> Outcome:
+def play(job: ObjectJob) -> Outcome:
     """Play one case."""
-    return outcome(build(full), full.controller, full.seed)
+    return outcome(build(job), job.controller, job.seed)
 
 
 def outcome(case: Case, controller: str, seed: int) -> Outcome:
@@ -209,73 +209,73 @@ def outcome(case: Case, controller: str, seed: int) -> Outcome:
     return Outcome(first_contact(loop), min(gaps_m), gaps_m[-1], kept(trace, truth, loop.limits))
 
 
-def cases(controller: str, seeds: int, blanked: bool = False) -> list[Full]:
+def cases(controller: str, seeds: int, blanked: bool = False) -> list[ObjectJob]:
     """Return all cases. In reverse both shares mean the robot's own limit, so they are one case.
 
     For objects that the laser cannot see, a blanked scan makes no difference.
     """
     things = OBJECTS.keys() - UNSEEN if blanked else OBJECTS
     return [
-        Full(controller, thing, angle, share, seed, blanked)
+        ObjectJob(controller, thing, angle, share, seed, blanked)
         for thing, angle, share in itertools.product(things, ANGLES, SHARES)
         if not (angle in (90, 180) and share < 1.0)
         for seed in range(seeds)
     ]
 
 
-def build(full: Full) -> Case:
+def build(job: ObjectJob) -> Case:
     """Build the case. An object that would begin nearer than `NEAREST_M` is drawn again."""
-    random = np.random.default_rng([full.seed, full.angle, list(OBJECTS).index(full.thing)])
+    random = np.random.default_rng([job.seed, job.angle, list(OBJECTS).index(job.thing)])
     for _ in range(MOST_DRAWS):
-        case = _drawn(full, random)
+        case = _drawn(job, random)
         if Physics(case.world, TIAGO, case.start).clearance_m() >= NEAREST_M:
             return case
-    raise RuntimeError(f"no room for {full}")
+    raise RuntimeError(f"no room for {job}")
 
 
-def _drawn(full: Full, random: Random) -> Case:
-    x, w = _stick(full, random)
-    spot = _spot(x, w, full, random)
-    conditions = Conditions(blanked=full.blanked)
-    turns_to_it = not full.cold and (full.angle >= 135 or (full.angle == 45 and full.thing in ABOVE_LASER))
-    world = OBJECTS[full.thing](spot, random)
+def _drawn(job: ObjectJob, random: Random) -> Case:
+    x, w = _stick(job, random)
+    spot = _spot(x, w, job, random)
+    conditions = Conditions(blanked=job.blanked)
+    turns_to_it = not job.cold and (job.angle >= 135 or (job.angle == 45 and job.thing in ABOVE_LASER))
+    world = OBJECTS[job.thing](spot, random)
     tries_s = ARC_TRIES_S if w else math.inf
     if not turns_to_it:
         ahead = Pose(0.0, 0.0, 0.0)
-        parked_s = float(random.uniform(*PARKED_S)) if full.cold else 0.0
-        driver = FullStick(x, w, full.share, parked_s)
+        parked_s = float(random.uniform(*PARKED_S)) if job.cold else 0.0
+        driver = FullStick(x, w, job.share, parked_s)
         return Case(world, ahead, lambda _: driver, 10.0 + parked_s, 1.0, tries_s, conditions)
     at = spot.ahead(RADIUS_M)
     facing = math.atan2(at[1], at[0])
-    back_m = COMES_FROM_M if full.thing in ABOVE_LASER else 0.0
+    back_m = COMES_FROM_M if job.thing in ABOVE_LASER else 0.0
     start = Pose(-back_m * math.cos(facing), -back_m * math.sin(facing), facing)
-    return Case(world, start, lambda _: Approach(x, w, full.share), 20.0, 1.0, tries_s, conditions)
+    return Case(world, start, lambda _: Approach(x, w, job.share), 20.0, 1.0, tries_s, conditions)
 
 
-def _stick(full: Full, random: Random) -> tuple[float, float]:
+def _stick(job: ObjectJob, random: Random) -> tuple[float, float]:
     """Return the stick's position: x, w."""
-    if full.angle == 90:
+    if job.angle == 90:
         return 0.0, 1.0
-    angle = math.radians(full.angle)
-    if full.thing == "leg on an arc":
+    angle = math.radians(job.angle)
+    if job.thing == "leg on an arc":
         angle += float(random.choice((-1.0, 1.0)) * random.uniform(0.14, 0.35))
     return math.cos(angle), round(math.sin(angle), 9)
 
 
-def _spot(x: float, w: float, full: Full, random: Random) -> Spot:
+def _spot(x: float, w: float, job: ObjectJob, random: Random) -> Spot:
     """Draw a spot on the way of a stick at (x, w), from the origin with heading 0."""
     if x == 0.0:  # the disc turns on the spot; the object stands next to it
-        heading = float(random.uniform(-math.pi, math.pi) if full.cold else random.uniform(-1.6, 1.6))
+        heading = float(random.uniform(-math.pi, math.pi) if job.cold else random.uniform(-1.6, 1.6))
         gap = float(random.uniform(NEAREST_M, 0.10))
         return Spot(gap * math.cos(heading), gap * math.sin(heading), heading)
-    speed = x * full.share if x > 0.0 else x * min(full.share, REVERSE_MPS)
-    turn = w * TURN_RADPS * full.share
+    speed = x * job.share if x > 0.0 else x * min(job.share, REVERSE_MPS)
+    turn = w * TURN_RADPS * job.share
     if abs(turn) < 1e-6:
         far = float(random.uniform(1.6, 3.0)) if speed > 0.0 else -float(random.uniform(0.4, 0.9))
         return Spot(far, 0.0, 0.0 if speed > 0.0 else math.pi)
     radius = speed / turn  # of the arc, positive to the left
-    if full.thing in ABOVE_LASER and speed < 0.0 and not full.cold:
-        return _outwards(radius, OVERLAP_M[full.thing], math.copysign(float(random.uniform(2.4, 3.1)), turn))
+    if job.thing in ABOVE_LASER and speed < 0.0 and not job.cold:
+        return _outwards(radius, OVERLAP_M[job.thing], math.copysign(float(random.uniform(2.4, 3.1)), turn))
     turned = math.copysign(_turned(abs(radius), random), turn)
     heading = turned if speed > 0.0 else turned + math.pi
     return Spot(radius * math.sin(turned), radius * (1.0 - math.cos(turned)), heading)
