@@ -118,7 +118,7 @@ class Course(models.Model):
             models.CheckConstraint(
                 condition=Q(ends_on__gte=F("starts_on")),
                 name="course_ends_after_start",
-                violation_error_message=_("The last day comes before the first day: exchange them."),
+                violation_error_message=_("The last day must not be before the first day."),
             )
         ]
 

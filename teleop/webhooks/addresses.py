@@ -80,7 +80,7 @@ def target_of(address: str) -> Target:
         raise AddressRefused("bad_address", _("Leave out the name, the password and the part after #."))
     host = parts.hostname
     if parts.scheme == "http" and not _may_be_allowed(host):
-        raise AddressRefused("no_tls", _("Use https. Plain http is for hosts that FLEET_WEBHOOK_ALLOW has."))
+        raise AddressRefused("no_tls", _("Use https. Plain http is only for hosts in FLEET_WEBHOOK_ALLOW."))
     literal = _literal(host)
     if literal is not None:
         _require_allowed(host, literal, tls=parts.scheme == "https")
@@ -152,7 +152,7 @@ def _require_allowed(host: str, address: IPv4Address | IPv6Address, *, tls: bool
             % {"host": host, "address": address},
         )
     if not tls:
-        raise AddressRefused("no_tls", _("Use https. Plain http is for hosts that FLEET_WEBHOOK_ALLOW has."))
+        raise AddressRefused("no_tls", _("Use https. Plain http is only for hosts in FLEET_WEBHOOK_ALLOW."))
 
 
 def _may_be_allowed(host: str) -> bool:

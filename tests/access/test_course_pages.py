@@ -79,7 +79,7 @@ def test_a_list_that_changed_after_the_preview_is_shown_again(
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"ends_on": "2020-01-01"}, "The last day comes before the first day"),
+        ({"ends_on": "2020-01-01"}, "The last day must not be before the first day"),
         ({"robots": [], "groups": []}, "Choose at least one robot or group."),
         ({"supervisors": "nobody"}, "nobody is not the name of one open account."),
         ({"week_hours": "-1"}, "greater than or equal to 0.25"),

@@ -215,7 +215,7 @@ class Allowance(OfProfileOrRobot):
             default = getattr(topics, self.use)
             self.type = default.type if default else ""
         if why := self.why_nothing:
-            text = gettext("No allow-list admits %(name)s: %(why)s.") % {"name": self.name, "why": why}
+            text = gettext("%(name)s can never be allowed: %(why)s.") % {"name": self.name, "why": why}
             raise ValidationError({"name": text})
 
     @property

@@ -87,7 +87,7 @@ class RobotProfile(models.Model):
     forward_mps = models.FloatField(
         _("forward, m/s"),
         validators=_between(0.05, 3.0),
-        help_text=_("The fastest that this kind of robot goes."),
+        help_text=_("Top speed of this kind of robot."),
     )
     reverse_mps = models.FloatField(
         _("reverse, m/s"),

@@ -144,7 +144,7 @@ class FreeAsked(Struct, frozen=True, forbid_unknown_fields=True):
     ) = None
     profile: Annotated[str, Meta(max_length=100, description="A kind of robot.")] | None = None
     after: Moment | None = None
-    limit: Annotated[int, Meta(ge=1, le=20, description="At most so many.")] = ALTERNATIVES
+    limit: Annotated[int, Meta(ge=1, le=20, description="The most entries to return.")] = ALTERNATIVES
 
 
 class CancelAsked(Struct, frozen=True, forbid_unknown_fields=True):
@@ -169,7 +169,7 @@ class BookRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class MoveRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """New times; what is left out stays."""
+    """New times. Fields that are left out stay as they are."""
 
     starts_at: Moment | None = None
     ends_at: Moment | None = None
@@ -362,7 +362,7 @@ class BookingView(BookingsBase):
         "bookings_move", "Move, lengthen or shorten a booking", body=MoveRequest, problem=BookingProblem
     )
     def patch(self, request: Request, booking_id: UUID, body: MoveRequest) -> Response:
-        """For its person, and people who manage it. Of a slot that runs, only the end moves."""
+        """For its person, and people who manage it. After the start of a slot, only its end can change."""
         version_seen(request)
         old = self.one(booking_id)
         slot = _slot(body.starts_at or old.starts_at, body.ends_at or old.ends_at)
@@ -391,7 +391,8 @@ class ApproveView(BookingsBase):
 
     @_change_seen("bookings_approve", "Approve a booking", keyed=True)
     def post(self, request: Request, booking_id: UUID) -> Response:
-        """For supervisors of the robot or of the booking’s course, and staff, at the times that they read."""
+        """For supervisors of the robot or of the booking’s course, and staff. Refused if the booking has
+        changed since they read it."""
         return self.change(request, booking_id, services.booking_approve)
 
 

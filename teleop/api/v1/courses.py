@@ -444,7 +444,7 @@ class GrantView(CoursesBase):
         keyed=True,
     )
     def post(self, _request: Request, slug: str, qualification: str, body: GrantRequest) -> Changed:
-        """In place of an earlier grant."""
+        """Replaces an earlier grant."""
         found, people, last_day = self.chosen(slug, qualification, body.people, body.last_day)
         granted = services.qualification_grant(
             qualification=found, people=people, expires_at=end_of(last_day), actor=self.person

@@ -81,8 +81,8 @@ class EventsView(ApiView):
     )
     def get(self, request: Request, query: EventsAsked) -> HttpResponseBase:
         """Server-sent events: bookings, control, stops, ends of motions and speech, as webhooks have them. Each has the
-        number of its record as id; with Last-Event-ID nothing is missed. The stream ends after ten minutes, when the
-        token ends, or when the person may no longer see a robot: connect again."""
+        number of its record as id; with Last-Event-ID nothing is missed. Events of a robot that the person may no
+        longer see do not come. The stream ends after ten minutes, or when the token ends: connect again."""
         if len(_open) >= MOST_STREAMS:
             raise Problem(_FULL)
         if list(_open.values()).count(self.person.pk) >= MOST_OF_PERSON:

@@ -318,7 +318,7 @@ class RecordView(RecordsBase):
 
     @_records("audit_read", "Read a record", answer=AuditEntry)
     def get(self, _request: Request, number: int) -> AuditEntry:
-        """With its outcome; of an outcome’s number, the request."""
+        """The record and its outcome. If the number is that of an outcome: its request."""
         found = Record.objects.filter(pk=min(number, 2**62)).first()
         if found is None:
             raise Problem(NOT_FOUND)

@@ -21,7 +21,7 @@ Moment = Annotated[
     datetime, Meta(tz=True, description="RFC 3339, with its offset, such as 2026-03-02T14:30:00Z.")
 ]
 Time = Annotated[datetime, Meta(tz=True)]  # of an answer: RFC 3339, UTC
-Limit = Annotated[int, Meta(ge=1, le=200, description="At most so many.")]
+Limit = Annotated[int, Meta(ge=1, le=200, description="The most entries to return.")]
 Cursor = Annotated[str, Meta(max_length=200, description="`next` of the page before.")]
 
 
@@ -39,7 +39,7 @@ def query_of(request: Request, struct: type[Struct]) -> Any:
     given: dict[str, Any] = {}
     for name, values in request.query_params.lists():
         if len(values) > 1:
-            raise _invalid(f"the parameter “{name[:100]}” is there twice")
+            raise _invalid(f"the parameter “{name[:100]}” occurs twice")
         if "\0" in values[0]:
             raise _invalid(f"the parameter “{name[:100]}” has the character NUL")
         given[name] = values[0]

@@ -161,7 +161,7 @@ _TITLES = {
     405: "Method not allowed",
     406: "Not acceptable",
     409: "Refused",
-    412: "Changed meanwhile",
+    412: "Changed since you read it",
     413: "Too large",
     415: "Unsupported media type",
     422: "Another request had this key",

@@ -21,7 +21,7 @@ from robots.registry.selectors import robot_facts
 from robots.wire import Booked, Control, ControlState, Limits, Refusal
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import Problem
-from teleop.api.v1.programs.connection import Caller, ProgramConnection, Velocity
+from teleop.api.v1.programs.connection import ProgramConnection, ProgramSignIn, Velocity
 from teleop.api.v1.programs.registry import UNUSED_S, programs
 from teleop.control import lease_checks
 from teleop.control.scopes import ACTING
@@ -80,8 +80,7 @@ class VelocityRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Driven(Struct, frozen=True):
-    """The velocity was sent so long, or until a newer one took its place; the robot's state tells what the gate made
-    of it."""
+    """How long the velocity was sent; a newer one ends it early. The robot's state shows what the gate allowed."""
 
     seconds: float
     fence: int
@@ -97,30 +96,30 @@ class ProgramView(ApiView):
         """Return one of the robots that the person may see, for reading only. Raises `Problem`: not found."""
         return self.known_robot(slug)[0].robot
 
-    def caller(self) -> Caller:
+    def program_sign_in(self) -> ProgramSignIn:
         """Return how the program is signed in."""
         request = self.request
         host = request.get_host()
         if (token := self.token) is not None:
             headers = (("Authorization", request.headers["Authorization"]),)
-            return Caller(key_of(token), self.person.pk, headers, host, None)
+            return ProgramSignIn(key_of(token), self.person.pk, headers, host, None)
         origin = f"{'https' if settings.FLEET_TLS else 'http'}://{host}"
         cookie = request.headers.get("Cookie", "")
         key = request.session.session_key or ""
-        return Caller(key, self.person.pk, (("Cookie", cookie),), host, origin)
+        return ProgramSignIn(key, self.person.pk, (("Cookie", cookie),), host, origin)
 
     def keep_control(self, slug: str) -> None:
         """Count this request as use of the program's control."""
-        programs.found(slug, self.caller())
+        programs.found(slug, self.program_sign_in())
 
     def connection(self, robot: Robot) -> ProgramConnection:
         """Return the program's connection, a new one if there is none. Raises `NotDone`."""
-        found: ProgramConnection = async_to_sync(programs.connection)(robot.slug, self.caller())
+        found: ProgramConnection = async_to_sync(programs.connection)(robot.slug, self.program_sign_in())
         return found
 
     def connected(self, robot: Robot) -> ProgramConnection:
         """Return the connection that has control. Raises `Problem`."""
-        found = programs.found(robot.slug, self.caller())
+        found = programs.found(robot.slug, self.program_sign_in())
         if found is None or found.fence is None:
             raise Problem(_ELSEWHERE if self.holds_elsewhere(robot) else _NOT_TAKEN)
         return found
@@ -133,7 +132,7 @@ class ProgramView(ApiView):
         lease = lease_of(robot.id)
         if lease is None or lease_checks.lapse_reason(lease, timezone.now()) is not None:
             return False
-        return lease.tab.sign_in == lease_checks.fingerprint(self.caller().key)
+        return lease.tab.sign_in == lease_checks.fingerprint(self.program_sign_in().key)
 
 
 class ControlView(ProgramView):
@@ -143,7 +142,7 @@ class ControlView(ProgramView):
     def get(self, _request: Request, slug: str) -> ControlEntry:
         """Reading keeps a program's control in use."""
         robot = self.robot(slug)
-        found = programs.found(slug, self.caller())
+        found = programs.found(slug, self.program_sign_in())
         if found is not None and found.control is not None:
             return _entry(found.control)
         lease = lease_of(robot.id)
@@ -180,7 +179,7 @@ class RenewView(ProgramView):
 
     @_control("control_renew", "Renew control", answer=ControlEntry)
     def post(self, _request: Request, slug: str) -> ControlEntry:
-        """A fresh term, or a longer slot while nobody else has booked."""
+        """Start the term again; or extend the slot while nobody else has booked."""
         return _entry(async_to_sync(self.connected(self.robot(slug)).change)(wire.Renew()))
 
 
@@ -219,7 +218,8 @@ class VelocityView(ProgramView):
         examples=[OpenApiExample("Forward", value={"forward_mps": 0.2, "seconds": 0.5}, request_only=True)],
     )
     def post(self, _request: Request, slug: str, body: VelocityRequest) -> Driven:
-        """Through dead-man and gate, as a stick. For more than a first try use the WebSocket, or `drive-by`."""
+        """The dead-man rule and the gate apply, as for a stick. For more than a first try use the WebSocket, or
+        `drive-by`."""
         robot = self.robot(slug)
         connection = self.connected(robot)
         fence = connection.fence or 0

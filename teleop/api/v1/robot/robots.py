@@ -142,7 +142,7 @@ class SpeechHistoryView(ApiView):
         parameters=[
             OpenApiParameter("before", int, description="Entries with a number below this one."),
             OpenApiParameter(
-                "limit", int, description=f"At most so many, 1 to {LONGEST_PAGE}; 50 if left out."
+                "limit", int, description=f"The most entries to return, 1 to {LONGEST_PAGE}; 50 if left out."
             ),
         ],
     )

@@ -36,7 +36,7 @@ makes = partial(manages, status=201)
 edits = partial(manages, refuses=(404, 412, 428), parameters=[IF_MATCH])
 
 _STAFF_ONLY = Refusal("permission_denied", "This is for staff and their service accounts.", "account")
-_CHANGED = Refusal("changed", "It was changed meanwhile: read it again.", "wire")
+_CHANGED = Refusal("changed", "Somebody changed this entry after you read it: read it again.", "wire")
 _OF_ALL_ROBOTS = Refusal(
     "other_robots", "This is about robots that the token does not serve: use another token.", "account"
 )

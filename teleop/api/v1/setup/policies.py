@@ -170,7 +170,7 @@ class CommonPolicyView(PoliciesBase):
         tag="policies",
     )
     def get(self, _request: Request) -> Response:
-        """Robots without another follow it."""
+        """Robots without a policy of their own or of a group follow this one."""
         return self.tagged(self.entry())
 
     @edits(

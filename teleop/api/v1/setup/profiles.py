@@ -194,7 +194,7 @@ class RobotPhrasesView(PhrasesBase):
         tag="registry",
     )
     def get(self, _request: Request, slug: str) -> Response:
-        """Beside those of its profile."""
+        """In addition to the phrases of its profile."""
         return self.tagged(_phrases(self.robot(slug)))
 
     @edits(

@@ -32,9 +32,10 @@ ScopeName = Literal["read", "drive", "speak", "motions", "topics", "book", "mana
 Name = Annotated[str, Meta(min_length=1, max_length=40)]
 Word = Annotated[str, Meta(min_length=1, max_length=80)]
 
+_BLANK = Refusal("invalid", "The name must not be blank.", "wire")
 _NAME_TAKEN = Refusal("name_taken", "There is a token with this name: choose another one.", "account")
 _TOO_MANY = Refusal("too_many", f"There are {MOST} tokens: end one first.", "account", {"most": MOST})
-_OVER = Refusal("invalid", "expires_at is over: choose a later time.", "wire")
+_OVER = Refusal("invalid", "expires_at is in the past: choose a later time.", "wire")
 _NOT_FRESH = Refusal(
     "password_needed",
     "A browser makes tokens only soon after its person gave the password: open /accounts/again/ first.",
@@ -133,7 +134,9 @@ class TokensBase(SetupView):
         if self.token is None and not did_recently_reauthenticate(self.request._request):
             raise Problem(_NOT_FRESH)
         name = " ".join(body.name.split())
-        if not name or tokens_of(owner).filter(name=name).exists():
+        if not name:
+            raise Problem(_BLANK)
+        if tokens_of(owner).filter(name=name).exists():
             raise Problem(_NAME_TAKEN)
         robots, expires_at = self._robots(owner, body), self._expiry(body)
         self._require_no_more(body, robots)
@@ -209,9 +212,8 @@ class TokensView(TokensBase):
         ],
     )
     def post(self, _request: Request, body: TokenRequest) -> Response:
-        """Its scopes, robots and life are at most those of the token that asks, and it ends with that. The answer has
-        its text, which nothing shows again; so this takes no Idempotency-Key, and its name is taken by the first of
-        two requests."""
+        """The new token may not do more or last longer than the token of the request, and ends with it. Only this
+        answer shows its text; so this takes no Idempotency-Key, and the first of two requests takes the name."""
         return self.make(self.person, body)
 
 
@@ -220,7 +222,7 @@ class TokenView(TokensBase):
 
     @operation("tokens_end", "End a token", scope=None, status=204, refuses=(404,), tag="tokens")
     def delete(self, _request: Request, token_id: UUID) -> None:
-        """Its streams, its control and the tokens that it made end within a second. A token ends itself with any
+        """Ends its streams, its control and the tokens made with it, within a second. A token ends itself with any
         scope; others with `manage`: those of the same person, for staff everybody's; if bound, those for its robots."""
         own = self.token
         if own is not None and own.pk != token_id and not own.opens(Scope.MANAGE):
@@ -258,7 +260,7 @@ class ServiceAccountsView(TokensBase):
         """For staff. It needs a role, and a token."""
         name, project = (" ".join(text.split()) for text in (body.name, body.project))
         if not (name and project):
-            raise Problem(Refusal("invalid", "Name and project are not blank.", "wire"))
+            raise Problem(Refusal("invalid", "Name and project must not be blank.", "wire"))
         return _account(service_account_make(name=name, project=project, actor=self.staff()))
 
 
@@ -279,7 +281,7 @@ class ServiceTokensView(TokensBase):
         tag="tokens",
     )
     def post(self, _request: Request, username: str, body: TokenRequest) -> Response:
-        """For staff, as one's own. Nobody makes a token of another person."""
+        """For staff, with the rules of `/tokens`. Nobody makes a token of another person."""
         return self.make(self.account(username), body)
 
     def account(self, username: str) -> User:
@@ -292,7 +294,7 @@ class ServiceTokensView(TokensBase):
 
 
 def _more(what: str, given: str) -> Refusal:
-    text = f"The new token would do more than the one that asks: {what} ({given})."
+    text = f"The new token may not do more than your token: {what} ({given})."
     return Refusal("more_than_own", text, "account", {"field": what})
 
 

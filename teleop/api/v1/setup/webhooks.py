@@ -227,9 +227,9 @@ class TestView(WebhooksBase):
 class AgainView(WebhooksBase):
     """`/webhooks/{id}/again`."""
 
-    @manages("webhooks_again", "Try again what was given up", answer=TriedAgain, tag="webhooks")
+    @manages("webhooks_again", "Try deliveries again that were given up", answer=TriedAgain, tag="webhooks")
     def post(self, _request: Request, webhook_id: UUID) -> TriedAgain:
-        """Each of these events once more, with the same pauses."""
+        """Sends each of these events once more, with the same pauses."""
         return TriedAgain(services.webhook_again(webhook=self.one(webhook_id), actor=self.staff()))
 
 
