@@ -135,7 +135,7 @@ class Scene:
         driver = await self.ready()
         await asyncio.sleep(0.5)
         with suppress(*FAULTS):
-            await driver.order(wire.Play(driver.fence or 1, "open"))
+            await driver.request_task(wire.Play(driver.fence or 1, "open"))
             await asyncio.sleep(0.5)
 
     # --- a press -------------------------------------------------------------------------------------

@@ -164,25 +164,25 @@ class Person:
                 await step(driver)
 
     async def _say(self, driver: Driver) -> None:
-        await driver.order(wire.Say(driver.fence or 1, f"Sentence {next(self._numbers)}.", "en-GB"))
+        await driver.request_task(wire.Say(driver.fence or 1, f"Sentence {next(self._numbers)}.", "en-GB"))
 
     async def _publish(self, driver: Driver) -> None:
         fields = {"data": f"Note {next(self._numbers)}."}
         order = wire.Publish(driver.fence or 1, "/fleet_demo/notes", "std_msgs/String", fields)
-        await driver.order(order)
+        await driver.request_task(order)
 
     async def _play(self, driver: Driver) -> None:
         await self._stand(driver)
-        await driver.order(wire.Play(driver.fence or 1, "open"))
+        await driver.request_task(wire.Play(driver.fence or 1, "open"))
         await driver.until(lambda: driver.state and not driver.state.motion)
 
     async def _choose(self, driver: Driver) -> None:
         await self._stand(driver)
-        await driver.order(wire.Choose(driver.fence or 1, "drive", OTHER_DRIVE_TOPIC))
+        await driver.request_task(wire.Choose(driver.fence or 1, "drive", OTHER_DRIVE_TOPIC))
 
     async def _choose_default(self, driver: Driver) -> None:
         await self._stand(driver)
-        await driver.order(wire.Choose(driver.fence or 1, "drive"))
+        await driver.request_task(wire.Choose(driver.fence or 1, "drive"))
 
     async def _turn(self, driver: Driver) -> None:
         end_s = time.monotonic() + self.chance.uniform(0.2, 0.5)

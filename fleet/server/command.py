@@ -15,7 +15,7 @@ from twisted.internet import reactor, task
 from fleet.server import channel, limits, pages_process, websocket
 from fleet.server.connections import Connections, Places
 from fleet.server.work_queue import WorkQueue
-from robots.processes.scheduling import Garbage, prefer_this_thread
+from robots.processes.scheduling import Garbage, ask_for_priority
 
 GARBAGE_S = 0.1  # between two collections, so that each one has only few new objects
 
@@ -58,7 +58,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
 
         The many objects of Django are never searched.
         """
-        prefer_this_thread()
+        ask_for_priority()
         garbage = Garbage()
         self._collecting = task.LoopingCall(
             lambda: garbage.collect(time.monotonic(), waits=self.websockets.taken > 0)

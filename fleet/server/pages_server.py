@@ -17,7 +17,7 @@ from types import FrameType
 
 import uvicorn
 
-from robots.processes.scheduling import prefer_nobody
+from robots.processes.scheduling import forbid_real_time
 from robots.processes.shutdown import SIGNALS, exit_within
 
 NICENESS = 15
@@ -68,7 +68,7 @@ def main() -> None:
     parser.add_argument("application")
     asked = parser.parse_args()
     os.nice(NICENESS)
-    prefer_nobody()
+    forbid_real_time()
     server = Server(
         uvicorn.Config(
             asked.application,

@@ -7,9 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 from django.db import DatabaseError, close_old_connections
 
-from robots.processes.scheduling import prefer_stop_thread
+from robots.processes.scheduling import ask_for_stop_priority
 
-_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sessions", initializer=prefer_stop_thread)
+_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sessions", initializer=ask_for_stop_priority)
 
 
 def look_up(key: str) -> asyncio.Future[bool]:

@@ -17,7 +17,7 @@ from django.urls import set_script_prefix
 
 from fleet.accounts.sign_in.hashing import MOST_WAITING
 from fleet.server.stop_addresses import is_stop
-from robots.processes.scheduling import prefer_stop_thread
+from robots.processes.scheduling import ask_for_stop_priority
 from teleop.api.v1.framework.long_poll import LongPoll
 
 P = ParamSpec("P")
@@ -76,7 +76,7 @@ class OneThreadHandler(ASGIHandler):
 
     def _answer(self, scope: Any, body: Any) -> Any:
         """Return the response. It is closed, unless its content is still to be streamed."""
-        prefer_stop_thread()  # this thread may answer a stop; in the pages process this has no effect
+        ask_for_stop_priority()  # this thread may answer a stop; in the pages process this has no effect
         set_script_prefix(get_script_prefix(scope))
         request_started.send(sender=type(self), scope=scope)
         request, malformed = self.create_request(scope, body)

@@ -124,7 +124,7 @@ def enrol_list(*, course: Course, people: PeopleList, actor: User, site: str) ->
         enrol(course=course, people=part, actor=actor)
     for listed in _parts(plan.newcomers, BATCH_SIZE):
         with transaction.atomic():
-            _one_at_a_time()
+            _lock_enrolments()
             now = plan_of(PeopleList(tuple(listed)), course, actor)  # the button may have been pressed twice
             made = _make_accounts(now.newcomers, actor)
             enrol(course=course, people=[*now.accounts, *made], actor=actor)
@@ -137,7 +137,7 @@ def enrol(
     *, course: Course, people: Sequence[User], actor: Actor, invitation: Invitation | None = None
 ) -> int:
     """Enrol these people. Returns how many were not enrolled before."""
-    _one_at_a_time()
+    _lock_enrolments()
     inside = set(Enrolment.objects.filter(course=course, person__in=people).values_list("person", flat=True))
     new = [person for person in people if person.pk not in inside]
     if not new:
@@ -160,7 +160,7 @@ def unenrol(*, course: Course, people: Sequence[User], actor: Actor) -> int:
 
     Returns how many of them were in the course.
     """
-    _one_at_a_time()
+    _lock_enrolments()
     found = Enrolment.objects.select_for_update().filter(course=course, person__in=people)
     gone = [str(person) for person in found.values_list("person", flat=True)]
     if gone:
@@ -170,7 +170,7 @@ def unenrol(*, course: Course, people: Sequence[User], actor: Actor) -> int:
     return len(gone)
 
 
-def _one_at_a_time() -> None:
+def _lock_enrolments() -> None:
     """Lock the audit log's chain without a robot until the commit. Each record of these changes locks it, but later.
 
     With this lock at the beginning, two lists with the same people make each account only once, and there is no
@@ -253,7 +253,7 @@ def check_invitation(invitation: Invitation | None, now: datetime) -> Refusal | 
     if now >= invitation.expires_at:
         return Refusal("invitation_expired", f"{_('This invitation has expired.')} {again}", "account")
     if invitation.uses >= invitation.most_uses:
-        text = _("This invitation was for %(people)d people, and so many have joined.")
+        text = _("This invitation is for %(people)d people, and %(people)d have joined.")
         figures = {"people": invitation.most_uses}
         return Refusal("invitation_used", f"{text % figures} {again}", "account", figures)
     if invitation.course.archived or invitation.course.ends_on < lab_date(now):

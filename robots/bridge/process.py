@@ -38,7 +38,7 @@ from robots.bridge.topics.inspector_client import InspectorClient
 from robots.bridge.watchdog.client import WatchdogClient
 from robots.bridge.watchdog.config import lane_path
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
-from robots.processes.scheduling import Garbage, prefer_this_thread
+from robots.processes.scheduling import Garbage, ask_for_priority
 from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED, exit_within
 from robots.stop.pending_stops import PendingStops, WaitingStop, name_of
 
@@ -111,7 +111,7 @@ class Bridge:
         self._records.open(lambda: loop.call_soon_threadsafe(self._recorded), time.monotonic())
         self._base.start(loop, self._core, self._after_commands, self._node_lost)
         self._garbage = Garbage()
-        prefer_this_thread()
+        ask_for_priority()
         try:
             await self._tick_until_ended()
         finally:

@@ -76,7 +76,7 @@ _BUSY = Refusal("busy", "The robot’s bridge has too much to answer: wait a mom
 
 _OTHER_ROBOT = Refusal(
     "other_robot",
-    "At this robot’s bridge address another robot’s bridge answers: staff must correct the address.",
+    "Another robot’s bridge answers at this robot’s address. Staff must correct the address.",
     "robot",
 )
 
@@ -675,7 +675,7 @@ async def _await_answer(answer: asyncio.Future[_Answer], timeout_s: float) -> _A
 
 def _too_large(size: int) -> Refusal:
     limit = wire.LARGEST_MESSAGE_BYTES
-    text = f"For the robot this message has {size} bytes; at most {limit} are taken."
+    text = f"This message has {size} bytes; the robot accepts at most {limit}."
     return Refusal("too_large", text, "wire", {"bytes": size, "limit_bytes": limit})
 
 

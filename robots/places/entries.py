@@ -61,7 +61,7 @@ def why_no_name(name: str) -> str | None:
     if len(key_of(name)) > 2 * LONGEST_NAME:  # normalisation may replace one letter by many
         return "The name is too long when its letters are written out."
     if "\ufffd" in name:
-        return "The name has a letter that was lost: write it anew."
+        return "The name has a letter that was lost: type the name again."
     if not name.isprintable():
         return "The name has a control character."
     if not name[0].isalnum():  # a spreadsheet reads =, +, - or @ as the start of a formula
@@ -76,9 +76,13 @@ def entry_of(name: str, x: float, y: float, heading: float) -> PlaceEntry:
         raise Problems([why])
     for coordinate in (x, y):
         if not abs(coordinate) <= FARTHEST_PLACE_M:
-            raise Problems([f"{coordinate} is no place: a number of metres, at most {FARTHEST_PLACE_M:.0f}."])
+            raise Problems(
+                [
+                    f"{coordinate} is not a valid coordinate: a number of metres, at most {FARTHEST_PLACE_M:.0f}."
+                ]
+            )
     if not abs(heading) <= math.tau:
-        raise Problems([f"{heading} is no heading: a number of radians between -6.28 and 6.28."])
+        raise Problems([f"{heading} is not a valid heading: a number of radians between -6.28 and 6.28."])
     heading = heading if abs(heading) <= _HALF_TURN else wrapped(heading)
     return PlaceEntry(name, *(round(part, _MILLIMETRES) for part in (x, y, heading)))
 
@@ -142,7 +146,7 @@ def _entry(row: list[str]) -> PlaceEntry:
     return entry_of(name, x, y, heading)
 
 
-def written(places: Iterable[PlaceEntry]) -> str:
+def file_text(places: Iterable[PlaceEntry]) -> str:
     """Return these places as the content of a file, which `read` can read."""
     text = io.StringIO()
     lines = csv.writer(text, lineterminator="\n")

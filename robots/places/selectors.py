@@ -30,7 +30,7 @@ NO_PICTURE = Refusal(
 )
 NO_OUTLINE = Refusal(
     "no_outline",
-    "The entries of all robots with this map are wrong: mend one, so that its outline is known.",
+    "The entries of all robots with this map are wrong: correct one; the console needs a robot’s outline.",
     "robot",
 )
 
@@ -104,7 +104,7 @@ def place_of_robot(robot_id: UUID, name: str) -> Place:
         if place.key == key_of(name):
             return place
     if newest is None:
-        text = "The console knows no map of this robot yet, and so no place: it is read while somebody has control."
+        text = "The console has no map of this robot yet. It reads the map while somebody has control."
     elif not places:
         text = "The robot’s map has no named places. A new map begins without any, also of the same building."
     else:

@@ -21,7 +21,7 @@ RUNAWAY_ENDS_S = 2.0  # after this time without a pause the kernel ends the proc
 _OLD_S = 30.0
 
 
-def prefer_this_thread() -> str:
+def ask_for_priority() -> str:
     """Ask for real-time priority or, if the limits forbid it, for a lower nice value. Returns the result in words.
 
     Call it from the main thread.
@@ -45,7 +45,7 @@ def prefer_this_thread() -> str:
     return got
 
 
-def prefer_stop_thread() -> None:
+def ask_for_stop_priority() -> None:
     """Ask for the lowest real-time priority, for a thread that answers a stop by HTTP.
 
     Otherwise, each time the thread waits, other work takes the core: pages, password hashes, programs of attackers on
@@ -56,7 +56,7 @@ def prefer_stop_thread() -> None:
             os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1))
 
 
-def prefer_nobody() -> None:
+def forbid_real_time() -> None:
     """Forbid real-time priority in this process from now on."""
     resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
 

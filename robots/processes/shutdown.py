@@ -22,13 +22,13 @@ def end_event(life_line: int | None, patience_s: float) -> threading.Event:
     # A signal handler must not set the event: it runs in the main thread, and this thread may hold the event's lock,
     # because it is about to wait for the event. Then it would wait for itself. Instead, Python writes a byte to this
     # pipe, in C.
-    hears, tells = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
-    signal.set_wakeup_fd(tells, warn_on_full_buffer=False)
+    read_end, write_end = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
+    signal.set_wakeup_fd(write_end, warn_on_full_buffer=False)
     for number in SIGNALS:
         signal.signal(number, lambda *_: None)
     asked_to_end = threading.Event()
     threading.Thread(
-        target=_listen, args=(asked_to_end, hears, life_line, patience_s), name="the end", daemon=True
+        target=_listen, args=(asked_to_end, read_end, life_line, patience_s), name="the end", daemon=True
     ).start()
     return asked_to_end
 

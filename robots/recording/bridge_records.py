@@ -128,7 +128,7 @@ def _file_of(name: str) -> _File | None:
     return status.st_dev, status.st_ino
 
 
-def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:
+def _as_record_error(method: Callable[P, T]) -> Callable[P, T]:
     """Decorator: turn errors of the database into `RecordError` or `BadRecord`, with the reason in words.
 
     The connection may stay open between calls. After an error the next call opens a new connection.
@@ -147,7 +147,7 @@ def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:
             connection.close()
             raise RecordError(cause_of(error)[1]) from error
         except (DatabaseError, ValidationError, ValueError) as error:
-            raise BadRecord("the audit log does not take it") from error
+            raise BadRecord("the audit log refuses this record") from error
 
     return call
 
@@ -159,7 +159,7 @@ class AuditSink:
         self._robot_id = robot_id
         self._robot_name = robot_name
 
-    @_or_record_error
+    @_as_record_error
     def settle(self) -> None:
         """Commit the ends that an earlier bridge did not record because it was killed. A second call commits none."""
         with transaction.atomic():
@@ -171,17 +171,17 @@ class AuditSink:
             pulse.settled = records.aggregate(newest=Max("id"))["newest"] or 0
             pulse.save()
 
-    @_or_record_error
+    @_as_record_error
     def test_writable(self) -> None:
         """Commit the time of day, as a test that the database accepts writes."""
         BridgePulse.objects.update_or_create(robot_id=self._robot_id, defaults={"at": timezone.now()})
 
-    @_or_record_error
+    @_as_record_error
     def begin_drive(self, holder: Holder, start: Position) -> int:
         """Commit the start of a drive."""
         return record("drive.start", private=_position(start), **self._by(holder)).pk
 
-    @_or_record_error
+    @_as_record_error
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
         """Commit the end of a drive, with its figures."""
         figures = {
@@ -206,7 +206,7 @@ class AuditSink:
             **self._by(holder),
         )
 
-    @_or_record_error
+    @_as_record_error
     def request(self, holder: Holder | None, kind: str, parameters: Parameters) -> int:
         """Commit the request of a task."""
         facts = dict(parameters)
@@ -214,7 +214,7 @@ class AuditSink:
         private = {name: facts.pop(name) for name in _EXPIRING if name in facts}
         return record(kind, parameters=facts, text=text, private=private, **self._by(holder)).pk
 
-    @_or_record_error
+    @_as_record_error
     def outcome(
         self, request: int, holder: Holder | None, kind: str, outcome: str, parameters: Parameters
     ) -> None:
@@ -224,7 +224,7 @@ class AuditSink:
         private = {"words": words} if words else {}
         record(kind, of=request, outcome=outcome, parameters=facts, private=private, **self._by(holder))
 
-    @_or_record_error
+    @_as_record_error
     def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:
         """Commit that the gate began to hold back, and why."""
         figures = {
@@ -237,7 +237,7 @@ class AuditSink:
             "gate.begin", of=drive, outcome=start.verdict.code, private=figures, **self._by(holder)
         ).pk
 
-    @_or_record_error
+    @_as_record_error
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
         """Commit that the gate no longer holds back, with figures of the intervention."""
         figures = {
@@ -248,7 +248,7 @@ class AuditSink:
         }
         record("gate.end", of=intervention, private=figures, **self._by(holder))
 
-    @_or_record_error
+    @_as_record_error
     def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None:
         """Commit that a stop reached the robot."""
         record(
@@ -260,7 +260,7 @@ class AuditSink:
             parameters={"number": number, "was_standing": was_standing},
         )
 
-    @_or_record_error
+    @_as_record_error
     def ill_parts(self) -> dict[str, HealthLevel]:
         """Return the parts that were not well in their last record, with their levels."""
         changes = Record.objects.filter(robot_id=self._robot_id, kind__in=("health.worse", "health.better"))
@@ -270,12 +270,12 @@ class AuditSink:
             levels.setdefault(change["part"], change["to"])
         return {part: level for part, level in levels.items() if level != "ok"}
 
-    @_or_record_error
+    @_as_record_error
     def keep_map(self, taken: TakenMap) -> None:
         """Commit that this is the robot's map now."""
         map_store(self._robot_id, taken, timezone.now())
 
-    @_or_record_error
+    @_as_record_error
     def keep_description(self, taken: TakenDescription) -> None:
         """Commit that this is the robot's description now."""
         description_store(self._robot_id, taken, timezone.now())

@@ -41,16 +41,16 @@ class Condition(NamedTuple):
     words: str = ""
 
 
-def bridge_is(robot_id: UUID, state: State, detail: str) -> None:
+def record_bridge(robot_id: UUID, state: State, detail: str) -> None:
     """Record a fault, or its end, if the new state of the bridge's process shows one; a start or an end is no fault."""
     if state in _BRIDGE_FAULTS:
-        part_is(robot_id, BRIDGE, Condition(_BRIDGE_FAULTS[state], detail))
+        record_part(robot_id, BRIDGE, Condition(_BRIDGE_FAULTS[state], detail))
     elif state in _BRIDGE_WELL:
-        part_is(robot_id, BRIDGE, Condition())
+        record_part(robot_id, BRIDGE, Condition())
 
 
 @transaction.atomic
-def part_is(robot_id: UUID, part: str, now: Condition) -> None:
+def record_part(robot_id: UUID, part: str, now: Condition) -> None:
     """Record the beginning or end of a part's fault, unless it is recorded already."""
     name = Robot.objects.filter(pk=robot_id).values_list("name", flat=True).first()
     if name is None:
@@ -101,7 +101,7 @@ class RobotWatch:
             return
         at_fault = bool(now.fault)
         if self._recorded.get(robot_id) != at_fault:
-            part_is(robot_id, ROBOT, now)
+            record_part(robot_id, ROBOT, now)
             self._recorded[robot_id] = at_fault
 
 

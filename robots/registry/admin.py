@@ -83,7 +83,9 @@ class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at ru
         """Raise `ValidationError` if the entry was saved since the form was opened."""
         as_of: str = self.cleaned_data["as_of"]
         if as_of and as_of != self.initial.get("as_of", as_of):  # a copy (*Save as new*) has no initial value
-            text = gettext("%s has changed it meanwhile. Open this page again; nothing was saved.")
+            text = gettext(
+                "%s has saved this entry since you opened it. Nothing was saved. Open the page again."
+            )
             raise forms.ValidationError(text % last_editor(self.instance))
         return as_of
 
@@ -189,7 +191,7 @@ class RobotAdmin(RecordedAdmin):
         status_text = f"{since}: {status.detail}" if status.detail else since
         if status.state in ENDED or robot.bridge_address or supervised(settings.FLEET_RUN_DIR / LOCK):
             return status_text
-        return gettext("no supervisor is running; the last one said: %s") % status_text
+        return gettext("no supervisor is running; the last report: %s") % status_text
 
     @admin.display(description=_("check"))
     def check_link(self, robot: Robot) -> str:

@@ -143,7 +143,7 @@ class PhraseAdmin(EntryAdmin):
     @admin.action(description=_("Export to a text file"))
     def export(self, request: HttpRequest, queryset: QuerySet[Phrase]) -> HttpResponse:
         """Export the chosen phrases in their order."""
-        content = phrases.written(phrase.line for phrase in queryset.order_by(*WHOSE_FIRST))
+        content = phrases.file_text(phrase.line for phrase in queryset.order_by(*WHOSE_FIRST))
         headers = {"Content-Disposition": 'attachment; filename="phrases.txt"'}
         return HttpResponse(content, content_type="text/plain; charset=utf-8", headers=headers)
 

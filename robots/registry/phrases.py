@@ -103,7 +103,7 @@ def read_file(path: Path, default_language: str = FALLBACK_LANGUAGE) -> list[Lin
         return read(file.read(LARGEST_FILE_BYTES + 1), default_language)
 
 
-def written(phrases: Iterable[Line]) -> str:
+def file_text(phrases: Iterable[Line]) -> str:
     """Return these phrases as the content of a file, which `read` can read."""
     lines = ([phrase.language, phrase.text, tags_text(phrase.tags)] for phrase in phrases)
     return "".join("\t".join(filter(None, fields)) + "\n" for fields in lines)

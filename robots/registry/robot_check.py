@@ -270,7 +270,8 @@ _UNREADABLE = gettext_noop("See the results for names above.")
 _UNKNOWN = gettext_noop("Choose one of the types in the profile’s help text.")
 _OTHER_VERSION = gettext_noop("The robot has another version of the message’s package.")
 _CLOSE = gettext_noop(
-    "It holds reverse. If nothing stands there: clean it, remove objects in front of it, or remove it from the profile."
+    "It holds reverse. If nothing stands there: clean the sensor, remove objects in front of it, "
+    "or remove it from the profile."
 )
 _SILENT = gettext_noop("Is the sensor switched on, and does its driver work (rostopic hz)?")
 

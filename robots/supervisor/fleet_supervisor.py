@@ -22,7 +22,7 @@ from django.db import DatabaseError, connection
 from fleet.audit.errors import AuditUnavailable
 from robots.bridge.watchdog.config import watchdog_config
 from robots.processes.shutdown import exit_within
-from robots.recording.faults import bridge_is
+from robots.recording.faults import record_bridge
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import BridgeStatus, Robot
 from robots.registry.selectors import bridge_config, require_link_settings
@@ -220,7 +220,7 @@ class Fleet:
         for robot_id, (state, detail, pid) in list(self._unsaved.items()):
             try:
                 bridge_status_set(robot_id=robot_id, state=state, detail=detail, pid=pid)
-                bridge_is(robot_id, state, detail)
+                record_bridge(robot_id, state, detail)
             except (DatabaseError, AuditUnavailable) as error:
                 self._database_failed(error)
                 return

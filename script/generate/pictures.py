@@ -119,7 +119,7 @@ def take_pictures(stack: Stack, cookie: str) -> None:
             drive_towards_the_parcel(page, stack)
             page.screenshot(path=PICTURES / "control.png")
             page.keyboard.up("w")
-            fall_ill(page, stack)
+            show_faults(page, stack)
             for tab, in_use in TABS.items():
                 page.goto(f"{stack.url}/robots/{ROBOT}/#{tab}")
                 page.locator(f".control[data-tab={tab}] .hit:visible").first.wait_for()
@@ -311,7 +311,7 @@ def look_through_cameras(page: Page, stack: Stack) -> None:
     set_faults(stack, "none", TWO_CAMERAS)
 
 
-def fall_ill(page: Page, stack: Stack) -> None:
+def show_faults(page: Page, stack: Stack) -> None:
     """Take the page after two parts of the robot have reported faults."""
     set_faults(stack, "motor_hot,part_broken")
     page.locator("[data-part=health-open]").click()
@@ -398,12 +398,12 @@ async def tour(stack: Stack, cookie: str) -> None:
         await driver.until(lambda: driver.odometry)
         for number, (x, y, share) in enumerate(TOUR):
             if number % 2 == 0 and number // 2 < len(SENTENCES):
-                await driver.order(wire.Say(fence, SENTENCES[number // 2], "en-GB"))
+                await driver.request_task(wire.Say(fence, SENTENCES[number // 2], "en-GB"))
             await drive_to(driver, x, y, share)
         await driver.drive(0.0, 0.0)
         await driver.until(lambda: driver.odometry and abs(driver.odometry.vx) < STILL_MPS)
         await asyncio.sleep(SETTLED_S)
-        await driver.order(wire.Play(fence, "wave"))
+        await driver.request_task(wire.Play(fence, "wave"))
         await driver.until(lambda: driver.state and driver.state.motion_ended, timeout_s=DRIVEN_S)
         await driver.send(wire.Release())
         await driver.until(lambda: driver.fence is None)
@@ -437,11 +437,11 @@ def look_back(page: Page, stack: Stack) -> None:
     page.locator(":focus").evaluate("slider => slider.blur()")
 
 
-def as_it_is(_page: Page) -> None:
+def do_nothing(_page: Page) -> None:
     """Do nothing."""
 
 
-TABS = {"motions": as_it_is, "speech": say_a_phrase, "topics": watch_the_head}
+TABS = {"motions": do_nothing, "speech": say_a_phrase, "topics": watch_the_head}
 
 
 if __name__ == "__main__":

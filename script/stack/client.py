@@ -176,13 +176,13 @@ class Driver:
                 await self.drive(x, w, share)
             await asyncio.sleep(DRIVE_PERIOD_S)
 
-    async def order(self, order: wire.TaskRequest) -> wire.Accepted | wire.Refused:
+    async def request_task(self, task: wire.TaskRequest) -> wire.Accepted | wire.Refused:
         """Send a task request with the next number; return the answer."""
         self.seq += 1
-        key = wire.kind_of(order), self.seq
+        key = wire.kind_of(task), self.seq
         answer = self._answers[key] = asyncio.get_running_loop().create_future()
         try:
-            await self.send(msgspec.structs.replace(order, seq=self.seq))
+            await self.send(msgspec.structs.replace(task, seq=self.seq))
             return await asyncio.wait_for(answer, ANSWER_S)
         finally:
             del self._answers[key]

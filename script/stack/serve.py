@@ -73,7 +73,7 @@ def is_loopback(address: str) -> bool:
 
 def serve(asked: argparse.Namespace) -> int:
     """Run the console until a signal comes or a process dies. Check the settings before anything starts."""
-    require_one_mind_about_tls(asked, Environment(os.environ))
+    require_matching_tls(asked, Environment(os.environ))
     require_certificate(asked)
     require_free_port(asked)
     for command in PREPARATION:
@@ -114,7 +114,7 @@ def setup_address(asked: argparse.Namespace) -> str:
     return f"http{'s' if asked.certificate else ''}://{host}:{asked.port}/setup/"
 
 
-def require_one_mind_about_tls(asked: argparse.Namespace, env: Environment) -> None:
+def require_matching_tls(asked: argparse.Namespace, env: Environment) -> None:
     """Raise StartError if FLEET_TLS does not fit the options."""
     ends_tls = bool(asked.certificate or asked.behind_proxy)
     if env.flag("FLEET_TLS") and not ends_tls:

@@ -44,14 +44,14 @@ def of_others(host: str, authorization: str) -> Iterator[Metric]:
     """
     run: Path = settings.FLEET_RUN_DIR
     own = f"web-{os.getppid()}.sock"  # the web process started this one
-    driving = sorted(run.glob("programs-*.sock"))
-    asked = [(path, PATH) for path in driving]
+    programs_sockets = sorted(run.glob("programs-*.sock"))
+    asked = [(path, PATH) for path in programs_sockets]
     asked += [(path, f"{PATH}?{OWN}=1") for path in sorted(run.glob("web-*.sock")) if path.name != own]
     with ThreadPoolExecutor(max_workers=8) as pool:
         texts = list(pool.map(lambda one: _scraped(one[0], one[1], host, authorization), asked))
     yield from _joined(text for text in texts if text is not None)
     up = GaugeMetricFamily("fleet_web_up", "1: the web process answered the scrape.", labels=["web"])
-    for path, text in zip(driving, texts, strict=False):
+    for path, text in zip(programs_sockets, texts, strict=False):
         up.add_metric([path.stem.split("-")[1]], float(text is not None))
     yield up
 

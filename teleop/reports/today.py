@@ -224,7 +224,7 @@ def _facts(records: list[Record]) -> list[str]:
     drives = [record.parameters for record in records if record.kind == "drive.end"]
     driven_s = sum(float(drive.get("duration_s") or 0) for drive in drives)
     metres = sum(float(drive.get("distance_m") or 0) for drive in drives)
-    refused, stopped = _times(records, "refusal"), _times(records, "stop.press")
+    refused, stopped = _count_events(records, "refusal"), _count_events(records, "stop.press")
     facts = []
     if drives:
         facts.append(
@@ -237,7 +237,7 @@ def _facts(records: list[Record]) -> list[str]:
     return facts
 
 
-def _times(records: list[Record], kind: str) -> int:
+def _count_events(records: list[Record], kind: str) -> int:
     """Count events of a kind: one record may count several."""
     return sum(int(record.parameters.get("times") or 1) for record in records if record.kind == kind)
 

@@ -354,7 +354,7 @@ class ServiceAccountForm(forms.Form):
     name = forms.CharField(
         label=gettext_lazy("Name"),
         max_length=80,
-        help_text=gettext_lazy("As people see it when it drives, such as Night tests."),
+        help_text=gettext_lazy("The name that people see while the account drives, such as Night tests."),
         widget=forms.TextInput(attrs={"autocomplete": "off"}),
     )
     project = forms.CharField(

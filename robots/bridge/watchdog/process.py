@@ -19,7 +19,7 @@ from robots.bridge.watchdog.config import WatchdogConfig
 from robots.bridge.watchdog.rules import Heartbeat, StopRules
 from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
 from robots.bridge.watchdog.stop_file import StopFile
-from robots.processes.scheduling import prefer_this_thread
+from robots.processes.scheduling import ask_for_priority
 from robots.processes.shutdown import exit_within
 from robots.wire import LinkStop, Refusal, Refused, Stopped, StopState
 
@@ -179,7 +179,7 @@ def run(config: WatchdogConfig) -> int:
         signal.signal(number, lambda *_: sys.exit(0))
     robot = WatchdogNode(config)
     robot.start()
-    prefer_this_thread()
+    ask_for_priority()
     try:
         Watchdog(config, rules, stop_file, lane, robot).run()
     finally:

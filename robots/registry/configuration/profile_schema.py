@@ -345,7 +345,7 @@ def _pose_problems(source: ScanSource | SonarSource, path: str) -> Iterator[str]
 def _doublets(names: list[str], path: str, field: str) -> Iterator[str]:
     for index, name in enumerate(names):
         if name in names[:index]:
-            yield f"{path}[{index}].{field}: {name!r} is there twice"
+            yield f"{path}[{index}].{field}: {name!r} occurs twice"
 
 
 def footprint_problems(footprint: Footprint) -> Iterator[str]:
@@ -434,7 +434,7 @@ def stick_problems(chain: StickChain) -> Iterator[str]:
         yield "stick: one of one_euro and mean steadies the stick, not both"
 
 
-def first_of(problems: Callable[[V], Iterator[str]], value: V) -> V:
+def checked(problems: Callable[[V], Iterator[str]], value: V) -> V:
     """Return `value`; raise `Problems` if `problems` yields any faults."""
     lines = list(problems(value))
     if lines:

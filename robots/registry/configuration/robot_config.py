@@ -23,7 +23,7 @@ from robots.registry.configuration.profile_schema import (
     Problems,
     StickChain,
     Tightening,
-    first_of,
+    checked,
     footprint_problems,
     loosened_parameters,
     parameter_problems,
@@ -71,7 +71,7 @@ class RobotFields(Protocol):
 
 def footprint(profile: ProfileFields) -> Footprint:
     """Return the footprint; the corners of an outline are put into counter-clockwise order."""
-    given = first_of(footprint_problems, parsed(Footprint, profile.footprint))
+    given = checked(footprint_problems, parsed(Footprint, profile.footprint))
     if given.outline is not None and _clockwise(given.outline):
         return Footprint(outline=given.outline[::-1])
     return given
@@ -89,7 +89,7 @@ def profile_topics(profile: ProfileFields) -> Topics:
 
 def profile_parameters(profile: ProfileFields) -> Parameters:
     """Return the gate's parameters for this profile."""
-    return first_of(parameter_problems, parsed(Parameters, profile.gate))
+    return checked(parameter_problems, parsed(Parameters, profile.gate))
 
 
 def profile_stick(profile: ProfileFields) -> tuple[StickStep, ...]:
@@ -98,8 +98,8 @@ def profile_stick(profile: ProfileFields) -> tuple[StickStep, ...]:
 
 
 def _stick(given: object) -> tuple[StickStep, ...]:
-    first_of(unknown_steps, given)
-    return first_of(stick_problems, parsed(StickChain, {"stick": given})).stick
+    checked(unknown_steps, given)
+    return checked(stick_problems, parsed(StickChain, {"stick": given})).stick
 
 
 def _topics(profile: ProfileFields, drive_topic: str, rest: object) -> Topics:
@@ -108,7 +108,7 @@ def _topics(profile: ProfileFields, drive_topic: str, rest: object) -> Topics:
     if "drive" in rest:
         raise Problems(['drive: belongs into the field "drive topic"'])
     drive = msgspec.to_builtins(Topic(drive_topic, profile.drive_type))
-    return first_of(topic_problems, parsed(Topics, {"drive": drive, **rest}))
+    return checked(topic_problems, parsed(Topics, {"drive": drive, **rest}))
 
 
 # --- of a robot ----------------------------------------------------------------------------------
@@ -159,22 +159,22 @@ def topics(robot: RobotFields) -> Topics:
 def _own_topics(robot: RobotFields, own: Overrides, expected: Topics) -> Topics:
     merged = {**robot.profile.topics, **own.topics}
     given = _topics(robot.profile, robot.drive_topic or robot.profile.drive_topic, merged)
-    return first_of(lambda given: _taken_away(given, expected), given)
+    return checked(lambda given: _missing_sensors(given, expected), given)
 
 
-def _taken_away(given: Topics, profile: Topics) -> Iterator[str]:
+def _missing_sensors(given: Topics, profile: Topics) -> Iterator[str]:
     """Yield faults of the sensors: a robot may have other sensors than its profile, but not fewer."""
     for kind in ("scans", "sonars"):
         mine, theirs = len(getattr(given, kind)), len(getattr(profile, kind))
         if mine < theirs:
-            yield f"{kind}: {mine} here, {theirs} in the profile; what watches the way may be renamed, not removed"
+            yield f"{kind}: {mine} here, {theirs} in the profile; a robot must have at least as many as its profile"
     if given.depth and profile.depth:
-        yield from _seen_less(given.depth, profile.depth)
+        yield from _looser_depth(given.depth, profile.depth)
     if given.arm and profile.arm:
-        yield from _reaches_less(given.arm, profile.arm)
+        yield from _looser_arm(given.arm, profile.arm)
 
 
-def _reaches_less(given: ArmSource, profile: ArmSource) -> Iterator[str]:
+def _looser_arm(given: ArmSource, profile: ArmSource) -> Iterator[str]:
     """Yield entries by which the arm would count as thinner, or as folded earlier, than in the profile."""
     if given.radius_m < profile.radius_m:
         yield f"arm.radius_m: {given.radius_m:g} is below the profile’s {profile.radius_m:g}; only tighten"
@@ -182,7 +182,7 @@ def _reaches_less(given: ArmSource, profile: ArmSource) -> Iterator[str]:
         yield f"arm.tolerance: {given.tolerance:g} is above the profile’s {profile.tolerance:g}; only tighten"
 
 
-def _seen_less(given: DepthSource, profile: DepthSource) -> Iterator[str]:
+def _looser_depth(given: DepthSource, profile: DepthSource) -> Iterator[str]:
     """Yield entries by which the robot's depth camera would ignore points that count in the profile."""
     if given.height_m < profile.height_m:
         yield f"depth.height_m: {given.height_m:g} is below the profile’s {profile.height_m:g}; only tighten"
@@ -202,7 +202,7 @@ def _careful(own: Parameters, theirs: Parameters) -> Parameters:
 
 
 def _own_parameters(robot: RobotFields, own: Overrides) -> Parameters:
-    return first_of(parameter_problems, parsed(Parameters, {**robot.profile.gate, **own.gate}))
+    return checked(parameter_problems, parsed(Parameters, {**robot.profile.gate, **own.gate}))
 
 
 def _limits(profile: ProfileFields, own: Overrides) -> Limits:
@@ -299,7 +299,7 @@ def _check_share(share: float, fastest_mps: float) -> None:
     if share * fastest_mps > BEGINNER_MPS + 1e-9:
         raise Problems(
             [
-                f"{share:g} of {fastest_mps:g} m/s is {share * fastest_mps:.2g} m/s; nobody begins faster "
-                f"than {BEGINNER_MPS:g} m/s, so at most {BEGINNER_MPS / fastest_mps:.2g}."
+                f"{share:g} of {fastest_mps:g} m/s is {share * fastest_mps:.2g} m/s; the first speed may be "
+                f"at most {BEGINNER_MPS:g} m/s, so the share at most {BEGINNER_MPS / fastest_mps:.2g}."
             ]
         )

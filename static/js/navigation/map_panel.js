@@ -277,6 +277,6 @@ function lostText() {
 
 function unknownText() {
   return gettext(
-    "The console knows no map of this robot yet: it is read while somebody has control.",
+    "The console has no map of this robot yet. It reads the map while somebody has control.",
   );
 }

@@ -11,7 +11,7 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from robots.places.entries import MOST_PLACES, PlaceEntry, entry_of, read, written
+from robots.places.entries import MOST_PLACES, PlaceEntry, entry_of, file_text, read
 from robots.places.models import Place, SharedMap
 from robots.places.selectors import maps_of, place_of_robot
 from robots.places.services import map_name, place_add, place_change, place_delete, places_import
@@ -170,7 +170,7 @@ def test_an_exported_file_is_read_again() -> None:
         entry_of("Küche, hinten", 1.5, -2.0, 6.0),
         entry_of('the "old" lab', 0.0, 0.0, 0.0),
     ]
-    assert list(read(written(entries)).values()) == entries
+    assert list(read(file_text(entries)).values()) == entries
     assert list(read("Name;X;Y;Heading\nlab;1;2;\n").values()) == [PlaceEntry("lab", 1.0, 2.0)]
     quoted = '\ufeff"name";"x";"y";"heading"\r\n"lab";"1";"2";"0"\r\n'
     assert read(quoted) == {2: PlaceEntry("lab", 1.0, 2.0)}

@@ -51,7 +51,7 @@ def test_the_list_shows_how_each_bridge_fares(admin: Client, robot: Robot) -> No
 def test_a_killed_supervisors_last_words_are_not_current(admin: Client, robot: Robot) -> None:
     bridge_status_set(robot_id=robot.id, state=BridgeStatus.State.RUNNING, detail="", pid=4711)
     page = admin.get(reverse("admin:robots_robot_changelist")).content.decode()
-    assert "no supervisor is running; the last one said: running since" in page
+    assert "no supervisor is running; the last report: running since" in page
 
 
 def test_an_edit_is_saved_and_recorded_under_the_editors_name(
@@ -73,7 +73,7 @@ def test_an_old_form_does_not_put_a_robot_back_into_service(admin: Client, robot
     robot.enabled = False
     robot_save(robot=robot, actor=staff)
     answer = admin.post(url, left_open)
-    assert "Sam Staff has changed it meanwhile" in answer.content.decode()
+    assert "Sam Staff has saved this entry since you opened it" in answer.content.decode()
     robot.refresh_from_db()
     assert not robot.enabled and robot.name != "Another name"
 
@@ -86,7 +86,7 @@ def test_a_profiles_form_left_open_undoes_nothing_either(
     tiago.blind_mps = 0.1
     profile_save(profile=tiago, actor=staff)
     answer = admin.post(url, left_open)
-    assert "Sam Staff has changed it meanwhile" in answer.content.decode()
+    assert "Sam Staff has saved this entry since you opened it" in answer.content.decode()
     tiago.refresh_from_db()
     assert (tiago.name, tiago.blind_mps) == ("PAL TIAGo", 0.1)
 

@@ -163,7 +163,7 @@ def test_it_is_empty_by_default(robot: Robot) -> None:
 @pytest.mark.parametrize(
     ("fields", "field", "said"),
     [
-        ({"name": "/scan"}, "name", "No allow-list admits /scan: the gate uses scans and ranges."),
+        ({"name": "/scan"}, "name", "/scan can never be allowed: the gate uses scans and ranges."),
         ({"type": "geometry_msgs/Twist"}, "name", "velocities move the base"),
         ({"name": "demo/notes"}, "name", "Write a full ROS name"),
         ({"type": "String"}, "type", "Write package and type"),
@@ -325,7 +325,7 @@ def test_a_new_robot_may_have_one_at_once(admin: Client, tiago: RobotProfile) ->
 def test_an_entry_that_no_list_admits_is_refused_with_reason(admin: Client, robot: Robot) -> None:
     url = reverse("admin:robots_robot_change", args=[robot.pk])
     page = admin.post(url, filled(admin, url, **entered(name="/tf", type="std_msgs/String"))).content.decode()
-    assert "No allow-list admits /tf: the gate uses frames and clocks." in page
+    assert "/tf can never be allowed: the gate uses frames and clocks." in page
     assert not robot.allowances.exists()
 
 

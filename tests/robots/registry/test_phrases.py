@@ -18,7 +18,7 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Phrase, Robot, RobotProfile
-from robots.registry.phrases import MOST_PHRASES, Line, read, written
+from robots.registry.phrases import MOST_PHRASES, Line, file_text, read
 from robots.registry.services import entry_delete, entry_save, phrases_import
 
 # 139 characters before spaces are added
@@ -87,7 +87,7 @@ def test_the_first_ten_of_many_bad_lines_are_named() -> None:
 def test_written_phrases_are_read_back_unchanged(tiago: RobotProfile) -> None:
     lines = [phrase.line for phrase in tiago.phrases.all()]
     assert len(lines) == 24
-    assert read(written(lines).encode()) == lines
+    assert read(file_text(lines).encode()) == lines
 
 
 # --- in the registry -----------------------------------------------------------------------------
@@ -132,7 +132,7 @@ def test_creation_change_and_deletion_are_recorded(robot: Robot, staff: User) ->
     entry_save(entry=phrase, actor=staff)
     assert (phrase.language, phrase.tags) == ("en-GB", "b, a b")
     assert str(phrase) == "en-GB: \u2068Hello.\u2069"
-    assert read(written([phrase.line]).encode()) == [phrase.line]
+    assert read(file_text([phrase.line]).encode()) == [phrase.line]
     phrase.text = "Hello!"
     entry_save(entry=phrase, actor=staff)
     entry_save(entry=phrase, actor=staff)

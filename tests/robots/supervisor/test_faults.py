@@ -13,9 +13,9 @@ from robots.recording.faults import (
     SURE_AFTER,
     Condition,
     RobotWatch,
-    bridge_is,
     condition_of,
-    part_is,
+    record_bridge,
+    record_part,
 )
 from robots.registry.models import BridgeStatus, Robot
 from robots.registry.selectors import link_address
@@ -37,7 +37,7 @@ def recorded(robot: Robot) -> list[tuple[str, str]]:
 
 def test_a_fault_and_its_end_are_reported_once(robot: Robot) -> None:
     for condition in (WELL, OFFLINE, OFFLINE, Condition("bridge_down"), WELL, WELL):
-        part_is(robot.id, ROBOT, condition)
+        record_part(robot.id, ROBOT, condition)
     assert recorded(robot) == [(ROBOT, "robot_offline"), (ROBOT, "over")]
     fault, over = Record.objects.filter(kind="fault").order_by("id")
     assert fault.details["words"] == OFFLINE.words
@@ -45,27 +45,27 @@ def test_a_fault_and_its_end_are_reported_once(robot: Robot) -> None:
 
 
 def test_each_part_and_each_robot_has_its_own_faults(robot: Robot, other_robot: Robot) -> None:
-    part_is(robot.id, ROBOT, OFFLINE)
-    part_is(robot.id, BRIDGE, Condition("bridge_ended"))
-    part_is(other_robot.id, ROBOT, OFFLINE)
-    part_is(robot.id, ROBOT, WELL)
+    record_part(robot.id, ROBOT, OFFLINE)
+    record_part(robot.id, BRIDGE, Condition("bridge_ended"))
+    record_part(other_robot.id, ROBOT, OFFLINE)
+    record_part(robot.id, ROBOT, WELL)
     assert recorded(robot) == [(ROBOT, "robot_offline"), (BRIDGE, "bridge_ended"), (ROBOT, "over")]
     assert recorded(other_robot) == [(ROBOT, "robot_offline")]
 
 
 def test_a_bridge_that_falls_again_and_again_is_one_fault(robot: Robot) -> None:
     for _ in range(3):
-        bridge_is(robot.id, State.STARTING, "")
-        bridge_is(robot.id, State.BACKING_OFF, "ended by itself with code 7; next start in 0.5 s")
-    bridge_is(robot.id, State.STARTING, "")
-    bridge_is(robot.id, State.RUNNING, "")
+        record_bridge(robot.id, State.STARTING, "")
+        record_bridge(robot.id, State.BACKING_OFF, "ended by itself with code 7; next start in 0.5 s")
+    record_bridge(robot.id, State.STARTING, "")
+    record_bridge(robot.id, State.RUNNING, "")
     assert recorded(robot) == [(BRIDGE, "bridge_ended"), (BRIDGE, "over")]
 
 
 def test_a_robot_that_is_gone_from_the_registry_has_no_faults(robot: Robot) -> None:
     gone = robot.id
     robot.delete()
-    part_is(gone, ROBOT, OFFLINE)
+    record_part(gone, ROBOT, OFFLINE)
     assert not Record.objects.filter(kind="fault").exists()
 
 

@@ -17,7 +17,7 @@ resource.getrlimit = lambda which: (allowed, allowed) if which == resource.RLIMI
 def policy():
     return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
 
-got = scheduling.prefer_this_thread()
+got = scheduling.ask_for_priority()
 of = {"got": got, "loop": policy()}
 
 def in_thread(work):
@@ -26,7 +26,7 @@ def in_thread(work):
     thread.join()
 
 in_thread(lambda: of.update(thread=policy()))
-in_thread(lambda: (scheduling.prefer_stop_thread(), of.update(stop_thread=policy())))
+in_thread(lambda: (scheduling.ask_for_stop_priority(), of.update(stop_thread=policy())))
 ask = "import os; print(os.sched_getscheduler(0))"
 of["child"] = int(subprocess.run([sys.executable, "-c", ask], capture_output=True, check=True).stdout)
 end = time.monotonic() + 10
@@ -61,7 +61,7 @@ def test_without_permission_priority_stays_unchanged():
 
 
 def test_a_process_that_renounced_priority_gets_none():
-    script = "from robots.processes import scheduling as s; s.prefer_nobody(); print(s.prefer_this_thread())"
+    script = "from robots.processes import scheduling as s; s.forbid_real_time(); print(s.ask_for_priority())"
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, check=True, text=True, timeout=60
     )

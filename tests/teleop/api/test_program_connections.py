@@ -15,7 +15,7 @@ from websockets.asyncio.server import ServerConnection, unix_serve
 from robots import wire
 from robots.wire import Accepted, Control, NotDone, Refusal, Refused, encode
 from teleop.api.v1.programs import connection, registry
-from teleop.api.v1.programs.connection import Caller, ProgramConnection, Velocity
+from teleop.api.v1.programs.connection import ProgramConnection, ProgramSignIn, Velocity
 from tests.teleop.support import eventually
 
 FREE = Control("free")
@@ -25,8 +25,8 @@ OTHER = Control("other", holder="Somebody")
 Answers = Callable[[object], Iterator[object]]
 
 
-def caller() -> Caller:
-    return Caller(f"token:{uuid4()}", uuid4(), (("Authorization", "Bearer x"),), "localhost", None)
+def sign_in() -> ProgramSignIn:
+    return ProgramSignIn(f"token:{uuid4()}", uuid4(), (("Authorization", "Bearer x"),), "localhost", None)
 
 
 def usual(message: object) -> Iterator[object]:
@@ -61,7 +61,7 @@ def ways(heard: list[object]) -> list[float]:
 
 
 async def opened(path: Path) -> ProgramConnection:
-    return await ProgramConnection.open(str(path), "tiago-1", caller())
+    return await ProgramConnection.open(str(path), "tiago-1", sign_in())
 
 
 async def test_the_answer_to_a_take_is_not_the_change_of_somebody_else(tmp_path: Path) -> None:
@@ -138,7 +138,7 @@ async def test_the_seconds_of_control_run_down(tmp_path: Path, monkeypatch: pyte
 async def test_one_person_does_not_take_all_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(registry.SOCKET, str(tmp_path / "s"))
     monkeypatch.setattr(registry, "MOST_OF_PERSON", 2)
-    programs, mine, theirs = registry.Programs(), caller(), caller()
+    programs, mine, theirs = registry.Programs(), sign_in(), sign_in()
     async with served(tmp_path / "s"):
         kept = [await programs.connection(slug, mine) for slug in ("a", "b")]
         with pytest.raises(NotDone) as caught:
@@ -152,7 +152,7 @@ async def test_one_person_does_not_take_all_places(tmp_path: Path, monkeypatch: 
 
 async def test_requests_at_once_share_one_connection(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(registry.SOCKET, str(tmp_path / "s"))
-    programs, mine = registry.Programs(), caller()
+    programs, mine = registry.Programs(), sign_in()
     async with served(tmp_path / "s") as heard:
         found = await asyncio.gather(*(programs.connection("a", mine) for _ in range(10)))
         assert len({id(one) for one in found}) == 1

@@ -22,4 +22,4 @@ class Command(BaseCommand):
     def handle(self, *args: Any, **options: Any) -> None:
         """Print the phrases in their order."""
         held = owner_in(options).phrases.all()
-        self.stdout.write(phrases.written(phrase.line for phrase in held), ending="")
+        self.stdout.write(phrases.file_text(phrase.line for phrase in held), ending="")

@@ -46,7 +46,7 @@ class Command(BaseCommand):
         for decision in replay(file):
             began_s = decision.now_s if began_s is None else began_s
             decisions += 1
-            last = self._tell(decision.now_s - began_s, decision.replayed, last)
+            last = self._print_change(decision.now_s - began_s, decision.replayed, last)
             if not decision.same:
                 differing += 1
                 self.stdout.write(self.style.ERROR(f"        recorded: {_words(decision.recorded)}"))
@@ -63,10 +63,10 @@ class Command(BaseCommand):
         for at_s, verdict in bag.drive(file, Gate(config.gate), config.topics):
             began_s = at_s if began_s is None else began_s
             decisions += 1
-            last = self._tell(at_s - began_s, verdict, last)
+            last = self._print_change(at_s - began_s, verdict, last)
         self.stdout.write(f"{decisions} decisions")
 
-    def _tell(
+    def _print_change(
         self, at_s: float, verdict: Verdict, last: tuple[str, str | None] | None
     ) -> tuple[str, str | None]:
         """Print a verdict if its kind differs from the last one."""

@@ -68,24 +68,24 @@ _UNKNOWN = Refusal(
 )
 
 
-class Caller(Struct, frozen=True):
+class Requester(Struct, frozen=True):
     """The person of a request, and their token if it has one."""
 
     person: User
     token: Token | None
 
 
-def once(request: Request, caller: Caller, work: Callable[[], HttpResponseBase]) -> HttpResponseBase:
+def once(request: Request, requester: Requester, work: Callable[[], HttpResponseBase]) -> HttpResponseBase:
     """Do `work` and keep its answer, or return the kept answer. Without a key: only do `work`."""
     if (key := request.headers.get(HEADER)) is None:
         return work()
     if not re.fullmatch(r"[\x21-\x7e](?:[\x20-\x7e]{0,98}[\x21-\x7e])?", key):
         raise Problem(_WRONG_KEY)
-    sign_in = key_of(caller.token) if caller.token else request.session.session_key or ""
+    sign_in = key_of(requester.token) if requester.token else request.session.session_key or ""
     digest = _digest(sign_in, key)
     raw = request.data if isinstance(request.data, bytes) else b""
     asked = _digest(request.method or "", request.get_full_path(), sha256(raw).hexdigest())
-    claim, mine = _claimed(digest, asked, caller.person)
+    claim, mine = _claimed(digest, asked, requester.person)
     if not mine:
         if claim.request != asked:
             raise Problem(_REUSED)

@@ -29,7 +29,7 @@ from robots.access.selectors import robots_visible_to, role_on
 from robots.registry.known_robots import KnownRobot, known_robot_at
 from robots.registry.models import Robot, Role
 from teleop.api.v1.framework.authentication import TokenAuthentication
-from teleop.api.v1.framework.idempotency import KEY_PARAMETER, Caller, once
+from teleop.api.v1.framework.idempotency import KEY_PARAMETER, Requester, once
 from teleop.api.v1.framework.parameters import parameters_of, query_of, require_declared
 from teleop.api.v1.framework.parsing import Nothing, Unparsed, decoded
 from teleop.api.v1.framework.problems import (
@@ -155,7 +155,7 @@ class Operation:
             def work() -> HttpResponseBase:
                 return self._response(method(view, request, *args, **kwargs))
 
-            return once(request, Caller(view.person, view.token), work) if self.keyed else work()
+            return once(request, Requester(view.person, view.token), work) if self.keyed else work()
 
         documented: View = self._schema(method)(call)
         return documented

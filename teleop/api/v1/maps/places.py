@@ -142,7 +142,7 @@ class ExportView(PlacesBase):
         """CSV in UTF-8: name, x, y (metres), heading (radians)."""
         found = self.seen_map(digest).digest
         places = selectors.places_of([found]).get(found, [])
-        text = entries.written(map(services.entry_from, places))
+        text = entries.file_text(map(services.entry_from, places))
         answer = HttpResponse(text, content_type="text/csv; charset=utf-8")
         answer["Content-Disposition"] = f'attachment; filename="places-{found[:8]}.csv"'
         return answer

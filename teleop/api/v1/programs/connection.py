@@ -49,7 +49,7 @@ _CARRIED_OUT: dict[type, Callable[[Control], bool]] = {
 }
 
 
-class Caller(Struct, frozen=True):
+class ProgramSignIn(Struct, frozen=True):
     """The sign-in of a program: the headers of its request, which are passed on unchanged."""
 
     key: str  # of the token, or of the session
@@ -82,7 +82,7 @@ class ProgramConnection:
         self._socket = socket
         self._numbers = count(1)
         self._count = 0  # of messages received
-        self._heard: deque[tuple[int, Any]] = deque(maxlen=200)
+        self._received: deque[tuple[int, Any]] = deque(maxlen=200)
         self._news = asyncio.Condition()
         self._newest_drive = 0
         self._closed = False
@@ -90,14 +90,14 @@ class ProgramConnection:
         self._pinging = asyncio.create_task(self._ping())
 
     @classmethod
-    async def open(cls, path: str, slug: str, caller: Caller) -> ProgramConnection:
+    async def open(cls, path: str, slug: str, sign_in: ProgramSignIn) -> ProgramConnection:
         """Connect to the web process. Raises `NotDone`."""
         try:
             socket = await unix_connect(
                 path,
-                uri=f"ws://{caller.host}/ws/robots/{slug}/",
-                additional_headers=list(caller.headers),
-                origin=caller.origin,
+                uri=f"ws://{sign_in.host}/ws/robots/{slug}/",
+                additional_headers=list(sign_in.headers),
+                origin=sign_in.origin,
                 open_timeout=OPEN_S,
                 max_size=None,
                 compression=None,
@@ -168,18 +168,18 @@ class ProgramConnection:
         def refuses(one: Any) -> bool:
             return isinstance(one, Refused) and one.of == kind and one.seq in (seq, None)
 
-        mark = await self._say(message)
-        heard = await self._until(lambda one: answers(one) or refuses(one), mark, ANSWER_S)
-        if isinstance(heard, Refused):
-            raise NotDone(heard.refusal)
-        return heard
+        mark = await self._send(message)
+        answer = await self._until(lambda one: answers(one) or refuses(one), mark, ANSWER_S)
+        if isinstance(answer, Refused):
+            raise NotDone(answer.refusal)
+        return answer
 
-    async def tell(self, message: Any) -> Refusal | None:
+    async def send_checked(self, message: Any) -> Refusal | None:
         """Send a message whose only possible answer is a refusal.
 
         Return the refusal; None: none came at once.
         """
-        mark = await self._say(message)
+        mark = await self._send(message)
         kind = kind_of(message)
         try:
             found = await self._until(
@@ -229,7 +229,7 @@ class ProgramConnection:
         return self._newest_drive == drive and self.fence == fence
 
     async def _drive(self, fence: int, velocity: Velocity) -> int:
-        return await self._say(
+        return await self._send(
             wire.Drive(
                 fence=fence,
                 seq=next(self._numbers),
@@ -258,7 +258,7 @@ class ProgramConnection:
         self._reading.cancel()
         self._pinging.cancel()
 
-    async def _say(self, message: Any) -> int:
+    async def _send(self, message: Any) -> int:
         """Send a message. Return its mark: its answer has a higher number. Raises `NotDone`."""
         raw = wire.encode(message)
         # A message that is not valid is refused here: a very large one would end the connection.
@@ -274,7 +274,7 @@ class ProgramConnection:
         """Return the first wanted message after the mark. Raises `NotDone`: none came in time."""
 
         def found() -> Any:
-            return next((one for number, one in self._heard if number > mark and wanted(one)), None)
+            return next((one for number, one in self._received if number > mark and wanted(one)), None)
 
         async with self._news:
             try:
@@ -283,10 +283,10 @@ class ProgramConnection:
                 )
             except asyncio.TimeoutError as error:
                 raise NotDone(_SILENT) from error
-        heard = found()
-        if heard is None:
+        message = found()
+        if message is None:
             raise NotDone(self._why_gone())
-        return heard
+        return message
 
     def _why_gone(self) -> Refusal:
         code = self._socket.close_code
@@ -298,12 +298,12 @@ class ProgramConnection:
             while True:
                 await asyncio.sleep(PING_S)
                 if self.fence is not None and time.monotonic() - self.used_s < PRESENT_S:
-                    await self._say(wire.Ping(1000.0 * time.monotonic()))
+                    await self._send(wire.Ping(1000.0 * time.monotonic()))
 
     async def _read(self) -> None:
         try:
             async for raw in self._socket:
-                await self._hear(raw)
+                await self._receive(raw)
         except (ConnectionClosed, OSError) as error:
             log.info("A program's connection ended: %s", error)
         finally:
@@ -311,7 +311,7 @@ class ProgramConnection:
             async with self._news:
                 self._news.notify_all()
 
-    async def _hear(self, raw: str | bytes) -> None:
+    async def _receive(self, raw: str | bytes) -> None:
         try:
             message = wire.browser_report(raw)
         except msgspec.DecodeError:
@@ -324,7 +324,7 @@ class ProgramConnection:
             self.offers = message
         async with self._news:
             self._count += 1
-            self._heard.append((self._count, message))
+            self._received.append((self._count, message))
             self._news.notify_all()
 
 

@@ -19,7 +19,7 @@ CHECK_S = 0.2
 # Requests that wait at the same time; further ones are answered at once. A process takes 400 requests, 200 of
 # one address.
 MOST = 150
-HEARD_EVERY_S = 1.0
+CALL_EVERY_S = 1.0
 
 
 class Outcomes:
@@ -29,8 +29,8 @@ class Outcomes:
         self._waiting: defaultdict[int, set[asyncio.Event]] = defaultdict(set)
         self._looking: asyncio.Task[None] | None = None
 
-    async def wait(self, number: int, seconds: float, heard: Callable[[], object]) -> None:
-        """Wait until the task has an outcome, or for this time. Call `heard` every second during the wait."""
+    async def wait(self, number: int, seconds: float, each_second: Callable[[], object]) -> None:
+        """Wait until the task has an outcome, or for this time. Call `each_second` every second during the wait."""
         if sum(map(len, self._waiting.values())) >= MOST:
             return
         over = asyncio.Event()
@@ -39,17 +39,17 @@ class Outcomes:
             self._looking = asyncio.create_task(self._look())
         try:
             with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._hear(over, heard), seconds)
+                await asyncio.wait_for(self._call_each_second(over, each_second), seconds)
         finally:
             self._waiting[number].discard(over)
             if not self._waiting[number]:
                 del self._waiting[number]
 
-    async def _hear(self, over: asyncio.Event, heard: Callable[[], object]) -> None:
+    async def _call_each_second(self, over: asyncio.Event, each_second: Callable[[], object]) -> None:
         while not over.is_set():
-            heard()
+            each_second()
             with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(over.wait(), HEARD_EVERY_S)
+                await asyncio.wait_for(over.wait(), CALL_EVERY_S)
 
     async def _look(self) -> None:
         while self._waiting:

@@ -8,7 +8,7 @@ import time
 from uuid import UUID
 
 from robots.wire import NotDone, Refusal
-from teleop.api.v1.programs.connection import Caller, ProgramConnection
+from teleop.api.v1.programs.connection import ProgramConnection, ProgramSignIn
 
 SOCKET = "FLEET_PROGRAMS_SOCKET"  # where the web process listens; set by `fleet.server.pages_process`
 UNUSED_S = 30.0  # without a request, a program's connection closes, and control ends
@@ -23,7 +23,7 @@ _NO_SERVER = Refusal(
 )
 _FULL = Refusal("busy", "Too many programs are connected: try again later.", "robot")
 _FULL_OF_YOURS = Refusal(
-    "busy", f"Programs of yours have {MOST_OF_PERSON} connections: give control back with some.", "robot"
+    "busy", f"Your programs have {MOST_OF_PERSON} connections: release control on some robots first.", "robot"
 )
 
 
@@ -53,13 +53,13 @@ class Programs:
         self._entries: dict[tuple[str, str], _Entry] = {}
         self._cleaning: asyncio.Task[None] | None = None
 
-    async def connection(self, slug: str, caller: Caller) -> ProgramConnection:
+    async def connection(self, slug: str, sign_in: ProgramSignIn) -> ProgramConnection:
         """Return the program's connection to a robot. Raises `NotDone`."""
-        key = (caller.key, slug)
+        key = (sign_in.key, slug)
         path = self.path()
         if key not in self._entries:
-            self._require_room(caller)
-        entry = self._entries.setdefault(key, _Entry(caller.person))
+            self._require_room(sign_in)
+        entry = self._entries.setdefault(key, _Entry(sign_in.person))
         if self._cleaning is None or self._cleaning.done():
             self._cleaning = asyncio.create_task(self._clean())
         entry.users += 1
@@ -67,15 +67,15 @@ class Programs:
             async with entry.opening:
                 found = entry.open_connection
                 if found is None:
-                    found = entry.connection = await ProgramConnection.open(path, slug, caller)
+                    found = entry.connection = await ProgramConnection.open(path, slug, sign_in)
         finally:
             entry.users -= 1
         found.used_s = time.monotonic()
         return found
 
-    def found(self, slug: str, caller: Caller) -> ProgramConnection | None:
+    def found(self, slug: str, sign_in: ProgramSignIn) -> ProgramConnection | None:
         """Return the program's open connection to a robot; None: there is none."""
-        entry = self._entries.get((caller.key, slug))
+        entry = self._entries.get((sign_in.key, slug))
         found = entry.open_connection if entry else None
         if found is not None:
             found.used_s = time.monotonic()
@@ -88,10 +88,10 @@ class Programs:
             raise NotDone(_NO_SERVER)
         return path
 
-    def _require_room(self, caller: Caller) -> None:
+    def _require_room(self, sign_in: ProgramSignIn) -> None:
         if len(self._entries) >= MOST:
             raise NotDone(_FULL)
-        if sum(entry.person == caller.person for entry in self._entries.values()) >= MOST_OF_PERSON:
+        if sum(entry.person == sign_in.person for entry in self._entries.values()) >= MOST_OF_PERSON:
             raise NotDone(_FULL_OF_YOURS)
 
     async def _clean(self) -> None:

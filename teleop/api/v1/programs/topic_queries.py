@@ -12,7 +12,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from robots import wire
 from robots.wire import NotDone, Refusal, Refused, Sample, Subscribe, TopicQuery, kind_of
-from teleop.api.v1.programs.connection import GONE, NOT_CONNECTED, OPEN_S, Caller
+from teleop.api.v1.programs.connection import GONE, NOT_CONNECTED, OPEN_S, ProgramSignIn
 
 ANSWER_S = 12.0  # the inspector may have to start
 MESSAGE_S = 6.0
@@ -23,16 +23,16 @@ _SILENT = Refusal("no_answer", "The robot’s topics did not answer in time. Try
 _NO_MESSAGE = Refusal("no_message", "No message came on this topic within 6 s.", "robot")
 
 
-async def ask(path: str, slug: str, caller: Caller, query: TopicQuery, answer: type[T]) -> T:
+async def ask(path: str, slug: str, sign_in: ProgramSignIn, query: TopicQuery, answer: type[T]) -> T:
     """Send one query, and return its answer. Raises `NotDone`."""
-    found = await _exchange(path, slug, caller, structs.replace(query, seq=1), answer, ANSWER_S, _SILENT)
+    found = await _exchange(path, slug, sign_in, structs.replace(query, seq=1), answer, ANSWER_S, _SILENT)
     assert isinstance(found, answer)  # noqa: S101 - `_exchange` waits for this type
     return found
 
 
-async def one_message(path: str, slug: str, caller: Caller, topic: str) -> Sample:
+async def one_message(path: str, slug: str, sign_in: ProgramSignIn, topic: str) -> Sample:
     """Return one message of a topic. Raises `NotDone`: none came, or it cannot be shown."""
-    sample = await _exchange(path, slug, caller, Subscribe(topic), Sample, MESSAGE_S, _NO_MESSAGE)
+    sample = await _exchange(path, slug, sign_in, Subscribe(topic), Sample, MESSAGE_S, _NO_MESSAGE)
     assert isinstance(sample, Sample)  # noqa: S101 - `_exchange` waits for this type
     if sample.refusal is not None:
         raise NotDone(sample.refusal)
@@ -40,16 +40,22 @@ async def one_message(path: str, slug: str, caller: Caller, topic: str) -> Sampl
 
 
 async def _exchange(
-    path: str, slug: str, caller: Caller, message: Any, answer: type[Struct], within_s: float, late: Refusal
+    path: str,
+    slug: str,
+    sign_in: ProgramSignIn,
+    message: Any,
+    answer: type[Struct],
+    within_s: float,
+    late: Refusal,
 ) -> Any:
     raw = wire.encode(message)
     wire.topics_message(raw)  # a message that is not valid is refused here
     until_s = time.monotonic() + within_s
     connecting = unix_connect(
         path,
-        uri=f"ws://{caller.host}/ws/robots/{slug}/topics/",
-        additional_headers=list(caller.headers),
-        origin=caller.origin,
+        uri=f"ws://{sign_in.host}/ws/robots/{slug}/topics/",
+        additional_headers=list(sign_in.headers),
+        origin=sign_in.origin,
         open_timeout=OPEN_S,
         max_size=None,
         compression=None,
@@ -61,15 +67,15 @@ async def _exchange(
     try:
         await socket.send(raw.decode())
         while True:
-            heard = wire.topics_report(
+            report = wire.topics_report(
                 await asyncio.wait_for(socket.recv(), max(0.0, until_s - time.monotonic()))
             )
-            if isinstance(heard, Refused) and heard.of == kind_of(message):
-                raise NotDone(heard.refusal)
-            if isinstance(heard, Sample) and heard.refusal is None and not heard.number:
+            if isinstance(report, Refused) and report.of == kind_of(message):
+                raise NotDone(report.refusal)
+            if isinstance(report, Sample) and report.refusal is None and not report.number:
                 await socket.send(wire.encode(wire.Ack()).decode())  # no message came on the topic yet
-            elif isinstance(heard, answer):
-                return heard
+            elif isinstance(report, answer):
+                return report
     except asyncio.TimeoutError as error:
         raise NotDone(late) from error
     except (OSError, ConnectionClosed) as error:

@@ -43,7 +43,7 @@ class LimbView(TasksBase):
             self.robot(slug), lambda fence, seq: wire.MoveLimb(fence, self.limb, to_m, seq), "limb", self.limb
         )
 
-    def stay(self, slug: str) -> None:
+    def cancel_move(self, slug: str) -> None:
         """End the limb's move."""
         self.cancel(slug, self.limb, lambda fence, seq: wire.LimbCancel(fence, self.limb, seq))
 
@@ -79,7 +79,7 @@ class GripperView(LimbView):
     @operation("gripper_cancel", "End the gripper’s move", scope=Scope.DRIVE, refuses=(404, 409), tag="tasks")
     def delete(self, _request: Request, slug: str) -> None:
         """The fingers stay where they are."""
-        self.stay(slug)
+        self.cancel_move(slug)
 
 
 class TorsoView(LimbView):
@@ -105,4 +105,4 @@ class TorsoView(LimbView):
     @operation("torso_cancel", "End the torso’s move", scope=Scope.DRIVE, refuses=(404, 409), tag="tasks")
     def delete(self, _request: Request, slug: str) -> None:
         """The torso stays where it is."""
-        self.stay(slug)
+        self.cancel_move(slug)

@@ -28,7 +28,9 @@ _NUMBER = OpenApiParameter(
     "number", int, description="The number of the map; the picture of another map has another address."
 )
 NO_MAP = Refusal(
-    "not_found", "The console knows no map of this robot yet: it is read while somebody has control.", "robot"
+    "not_found",
+    "The console has no map of this robot yet. It reads the map while somebody has control.",
+    "robot",
 )
 _ONE_PLACE = Refusal("invalid", "Name a place, or give x and y.", "wire")
 

@@ -91,7 +91,9 @@ MOST_LISTING = 6
 
 _listing = threading.BoundedSemaphore(MOST_LISTING)
 _BUSY = Refusal("busy", "Motions of too many robots are asked for at once: try again in a moment.", "robot")
-_STARTING = Refusal("busy", "Another task of this kind starts at this moment: ask again when it has.", "wire")
+_STARTING = Refusal(
+    "busy", "Another task of this kind is being started. Try again when it has started.", "wire"
+)
 _OVERTAKEN = Refusal("cancelled", "This task was cancelled before it started.", "lease")
 _task = partial(operation, refuses=(404, 409), tag="tasks")
 _start = partial(_task, keyed=True, answer=TaskEntry, status=202)
@@ -288,7 +290,7 @@ class ClearView(TasksBase):
         """For the holder of control, supervisors and staff. Nothing moves."""
         robot = self.robot(slug)
         connection = self.connection(robot)
-        refusal = async_to_sync(connection.tell)(wire.Clear(body.number))
+        refusal = async_to_sync(connection.send_checked)(wire.Clear(body.number))
         if refusal is not None:
             raise Problem(refusal)
         until_s = time.monotonic() + CLEARED_S
@@ -330,10 +332,10 @@ class TaskView(ProgramView):
         entry = _entry(found, robot)
         if entry.outcome is not None or not wait_s or request.method == "HEAD":
             return entry
-        caller = self.caller()
+        sign_in = self.program_sign_in()
         return LongPoll(
             entry,
-            lambda: outcomes.wait(number, wait_s, lambda: programs.found(slug, caller)),
+            lambda: outcomes.wait(number, wait_s, lambda: programs.found(slug, sign_in)),
             lambda: _entry(found, robot),
         )
 

@@ -113,7 +113,7 @@ class TopicsBase(ProgramView):
         if not _asking.acquire(blocking=False):
             raise Problem(_BUSY)
         try:
-            return async_to_sync(question)(programs.path(), robot.slug, self.caller(), *asked)
+            return async_to_sync(question)(programs.path(), robot.slug, self.program_sign_in(), *asked)
         finally:
             _asking.release()
 

@@ -70,7 +70,7 @@ def test_other_steps_are_news_to_the_bridge(robot: Robot) -> None:
         ),
         ([{"step": "mean", "count": 2.5}], "stick[0].count: Expected a whole number, got a number"),
         ([{"step": "scale", "v": 1}], "stick[0].v: there is no such field (there are: step, w, x, y)"),
-        ([{"step": "curve"}, {"step": "curve"}], "stick[1].step: 'curve' is there twice"),
+        ([{"step": "curve"}, {"step": "curve"}], "stick[1].step: 'curve' occurs twice"),
         ([{"step": "mean"}, {"step": "one_euro"}], "one of one_euro and mean steadies the stick, not both"),
         ([{"step": "one_euro", "beta": float("nan")}], "stick[0].beta: must be a finite number"),
         ({"step": "curve"}, "stick: Expected a list, got an object"),

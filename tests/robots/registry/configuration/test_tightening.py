@@ -146,7 +146,7 @@ def test_a_profile_made_faster_later_makes_no_beginner_faster(robot: Robot) -> N
 
 def test_a_robot_with_a_misfit_share_can_be_disabled(robot: Robot) -> None:
     robot.default_share = 0.6
-    with pytest.raises(ValidationError, match="nobody begins faster"):
+    with pytest.raises(ValidationError, match="the first speed may be at most"):
         robot.full_clean()
     robot.enabled = False
     robot.full_clean()
