@@ -159,10 +159,10 @@ def topics(robot: RobotFields) -> Topics:
 def _own_topics(robot: RobotFields, own: Overrides, expected: Topics) -> Topics:
     merged = {**robot.profile.topics, **own.topics}
     given = _topics(robot.profile, robot.drive_topic or robot.profile.drive_topic, merged)
-    return checked(lambda given: _missing_sensors(given, expected), given)
+    return checked(lambda given: _sensor_faults(given, expected), given)
 
 
-def _missing_sensors(given: Topics, profile: Topics) -> Iterator[str]:
+def _sensor_faults(given: Topics, profile: Topics) -> Iterator[str]:
     """Yield faults of the sensors: a robot may have other sensors than its profile, but not fewer."""
     for kind in ("scans", "sonars"):
         mine, theirs = len(getattr(given, kind)), len(getattr(profile, kind))

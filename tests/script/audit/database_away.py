@@ -28,7 +28,7 @@ async def stands_while(stack: Stack, database_away: AbstractContextManager[objec
     async with Witness(stack) as witness:
         driver = await Person(stack, cookie).sit_down()
         note = wire.Publish(driver.fence or 1, NOTES, "std_msgs/String", {"data": "Here."}, NOTES_HZ)
-        assert isinstance(await driver.order(note), wire.Accepted)
+        assert isinstance(await driver.request_task(note), wire.Accepted)
         await hold(driver, 0.0, NOTICED_S, until=lambda: free(driver))
         await hold(driver, TURN, 10.0, until=lambda: turning(driver))
         with database_away:

@@ -84,15 +84,15 @@ async def test_a_page_sees_the_way_and_takes_over_by_its_stick(stack: Stack) -> 
             lambda: driver.state and driver.state.location and not driver.state.location.problem
         )
         here = driver.state.location
-        answer = await driver.order(wire.Go(driver.fence or 1, 0.0, 0.0, 0.0, place="cellar"))
+        answer = await driver.request_task(wire.Go(driver.fence or 1, 0.0, 0.0, 0.0, place="cellar"))
         assert isinstance(answer, wire.Refused) and answer.refusal.code == "place_unknown"
-        answer = await driver.order(wire.Go(driver.fence or 1, 0.0, 0.0, 0.0, place="Charging Dock"))
+        answer = await driver.request_task(wire.Go(driver.fence or 1, 0.0, 0.0, 0.0, place="Charging Dock"))
         assert isinstance(answer, wire.Accepted), answer
         await driver.until(lambda: driver.state.going)
         assert driver.state.going.place == "charging dock" and driver.state.going.x > 8.0
-        assert isinstance(await driver.order(wire.GoCancel(driver.fence or 1)), wire.Accepted)
+        assert isinstance(await driver.request_task(wire.GoCancel(driver.fence or 1)), wire.Accepted)
         await driver.until(lambda: not driver.state.going)
-        answer = await driver.order(wire.Go(driver.fence or 1, here.x + 3.0, 2.1, 0.0))
+        answer = await driver.request_task(wire.Go(driver.fence or 1, here.x + 3.0, 2.1, 0.0))
         assert isinstance(answer, wire.Accepted), answer
         await driver.until(lambda: driver.path.path_cm)
         await driver.until(lambda: driver.state.going and driver.odometry.vx > 0.1)
