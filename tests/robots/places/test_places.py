@@ -78,7 +78,7 @@ def test_the_places_that_there_are_are_named(robot: Robot, digest: str, staff: U
 
 
 def test_a_robot_without_a_map_has_no_place(robot: Robot) -> None:
-    with pytest.raises(NotDone, match="knows no map"):
+    with pytest.raises(NotDone, match="has no map"):
         place_of_robot(robot.id, "kitchen")
     assert maps_of([robot]) == []
 

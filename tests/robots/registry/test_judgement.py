@@ -69,7 +69,7 @@ def test_a_sonar_with_a_close_echo_is_named_with_the_remedy(config: BridgeConfig
     check = answer(config, with_topic(well, what, ranges=ranges), what)
     assert check.level == "warn"
     assert check.text == "/sonar_base: base_sonar_02_link reports 0.05 m."
-    assert "clean it" in check.advice and "from the profile" in check.advice
+    assert "clean the sensor" in check.advice and "from the profile" in check.advice
 
 
 @pytest.mark.parametrize(
