@@ -6,7 +6,7 @@ class Migration(migrations.Migration):
 
     dependencies = [
         ('access', '0003_group_roles'),
-        ('robots', '0005_plain_texts'),
+        ('robots', '0004_plain_texts'),
         migrations.swappable_dependency(settings.AUTH_USER_MODEL),
     ]
 

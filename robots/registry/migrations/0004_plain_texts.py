@@ -1,3 +1,4 @@
+import django.core.validators
 from django.db import migrations, models
 
 
@@ -12,5 +13,10 @@ class Migration(migrations.Migration):
             model_name='robot',
             name='fence',
             field=models.BigIntegerField(default=0, editable=False, verbose_name='highest fence'),
+        ),
+        migrations.AlterField(
+            model_name='robotprofile',
+            name='forward_mps',
+            field=models.FloatField(help_text='Top speed of this kind of robot.', validators=[django.core.validators.MinValueValidator(0.05), django.core.validators.MaxValueValidator(3.0)], verbose_name='forward, m/s'),
         ),
     ]

@@ -4,10 +4,15 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('teleop', '0007_fence'),
+        ('teleop', '0006_keyed_request'),
     ]
 
     operations = [
+        migrations.AlterField(
+            model_name='controlsession',
+            name='fence',
+            field=models.BigIntegerField(verbose_name='fence'),
+        ),
         migrations.AlterField(
             model_name='controlsession',
             name='end_reason',
