@@ -34,8 +34,8 @@ from teleop.stop import emergency_stop
 from tests.full_disk import Disk
 from tests.pristine import pristine_copy
 
-# Every run tries the same examples, so that a failure has its cause in a change. HYPOTHESIS_PROFILE=search tries new
-# ones. No deadline: a busy machine slows examples.
+# Every run tries the same examples, so that only a change can cause a new failure. With
+# HYPOTHESIS_PROFILE=search, a run tries new examples. No deadline: a busy machine slows examples.
 UNTIMED = hypothesis.settings(deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
 hypothesis.settings.register_profile("steady", UNTIMED, derandomize=True)
 hypothesis.settings.register_profile("search", UNTIMED)
@@ -54,25 +54,25 @@ LONG_FILES = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run long files first: none is left to a single worker at the end."""
+    """Run long files first, so that no worker runs one alone at the end."""
     items.sort(key=lambda item: not item.path.as_posix().endswith(LONG_FILES))
 
 
 def pytest_collection_finish() -> None:
-    """Collected tests and loaded code stay: without this, each full garbage collection looks at all of them."""
+    """Exclude collected tests and loaded code from garbage collection: each full run would check them all."""
     gc.collect()
     gc.freeze()
 
 
 @pytest.fixture(scope="session")
 def django_db_keepdb() -> bool:
-    """On SQLite tests begin with a copy of a migrated database: to migrate takes each worker 4 s."""
+    """On SQLite, tests begin with a copy of a migrated database: a migration would take each worker 4 s."""
     return connection.vendor == "sqlite"
 
 
 @pytest.fixture(scope="session")
 def django_db_modify_db_settings(django_db_modify_db_settings: None, django_db_keepdb: bool) -> None:
-    """Copy the migrated database to where Django looks for the one of this worker."""
+    """Copy the migrated database to the path of this worker's test database."""
     if django_db_keepdb:
         new_database(Path(connection.settings_dict["TEST"]["NAME"]))
 
@@ -92,7 +92,7 @@ def django_db_setup(django_db_setup: None, django_db_blocker: DjangoDbBlocker) -
 
 
 def _end_other_connections() -> None:
-    """Channels' test communicators leave connections open, and PostgreSQL does not drop a database in use."""
+    """End connections that Channels' test communicators left open: PostgreSQL drops no database in use."""
     with connection.cursor() as cursor:
         cursor.execute(
             "SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
@@ -114,9 +114,10 @@ def disk(transactional_db: None) -> Iterator[Disk]:
 def refusal_log(
     monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> Iterator[RepeatSuppressor[refusals.RefusedRequest]]:
-    """Refusals of this test. They are written before the test ends or never.
+    """The log of this test's refusals. They are written before the test ends, or not at all.
 
-    Without `transactional_db` never: the writing thread would wait for the test's open transaction until it fails.
+    Without `transactional_db`, not at all: the writing thread would wait for the test's open transaction until
+    the write fails.
     """
     own = RepeatSuppressor(refusals.write_record if _commits(request) else lambda _event, _times: None)
     yield from _while_test_lasts(own, refusals, "refusal_records", monkeypatch)
@@ -124,10 +125,13 @@ def refusal_log(
 
 @pytest.fixture(autouse=True)
 def press_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RepeatSuppressor[emergency_stop.Press]]:
-    """Stop presses of this test. They are written before it ends or never: a late write would delay the next test."""
+    """The log of this test's stop presses. They are written before the test ends, or not at all.
+
+    A late write would delay the next test.
+    """
     own = RepeatSuppressor(emergency_stop.write_record, most=None)
     yield from _while_test_lasts(own, emergency_stop, "press_records", monkeypatch)
-    in_database_background(lambda: None).result(10)  # their results must not be written during the next test
+    in_database_background(lambda: None).result(10)  # their results must be written before the next test
 
 
 def _commits(request: pytest.FixtureRequest) -> bool:

@@ -11,9 +11,9 @@ from django.db.backends.signals import connection_created
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.services import record
 
-# Characters. Large records use up free pages, small records the rest of other pages.
+# In characters. Large records use up free pages, small records use up the rest of other pages.
 FILLERS = (100_000, 1_000, 0)
-FAILURES = 100  # in a row mean full: records land on different pages of an index
+FAILURES = 100  # failures in a row that mean a full disk: records use different pages of an index
 
 
 class Disk:

@@ -54,7 +54,7 @@ class OnSQLite:
 
 
 class OnPostgreSQL:
-    """A template database. Restoring needs the database unused, so the connections of all threads are closed first."""
+    """A template database. No database in use can be restored: first, all threads' connections are closed."""
 
     def __init__(self) -> None:
         self._name = connection.settings_dict["NAME"]

@@ -17,7 +17,7 @@ PATIENCE_S = 30.0
 
 
 def until(condition: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S) -> Any:
-    """Poll until `condition` is true and return its value. Other processes give no event to await."""
+    """Poll until `condition` is true and return its value. Other processes send no event for this."""
     deadline = time.monotonic() + timeout_s
     while not (value := condition()):
         assert time.monotonic() < deadline, f"not within {timeout_s} s: {what}"

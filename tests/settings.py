@@ -30,7 +30,7 @@ DATABASES["default"]["TEST"] = {
     if "sqlite" in DATABASES["default"]["ENGINE"]
     else f"test_fleet_{os.getpid()}"
 }
-(FLEET_VAR / "static").mkdir(exist_ok=True)  # WhiteNoise warns when there is none
+(FLEET_VAR / "static").mkdir(exist_ok=True)  # without it, WhiteNoise warns
 STORAGES["staticfiles"]["BACKEND"] = "django.contrib.staticfiles.storage.StaticFilesStorage"
 PRODUCTION_PASSWORD_HASHERS = PASSWORD_HASHERS
 # Fast: bcrypt takes 0.25 s each time.

@@ -1,1 +1,1 @@
-"""Who may use which robot: roles, courses, enrolment, and the pages of tokens."""
+"""Rights on robots: roles, courses, enrolment, and the pages of tokens."""

@@ -1,4 +1,4 @@
-"""The pages of courses: make one with its people, manage it, join it, and see why one may do something."""
+"""The pages of courses: make one with its people, manage it, join it, and see the reason for a right."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def test_a_supervisor_does_not_learn_who_has_an_account(
     client = signed_in(teacher)
 
     def answers(address: str) -> str:
-        """Return the words of preview and message, without the list as typed."""
+        """Return the texts of preview and message, without the typed list."""
         posted = {"people": f"Typed <{address}>"}
         preview = client.post("/courses/hri-2026/enrol/", posted)
         done = client.post("/courses/hri-2026/enrol/", {**posted, "seen": seen_in(preview)}, follow=True)
@@ -158,7 +158,7 @@ def test_a_supervisor_does_not_learn_who_has_an_account(
     assert "1 person will be enrolled" in new
     assert "1 people are enrolled in HRI 2026; each person without an account got one, and an e-mail." in new
     assert User.objects.filter(email="new@example.org").exists()
-    Enrolment.objects.create(course=theirs, person=open_account)  # the same person, now in a course of theirs
+    Enrolment.objects.create(course=theirs, person=open_account)  # now in another course of the teacher
     assert "Secret Name" in answers("open@example.org")
     preview = signed_in(staff).post("/courses/hri-2026/enrol/", {"people": "T <stranger@example.org>"})
     assert "This account is closed." in shown(preview)
@@ -167,7 +167,7 @@ def test_a_supervisor_does_not_learn_who_has_an_account(
 def test_5000_lines_are_enrolled_and_a_longer_file_is_refused(
     signed_in: SignIn, course: Course, teacher: User
 ) -> None:
-    """The page's second request brings the whole list back: it must pass the limits on forms, too."""
+    """The page's second request sends the whole list again, and must pass the limits on forms, too."""
     client, address = signed_in(teacher), "/courses/hri-2026/enrol/"
     lines = [
         f"{number};Jürgen {'Müller-Lüdenscheidt ' * 5}{number};s{number}@example.org"

@@ -1,4 +1,4 @@
-"""Enrolling people: by list, by invitation, and out again. Accounts are made once and recorded."""
+"""Enrolment by list and by invitation, and its end. Accounts are made once and recorded."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def test_a_mail_server_that_hangs_delays_nobody(
     monkeypatch.setattr(emails, "SERVER_TIMEOUT_S", 0.5)
     monkeypatch.setattr(emails, "AGAIN_S", ())
     settings.EMAIL_BACKEND = "django.core.mail.backends.smtp.EmailBackend"
-    with socket.create_server(("127.0.0.1", 0)) as server:  # it accepts and says nothing
+    with socket.create_server(("127.0.0.1", 0)) as server:  # accepts connections, sends nothing
         settings.EMAIL_HOST, settings.EMAIL_PORT = server.getsockname()[:2]
         begun_s = time.monotonic()
         with django_capture_on_commit_callbacks(execute=True):

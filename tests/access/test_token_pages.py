@@ -1,4 +1,4 @@
-"""The pages of tokens: made, shown once, listed and ended; service accounts by staff."""
+"""The pages of tokens: make a token, show it once, list and end it; staff manage service accounts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SignedIn = Callable[[User], Client]
 
 
 def shown_to_be(client: Client, password: str = PASSWORD) -> Client:
-    """Answer *Is it you?*"""
+    """Type the password on the page *Is it you?*."""
     asked = client.get(NEW).headers["Location"]
     assert asked.startswith("/accounts/again/")
     assert client.post(asked, {"password": password}).headers["Location"] == NEW
@@ -98,7 +98,7 @@ def test_the_form_comes_after_a_fresh_password(operator: User, signed_in: Signed
     assert asked.headers["Location"].startswith("/accounts/again/")
     assert client.post(asked.headers["Location"], {"password": "wrong"}).status_code == 200
     assert not Token.objects.exists()
-    resumed = client.post(asked.headers["Location"], {"password": PASSWORD})  # the form that waited
+    resumed = client.post(asked.headers["Location"], {"password": PASSWORD})  # completes the first form
     assert resumed.context["text"].startswith("fleet_")
     assert Token.objects.get().name == "x"
 
@@ -216,7 +216,7 @@ def test_staff_make_a_service_account_with_role_and_token(
     assert client.post("/admin/robots/robotrole/add/", role).status_code == 302
 
     new = f"/people/{account.pk}/tokens/new/"
-    assert other_robot.name not in client.get(new).text  # it has no role there
+    assert other_robot.name not in client.get(new).text  # the account has no role on it
     text = filled(client, new, scopes=["read", "drive"]).context["text"]
     assert slugs(text) == [robot.slug]
     page = client.get(f"/people/{account.pk}/").text

@@ -1,4 +1,4 @@
-"""E-mails that leave at once: one that the server refuses holds up no other, and a server that is away loses none."""
+"""E-mails sent at once: a refused one delays no other, and none is lost while the server does not answer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fleet.accounts import emails
 
 
 class Server:
-    """A mail server that answers each message with the next of its answers; then it takes all."""
+    """A mail server that raises the next error from `answers`; without an error, it accepts the message."""
 
     def __init__(self) -> None:
         self.answers: dict[str, list[Exception]] = {}

@@ -121,7 +121,7 @@ def test_late_records_of_old_refusals_name_nobody(operator, staff, monkeypatch):
 @pytest.mark.skipif(connection.vendor == "sqlite", reason="SQLite has one writer")
 @pytest.mark.django_db(transaction=True)
 def test_an_erasure_finds_records_written_meanwhile(operator, staff):
-    """Its number is lower than that of a record already committed."""
+    """A record that is committed late can have a lower number than the newest committed record."""
 
     def erase_and_close() -> None:
         erase()
@@ -222,5 +222,5 @@ def test_ways_to_sign_in_are_erased_too(operator):
 
 
 def bytes_of(file: Path) -> bytes:
-    """Read a file of the database in another process: a close in this one would drop SQLite's locks on it."""
+    """Read a file of the database in another process: to close it in this one would end SQLite's locks."""
     return subprocess.run(["cat", file], check=True, capture_output=True).stdout

@@ -37,7 +37,7 @@ def test_choices_are_kept_for_every_browser_of_the_person(
     records = Record.objects.count()
     assert client.post(KEEP, PLACES).status_code == 204
     assert client.post(KEEP, {"hints_seen": "true"}).status_code == 204
-    assert Record.objects.count() == records  # it concerns nobody else
+    assert Record.objects.count() == records  # not recorded: nobody else is concerned
     other = Client()
     other.force_login(operator)
     assert shown(other, robot) == {"panels": PLACES, "hints_seen": True}

@@ -1,4 +1,4 @@
-"""Tokens of programs and service accounts: what opens the API, and what does not open a page."""
+"""Tokens of programs and service accounts: they open the API, but no page."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_a_service_accounts_token_sees_what_its_roles_allow(
 
 
 def with_ways_in(service: User) -> User:
-    """Return it with an address and a password, as a mistake in the database would leave it."""
+    """Give the service account an address and a password, as by a mistake in the database."""
     service.email = "night@lab.example"
     service.set_password(PASSWORD)
     service.save()
@@ -162,7 +162,7 @@ def test_a_service_account_gets_no_link_for_a_new_password(
 ) -> None:
     with_ways_in(service)
     answer = Client().post("/accounts/password/forgotten/", {"email": "night@lab.example"})
-    assert answer.status_code == 302  # as for any address
+    assert answer.status_code == 302  # the same as for every address
     assert not [mail for mail in mailoutbox if "/password/new/" in str(mail.body)]
 
 

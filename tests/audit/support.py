@@ -11,7 +11,7 @@ from django.db import DatabaseError, connection, transaction
 
 @contextmanager
 def past_the_triggers() -> Iterator[None]:
-    """Remove the triggers for the length of a `with` block. The search index still follows changes."""
+    """Remove the triggers during a `with` block. The search index still follows changes."""
     with transaction.atomic(), connection.cursor() as cursor:
         if connection.vendor == "postgresql":
             cursor.execute("SET LOCAL session_replication_role = replica")

@@ -13,7 +13,7 @@ from teleop.models import ControlSession
 from teleop.reports import robot_report, session_report
 
 pytestmark = pytest.mark.django_db
-COUNT = 1500  # invented records, besides one that was there before
+COUNT = 1500  # invented records; one real record is older
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ RECORDING = {
 }  # functions that write records
 KIND = re.compile(r"[a-z]+\.[a-z_]+|refusal|fault")
 
-# Calls without a literal kind: file, expression, and the kinds that it can be.
+# Calls whose kind is an expression: file, expression, and its possible kinds.
 INDIRECT = {
     ("fleet/accounts/sign_in/throttle.py", "KIND"): {"account.sign_in_failed"},
     ("robots/registry/services.py", "f'{entry._meta.model_name}.{verb}'"): {
@@ -105,7 +105,7 @@ def test_every_kind_has_a_row_in_the_docs_and_every_row_a_kind():
 
 
 def _in_full(names: list[str]) -> Iterator[str]:
-    """Expand `control.take`, `.hand_over` to full kinds: the second has the prefix of the first."""
+    """Yield full kinds: `.hand_over` after `control.take` becomes `control.hand_over`."""
     group = ""
     for name in names:
         group = name.split(".")[0] or group

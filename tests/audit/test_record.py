@@ -210,7 +210,7 @@ def test_parallel_writers_wait_and_lose_nothing():
 def _seen_by_another_connection() -> list[int]:
     def look() -> list[int]:
         try:
-            written = Record.objects.exclude(kind__in=["profile.create", "phrase.import"])  # by the migration
+            written = Record.objects.exclude(kind__in=["profile.create", "phrase.import"])  # of migrations
             return list(written.values_list("pk", flat=True))
         finally:
             connection.close()

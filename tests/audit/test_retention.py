@@ -217,7 +217,7 @@ def test_future_records_expire_with_their_successors(ago, five_years, monkeypatc
 
 
 def test_records_are_removed_without_later_ones_of_their_robot(ago, five_years):
-    """Their contents expired long before; the records of that expiry are removed, too."""
+    """The contents expired long before their records; the records of that expiry are removed, too."""
     with ago(-20000):
         record("speech.start", robot_id=ROBOT, text="the last words of this robot")
     with ago(1900):
@@ -273,7 +273,7 @@ def test_removed_future_records_fit_heads_of_their_time(ago, five_years):
 
 @pytest.fixture
 def spoken(ago):
-    """`spoken(days, …)`: record a sentence said so many days ago."""
+    """`spoken(days, …)`: record a sentence for each of these numbers of days ago."""
 
     def speak(*days: int) -> None:
         for before in days:
@@ -292,7 +292,7 @@ def housekeeping(at=TODAY) -> None:
 
 
 def test_by_a_clock_that_is_years_ahead_nothing_goes(spoken, ago, caplog):
-    """Neither before nor after a person caused a record with the wrong date."""
+    """Nothing expires, neither before nor after a person caused a record with the wrong date."""
     spoken(4000, 3999)
     for _ in range(2):
         housekeeping()
@@ -315,7 +315,7 @@ def test_expiry_continues_when_a_person_confirms_the_clock(spoken):
 
 
 def test_expiry_continues_after_days_without_use(spoken, ago):
-    """The console runs without users. Its daily records of the doubt do not count as use."""
+    """The console runs without users. Its daily records about the doubted clock do not count as use."""
     spoken(150)
     for before in range(retention.SILENCE.days, 0, -1):
         with ago(before):
@@ -340,7 +340,7 @@ def test_a_future_record_does_not_confirm_the_clock(spoken):
 
 @pytest.mark.parametrize("used", [True, False], ids=["used between", "idle"])
 def test_a_clock_that_is_ahead_again_and_again_is_believed_never(spoken, ago, used):
-    """The clock is wrong at each weekly start and right soon after, also if only housekeeping records then."""
+    """The clock is wrong at each weekly start, then right. If idle, only housekeeping writes records then."""
     ahead = 3 * 365
     spoken(ahead + 60, ahead + 35)
     for week in range(8):

@@ -1,4 +1,4 @@
-"""Wrong times at every door that takes a time: each is refused in words with a code, and nothing is stored."""
+"""Wrong times in every form and request with times: each is refused with text and code; nothing is stored."""
 
 from datetime import datetime, timedelta, timezone
 from zoneinfo import ZoneInfo
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.django_db
 
 ZONE = "Europe/Madrid"
 SKIPPED = "2027-03-28T02:30"  # clocks go from 02:00 to 03:00 that night
-TWICE = "2027-10-31T02:30"  # and from 03:00 back to 02:00
+TWICE = "2027-10-31T02:30"  # clocks go from 03:00 back to 02:00 that night
 JSON = {"HTTP_ACCEPT": "application/json"}
 HTML = {"HTTP_ACCEPT": "text/html"}
 
@@ -37,7 +37,7 @@ wrong_times = pytest.mark.parametrize(("code", "times"), WRONG.items())
 
 @pytest.fixture(params=["operator", "supervisor"])
 def browser(request, robot, signed_in):
-    """The browser of a person who lives in Madrid."""
+    """The browser of a person whose time zone is that of Madrid."""
     person = request.getfixturevalue(request.param)
     person.time_zone = ZONE
     person.save()
@@ -132,12 +132,12 @@ def test_a_repeated_hour_is_the_first_and_lasts_two_hours(browser, robot):
     browser.post(reverse("booking-new"), fields(robot, (TWICE, "2027-10-31T03:30")))
     booking = Booking.objects.get()
     assert booking.starts_at == datetime(2027, 10, 31, 0, 30, tzinfo=timezone.utc)
-    assert booking.ends_at - booking.starts_at == timedelta(hours=2)  # as the clock on the wall goes round
+    assert booking.ends_at - booking.starts_at == timedelta(hours=2)  # 02:00 to 03:00 comes twice
 
 
 @pytest.mark.parametrize("zone", ["Pacific/Kiritimati", "America/Los_Angeles"])
 def test_the_ends_of_the_calendar_break_no_page(client, robot, stranger, zone):
-    """Sums of such times overflow; and with quotas, a slot of a thousand years once took minutes and gigabytes."""
+    """Sums of such times overflow. The quotas of a slot of 1000 years once took minutes and gigabytes."""
     Policy.objects.create(
         robot=robot, day_min=60, week_min=60, gap_min=60, opening={"mon": ["08:00", "20:00"]}
     )

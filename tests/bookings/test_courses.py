@@ -63,10 +63,10 @@ def test_people_of_a_course_book_before_it_begins(client, robot, stranger, cours
     times = {"starts_at": f"{monday}T10:00", "ends_at": f"{monday}T11:00"}
     assert client.post(reverse("booking-new"), {"robot": robot.slug, **times}, **JSON).status_code == 200
     assert reverse("control", args=[robot.slug]) not in client.get(reverse("bookings-mine")).content.decode()
-    assert client.get(reverse("control", args=[robot.slug])).status_code == 404  # nothing to see yet
+    assert client.get(reverse("control", args=[robot.slug])).status_code == 404  # the course has not begun
     found = client.get("/api/v1/bookings", {"robot": robot.slug}).json()
     assert [one["yours"] for one in found["bookings"]] == [True]
-    Course.objects.update(role="observer")  # who may not drive does not book
+    Course.objects.update(role="observer")  # observers do not book
     assert client.get(reverse("bookings-feed"), days).json()["resources"] == []
     assert "You can book" not in client.get("/").content.decode()
 
@@ -124,7 +124,7 @@ def test_pages_show_what_is_left(signed_in, robot, stranger, course, staff):
     Booking.objects.create(
         robot=robot, person=stranger, course=course, **times, held_until=times["ends_at"], made_at=midnight
     )
-    to_come = 2 if timezone.now() < times["ends_at"] else 3  # in the first half hour of a day it is not over
+    to_come = 2 if timezone.now() < times["ends_at"] else 3  # until 00:30 this booking is not over
     for page in ("bookings-mine", "booking-new"):
         text = signed_in(stranger).get(reverse(page)).content.decode()
         own = ("30 min of 1 h today", "1 h 30 min of 2 h this week", f"{to_come} of 3 bookings to come")

@@ -1,4 +1,4 @@
-"""What a booking meets on its way: its robot, its person's right, the database, the clock. Nothing is lost."""
+"""Faults of bookings: the robot, the person's right, the database or the clock fails; no booking is lost."""
 
 import sqlite3
 from datetime import timedelta
@@ -68,7 +68,7 @@ def codes(answer):
 
 
 def edit(admin, robot, **changes):
-    """Send the admin's form of a robot as a browser does, with these changes; None: not ticked."""
+    """Send the admin's form of a robot as a browser does, with these changes; None unticks a box."""
     address = f"/admin/robots/robot/{robot.pk}/change/"
     page = admin.get(address)
     form = page.context["adminform"].form
@@ -91,7 +91,7 @@ def test_a_robot_that_is_switched_off_tells_those_who_booked_it(signed_in, robot
     notification = Notification.objects.get()
     assert (notification.person, "out of service" in notification.subject) == (olga, True)
     assert "switched it off" in notification.text
-    edit(admin, robot, name="Other")  # once is enough
+    edit(admin, robot, name="Other")  # no second notification
     assert Notification.objects.count() == 1
     booking.refresh_from_db()
     assert booking.state == State.BOOKED  # the robot may come back
@@ -206,7 +206,7 @@ def lock():
 
 
 def changes_of(robot, booking, when):
-    """Every change that a person makes by the pages of bookings: address and form."""
+    """Return each change that a person can make on the pages of bookings: address and form."""
     one = reverse("booking", args=[booking.pk])
     return [
         (reverse("booking-new"), fields(robot, slot(30))),
@@ -255,7 +255,7 @@ def test_a_locked_database_is_said_and_changes_nothing(lock, signed_in, robot, o
 def test_a_full_disk_is_said_and_changes_nothing(disk, signed_in, robot, operator, two):
     desk = signed_in(operator)
     disk.fill()
-    # A place in line is one small row without a record, which may still fit.
+    # To join the waiting list takes only one small row and one record, which may still fit.
     all_refused(desk, robot, *two, "audit_disk_full", "the disk of the database is full", most=-1)
     assert desk.get(reverse("bookings-mine")).status_code == 200
     disk.free()

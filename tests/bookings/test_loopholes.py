@@ -110,7 +110,7 @@ def test_a_reason_counts_only_from_supervisors_of_the_robot(signed_in, robot, ot
     role_set(robot=other_robot, user=supervisor, role=Role.OPERATOR, actor=None)
     signed_in(supervisor).post(reverse("booking-new"), fields(other_robot, override="because"), **JSON)
     booking = Booking.objects.get()
-    assert not booking.overridden  # else it would stay when the right to it is lost
+    assert not booking.overridden  # overridden bookings stay when the right to drive is lost
     change(signed_in(supervisor), booking, **fields(other_robot, 4, override="because"))
     assert not booking.overridden
 
@@ -130,7 +130,7 @@ def test_a_robot_that_staff_switched_off_is_not_booked(signed_in, robot, operato
 
 @pytest.fixture
 def course(robot, stranger):
-    """A course until tomorrow, of one booking to come for each of its people."""
+    """A course until tomorrow: each of its people may have one booking to come."""
     days = {"starts_on": lab_date(), "ends_on": lab_date() + timedelta(days=1)}
     made = Course.objects.create(name="HRI", slug="hri", role=Role.OPERATOR, at_once=1, **days)
     made.robots.add(robot)
@@ -166,7 +166,7 @@ def test_a_slot_that_runs_does_not_end_in_the_past(signed_in, robot, operator):
     booking = stored(robot, operator, -110, 10, used_at=minutes(-110))
     times = typed(booking.starts_at, minutes(-80))
     assert change(signed_in(operator), booking, **times) == ["in_past"]
-    assert booking.held_until == minutes(10)  # the quota counts the time that was used
+    assert booking.held_until == minutes(10)  # unchanged: the quota counts the used time
 
 
 def test_notice_is_asked_for_the_start_only(signed_in, robot, operator):
@@ -194,7 +194,7 @@ def test_moving_is_no_way_to_cancel_late(signed_in, robot, operator, supervisor)
     assert change(browser, booking, "cancel") == ["late_to_cancel"]
     assert change(browser, booking, **typed(minutes(3000), minutes(3060))) == ["late_to_cancel"]
     assert change(browser, booking, **typed(minutes(60), minutes(80))) == ["late_to_cancel"]
-    assert change(browser, booking, **typed(minutes(60), minutes(150))) == []  # nothing is given up
+    assert change(browser, booking, **typed(minutes(60), minutes(150))) == []  # no time is given up
     assert change(signed_in(supervisor), booking, **typed(minutes(3000), minutes(3060))) == []
 
 
@@ -215,7 +215,7 @@ def approved(robot, operator, supervisor):
 def test_a_moved_booking_awaits_approval_again(signed_in, robot, approved, operator, supervisor):
     browser = signed_in(operator)
     change(browser, approved, **typed(in_hours(5), in_hours(5) + timedelta(minutes=30)))
-    assert approved.state == State.BOOKED  # a part of what was approved
+    assert approved.state == State.BOOKED  # inside the approved slot
     change(browser, approved, **fields(robot, 8))
     assert (approved.starts_at, approved.state) == (in_hours(8), State.AWAITING)
     change(signed_in(supervisor), approved, "approve")
@@ -299,7 +299,7 @@ def test_a_moved_booking_is_reminded_of_again(signed_in, robot, operator):
     assert booking.reminded_at is None
 
 
-# --- times beyond all reason -----------------------------------------------------------------------
+# --- times at the ends of the calendar -------------------------------------------------------------
 
 
 @pytest.fixture(params=["Europe/Berlin", "America/New_York"])

@@ -105,7 +105,7 @@ def test_a_refused_second_tab_keeps_what_was_typed(as_person, robot, operator):
     wanted = fields(robot, 8)
     page = browser.post(address, {**wanted, "action": "move", "version": 1}, **HTML).content.decode()
     assert "Not changed:" in page and 'data-code="changed"' in page
-    assert f"{in_hours(5):%H:%M}" in page.split("</h1>")[0]  # the heading has the facts
+    assert f"{in_hours(5):%H:%M}" in page.split("</h1>")[0]  # the heading shows the stored time
     assert f'name="starts_at" value="{wanted["starts_at"]}"' in page
     browser.post(address, {**wanted, "action": "move", "version": 2})
     assert Booking.objects.get().starts_at == in_hours(8)

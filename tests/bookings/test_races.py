@@ -45,7 +45,7 @@ def all_at_once(steps):
         begin.wait()
         try:
             step()
-        except Exception as error:  # noqa: BLE001  # the test looks at them
+        except Exception as error:  # noqa: BLE001  # the test checks them
             errors.append(error)
         finally:
             connection.close()
@@ -140,4 +140,4 @@ def test_of_fifty_after_one_slot_one_wins_the_others_get_others(
     refused = [answer.json() for answer in answers if answer.status_code == 409]
     assert {one["code"] for answer in refused for one in answer["refusals"]} == {"taken"}
     assert {len(answer["alternatives"]) for answer in refused} == {3}
-    assert len(reads) < CLIENTS, len(reads)  # those who come together share what one read
+    assert len(reads) < CLIENTS, len(reads)  # requests at the same time share one read

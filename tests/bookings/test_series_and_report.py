@@ -104,7 +104,7 @@ def test_a_series_has_a_courses_lessons_and_the_report_its_term(client, robot, s
     client.post(reverse("booking-series"), fields)
     assert Booking.objects.filter(course=course, person=staff).count() == 3
     slot = Slot(starts + timedelta(hours=1), starts + timedelta(hours=1.5))
-    booking_make(robot=robot, person=student, slot=slot, now=now)  # lessons leave the students their quota
+    booking_make(robot=robot, person=student, slot=slot, now=now)  # lessons use no quota of students
     answer = client.get(reverse("booking-report"), {"as": "csv", "by": "course", "course": "hri"})
     assert answer.content.decode().splitlines()[1].startswith("HRI,4,3.50,")
 

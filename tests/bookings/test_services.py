@@ -74,7 +74,7 @@ def test_one_person_books_one_robot_at_a_time(robot, other_robot, operator, staf
     book(other_robot, operator, slot(1.5), actor=staff, override="two robots meet")
     Policy.objects.create(robot=other_robot, robots_at_once=2)
     book(other_robot, operator, slot(0.5))
-    unused = slot(1.5).starts_at  # the grace time of the first is over
+    unused = slot(1.5).starts_at  # the grace time of the first booking is over
     book(other_robot, operator, slot(2.5), now=unused)
 
 
@@ -105,7 +105,7 @@ def test_the_database_refuses_an_overlap(robot, operator):
     later = book(robot, operator, slot(3))
     with pytest.raises(IntegrityError, match=overlaps.NAME), transaction.atomic():
         Booking.objects.filter(pk=later.pk).update(starts_at=booking.starts_at)
-    assert verify_all().findings == []  # the log's verification knows the triggers
+    assert verify_all().findings == []  # verification accepts these triggers
 
 
 def test_fifty_people_after_one_slot_one_wins(robot, operator):
@@ -179,7 +179,7 @@ def no_shows():
 def test_a_slot_that_nobody_used_is_on_record_a_day_later(robot, operator, second_operator):
     unused, used = book(robot, operator), book(robot, second_operator, slot(2))
     Booking.objects.filter(pk=used.pk).update(used_at=slot(2).starts_at)
-    store_no_shows(slot(15.9).starts_at)  # a clock in local time may be so far ahead
+    store_no_shows(slot(15.9).starts_at)  # a clock set to local time may be so far ahead
     assert no_shows() == []
     assert Booking.objects.get(pk=unused.pk).held_until == unused.ends_at
     for _ in range(2):  # housekeeping may run twice
@@ -202,7 +202,7 @@ def test_a_slot_of_a_robot_out_of_service_is_no_no_show(robot, operator, staff):
     store_no_shows(slot(24).starts_at)
     assert no_shows() == []
     OutOfService.objects.all().delete()
-    Robot.objects.update(enabled=False)  # perhaps then, too
+    Robot.objects.update(enabled=False)  # the robot may also have been disabled then
     store_no_shows(slot(24).starts_at)
     assert no_shows() == []
 
@@ -363,7 +363,7 @@ def test_a_booking_is_handed_to_a_colleague_who_may_drive(robot, operator, secon
         type(person).objects.filter(pk=person.pk).update(email=f"{person.username}@lab.example")
         person.refresh_from_db()
     booking_hand(**(to_observer | {"to": second_operator}))
-    [notification] = Notification.objects.all()  # the owner handed it, and knows
+    [notification] = Notification.objects.all()  # none for the owner, who handed it over
     assert (notification.person, notification.subject) == (
         second_operator,
         "Your booking of TIAGo 1: handed to you",

@@ -77,8 +77,8 @@ class OpenGate:
         real = Gate(profile)
         self.observe_odometry, self.standstill = real.observe_odometry, real.standstill
         self.footprint = real.footprint
-        self.seen: list[tuple[float, float]] = []  # points of its laser
-        self.pictured: list[tuple[float, float]] = []  # points of its depth camera
+        self.seen: list[tuple[float, float]] = []  # points of the laser
+        self.pictured: list[tuple[float, float]] = []  # points of the depth camera
         self.health: list[SensorHealth] = []
         self.says: Callable[[Velocity], Verdict] | None = None
         self.misses: Fault | None = None  # missing data, which forbids all motion
@@ -86,7 +86,7 @@ class OpenGate:
         self.arm_discs: tuple[tuple[float, float, float], ...] = ()
         self.operator_delay_s: float | None = None
         self.velocity = STILL  # measured
-        self.looks = True  # its depth camera looks ahead
+        self.looks = True  # the depth camera looks ahead
         self.forgot: list[bool] = []  # calls of `forget`, each with `restarted`
 
     def observe_lost_limb(self, limb: str | None) -> None:
@@ -154,17 +154,17 @@ class MemoryBase:
     aims: list[Aim] = field(default_factory=list)
     head: tuple[float, float] | None = None
     sweeps: dict[str, tuple[Disc, ...]] = field(default_factory=dict)
-    asked: list[Callable[[], None]] | None = None  # a list delays the robot's answers about motions
-    lies: tuple[Disc, ...] | None = None  # place of the arm by its joints
+    asked: list[Callable[[], None]] | None = None  # if a list: the robot's answers about motions wait in it
+    lies: tuple[Disc, ...] | None = None  # discs of the arm, by joint states
     echo_s: float | None = None  # delay of its acknowledgement of a twist
     played: list[tuple[str, str]] = field(default_factory=list)
     cancelled_goals: list[str] = field(default_factory=list)
     said: list[tuple[str, Utterance]] = field(default_factory=list)
-    tells: bool = True  # it reports the end of texts
+    tells: bool = True  # whether the robot reports the end of texts
     goals: list[tuple[str, Pose]] = field(default_factory=list)  # of navigation
-    poses: list[Pose] = field(default_factory=list)  # that were set
+    poses: list[Pose] = field(default_factory=list)  # estimates that were set for localisation
     transform: tuple[float, Pose] | None = None  # of localisation
-    limbs: dict[str, float] = field(default_factory=dict)  # where they are
+    limbs: dict[str, float] = field(default_factory=dict)  # positions, m
     limbs_heard: bool = True
     moves: list[tuple[str, str, float, float]] = field(default_factory=list)
     attended: list[tuple[str, frozenset[str]]] = field(default_factory=list)
@@ -255,12 +255,12 @@ class Outcome(SimpleNamespace):
 
 
 class MemorySink:
-    """A sink that stores records; `fails` makes it refuse, `open` makes it wait."""
+    """A sink that stores records; `fails` makes it refuse; while `open` is not set, it waits."""
 
     def __init__(self) -> None:
         self.records: list[tuple[str, object]] = []
         self.pulses = 0
-        self.ill: dict[str, wire.HealthLevel] = {}  # parts, on record by an earlier bridge
+        self.ill: dict[str, wire.HealthLevel] = {}  # parts that an earlier bridge recorded
         self.stops: list[tuple[Holder | None, int]] = []
         self.fails: str | None = None
         self.open = threading.Event()
@@ -327,7 +327,7 @@ class MemoryPublisher:
         self.stopped: list[str] = []
         self.halts = 0
         self.kept_alive = 0
-        self.waiting: list[Callable[[], None]] | None = None  # a list delays the answers
+        self.waiting: list[Callable[[], None]] | None = None  # if a list: the answers wait in it
 
     def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
         if self.waiting is None:
@@ -396,7 +396,7 @@ class Bench:
         self.records.close()
 
     def online(self) -> Bench:
-        """The robot's master is there and odometry arrives."""
+        """Connect to the robot's master; odometry arrives."""
         self.core.ros_status(RosStatus("connecting", ""), self.now_s)
         self.odometry()
         return self
@@ -412,7 +412,7 @@ class Bench:
         self.core.odometry(self.stamp_s, self.now_s, Pose(self.x, 0.0, 0.0), self.speed, self.stamp_s)
 
     def granted(self, fence: int = 1, seconds: float = 60.0, link: int = 1) -> Bench:
-        """Ann has control and her stick is in the middle."""
+        """Give control to Ann, with her stick in the middle."""
         grant = Grant(fence, seconds, f"session-{fence}", "Ann", "ann-id", 1.0)
         self.core.grant(grant, link, self.now_s)
         assert self.stick(0.0, fence=fence, link=link) is None
@@ -477,7 +477,7 @@ ORDERS: dict[str, wire.TaskRequest] = {
 
 
 class ObedientBench(Bench):
-    """A bench whose robot does what `ORDERS` ask for as soon as allowed, and reports it."""
+    """A bench whose robot does what `ORDERS` request, as soon as the bridge allows it, and reports it."""
 
     def __init__(self) -> None:
         head = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint")
@@ -491,7 +491,7 @@ class ObedientBench(Bench):
         self.granted().pass_time(0.3)
 
     def obeys(self) -> None:
-        """Write the records, then let the robot do what was asked."""
+        """Write the records, then let the robot do what was requested."""
         self.recorded()
         self.core.recorded(self.now_s)
         for use, topics in self.base.attended:
@@ -501,7 +501,7 @@ class ObedientBench(Bench):
 
     @property
     def begun(self) -> list[object]:
-        """Everything begun on the robot."""
+        """Everything that has begun on the robot."""
         base = self.base
         return [*base.played, *self.publisher.published, *base.aims, *base.said, *base.switched]
 
@@ -542,6 +542,6 @@ def codes(answers: Sequence[Refusal | None]) -> list[str | None]:
 
 
 def runs_out(bench: Bench) -> None:
-    """The loop stalls, and the grant expires meanwhile."""
+    """Block the loop for so long that the grant expires."""
     bench.granted(seconds=0.3)
     bench.now_s += 0.5

@@ -225,7 +225,7 @@ def test_stop_without_master_cancels_when_the_master_is_back():
     bench = Bench()
     bench.core.stop("Bob", "", bench.now_s)
     bench.pass_time(60.0)
-    assert cancels(bench.online(), 1.0) >= 2  # the first may have no subscriber yet
+    assert cancels(bench.online(), 1.0) >= 2  # the first cancel may have no subscriber yet
 
 
 def test_stop_of_an_earlier_bridge_cancels_after_joining():
@@ -235,10 +235,10 @@ def test_stop_of_an_earlier_bridge_cancels_after_joining():
 def test_cancel_is_repeated_exactly_while_stop_is_latched(bench):
     bench.pass_time(5.0)
     bench.core.stop("Bob", "", bench.now_s)
-    assert cancels(bench, 10.0) == pytest.approx(20, abs=2)  # also goals that others send meanwhile
+    assert cancels(bench, 10.0) == pytest.approx(20, abs=2)  # other nodes may send goals later
     before = bench.base.cancelled
     assert bench.core.clear(bench.core.stop_state.number, bench.now_s) is None
-    assert bench.base.cancelled == before + 1  # and goals from just before
+    assert bench.base.cancelled == before + 1  # for goals sent just before
     assert cancels(bench, 10.0) == 0
 
 
@@ -253,7 +253,7 @@ def test_stop_cleared_before_joining_still_cancels_once_joined():
 
 def test_stop_cleared_while_master_is_away_cancels_later(bench):
     bench.pass_time(5.0)
-    bench.core.stop("Bob", "", bench.now_s)  # over a failed network
+    bench.core.stop("Bob", "", bench.now_s)  # the robot's network has failed
     bench.core.ros_status(RosStatus("waiting", "No ROS master answers."), bench.now_s)
     bench.core.clear(bench.core.stop_state.number, bench.now_s)
     bench.pass_time(60.0)
@@ -261,7 +261,7 @@ def test_stop_cleared_while_master_is_away_cancels_later(bench):
 
 
 def test_a_stop_cancels_although_its_zero_fails(monkeypatch):
-    """The press counts as handled: the same press on the other path cancels nothing."""
+    """The press counts as handled: if it arrives by the other path, too, nothing is cancelled again."""
     bench = ObedientBench()
     bench.ask(ORDERS["motion"])
     bench.obeys()
@@ -302,7 +302,7 @@ def test_standstill_comes_from_odometry_not_from_commands(bench):
 
 
 def test_time_to_standstill_counts_from_the_watchdogs_press(bench):
-    """The press reaches a bridge that was frozen for two seconds, by link or watchdog."""
+    """The press arrives by link and by watchdog, at a bridge that was frozen for two seconds."""
     bench.granted().driving()
     bench.odometry(FORWARD)
     pressed_s, press = bench.now_s - 2.0, uuid4()
@@ -314,7 +314,7 @@ def test_time_to_standstill_counts_from_the_watchdogs_press(bench):
     bench.pass_time(0.05)
     took_ms = bench.core.stop_state.standstill_ms
     assert took_ms == pytest.approx(2100, abs=110)
-    bench.core.stop_from_watchdog("Bob", "", press, bench.now_s, pressed_s - 1.0)  # also late
+    bench.core.stop_from_watchdog("Bob", "", press, bench.now_s, pressed_s - 1.0)  # again, earlier
     assert bench.core.stop_state.standstill_ms == took_ms + 1000
 
 
@@ -332,7 +332,7 @@ def test_a_stop_that_was_pending_has_no_time_to_standstill(bench):
     bench.odometry(FORWARD)
     press = uuid4()
     bench.core.stop("Bob", "", bench.now_s, press, waited=True)
-    bench.core.stop_from_watchdog("Bob", "", press, bench.now_s)  # the other path
+    bench.core.stop_from_watchdog("Bob", "", press, bench.now_s)  # the same press by the other path
     bench.odometry(STILL)
     bench.pass_time(0.1)
     assert (bench.core.stop_state.state, bench.core.stop_state.standstill_ms) == ("stopped", None)
@@ -371,7 +371,7 @@ def test_without_odometry_standstill_is_not_claimed(bench):
 
 def test_frozen_odometry_does_not_confirm_standstill(bench):
     bench.granted().driving()
-    bench.speed = STILL  # the same as in the frozen message
+    bench.speed = STILL  # the frozen message reports standstill
     bench.core.stop("Bob", "", bench.now_s)
     for _ in range(5):
         bench.now_s += 0.05
@@ -500,7 +500,7 @@ def test_a_stick_at_rest_counts_only_once_the_sensor_is_back(bench, goes):
 
 @pytest.mark.parametrize("goes", [silence_of_the_laser, silence_of_odometry])
 def test_stick_pushed_during_sensor_silence_needs_neutral_later(bench, goes):
-    """Also if neutral was not needed before, and the push waits for its record when the sensor is back."""
+    """The stick was neutral before, and its push still waits for its record when the sensor is back."""
     bench.granted()
     goes(bench)
     bench.sink.open.clear()
@@ -598,7 +598,7 @@ def test_a_drive_whose_end_odometry_does_not_show_says_so(bench):
 
 
 def held(bench, *codes, for_s, neutral=False):
-    """Full stick while the gate limits by these rules in turn, one for each decision."""
+    """Hold the stick while the gate limits by these rules in turn, one rule for each decision."""
     turns = itertools.cycle(codes)
 
     def says(asked):

@@ -1,4 +1,4 @@
-"""An overloaded computer does not blame the operator: it reports itself with numbers, once in the log."""
+"""If the computer is overloaded, the bridge reports this with numbers, once in the log; nobody is blamed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def needed(bench):
 
 
 def stall(bench, late_s):
-    """The bridge's loop gets no processor time for so long."""
+    """Let the bridge's loop get no processor time for `late_s`."""
     bench.now_s += late_s
     bench.odometry()
     bench.core.tick(bench.now_s, late_s)

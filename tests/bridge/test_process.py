@@ -60,7 +60,7 @@ async def test_command_between_two_pieces_of_work_goes_first(bridge, monkeypatch
 
     def sonar():
         done.append("sonar")
-        bridge._soon(picture)  # one piece of work creates another
+        bridge._soon(picture)  # a piece of work adds other work
         bridge._soon(picture)
         inbox.append("second command")
 

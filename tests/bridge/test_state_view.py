@@ -1,4 +1,4 @@
-"""Pictures for pages."""
+"""The view of obstacles that pages draw."""
 
 import numpy as np
 

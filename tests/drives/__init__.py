@@ -1,1 +1,1 @@
-"""Whole drives in simulated worlds, without processes. Each computes for long: `script/test quick` leaves them out."""
+"""Whole drives in simulated worlds, without processes. They take long: `script/test quick` leaves them out."""

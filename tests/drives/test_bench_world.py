@@ -108,7 +108,7 @@ def test_obstacles_above_the_robot_are_ignored():
 
 
 def moments(sent_mps: float, asked: Velocity = AHEAD) -> Trace:
-    """A run of 2 s of full stick at the origin with these published twists."""
+    """A trace of 2 s of full stick at the origin, in which twists of `sent_mps` were published."""
     sent = Velocity(sent_mps, 0.0, 0.0)
     return Trace(
         [Moment(0.05 * n, ORIGIN, Twist(), asked if n else STILL, sent, "", "", 1.0, True) for n in range(41)]
@@ -291,7 +291,7 @@ def test_the_standard_sensors_are_a_tiagos():
 def test_an_arm_that_the_gate_does_not_know_holds_the_robot(monkeypatch, masks, held_s):
     if not masks:
         monkeypatch.setattr(ArmPosture, "posture", lambda self, now_s: AT_HOME)
-    end = arm.play(6)  # its description lacks the gripper
+    end = arm.play(6)  # seed 6: the robot's description lacks the gripper
     assert end.held_s == pytest.approx(held_s, abs=0.1)
     assert (end.refused_s > 0.0) is not masks
 
@@ -334,7 +334,7 @@ def test_seconds_count_from_when_the_way_is_free_until_it_drives():
     assert leaves([1.0, 0.1, 0.1, 0.6, 0.8, 1.0], [1.0, 0.0, 0.0, 0.0, 0.0, 0.4]).again_s == 2.0
     assert leaves([0.1, 0.1, 0.6, 0.6], [0.0, 0.0, 0.4, 1.0]).again_s == 0.0
     assert leaves([0.1, 0.1, 0.6, 0.6], [0.0, 0.0, 0.0, 0.0]) == leaving.Outcome(math.inf, "why")
-    assert leaves([1.0, 0.6, 0.6, 0.6], [1.0, 1.0, 1.0, 1.0]).again_s is None  # nothing held it
+    assert leaves([1.0, 0.6, 0.6, 0.6], [1.0, 1.0, 1.0, 1.0]).again_s is None  # nothing held the robot
 
 
 def test_a_chair_is_pulled_away():
@@ -367,7 +367,8 @@ def test_the_head_turns_away_before_a_chair_leaves():
 def test_random_stick_drives_both_ways_and_half_begins_cold():
     random = Restless(np.random.default_rng(1), looks=False)
     sticks = [random.hold(Seen(0.05 * n, ORIGIN)) for n in range(40_000)]
-    # The gate holds reverse to a tenth of the robot's speed: the ten kilometres of docs/figures.md are 53 % in reverse.
+    # The gate limits reverse to a tenth of the robot's speed: 53 % of the ten kilometres in docs/figures.md are
+    # in reverse.
     back = sum(min(max(-stick.x * stick.share, 0.0), 0.1) for stick in sticks)
     ahead = sum(max(stick.x * stick.share, 0.0) for stick in sticks)
     assert 0.7 < back / ahead < 1.4

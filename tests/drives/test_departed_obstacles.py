@@ -50,7 +50,7 @@ def test_a_person_is_gone_though_the_picture_ends_below_the_head(x):
 
 
 def test_noise_above_a_box_out_of_view_does_not_free_it():
-    """Only noise above the box is in view: seeing its end free does not prove the box gone."""
+    """Only noise above the box is in view: if the noise is gone, the box may still be there."""
     assert not gone([FLOOR], 0.55, 0.06, 0.45)
     assert not gone([FLOOR], 0.55, 0.06, 0.50)
 
@@ -196,7 +196,7 @@ def test_posts_moved_by_slipping_wheels_are_gone(rear):
         watcher.stand(0.2)
     watcher.boxes = [FLOOR, *(((x + 0.1, *low), (u + 0.1, *high)) for (x, *low), (u, *high) in posts)]
     watcher.stand(0.5, looks=False)
-    assert not (remembered(watcher)[:, 0] < 0.35).any()  # 7 cm nearer than the live ones
+    assert not (remembered(watcher)[:, 0] < 0.35).any()  # 7 cm nearer than the present points
 
 
 def test_a_counter_standing_back_stays_though_scans_see_below():

@@ -203,7 +203,7 @@ def test_a_box_drives_a_corridor_without_turning_into_walls(seed):
 
 
 def test_without_the_gate_this_world_does_crash():
-    """Proves that these tests notice a crash: the same course with the asked twist sent straight to the base."""
+    """Show that these tests detect a crash: on the same course, the asked twist goes directly to the base."""
     world = World(tiago_profile(), wall(2.5, -5, 2.5, 5))
     world.gate.decide = lambda asked, sent, now_s: unrestrained(asked)
     world.drive(FULL, 4.0)

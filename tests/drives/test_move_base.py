@@ -1,4 +1,4 @@
-"""The simulated robot's own navigation: through doors, around what is not on the map, and its failures."""
+"""The simulated robot's own navigation: through doors, around things not on the map, and its failures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The watch over a robot that drives itself judges obstacles where they were seen or heard."""
+"""The watch over a robot that drives itself judges obstacles at their measured places."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tests.drives.test_near_side import RADIUS_M, NearSighted
 from tests.gate.conftest import LASER, Feeder, tiago_profile
 from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, TABLE, Looker, camera
 
-AWAY = [0.15 * step for step in (*range(21), *range(20, 12, -1), *range(12, 21))]  # to and fro, rad
+AWAY = [0.15 * step for step in (*range(21), *range(20, 12, -1), *range(12, 21))]  # back and forth, rad
 BOX = ((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25))
 DEPTH, REMEMBERED = "depth", "depth, remembered"
 
 
 def watched(feeder, vx, w=0.0):
-    """Return the watch's verdict on a robot that moves so, as navigation asks."""
+    """Return the watch's verdict on a robot that moves like this and has this command of navigation."""
     feeder.velocity = Velocity(vx, 0.0, w)
     feeder.now_s += 0.02
     feeder.odometry()
@@ -51,7 +51,7 @@ def test_an_unseen_near_side_holds_the_stick_only(pictures_end):
         looker.stand(0.6, looks=False)
     assert looker.decide(0.2).velocity.vx == 0.0
     assert watched(looker, 0.2).code == "free"
-    assert watched(looker, 0.8).code == "obstacle"  # it could not stop at what was seen either
+    assert watched(looker, 0.8).code == "obstacle"  # too fast to stop before the measured part of the table
 
 
 def test_it_brakes_for_what_the_picture_shows():
@@ -64,7 +64,7 @@ def test_it_brakes_for_what_the_picture_shows():
 
 
 def test_it_brakes_for_an_echo_behind_and_not_for_an_old_one_ahead():
-    feeder = Feeder(tiago_profile(has_depth=True))  # then the laser alone shows no echo's place free
+    feeder = Feeder(tiago_profile(has_depth=True))  # with it, the laser alone clears no echo
     feeder.odometry()
     feeder.scan()
     behind = "base_sonar_02_link"
@@ -72,16 +72,16 @@ def test_it_brakes_for_an_echo_behind_and_not_for_an_old_one_ahead():
     verdict = watched(feeder, -0.4)
     assert (verdict.code, verdict.sensor) == ("obstacle", behind)
     assert watched(feeder, 0.4).code == "free"
-    for step in range(1, 22):  # the echo's place is ahead then, where the laser sees nothing
+    for step in range(1, 22):  # then the echo's place is ahead, and the laser sees nothing there
         feeder.pose = Pose(0.0, 0.0, math.pi * step / 21)
         feeder.now_s += 0.1
         feeder.odometry()
         feeder.scan()
-    feeder.sonars()  # they hear nothing where they look now
+    feeder.sonars()  # no echo in their present directions
     known = feeder.gate.obstacles_as_seen(feeder.now_s)
     assert known.points[known.source == known.names.index(navigation_watch.ECHOES), 0].max() > 0.3
     assert watched(feeder, 0.4).code == "free"
-    assert feeder.decide(0.4).velocity.vx < 0.4  # a person's stick is held
+    assert feeder.decide(0.4).velocity.vx < 0.4  # but the gate limits a person's stick
 
 
 def test_what_navigation_is_about_to_do_counts():
@@ -95,7 +95,10 @@ def test_what_navigation_is_about_to_do_counts():
 
 
 def test_a_thin_thing_at_the_edge_of_the_way_is_braked_for_in_time():
-    """Odometry drift brings its place nearer, where a box could not avoid it any more: that hides no place as seen."""
+    """The gate adds possible drift: it moves the place nearer, where a box could no longer avoid the thing.
+
+    The watch must still use the place as the camera measured it.
+    """
     thing = ((1.6, 0.22, 0.66), (1.64, 0.27, 0.74))
     looker = Looker([FLOOR, thing], radius_m=None, outline=BOX)
     looker.to_base = camera(LOOK_AHEAD)
@@ -195,7 +198,7 @@ def test_no_place_inside_the_hull_that_the_laser_remembers_counts():
         feeder.now_s += 0.1
         feeder.all()
     wall_m = nearest_m(feeder.gate.obstacles(feeder.now_s), LASER)
-    feeder.ranges = np.where(np.abs(np.arange(571) - 285) < 100, math.nan, 2.0)  # it sees nothing ahead
+    feeder.ranges = np.where(np.abs(np.arange(571) - 285) < 100, math.nan, 2.0)  # no data from ahead
     name = f"{LASER}, remembered"
     found = {}
     for x in (0.1, 0.2, 0.3, 0.4, 0.5):
@@ -208,7 +211,7 @@ def test_no_place_inside_the_hull_that_the_laser_remembers_counts():
 
 
 class Watched:
-    """A robot whose depth camera looks as its head is turned, with the watch over its drive."""
+    """A robot that drives itself, with the watch. Its depth camera turns with its head."""
 
     def __init__(self, vx):
         self.looker = Looker([FLOOR])
@@ -217,7 +220,7 @@ class Watched:
         self.watch, self.codes, self.vx = navigation_watch.Watch(), [], vx
 
     def drive(self, seconds, pan, looks=True):
-        """Drive on; return how long the watch let it."""
+        """Drive on; return for how long the watch allowed it (s)."""
         self.looker.to_base = camera(LOOK_AHEAD, pan=pan)
         for step in range(round(seconds / 0.1)):
             self.looker.velocity = Velocity(self.vx, 0.0, 0.0)
@@ -245,7 +248,7 @@ def test_a_glance_aside_and_a_slow_drive_go_on():
         assert watched.drive(1.5, pan) == 1.5
     slow = Watched(0.3)
     assert slow.drive(4.0, 1.2) == 4.0
-    slow.vx = 0.5  # what it has not seen for long does not become seen by driving slowly
+    slow.vx = 0.5  # slow driving does not count as a look at the way
     assert slow.drive(1.0, 1.2) == 0.0
 
 

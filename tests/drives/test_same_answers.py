@@ -107,4 +107,4 @@ def test_with_and_without_certificates_the_gate_says_the_same(seed, monkeypatch)
         sent = verdict.velocity
         if verdict.neutral:
             stick = STILL
-    assert len(said) == 4, said  # both say yes and no at least once
+    assert len(said) == 4, said  # both certificates answered yes and no at least once

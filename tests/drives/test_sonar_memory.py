@@ -46,7 +46,7 @@ BEHIND = {
 
 
 def full_reverse(world, seconds=10.0):
-    """Park before an unseen obstacle, then drive with full stick. Returns False if no sonar heard it while parked."""
+    """Park before an obstacle that only sonars detect, then reverse. False: no sonar detected it before."""
     world.drive(STILL, 4.0)
     if not world.heard:
         return False
@@ -153,7 +153,7 @@ def test_without_a_camera_the_laser_clears_sonar_echoes():
 @pytest.mark.parametrize("sonar_hz", [4, 10])
 @pytest.mark.parametrize("other", ["laser", "depth"])
 def test_no_other_sensor_removes_a_current_sonar_echo(other, sonar_hz, other_hz):
-    """For example glass, which only sonars detect, or a seat above the laser's plane."""
+    """The obstacle may be glass, which only sonars detect, or a seat above the laser's plane."""
     view = DepthView(1.10) if other == "depth" else None
     ahead = {"ahead": (0.25, 0.0, 0.0)}
     gate = Gate(
@@ -193,7 +193,7 @@ def test_sonars_whose_stamps_differ_do_not_make_the_way_longer():
 
 
 def test_an_odometry_that_trembles_goes_no_way():
-    """Two millimetres at 10 Hz, for ten minutes."""
+    """The poses have 2 mm of noise, at 10 Hz, for ten minutes."""
     gate, random = Gate(tiago_profile()), np.random.default_rng(0)
     for step in range(6000):
         now_s = 100.0 + 0.1 * step
@@ -228,7 +228,7 @@ class Trembling(World):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_with_noisy_odometry_an_echo_counts_as_from_one_place(seed):
-    """Then nothing heard from there shows that the person has left."""
+    """Then the missing echo from that place shows that the person has left."""
     world = Trembling(tiago_profile(has_depth=True), shins(-0.8, 0.04))
     world.steps = 100_000 * seed
     full_reverse(world)
@@ -256,7 +256,7 @@ def test_trembling_odometry_takes_nothing_out_of_memory(thing, degrees):
 
 @pytest.mark.parametrize("turns", [False, True])
 def test_an_echo_that_moves_along_names_its_sonar_and_the_remedy(turns):
-    """Crosstalk, a cable in the cone, or the robot's own skirt: it holds reverse, and says so."""
+    """The cause is crosstalk, a cable in the cone, or the robot's skirt. The gate stops reverse and explains it."""
     inputs = Feeder(tiago_profile())
     name = "base_sonar_02_link"
 

@@ -135,7 +135,7 @@ def test_a_web_processes_query_limit_can_be_set_by_the_url():
     assert plain["OPTIONS"]["options"] == "-c statement_timeout=30s -c lock_timeout=5s"
     assert (
         own["OPTIONS"]["options"] == "-c statement_timeout=30s -c statement_timeout=5min"
-    )  # the last one counts
+    )  # the last value is valid
     file = environment.database("sqlite:////var/lib/fleet/fleet.sqlite3")
     environment.limit_queries(file)
     assert file == environment.database("sqlite:////var/lib/fleet/fleet.sqlite3")

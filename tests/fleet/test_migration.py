@@ -49,7 +49,7 @@ def old_database(tmp_path: Path) -> Iterator[MigrationRecorder]:
     """A database in which the replaced migrations were applied by their old names, with one record."""
     with empty_database(tmp_path) as database:
         if database.vendor == "sqlite":
-            new_database(Path(database.settings_dict["NAME"]))  # to migrate takes 4 s
+            new_database(Path(database.settings_dict["NAME"]))  # a copy: to migrate takes 4 s
         else:
             call_command("migrate", verbosity=0)
         record("speech.start", robot_id=ROBOT, robot_name="TIAGo 1", text="Hello.")

@@ -68,7 +68,7 @@ def _filled(pattern, values):
 
 
 def _requests(address, number):
-    """Each method, with the next Accept header. Every second misses its CSRF token; the next address swaps."""
+    """Yield method, Accept header, and whether CSRF is checked: every second time, shifted at each address."""
     methods = ["GET", "POST"] if address.startswith("/admin/") else ["GET", "POST", "PUT", "OPTIONS", "BREW"]
     for turn, method in enumerate(methods, number):
         yield method, ACCEPTS[turn % len(ACCEPTS)], method != "GET" and turn % 2 == 0
@@ -82,7 +82,7 @@ def test_no_request_fails_at_any_address(person, robot, caplog, request):
     bodies, queries = cycle(BODIES), cycle(QUERIES)
     failed = []
     for number, address in enumerate(_addresses(robot)):
-        if person and SESSION_KEY not in client.session:  # at first, and after the address that signs out
+        if person and SESSION_KEY not in client.session:  # the first time, and after sign-out
             client.force_login(request.getfixturevalue(person))
         for method, accept, forged in _requests(address, number):
             kind, body = next(bodies)

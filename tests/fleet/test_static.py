@@ -33,7 +33,7 @@ def console(settings, tmp_path):
 
 
 def collected(settings, pattern):
-    """Collect; return the files of this pattern, newest first."""
+    """Collect the static files; return the files of this pattern, newest first."""
     call_command("collectstatic", interactive=False, verbosity=0)
     found = settings.STATIC_ROOT.glob(pattern)
     return [

@@ -1,4 +1,4 @@
-"""With a locked, full or missing database, every page explains it and does nothing by half."""
+"""With a locked, full or missing database, every page explains this and changes nothing."""
 
 import sqlite3
 

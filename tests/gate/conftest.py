@@ -55,7 +55,7 @@ def box_profile(**changes) -> GateProfile:
 
 
 class Feeder:
-    """Feeds one gate with an unchanging world, moment by moment."""
+    """Feeds one gate with sensor data of a world that changes only if the test changes it."""
 
     def __init__(self, profile: GateProfile, ranges=None, clock_offset_s: float = 0.0) -> None:
         self.gate = Gate(profile)
@@ -103,7 +103,7 @@ class Feeder:
         self.sonars()
 
     def ahead_at(self, distance_m: float, half_width_beams: int = 12) -> None:
-        """Put something in front of the laser, this far from it."""
+        """Put an obstacle in front of the laser at this distance from the laser."""
         self.ranges = np.full(571, math.inf)
         self.ranges[285 - half_width_beams : 286 + half_width_beams] = distance_m
 

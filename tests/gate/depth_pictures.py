@@ -44,9 +44,9 @@ def camera(tilt=0.0, pan=0.0, height_m=HOME_M):
     return to_base
 
 
-@lru_cache(maxsize=4)  # a robot that stands sees the same again
+@lru_cache(maxsize=4)  # a robot that stands sees the same picture again
 def ahead_of(boxes, pose_of_camera, at):
-    """Distance of the nearest of axis-parallel boxes for one ray of 4 x 4 pixels, m along the camera's axis."""
+    """Distance (m along the camera's axis) of the nearest axis-parallel box, one ray for 4 x 4 pixels."""
     to_base = np.frombuffer(pose_of_camera).reshape(4, 4)
     right = (np.arange(2, WIDTH, 4) - LENS.cx) / LENS.fx  # like the simulated camera
     down = (np.arange(2, HEIGHT, 4) - LENS.cy) / LENS.fy
@@ -66,7 +66,7 @@ def ahead_of(boxes, pose_of_camera, at):
 
 
 def drawn(boxes, to_base, at=ORIGIN, noise=0.0, seed=0):
-    """Depth picture of axis-parallel boxes from a robot at `at`, m along the camera's axis; NaN for nothing."""
+    """Depth picture of axis-parallel boxes from a robot at `at`, m along the camera's axis; NaN: no box."""
     corners = tuple((tuple(low), tuple(high)) for low, high in boxes)
     nearest = ahead_of(corners, np.asarray(to_base, dtype=float).tobytes(), at)
     nearest = nearest + np.random.default_rng(seed).standard_normal(nearest.shape) * noise * nearest**2

@@ -83,7 +83,7 @@ class World:
         self.sent = STILL
         self._by_odometry = self.pose if self.slip else None
         self.heard = set()  # names of sonars with an echo
-        # A parked robot measures the same again: the pose, segments and result of the last measurement are kept.
+        # A parked robot measures the same again: pose, segments and result of the last measurement are kept.
         self._gap_at = None
         self._measured = {}  # by the sensor's mount
         self.put(self.segments)

@@ -1,1 +1,1 @@
-"""The web process: control, live connections, stops, camera, API, reports, webhooks; and who may open which address."""
+"""The web process: control, live connections, stops, camera, API, reports, webhooks, and permissions."""

@@ -31,7 +31,7 @@ def browsers(staff, supervisor, operator, observer, stranger, second_operator, s
 
 
 class Browsers(dict[str, Client]):
-    """The browsers of these people; a sign-in costs more than the rest of most tests."""
+    """The browsers of these people, signed in at first use: a sign-in takes longer than most tests."""
 
     def __init__(self, people: dict[str, User], signed_in: Callable[[User], Client]) -> None:
         super().__init__()
@@ -65,7 +65,7 @@ async def bridge(robot) -> AsyncIterator[FakeBridge]:
 
 @pytest_asyncio.fixture
 async def open_page(robot, browsers, websocket_headers, bridge) -> AsyncIterator[OpenPage]:
-    """`await open_page("operator")`: that person's page of `robot`, which has said hello."""
+    """`await open_page("operator")`: that person's page of `robot`, after its hello message."""
     opened: list[Page] = []
 
     async def open_one(

@@ -1,4 +1,4 @@
-"""A fake bridge that accepts everything, and pages that speak to the console like a browser."""
+"""A fake bridge that accepts everything, and pages that use the console as a browser does."""
 
 from __future__ import annotations
 

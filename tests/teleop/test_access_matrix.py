@@ -1,6 +1,6 @@
-"""Who may do what, at every door: role x action x (robot or course of one's own, of one's course, another's, nobody's).
+"""Permissions at all interfaces: role x action x (own, of the person's course, another's, nobody's).
 
-A person's role on each robot is written down; each action names the lowest role that may do it, and what others get.
+Tables give each person's role on each robot, and the lowest role that may do each action.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from tests.conftest import PASSWORD
 from tests.teleop.support import Page
 
 ROBOTS = ("own", "course", "other-course", "nobodys")
-# The role of each person on each robot; a robot that is left out: none.
+# The role of each person on each robot; a robot that is left out: no role.
 ROLES: dict[str, dict[str, Role]] = {
     "staff": dict.fromkeys(ROBOTS, Role.STAFF),
     "supervisor": {"own": Role.SUPERVISOR},
@@ -108,7 +108,7 @@ def _book(client: Client, robot: Robot) -> Any:
     return client.post("/bookings/new/", {"robot": robot.slug, **times}, headers=accept)
 
 
-# Action: the lowest role that may, how it is asked for.
+# Action: the lowest role that may do it, its request.
 ROBOT_ACTIONS: dict[str, tuple[Role, Ask]] = {
     "page": (Role.OBSERVER, lambda client, robot: client.get(f"/robots/{robot.slug}/")),
     "REST state": (Role.OBSERVER, lambda client, robot: client.get(f"/api/v1/robots/{robot.slug}")),
@@ -144,7 +144,7 @@ def test_robots_by_pages_rest_and_admin(action: str, lab: Lab) -> None:
             robot.bookings.all().delete()
 
 
-# Whose booking on which robot, for which course; and the people who may change it, beside staff.
+# Owner, robot and course of a booking, and the people who may change it, besides staff.
 BOOKINGS: dict[tuple[str, str, str], set[str]] = {
     ("operator", "own", ""): {"operator", "supervisor"},
     ("student", "course", "mine"): {"student", "teacher"},
@@ -203,13 +203,13 @@ def test_who_may_approve(owner: str, robot: str, course: str, lab: Lab) -> None:
         lab.browser(who).post(f"/bookings/{booking.pk}/", fields, headers={"accept": "application/json"})
         booking.refresh_from_db()
         allowed = who == "staff" or who in BOOKINGS[owner, robot, course] & {"supervisor", "teacher"}
-        if (owner, course) == ("teacher", ""):  # their own, for no course
+        if (owner, course) == ("teacher", ""):  # their own booking without a course
             allowed = who == "staff"
         assert (booking.state == "booked") is allowed, who
         booking.delete()
 
 
-# The page, and who sees it: it shows the robots and courses that they supervise.
+# Each page, and the people who see it: it shows the robots and courses that they supervise.
 STAFF_PAGES = {
     "/today/": {"staff", "supervisor", "teacher"},
     "/bookings/report/": {"staff", "supervisor", "teacher", "former"},  # of a course that is over, too
@@ -277,7 +277,7 @@ async def test_robots_by_websocket(
 
 # --- courses --------------------------------------------------------------------------------------
 
-# The least that may: "supervisor" of that course, or "staff". Each page, and what is posted to it.
+# Page: the lowest role that may ("supervisor" of the course, or "staff"), and the posted form.
 COURSE_ACTIONS: dict[str, tuple[str, dict[str, str] | None]] = {
     "course": ("supervisor", None),
     "course-enrol": ("supervisor", None),

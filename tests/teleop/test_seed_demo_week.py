@@ -47,7 +47,7 @@ def test_the_demo_has_a_course_and_a_week_of_use(tiago, plan, number, now, monke
     booked = [one for one in robots if schedule_of(one, timezone.now()).current is not None]
     assert len(booked) == 1
     assert ControlSession.objects.count() > 7 * number
-    assert set(Robot.objects.values_list("fence", flat=True)) == {0}  # else their bridges would start stopped
+    assert set(Robot.objects.values_list("fence", flat=True)) == {0}  # else the bridges would start stopped
     count = Booking.objects.count()
     call_command("seed_demo_week", plan)
     assert Booking.objects.count() == count

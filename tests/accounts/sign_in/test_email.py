@@ -1,4 +1,4 @@
-"""E-mail addresses: sign in by one, set a new password by one, change one."""
+"""E-mail addresses: sign-in, new password, and change of address."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NEW = "another long walk on the beach"
 
 @pytest.fixture(autouse=True)
 def _no_limits() -> Iterator[None]:
-    """Limits of e-mails to one address count in the process, beyond a test."""
+    """Clear the counts of e-mails to each address: the process keeps them after a test."""
     cache.clear()
     yield
     cache.clear()
@@ -82,7 +82,7 @@ def test_a_forgotten_password_is_set_by_a_link(olga: User, signed_in: Callable[[
     assert client.post(FORGOTTEN, {"email": "Olga@lab.example"}).status_code == 302
     link = link_in(letter())
     assert "Your user name is operator" in mail.outbox[0].body
-    page = client.get(link).headers["Location"]  # without the key, which no other site may see
+    page = client.get(link).headers["Location"]  # has no key, so that no other site sees the key
     assert client.post(page, {"password1": "12345678", "password2": "12345678"}).status_code == 200
     assert client.post(page, {"password1": NEW, "password2": NEW}).status_code == 302
     assert not SignIn.objects.filter(user=olga).exists()
@@ -121,7 +121,7 @@ def test_a_mistyped_address_does_not_get_the_account(olga: User, signed_in: Call
     letter()
     Client().post(FORGOTTEN, {"email": "someone-else@lab.example"})
     Client().post(FORGOTTEN, {"email": "olga@lab.example"})
-    assert letter(2).to == ["olga@lab.example"]  # letters leave in order
+    assert letter(2).to == ["olga@lab.example"]  # e-mails are sent in order
 
 
 def test_a_user_name_that_is_anothers_address_locks_nobody_out(olga: User) -> None:
@@ -155,7 +155,7 @@ def test_a_mail_server_that_hangs_delays_no_page(
 ) -> None:
     monkeypatch.setattr(emails, "AGAIN_S", ())  # a later try would reach another test's mailbox
     settings.EMAIL_BACKEND = "django.core.mail.backends.smtp.EmailBackend"
-    with socket.create_server(("127.0.0.1", 0)) as server:  # it accepts and says nothing
+    with socket.create_server(("127.0.0.1", 0)) as server:  # accepts connections, sends nothing
         settings.EMAIL_HOST, settings.EMAIL_PORT = server.getsockname()[:2]
         begun_s = time.monotonic()
         assert Client().post(FORGOTTEN, {"email": "olga@lab.example"}).status_code == 302
@@ -169,7 +169,7 @@ def test_an_address_changes_when_its_link_is_opened(
     page = "/accounts/email/"
     asked = client.post(page, {"action_add": "", "email": "new@lab.example"}).headers["Location"]
     assert asked.startswith("/accounts/again/")
-    client.post(asked, {"password": PASSWORD})  # and the change goes on
+    client.post(asked, {"password": PASSWORD})  # then the change continues
     olga.refresh_from_db()
     assert olga.email == "olga@lab.example"
     assert letter().to == ["new@lab.example"]
@@ -199,7 +199,7 @@ def test_an_address_that_was_taken_meanwhile_is_refused(
     olga.refresh_from_db()
     assert olga.email == "olga@lab.example"
     again = client.post("/accounts/email/", {"action_add": "", "email": "new@lab.example"})
-    assert again.status_code == 302  # as with an address that nobody has
+    assert again.status_code == 302  # the same answer as for an unused address
 
 
 def test_staff_changing_an_address_ends_its_verification(olga: User) -> None:

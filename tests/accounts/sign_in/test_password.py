@@ -125,7 +125,7 @@ def test_a_missing_account_has_no_password_page(nobody, staff, signed_in):
 
 @pytest.mark.django_db
 def test_a_new_password_ends_tokens_only_if_that_is_chosen(stranger, operator, signed_in):
-    assert "end_tokens" not in signed_in(stranger).get(PAGE).content.decode()  # no tokens
+    assert "end_tokens" not in signed_in(stranger).get(PAGE).content.decode()  # this person has no tokens
     token_for(operator)
     kept = signed_in(operator)
     assert 'name="end_tokens" type="checkbox">' in kept.get(PAGE).content.decode()
@@ -140,7 +140,7 @@ def test_a_new_password_ends_tokens_only_if_that_is_chosen(stranger, operator, s
 @pytest.mark.django_db
 @pytest.mark.parametrize(
     "button", [{}, {"usable_password": "false", "unset-password": "on"}]
-)  # another, or none
+)  # another password, or none
 def test_a_password_that_staff_set_ends_sign_ins_and_tokens(button, operator, staff, signed_in):
     desk, admin = signed_in(operator), signed_in(staff)
     token_for(operator)

@@ -1,4 +1,4 @@
-"""A second factor: authenticator app and recovery codes, for oneself, and required of staff."""
+"""Second factors: people add an authenticator app and recovery codes; a setting requires them of staff."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_an_app_is_set_up_and_then_asked_for(operator: User, signed_in: Callable
     assert secret not in stored
     later = password_typed("operator")
     assert later.get("/accounts/", **HTML).status_code == 302  # not signed in yet
-    auth.cache.clear()  # the code was used a moment ago, in another form
+    auth.cache.clear()  # forget that the form before has just used this code
     assert later.post(CODE, {"code": code_of(secret)}).headers["Location"] == "/"
     assert later.get("/accounts/").status_code == 200
     newest = Record.objects.filter(kind="account.sign_in").latest("id")
@@ -121,7 +121,7 @@ def test_wrong_codes_are_counted_whatever_the_address(guarded: User) -> None:
 
 
 def test_codes_of_another_key_fit_no_more(guarded: User, settings: Any) -> None:
-    """A changed FLEET_SECRET_KEY makes the stored secrets unreadable: no code fits, least of all a blank one's."""
+    """A changed FLEET_SECRET_KEY makes stored secrets unreadable: no code fits, not even of an empty secret."""
     settings.SECRET_KEY = "another key of this console, long enough"
     for code in (code_of(SECRET), code_of("")):
         assert "Incorrect code" in password_typed("operator").post(CODE, {"code": code}).content.decode()
@@ -153,7 +153,7 @@ def test_staff_must_have_one_where_the_setting_asks(
     assert client.get("/admin/", **HTML).status_code == 200
     client.post("/accounts/again/", {"password": PASSWORD})
     client.post("/accounts/second-factor/totp/deactivate/")
-    assert Authenticator.objects.filter(pk=app.pk).exists()  # the last one stays
+    assert Authenticator.objects.filter(pk=app.pk).exists()  # staff must keep one
 
 
 def test_a_token_is_no_way_around_it(staff: User, robot: Robot, settings: Any) -> None:

@@ -216,7 +216,7 @@ def test_people_are_shown_by_full_name_or_else_by_user_name():
 
 @pytest.mark.django_db(transaction=True)
 def test_attempts_at_the_same_moment_are_counted_together(operator):
-    """Several web processes, each with its own connection, all ask before the first is decided."""
+    """All attempts begin before the first is decided, each with its own database connection."""
     asked = threading.Barrier(throttle.FAILURES + 5)
 
     def guess(_number):

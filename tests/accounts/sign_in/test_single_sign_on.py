@@ -87,7 +87,7 @@ def test_a_verified_address_leads_to_the_account(sign_in_there: Callable[..., An
     sign_in_there("ada", client)
     assert client.get("/accounts/").context["user"] == operator
     operator.refresh_from_db()
-    assert operator.password == password  # it still works, too
+    assert operator.password == password  # the password still works
 
 
 @pytest.mark.django_db(transaction=True)
@@ -105,7 +105,7 @@ def test_an_unverified_address_takes_no_account(sign_in_there: Callable[..., Any
 def test_a_newcomers_unverified_address_is_not_taken_over(sign_in_there: Callable[..., Any]) -> None:
     sign_in_there("eve", Client())
     eve = User.objects.get()
-    assert (eve.username, eve.email) == ("eve", "")  # a course's list enrols people by their address
+    assert (eve.username, eve.email) == ("eve", "")  # no address: course lists enrol people by address
     assert not EmailAddress.objects.exists()
 
 
@@ -135,7 +135,7 @@ def test_an_address_of_another_person_now_leads_to_no_account(
 def test_an_account_is_joined_with_one_person_only(
     sign_in_there: Callable[..., Any], operator: User, signed_in: Callable[[User], Client]
 ) -> None:
-    operator.set_unusable_password()  # such people are asked for nothing before they join
+    operator.set_unusable_password()  # so the console asks for no password before joining
     operator.save()
     SocialAccount.objects.create(user=operator, provider="sso", uid="their own")
     client = Client()
@@ -159,7 +159,7 @@ def test_nobody_signs_in_to_a_service_account(sign_in_there: Callable[..., Any],
 
     User.objects.filter(pk=operator.pk).update(project="")
     sign_in_there("ada", Client())
-    User.objects.filter(pk=operator.pk).update(project="Grasping")  # also if it was joined as a person's
+    User.objects.filter(pk=operator.pk).update(project="Grasping")  # joined before, as a person's account
     client = Client()
     assert sign_in_there("ada", client).headers["Location"] == "/accounts/closed/"
     assert client.get("/accounts/").status_code == 401

@@ -116,7 +116,7 @@ def places(robot_id: uuid.UUID | None) -> list[int]:
 
 @pytest.mark.django_db(transaction=True)
 def test_threads_that_write_at_once_fork_no_chain(operator: User, staff: User) -> None:
-    """This includes the first record of each chain and person, when no row exists to lock."""
+    """Also tests the first record of each chain and person: no row exists yet that can be locked."""
     robots = [None, ROBOT, uuid.UUID(int=2)]
 
     def write(writer: int) -> None:

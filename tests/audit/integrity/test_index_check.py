@@ -34,7 +34,7 @@ def findings():
 def test_as_it_was_written_index_and_log_agree(monkeypatch):
     monkeypatch.setattr(index_check, "BATCH_SIZE", 2)  # several batches
     assert findings() == []
-    Content.objects.filter(text="good evening").delete()  # as at its expiry
+    Content.objects.filter(text="good evening").delete()  # as when it expires
     assert list(index_check.disagreements()) == []
     index_anew()
     assert list(index_check.disagreements()) == []
@@ -150,4 +150,4 @@ def test_a_text_that_was_changed_in_the_log_is_found_in_both(texts):
     tamper("UPDATE audit_content SET text = 'good night' WHERE record_id = %s", texts[0])
     found = findings()
     assert "has another content than was written." in found[0]
-    assert len(found) == (2 if connection.vendor == "sqlite" else 1)  # PostgreSQL's index follows
+    assert len(found) == (2 if connection.vendor == "sqlite" else 1)  # PostgreSQL updates its index

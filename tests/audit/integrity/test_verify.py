@@ -105,7 +105,7 @@ def test_any_change_of_a_cell_names_its_record(chain, rubbish):
         tamper(f"UPDATE audit_record SET {column} = {rubbish} WHERE id = %s", chain[3].pk)
         numbers = {finding.number for finding in verify_all().findings}
         assert chain[3].pk in numbers, column
-        assert numbers <= {chain[3].pk, chain[4].pk}, column  # the next record may not fit any more
+        assert numbers <= {chain[3].pk, chain[4].pk}, column  # the next record may no longer match
         tamper(f"UPDATE audit_record SET {column} = (SELECT {column} FROM kept) WHERE id = %s", chain[3].pk)
     tamper("PRAGMA ignore_check_constraints = OFF")
     assert verify_all().findings == []
@@ -343,7 +343,7 @@ def test_a_cut_tail_shows_against_heads_kept_elsewhere(chain):
     heads = verify_all().heads
     tamper("DELETE FROM audit_content WHERE record_id = %s", chain[-1].pk)
     tamper("DELETE FROM audit_record WHERE id = %s", chain[-1].pk)
-    assert verify_all().findings == []  # the rest verifies
+    assert verify_all().findings == []  # the rest has no findings
     [finding] = compare(heads)
     assert finding.chain == "TIAGo 1" and finding.what.startswith("its end is cut off: it had 8 records")
 
@@ -401,7 +401,7 @@ def test_only_the_named_robot_is_verified(chain):
 
 
 def test_a_deleted_robots_expiry_knowledge_goes_too(chain):
-    """Verification of any robot finds a change to an old record of an erasure."""
+    """Verification of one robot also finds a changed old record of an erasure."""
     erasure = record("audit.erase", parameters={"person": "x", "records": [1]})
     later = record("audit.erase", parameters={"person": "x", "records": []})
     tamper(

@@ -124,7 +124,7 @@ async def test_an_export_makes_way_for_other_requests(staff, monkeypatch):
     monkeypatch.setattr(exports, "CHUNK", 1)
     for number in range(2):
         await exports.sync_to_async(say)(f"text {number}")
-    now = itertools.count(step=0.125)  # a piece takes so long
+    now = itertools.count(step=0.125)  # seconds for each piece
     pauses_s = []
 
     async def pause(seconds):

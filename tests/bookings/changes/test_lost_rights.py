@@ -123,7 +123,7 @@ def test_a_change_that_takes_nothing_frees_nothing(robot, operator, staff):
 
 def test_housekeeping_frees_what_a_dead_process_left(robot, operator):
     booking = book(robot, operator)
-    RobotRole.objects.filter(user=operator).delete()  # without the services: nobody was told
+    RobotRole.objects.filter(user=operator).delete()  # not by the services: no process is notified
     call_command("run_housekeeping", "--once")
     assert state_of(booking) is State.CANCELLED
 

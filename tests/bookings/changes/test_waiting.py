@@ -61,7 +61,7 @@ def test_nobody_waits_for_a_free_slot_or_against_a_rule(robot, taken, second_ope
 
 def test_who_waits_and_leaves_is_on_record(robot, taken, second_operator):
     waiting = waiting_join(robot=robot, person=second_operator, slot=SLOT, now=NOW)
-    waiting_join(robot=robot, person=second_operator, slot=SLOT, now=NOW)  # twice is harmless
+    waiting_join(robot=robot, person=second_operator, slot=SLOT, now=NOW)  # has no effect
     waiting_leave(person=second_operator, waiting_id=waiting.pk)
     found = Record.objects.filter(kind__startswith="booking.wait").order_by("pk")
     assert [(one.kind, one.actor_id) for one in found] == [
@@ -76,7 +76,7 @@ def test_the_first_who_waits_gets_the_offer_and_accepts(robot, queue, operator, 
     keep_waiting_lists(at(0.5))
     assert not Booking.objects.filter(state=State.OFFERED).exists()
     cancel(queue, operator)
-    for _ in range(2):  # twice is harmless
+    for _ in range(2):  # the second call has no effect
         keep_waiting_lists(at(1))
     offer = offered()
     assert (offer.person, offer.offer_until) == (second_operator, at(2.5))
@@ -84,7 +84,7 @@ def test_the_first_who_waits_gets_the_offer_and_accepts(robot, queue, operator, 
     assert "your turn" in mailoutbox[0].subject
     with pytest.raises(BookingRefused):  # the offer holds the slot
         booking_make(robot=robot, person=operator, slot=SLOT, now=at(1))
-    assert schedule_of(robot, at(4.1)).current is None  # and gives no control
+    assert schedule_of(robot, at(4.1)).current is None  # an offer gives no control
     offer_accept(booking_id=offer.pk, actor=second_operator, now=at(2))
     assert Booking.objects.get(pk=offer.pk).state == State.BOOKED
     kinds = Record.objects.filter(kind__in=["booking.offer", "booking.accept"]).values_list("kind", flat=True)
@@ -132,5 +132,5 @@ def test_who_waits_for_a_taken_slot_costs_nothing(
     for number in range(MOST):
         slot = Slot(SLOT.starts_at + timedelta(minutes=number), SLOT.ends_at)
         waiting_join(robot=robot, person=second_operator, slot=slot, now=NOW)
-    with django_assert_max_num_queries(3):  # it is done every second, by hundreds
+    with django_assert_max_num_queries(3):  # runs every second, for hundreds of people
         keep_waiting_lists(at(0.5))

@@ -89,7 +89,7 @@ def pictured() -> Frame:
     return frame
 
 
-WIDE = math.pi * 1e8  # all 53 bits of a number
+WIDE = math.pi * 1e8  # a number that needs all 53 bits of its significand
 INPUTS = {
     "observe_odometry": [
         (WIDE, 0.1 + 0.2, Pose(1 / 3, -0.0, 5e-324), Velocity(math.inf, math.nan, -math.inf))
@@ -119,7 +119,7 @@ INPUTS = {
 
 
 def bits(value):
-    """A value that is equal only to the same bits of the same type."""
+    """Return a form of the value that is equal only if type and bits are the same."""
     if isinstance(value, np.ndarray):
         order = value.flags.f_contiguous, value.flags.c_contiguous
         return np.ndarray, value.dtype.str, value.shape, order, value.tobytes("A")

@@ -1,6 +1,6 @@
-"""Recorded near misses, replayed through the current gate and judged by the true scene.
+"""Replay recorded near misses through the current gate, and check its answers against the true scene.
 
-A better gate may answer differently: it passes all tests except the last.
+The answers of an improved gate may differ. Then only the last test fails.
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ class Truth(NamedTuple):
     people: list[list[tuple[float, float, float]]]
 
     def gap_m(self, number: int, seen: int, twist: Velocity) -> float:
-        """The least gap if `twist` is sent last, at decision `number`, with people at their places of `seen`."""
+        """Return the least gap (m) if `twist` is the last, at decision `number`.
+
+        People are at their places at decision `seen`.
+        """
         way = way_of(self.poses[number], twist)
         gaps = [math.inf]
         if len(self.outline):
@@ -45,7 +48,7 @@ class Truth(NamedTuple):
 
 
 def way_of(pose: tuple[float, float, float], twist: Velocity) -> np.ndarray:
-    """The path of the robot's centre, every centimetre, with `twist` and then a stop."""
+    """Return the path of the robot's centre in steps of 1 cm: it drives with `twist`, then brakes."""
     speed = abs(twist.vx)
     length = speed * ANSWERS_S + speed**2 / (2.0 * BRAKES_MPS2)
     along = np.linspace(0.0, length, max(math.ceil(length / 0.01), 1) + 1)
@@ -109,7 +112,7 @@ def test_the_same_drive_has_the_same_answers_bit_for_bit(path, decisions):
 
 
 def test_this_version_answers_as_it_is_recorded(path, decisions):
-    """Equal to a millionth: arithmetic units of other processors differ in the last bits."""
+    """Compare to a millionth: the last bits of a result differ on other processors."""
     other = [
         f"{one.now_s:.2f} s: recorded {one.recorded}, now {one.replayed}"
         for one in decisions

@@ -61,7 +61,7 @@ def written(writer: RecordWriter) -> None:
 
 
 def ticks(writer: RecordWriter, from_s: float, to_s: float, *, watched: bool = False) -> None:
-    """Run the control loop's periods between two times, with a worker that keeps up."""
+    """Tick ten times a second between two times (s); wait for the worker after each tick."""
     for tenth in range(round(from_s * 10), round(to_s * 10)):
         writer.tick(tenth / 10, watched)
         written(writer)

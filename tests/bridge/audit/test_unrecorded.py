@@ -1,4 +1,4 @@
-"""Without records for two seconds, all motion and tasks end, and nothing begins late."""
+"""If nothing can be recorded for two seconds, motion and tasks end (not speech), and no task begins later."""
 
 import pytest
 
@@ -79,7 +79,7 @@ def test_task_waiting_for_a_hanging_database_is_refused(bench, what):
     assert [refusal.code for refusal in answers] == ["not_recorded"]
     bench.sink.open.set()
     bench.recorded()
-    bench.pass_time(0.05)  # a tick before the loop learns of the record
+    bench.pass_time(0.05)  # this tick comes before the loop gets the written record
     bench.obeys()
     assert bench.begun == []
     kinds = bench.sink.kinds
@@ -91,7 +91,7 @@ def test_a_text_is_said_to_its_end(bench):
     begun(bench, wire.Say(1, "Hello", "en-GB"))
     [(goal_id, _)] = bench.base.said
     bench.sink.fails = "disk full"
-    bench.order(wire.Play(1, "wave"))  # notices that nothing can be recorded
+    bench.order(wire.Play(1, "wave"))  # by this request, the bridge detects that nothing can be recorded
     for _ in range(28):
         bench.core.tasks.speech.running("/tts", {goal_id: "speaking"}, bench.now_s)
         bench.pass_time(0.1)

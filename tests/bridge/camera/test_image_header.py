@@ -1,4 +1,4 @@
-"""Format and size of a picture are read from its bytes; what a browser must not get is refused."""
+"""Format and size of a picture are read from its bytes; pictures that no browser may get are refused."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""The pinhole by which the robot's way is drawn into a camera's picture."""
+"""The pinhole model with which the robot's way is drawn into a camera's picture."""
 
 import math
 from types import SimpleNamespace

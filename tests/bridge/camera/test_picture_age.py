@@ -29,7 +29,7 @@ def test_with_other_clocks_only_what_grows_is_age(skew_s):
 @pytest.mark.parametrize("delay_s", [0.8, 3.0])
 def test_by_the_odometry_a_picture_that_is_always_late_is_old(skew_s, delay_s):
     age = PictureAge()
-    odometry_s = skew_s - 0.01  # its own delay
+    odometry_s = skew_s - 0.01  # the odometry arrives 0.01 s late
     for second in range(5):
         wall_s = WALL_S + second
         measured_s = age.on_arrival(wall_s + skew_s - delay_s, wall_s, float(second), odometry_s)
@@ -38,13 +38,13 @@ def test_by_the_odometry_a_picture_that_is_always_late_is_old(skew_s, delay_s):
 
 def test_stamps_of_a_camera_with_a_clock_of_its_own_are_not_old():
     age = PictureAge()
-    assert age.on_arrival(100.0, WALL_S, 0.0, -0.01) == 0.0  # since it was switched on
+    assert age.on_arrival(100.0, WALL_S, 0.0, -0.01) == 0.0  # seconds since the camera's start
     assert age.on_arrival(100.7, WALL_S + 1.0, 1.0, -0.01) == pytest.approx(0.3, abs=1e-6)
 
 
 def test_a_clock_that_is_set_is_forgotten():
     age = PictureAge()
-    age.on_arrival(WALL_S + 100.0, WALL_S, 0.0)  # ahead
+    age.on_arrival(WALL_S + 100.0, WALL_S, 0.0)  # the clock is 100 s ahead
     later_s = WINDOW_S + 1.0
     assert age.on_arrival(WALL_S + later_s - 0.05, WALL_S + later_s, later_s) == pytest.approx(0.05, abs=1e-6)
 

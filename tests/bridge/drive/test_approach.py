@@ -12,7 +12,7 @@ TICK_S = 0.05
 
 
 def drive(goal, most, acceleration, latency_s, slowest=0.02):
-    """Drive a base that obeys late and within its acceleration; return the speeds and the way at the end."""
+    """Drive a base with this latency and acceleration to the goal; return its speeds and its way."""
     late = deque([0.0] * round(latency_s / TICK_S))
     way = speed = asked = 0.0
     speeds = []

@@ -1,4 +1,4 @@
-"""Drives by a distance or an angle: recorded, through every rule of drive input, with one outcome."""
+"""Drives by a distance or an angle: recorded, under every rule of drive input, each with one outcome."""
 
 import json
 import math
@@ -78,7 +78,7 @@ class FollowingBench(Bench):
 
     @property
     def driven_by(self):
-        """Its records."""
+        """The records of drives by a distance or angle."""
         return [what for kind, what in self.sink.records if kind == "drive.by"]
 
 

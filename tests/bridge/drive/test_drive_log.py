@@ -24,7 +24,7 @@ def bench() -> Iterator[Bench]:
 
 
 def rolls(bench: Bench, seconds: float, speed: Velocity = FORWARD, stick: float = 0.5) -> None:
-    """The robot does what the stick asks, 20 times a second."""
+    """Send the stick 20 times a second, to a robot that obeys at once."""
     bench.speed = speed
     for _ in range(round(seconds / 0.05)):
         bench.stick(stick)
@@ -159,7 +159,7 @@ def test_intervention_records_time_place_and_nearest_obstacle(bench: Bench) -> N
 
 
 def driven_while_away(bench: Bench, seconds: float) -> list[Refusal | None]:
-    """Return the refusals of the stick in a drive that needs no record meanwhile."""
+    """Send the stick for some time, while the drive needs no new record; return the refusals."""
     answers = []
     for _ in range(round(seconds / 0.05)):
         answers.append(bench.stick(0.5))

@@ -52,7 +52,7 @@ hands = st.lists(st.tuples(positions, gaps_s), min_size=1, max_size=30)
 
 
 def through(chain: tuple[StickStep, ...], hand: list[tuple[StickPosition, float]]) -> list[StickPosition]:
-    """Filter a hand's positions, each with the time since the previous one."""
+    """Filter stick positions, each with the time (s) since the previous position."""
     memory, given = None, []
     for position, gap_s in hand:
         position, memory = apply_filters(chain, memory, position, gap_s)
@@ -167,7 +167,7 @@ def test_one_euro_steadies_a_hand_at_rest():
 
 
 def test_one_euro_hardly_holds_back_a_hand_on_the_move():
-    """From the middle to the rim in half a second: at most 30 ms late."""
+    """The stick moves from the middle to the rim in half a second: the filter delays it by at most 30 ms."""
     speed = 2.0
     held = [speed * PERIOD_S * number for number in range(1, 11)]
     for was, now in zip(held, steadily((OneEuro(),), held), strict=True):

@@ -1,4 +1,4 @@
-"""The battery's time left, from how fast its charge fell."""
+"""The battery's remaining time, computed from how fast its charge fell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The summary of what a robot's nodes say of its parts: levels, since when, temperatures, bounds."""
+"""The summary of nodes' reports on the robot's parts: levels with their ages, temperatures, size limits."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_part_that_says_nothing_more_is_silent_then_forgotten(diagnostics):
     assert diagnostics.view(SILENT_S).level == "ok"
     silent = diagnostics.view(SILENT_S + 5.0)
     assert [(part.level, part.since_s) for part in silent.parts] == [("silent", int(SILENT_S + 5.0))]
-    assert silent.temperatures == []  # it is not known any more
+    assert silent.temperatures == []  # the present temperature is unknown
     assert diagnostics.view(FORGOTTEN_S + 1.0) is None
     diagnostics.take([Status("laser", STALE, "driver says so")], FORGOTTEN_S + 2.0)
     assert diagnostics.view(FORGOTTEN_S + 2.0).level == "silent"
@@ -77,7 +77,7 @@ def test_an_error_back_after_a_silence_is_as_old_as_before(diagnostics):
     diagnostics.take([broken], 1.0)
     diagnostics.take(others, 2.0)
     diagnostics.take([Status(name, ERROR, "") for name in ("arm", "head", "laser")], 3.0)
-    diagnostics.view(50.0)  # the radio was away
+    diagnostics.view(50.0)  # no reports arrived: the robot's network was away
     assert diagnostics.members(50.0)["amplifier"].level == "silent"
     first = diagnostics.view(50.0).parts[0]
     assert (first.name, first.since_s) == ("amplifier", 49), "the oldest"
@@ -95,7 +95,7 @@ def test_an_error_back_after_a_silence_is_as_old_as_before(diagnostics):
 def test_a_silent_error_that_is_older_comes_before_a_newer_one(diagnostics):
     diagnostics.take([Status("zoom", ERROR, "")], 0.0)
     diagnostics.take([Status("arm", ERROR, "")], 5.0)
-    diagnostics.take([Status("zoom", ERROR, "")], 8.0)  # then it falls silent
+    diagnostics.take([Status("zoom", ERROR, "")], 8.0)  # the last report on zoom
     for now_s in range(9, 40):
         diagnostics.take([Status("arm", ERROR, "")], float(now_s))
     assert [part.since_s for part in diagnostics.view(40.0).parts] == [40, 35]
@@ -176,7 +176,7 @@ def test_groups_of_an_aggregator_are_not_counted_beside_their_members(diagnostic
     assert plain_name("node: part") == "node: part"
     sides = ("/Devices/Left/Driver", "/Devices/Right/Driver")
     diagnostics.take([Status(name, WARN, "") for name in sides], 0.0)
-    assert [part.name for part in diagnostics.view(0.0).parts[1:]] == list(sides)  # told apart
+    assert [part.name for part in diagnostics.view(0.0).parts[1:]] == list(sides)  # equal short names
 
 
 @pytest.mark.parametrize(
@@ -221,7 +221,7 @@ def test_a_flood_of_names_is_bounded_and_counted(diagnostics):
         diagnostics.take([Status(f"part {second} {i}", WARN, "x") for i in range(300)], float(second))
     health = diagnostics.view(19.0)
     assert len(health.parts) == SHOWN and health.parts_more == MOST_PARTS - SHOWN
-    assert health.left_out == MOST_PARTS  # counted up to there
+    assert health.left_out == MOST_PARTS  # the count ends at this number
     diagnostics.take([Status("arm", ERROR, "broken")], FORGOTTEN_S + 20.0)
     assert diagnostics.view(FORGOTTEN_S + 20.0).parts[0].name == "arm"  # there is room again
 

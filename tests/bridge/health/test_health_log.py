@@ -1,4 +1,4 @@
-"""Changes of the robot's health go on record: each once, and few of a part that flaps or of a robot that is away."""
+"""Each change of the robot's health is recorded once; few, if a part changes often or the robot is away."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_a_robot_whose_parts_all_flap_is_recorded_seldom(robot):
 def test_nothing_is_recorded_of_a_robot_that_is_switched_off_and_on(robot):
     robot.reports(WELL, seconds=SETTLED_S)
     robot.reports(seconds=2 * SILENT_S, online=False)
-    robot.reports(seconds=SILENT_S)  # its driver is there, its diagnostics are not yet
+    robot.reports(seconds=SILENT_S)  # the base's driver runs, nodes do not report yet
     robot.reports(WELL, seconds=SETTLED_S + 2.0)
     assert robot.changes == []
     robot.reports(seconds=2 * SILENT_S, online=False)
@@ -128,10 +128,10 @@ def test_nothing_is_recorded_of_a_robot_that_is_switched_off_and_on(robot):
 
 def test_the_error_that_takes_the_base_away_is_recorded(robot):
     robot.reports(WELL, seconds=SETTLED_S)
-    robot.reports(BROKEN, online=False)  # and so its odometry ended
+    robot.reports(BROKEN, online=False)  # this error also ended the odometry
     assert robot.changes == [("health.worse", "Speakers", "ok", "error")]
     robot.reports(BROKEN, seconds=2 * SETTLED_S, online=False)
-    robot.reports(WELL, online=False)  # a robot that is repaired, or starts
+    robot.reports(WELL, online=False)  # the robot is being repaired, or starts
     assert len(robot.changes) == 1
     robot.reports(WELL)
     assert robot.changes[1:] == [("health.better", "Speakers", "error", "ok")]
@@ -165,7 +165,7 @@ def test_a_new_bridge_goes_on_from_what_is_on_record(robot):
     robot.reports(BROKEN)
     assert robot.changes == []
     robot.restart_bridge()
-    robot.reports(WELL, seconds=2 * PART_GAP_S)  # also after its budget is forgotten
+    robot.reports(WELL, seconds=2 * PART_GAP_S)  # in this time, the part's budget is forgotten
     assert robot.changes == [("health.better", "Speakers", "error", "ok")]
 
 

@@ -1,4 +1,4 @@
-"""A new fence is on disk before it is in force, and a hanging disk delays nothing else."""
+"""A new fence is on disk before it is valid, and a hanging disk delays nothing else."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ GRANT = wire.Grant(5, 60.0, "session-5", "Ann", "ann-id", 1.0)
 
 
 class Disk:
-    """A state file whose disk hangs until released, or fails."""
+    """A state file on a disk that hangs until `free` is set, or fails."""
 
     def __init__(self) -> None:
         self.saved: list[SavedState] = []

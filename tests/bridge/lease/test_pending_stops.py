@@ -1,4 +1,4 @@
-"""A stop without confirmation waits for bridge or watchdog, whichever process heard it."""
+"""A stop without confirmation stays pending for bridge or watchdog, whichever process received it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def run_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A run folder for this test only."""
     monkeypatch.setattr(settings, "FLEET_RUN_DIR", tmp_path)
     yield tmp_path
-    for stop in courier.pending_stops().all():  # ends this test's courier
+    for stop in courier.pending_stops().all():  # this test's courier ends when no stop is pending
         courier.pending_stops().settle(stop, wire.Refusal("over", "The test is over.", "wire"))
 
 
@@ -108,7 +108,7 @@ async def open_link(address: LinkAddress, stops: PendingStops) -> AsyncIterator[
 
 
 async def press_in_other_process(address: LinkAddress) -> Pending:
-    """A press by another process, without an answer and without a courier."""
+    """Press stop as another process does, without an answer and without a courier."""
     pending = await asyncio.to_thread(press, ROBOT, address, "Ann", "smoke")
     assert isinstance(pending, Pending)
     return pending
@@ -183,7 +183,7 @@ async def test_pending_stop_does_not_stop_again_after_a_clear(
     async with open_link(address, stops) as link:
         await link.stop(wire.LinkStop("Ben"))
         stop = WaitingStop(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
-        stops.keep(stop)  # by a process that is delivering at the same time
+        stops.keep(stop)  # as another process does, which is also delivering the stop
         cleared = await link.clear(wire.LinkClear("Ben", bridge.stop.number), asked_s=time.time())
         assert cleared.stop.state == "clear"
         assert waiting(run_dir) == []
@@ -194,7 +194,7 @@ async def test_pending_stop_does_not_stop_again_after_a_clear(
 async def test_a_press_after_the_click_on_clear_stays_pending(
     address: LinkAddress, bridge: Bridge, run_dir: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("robots.link.client._WAITING_PACE_S", 60.0)  # the link does not deliver it first
+    monkeypatch.setattr("robots.link.client._WAITING_PACE_S", 60.0)  # no delivery before the clear
     await bridge.server.start()
     stops = PendingStops(run_dir)
     async with open_link(address, stops) as link:
@@ -223,7 +223,7 @@ def test_newest_press_of_a_robot_counts(run_dir: Path) -> None:
 
 
 def test_unwritable_stop_waits_in_this_process(run_dir: Path, caplog: pytest.LogCaptureFixture) -> None:
-    (run_dir / FOLDER).touch()  # no folder: as with a full disk, nothing can be written
+    (run_dir / FOLDER).touch()  # a file, not a folder: writing fails, as on a full disk
     stops, answered = PendingStops(run_dir), threading.Event()
     stop = WaitingStop("0123456789ab", uuid4(), None, "Ann")
     assert not stops.keep(stop, lambda _answer: answered.set())
@@ -234,11 +234,11 @@ def test_unwritable_stop_waits_in_this_process(run_dir: Path, caplog: pytest.Log
 
 
 def test_unwritable_stop_leaves_an_older_one_on_disk(run_dir: Path) -> None:
-    """It ends with its process; the older one stays."""
+    """The newer stop is lost when this process ends; the older one remains."""
     stops, robot = PendingStops(run_dir), uuid4()
     older, newer = (WaitingStop(name_of(robot), uuid4(), robot, "Ann", at=at) for at in (1.0, 2.0))
     assert stops.keep(older)
-    (run_dir / FOLDER / f"{newer.name}-{newer.press.hex}.new").mkdir()  # blocks the write like a full disk
+    (run_dir / FOLDER / f"{newer.name}-{newer.press.hex}.new").mkdir()  # writing fails
     assert not stops.keep(newer)
     assert stops.of(older.name) == [older, newer]
     assert PendingStops(run_dir).of(older.name) == [older], "another process must find it"

@@ -52,7 +52,7 @@ def test_unwritable_stop_removes_the_state_file(store, tmp_path):
 
 
 def test_saved_state_survives_a_power_cut(store, tmp_path):
-    """The file's content is on disk before it has its name, and the name when `save` returns."""
+    """The content is on disk before the file gets its name; the name is on disk when `save` returns."""
     synced = []
 
     def fsync(descriptor: int) -> None:

@@ -1,4 +1,4 @@
-"""Moves of gripper and torso: rules that need no robot. tests/ros/limbs has those that do."""
+"""Moves of gripper and torso: rules that need no robot. tests/ros/limbs tests the other rules."""
 
 import math
 
@@ -43,7 +43,7 @@ def home(bench, arm=AT_HOME):
 
 
 def passed(bench, seconds, arm=AT_HOME):
-    """Let time pass; the arm is known, and controllers report their newest goals."""
+    """Let time pass; the arm's posture is known, and the controllers report their newest goals."""
     for _ in range(round(seconds / 0.05)):
         home(bench, arm)
         for limb, goal_id, *_ in bench.base.moves[-1:] if bench.answering else ():
@@ -117,7 +117,7 @@ def test_a_stalled_gripper_may_hold_something(bench):
         "The gripper stopped at 0.031 m. Perhaps it holds something.",
     )
     goal_id = moved(bench, CLOSE)
-    bench.base.limbs["gripper"] = 0.002  # its fingers touch each other a little earlier
+    bench.base.limbs["gripper"] = 0.002  # the fingers touch each other just before 0.0 m
     ends(bench, goal_id, "stalled")
     assert state(bench).ended.outcome == "done"
 
@@ -163,7 +163,7 @@ def test_the_base_stands_while_a_limb_moves(bench):
     assert bench.last == STILL
     assert code(bench, wire.DriveBy(1, distance_m=1.0)) == "limb_moving"
     ends(bench, goal_id, "failed")
-    assert bench.stick(1.0).code == "neutral_needed"  # it does not start by itself
+    assert bench.stick(1.0).code == "neutral_needed"  # the base does not start by itself
     assert bench.stick(0.0) is None
 
 
@@ -176,7 +176,7 @@ def test_the_torso_waits_for_the_arm(bench):
     home(bench, AWAY)
     bench.pass_time(1.0)
     assert code(bench, UP) == "arm_away"
-    assert code(bench, OPEN) is None  # the gripper moves wherever the arm is
+    assert code(bench, OPEN) is None  # the gripper may move at any posture of the arm
 
 
 def test_the_torso_stops_when_the_arm_leaves_its_home(bench):
@@ -232,7 +232,7 @@ def test_a_new_request_replaces_the_one_before(bench):
     bench.recorded()
     passed(bench, 0.1)
     assert answers == [None] and bench.base.moves[-1][2] == 0.0
-    ends(bench, first, "cancelled")  # the late report of the first ends nothing
+    ends(bench, first, "cancelled")  # a late report on the first goal ends nothing
     assert state(bench).to_m == 0.0
 
 
@@ -275,7 +275,7 @@ def test_fingers_that_hold_something_keep_their_force(bench):
 
 
 def left_by_an_earlier_bridge(bench, seconds, active=True, moves_m=0.0):
-    """The controller reports a closing goal that this bridge did not send. Return its cancels."""
+    """Report a closing goal that this bridge did not send. Return the number of its cancels."""
     for _ in range(round(seconds / 0.2)):
         bench.core.tasks.limbs.move("gripper").running({LEFT: active}, bench.now_s)
         bench.pass_time(0.2)
@@ -333,7 +333,7 @@ def test_a_goal_of_this_bridge_that_is_reported_again_is_cancelled(bench):
 
 
 def test_a_goal_that_the_controller_has_not_begun_holds_nothing(bench):
-    bench.active = False  # it is paused: when it wakes, the fingers would close unasked
+    bench.active = False  # a paused controller would later close the fingers unexpectedly
     goal_id = moved(bench, CLOSE)
     passed(bench, 3.2)
     assert goal_id in bench.base.cancelled_goals
@@ -345,7 +345,7 @@ def test_a_holding_goal_that_somebody_cancels_is_cancelled_further(bench):
     goal_id = moved(bench, CLOSE)
     passed(bench, 3.2)
     assert state(bench).ended.outcome == "stalled" and not bench.base.cancelled_goals
-    bench.active = False  # by a stop, which the controller does not obey
+    bench.active = False  # a stop cancelled it, but the controller does not obey
     passed(bench, 1.0)
     assert bench.base.cancelled_goals.count(goal_id) == 2
 
@@ -372,7 +372,7 @@ def test_the_base_stands_until_an_unheard_limb_stands(bench):
         passed(bench, 0.5)
     assert state(bench).ended.outcome == "unheard"
     assert bench.core.tasks.limbs.busy().code == "limb_moving"
-    bench.base.limbs["gripper"] = None  # not known: it may move
+    bench.base.limbs["gripper"] = None  # the position is unknown: the gripper may move
     passed(bench, 3.0)
     assert bench.core.tasks.limbs.busy().code == "limb_moving"
     bench.base.limbs["gripper"] = 0.06
@@ -445,7 +445,7 @@ def test_the_base_crawls_past_two_lost_limbs(bench):
 def test_a_disobedient_controller_is_given_up_when_the_limb_stands(bench):
     goal_id = moved(bench)
     bench.order(LimbCancel(1, "gripper"))
-    for step in range(10):  # it moves on: the base waits
+    for step in range(10):  # the gripper still moves: the base waits
         bench.base.limbs["gripper"] = 0.04 + 0.002 * step
         passed(bench, 1.0)
     assert state(bench).to_m == 0.09
@@ -453,7 +453,7 @@ def test_a_disobedient_controller_is_given_up_when_the_limb_stands(bench):
     assert state(bench).ended.outcome == "cancelled"
     cancels = bench.base.cancelled_goals.count(goal_id)
     passed(bench, 1.0)
-    assert bench.base.cancelled_goals.count(goal_id) > cancels  # nobody watches it any more
+    assert bench.base.cancelled_goals.count(goal_id) > cancels  # no move watches this goal now
 
 
 def test_another_node_that_takes_the_limb_over_is_named(bench):

@@ -1,4 +1,4 @@
-"""May the robot stand at a place of its map?"""
+"""The check whether the robot may stand at a place of its map."""
 
 import math
 import struct
@@ -42,7 +42,7 @@ def message(cells, resolution_m=0.05, origin=(0.0, 0.0, 0.0)):
 
 
 def room(**changes):
-    """A floor of 4 m x 3 m, with a pillar at (2, 1); beyond it nothing is known."""
+    """A floor of 4 m x 3 m, with a pillar at (2, 1); the rest of the map is unknown."""
     cells = np.zeros((60, 80), np.int8)
     cells[19:21, 39:41] = 100
     return GoalMap(taken(message(cells, **changes)))

@@ -1,4 +1,4 @@
-"""The bridge fetches the robot's map during control; the fetching process may fail in any way."""
+"""While a person has control, the bridge fetches the robot's map; its process may fail in any way."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def with_map(topic: Topic | None) -> BridgeConfig:
 
 
 class Taker:
-    """`MapFetcher` and a process that stores its request and gives the current answer."""
+    """`MapFetcher` and a process that stores the request and returns the current answer."""
 
     def __init__(self, folder: Path, topic: Topic | None = MAP) -> None:
         self.kept: list[TakenMap] = []

@@ -1,4 +1,4 @@
-"""Drives to a place: rules that need no robot. tests/ros/navigation has those that do."""
+"""Drives to a place: rules that need no robot. tests/ros/navigation tests the other rules."""
 
 import json
 import math
@@ -58,7 +58,7 @@ def localised(bench):
 
 
 def passed(bench, seconds):
-    """Let time pass; localisation and the console are there, and navigation reports its goal."""
+    """Let time pass; localisation and the console work, and navigation reports its goal."""
     for _ in range(round(seconds / 0.05)):
         localised(bench)
         bench.core.grant(wire.Grant(1, 60.0, "session-1", "Ann", "ann-id", 1.0), 1, bench.now_s)
@@ -137,7 +137,7 @@ def test_the_gate_takes_over(bench):
     text = "stopped: laser, 0.3 m ahead"
     bench.says = Verdict(STILL, Velocity(0.5, 0.0, 0.0), "obstacle", text, "laser", 0.3)
     bench.odometry(Velocity(0.5, 0.0, 0.0))
-    assert len(bench.base.sent) > before and bench.last == STILL  # with that message, before any tick
+    assert len(bench.base.sent) > before and bench.last == STILL  # at once, before the next tick
     assert bench.base.cancelled_goals == [goal_id]
     bench.navigation.ended(goal_id, "cancelled", "", bench.now_s)
     end = ended(bench)
@@ -161,7 +161,7 @@ def test_a_cancel_ends_though_navigation_reports_the_goal_for_ever(bench):
 def test_the_base_is_held_while_navigation_reports_the_ended_goal(bench):
     gone(bench)
     assert bench.order(GoCancel(1)) is None
-    passed(bench, 6.0)  # `passed` reports it
+    passed(bench, 6.0)  # `passed` reports the ended goal
     assert bench.navigation.hold.holds
     bench.navigation.running("/move_base", [], bench.now_s)
     bench.pass_time(1.5)
@@ -180,7 +180,7 @@ def test_the_hold_goes_on_as_long_as_the_ended_goal_is_reported(bench):
 
 
 def ended_and_quiet(bench):
-    """Let a drive end and navigation be quiet; return the goal's id."""
+    """End a drive and wait until navigation is quiet; return the goal's id."""
     goal_id = gone(bench)
     assert bench.order(GoCancel(1)) is None
     bench.navigation.ended(goal_id, "cancelled", "", bench.now_s)
@@ -197,7 +197,7 @@ def quiet(bench):
 
 
 def drives_on(bench, seconds, others=()):
-    """Navigation sends velocities without a goal of ours."""
+    """Let navigation send velocities without a goal of this bridge."""
     navigation = bench.core.tasks.navigation
     for _ in range(round(seconds / 0.1)):
         navigation.running("/move_base", others, bench.now_s)
@@ -264,7 +264,7 @@ def test_a_bridge_that_begins_again_brakes_no_drive_of_others(bench):
     config = msgspec.structs.replace(CONFIG, topics=TOPICS)
     again = Bench(left=bench.core.saved_state(), config=config).online()
     navigation = again.core.tasks.navigation
-    navigation.drove(Velocity(0.3, 0.0, 0.0), again.now_s)  # before the first report
+    navigation.drove(Velocity(0.3, 0.0, 0.0), again.now_s)  # before the first report of goals
     assert not navigation.hold.holds
     drives_on(again, 1.0, others=["theirs"])
     assert not navigation.hold.holds
@@ -304,7 +304,7 @@ def test_the_goal_is_saved_as_soon_as_it_is_sent(bench):
 
 def test_no_drive_without_the_depth_camera(bench):
     bench.lost = "its picture is 3 s old"
-    passed(bench, 6.0)  # it may still come, just after control began
+    passed(bench, 6.0)  # just after control began, the camera may still start
     assert bench.order(GO).code == "depth_stale"
 
 
@@ -424,7 +424,7 @@ def test_a_small_correction_is_no_jump_and_a_long_silence_forgives():
     place.moved(Pose(1.0, 0.0, 0.0))
     assert not place.transformed(1.0, Pose(0.0, 0.0, 0.0), 10.0)
     assert not place.transformed(2.0, Pose(0.3, 0.0, 0.1), 10.2)
-    assert not place.transformed(2.0, Pose(9.0, 0.0, 0.0), 10.4)  # no news
+    assert not place.transformed(2.0, Pose(9.0, 0.0, 0.0), 10.4)  # the same stamp: ignored
     assert place.transformed(3.0, Pose(0.9, 0.0, 0.1), 10.4)
     assert place.jumped_m == pytest.approx(0.6)
     assert not place.transformed(4.0, Pose(5.0, 0.0, 0.0), 20.0)

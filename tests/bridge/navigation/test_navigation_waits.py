@@ -1,4 +1,4 @@
-"""Sensors that are silent for a moment hold a robot that drives itself; its drive goes on. With the real gate."""
+"""If sensors are silent for a moment, a robot that drives itself waits and drives on. With the real gate."""
 
 import math
 
@@ -55,7 +55,7 @@ class SelfDriver(Bench):
         assert self.navigation.driving_requester and not self.navigation.holds_for_sensor
 
     def steps(self, seconds, odometry=True, scans=True):
-        """Let time pass. Odometry that does not arrive is kept."""
+        """Let time pass. Without `odometry`, its messages are kept until `arrive`."""
         for _ in range(round(seconds / STEP_S)):
             self.now_s = round(self.now_s + STEP_S, 4)
             self.stamp_s = round(self.stamp_s + STEP_S, 4)
@@ -76,7 +76,7 @@ class SelfDriver(Bench):
             self.recorded()
 
     def arrive(self):
-        """Let all kept odometry arrive, as messages behind each other."""
+        """Let all kept odometry arrive now, message after message."""
         for stamp_s, x in self.kept:
             self.core.odometry(stamp_s, self.now_s, Pose(x, 0.0, 0.0), self.speed, stamp_s)
         self.kept.clear()
@@ -99,7 +99,7 @@ class SelfDriver(Bench):
         )
 
     def zeros(self, run):
-        """Run it; return the zeros that were sent meanwhile. Nothing else may be sent."""
+        """Call `run`; return how many zeros were sent. Nothing else may be sent."""
         before = len(self.base.sent)
         run()
         sent = self.base.sent[before:]
@@ -108,7 +108,7 @@ class SelfDriver(Bench):
 
     @property
     def end(self):
-        """Why the drive was given up; None: it goes on."""
+        """Why the drive was given up; None: the drive goes on."""
         current = self.navigation._current
         return self.navigation.last.because if current is None else current.what.because
 
@@ -141,7 +141,7 @@ def test_odometry_that_comes_late_in_a_burst_does_not_end_a_drive(driver, late_s
     driver.steps(late_s, odometry=False)
     driver.arrive()
     driver.scan()
-    assert driver.zeros(lambda: driver.steps(0.06)) == 3  # until the late messages have settled
+    assert driver.zeros(lambda: driver.steps(0.06)) == 3  # one each period: the hold ends later
     driver.steps(0.2)
     assert driver.navigation.driving_requester
     assert driver.zeros(lambda: driver.steps(0.5)) == 0
@@ -151,12 +151,12 @@ def test_a_late_process_beside_a_wall_does_not_end_a_drive():
     driver = SelfDriver()
     driver.wall_m = driver.x + 0.43 + 0.27 + 0.4 * 0.02
     driver.scan()
-    driver.speed = STILL  # it stands before the wall when its late messages come
-    for _ in range(20):  # nothing runs in this process
+    driver.speed = STILL  # the robot stands before the wall when the late messages arrive
+    for _ in range(20):  # the bridge's process is blocked
         driver.now_s, driver.stamp_s = driver.now_s + STEP_S, driver.stamp_s + STEP_S
         driver.kept.append((driver.stamp_s, driver.x))
     driver.speed = SPEED
-    driver.arrive()  # old messages say that it drives
+    driver.arrive()  # old messages report that the robot drives
     assert driver.navigation.holds_for_sensor and driver.end is None and driver.last == STILL
     driver.close()
 
@@ -234,7 +234,7 @@ def test_all_that_ends_a_drive_ends_it_during_a_wait(driver, cause):
     DURING[cause](driver)
     assert driver.navigation.driving_requester is None
     driver.scan()
-    assert driver.zeros(lambda: driver.core.tick(driver.now_s)) >= 1  # the base stays the bridge’s
+    assert driver.zeros(lambda: driver.core.tick(driver.now_s)) >= 1  # the bridge still holds the base
 
 
 def test_short_faults_that_recur_use_up_the_grace():
@@ -251,6 +251,6 @@ def test_grace_returns_after_a_time_without_a_fault():
     assert grace.note_fault(10.0) and grace.note_fault(10.5)
     grace.note_no_fault(10.51 + SETTLES_S)
     assert not grace.holds
-    assert grace.note_fault(11.0) and not grace.note_fault(11.2)  # too soon: what was left counts
+    assert grace.note_fault(11.0) and not grace.note_fault(11.2)  # before `WELL_S`: holds add up
     grace.note_no_fault(12.0)
     assert grace.note_fault(11.2 + WELL_S + 0.1) and grace.note_fault(11.2 + WELL_S + WAITS_S)

@@ -1,4 +1,4 @@
-"""Reports of the bridge fit the link, whatever the robot reports."""
+"""The bridge's reports fit into the link's messages, whatever the robot reports."""
 
 from __future__ import annotations
 

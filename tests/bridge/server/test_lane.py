@@ -22,7 +22,7 @@ PATIENCE_S = 10.0
 
 
 class Bridge:
-    """A link server that notes messages and the way of their arrival."""
+    """A link server that stores each message, and whether it arrived by lane or by socket."""
 
     def __init__(self, path: str) -> None:
         self.bench = Bench().online()
@@ -160,5 +160,5 @@ async def closed(stranger: socket.socket) -> None:
 
 
 async def test_a_message_that_breaks_the_bridge_ends_its_link(bridge, link):
-    link._lane.send(b"not a message")  # breaks this fake bridge; the real one refuses it
+    link._lane.send(b"not a message")  # an error in this fake bridge; the real one refuses it
     await asyncio.wait_for(bridge.closed.wait(), PATIENCE_S)

@@ -80,7 +80,7 @@ class Bridge:
 
 
 class Follower:
-    """Stores its reports."""
+    """A follower that stores the link's reports."""
 
     def __init__(self) -> None:
         self.views: list[str] = []
@@ -118,7 +118,7 @@ class Follower:
                 return what
 
     async def until_refused(self, code):
-        """Wait for the refusal with which the link is down."""
+        """Wait until the link is down with this refusal code."""
         while (refusal := await self.until("down")) is None or refusal.code != code:
             pass
         return refusal
@@ -196,7 +196,7 @@ async def test_control_is_granted_and_refused_by_the_bridges_answer(link):
 async def test_a_drive_message_arrives_as_it_was_sent(link, bridge):
     raw = '{"t":"drive","fence":2,"seq":1,"sent_ms":5.25,"x":0.5,"w":-0.25,"share":1}'
     assert await link.forward(raw)
-    await link.stop(wire.LinkStop("Ann"))  # its answer comes after all earlier ones
+    await link.stop(wire.LinkStop("Ann"))  # the bridge answers in order
     assert bridge.drives == [wire.Drive(fence=2, seq=1, sent_ms=5.25, x=0.5, w=-0.25, share=1.0)]
 
 
@@ -268,7 +268,7 @@ async def test_no_queue_grows_before_a_bridge_that_reads_nothing(link, bridge):
 async def test_a_large_answer_does_not_cut_the_link(link, bridge):
     [remote] = bridge.server.links
     asking = asyncio.ensure_future(link.query_topics(wire.ListTopics()))
-    await link.stop(wire.LinkStop("Ann"))  # by now the query has arrived
+    await link.stop(wire.LinkStop("Ann"))  # after this answer, the query has arrived, too
     large = wire.encode(wire.Parameter("/large", "x" * 3_000_000))
     remote.report(wire.LinkAnswer(1, msgspec.Raw(large)))
     assert await asking == large.decode()
@@ -312,7 +312,7 @@ async def test_a_stop_command_without_a_bridge_says_so(tmp_path):
 
 async def test_an_answer_goes_to_the_question_that_it_answers(link, bridge):
     assert link.send(wire.LinkStop("Ben"))
-    await asyncio.sleep(0)  # sent; the answer comes before anybody waits for it
+    await asyncio.sleep(0)  # the stop is sent; nobody waits for its answer
     seen = bridge.bench.core.stop_state.number + 1
     assert (await link.clear(wire.LinkClear("Ann", seen), asked_s=0.0)).stop.state == "clear"
 
@@ -329,7 +329,7 @@ async def test_late_answer_is_ignored(link, bridge):
     await asyncio.sleep(0)
     await asyncio.sleep(0)  # a separate task is sending it
     [(number, [waiting])] = link._latch._waiting.items()
-    waiting.cancel()  # the state for one loop turn after a time-out
+    waiting.cancel()  # as in the first loop turn after a time-out
     link._handle_report(wire.Stopped(wire.StopState("stopping"), number))
     await asyncio.wait({late})
     await link.stop(wire.LinkStop("Ann"))
@@ -366,7 +366,8 @@ async def test_bridge_with_another_protocol_is_retried_with_pauses(address):
     try:
         times_s = [await asyncio.wait_for(asked.get(), 10) for _ in range(4)]
         assert (link.up, link.refusal.code) == (False, "protocol")
-        assert times_s[3] - times_s[2] >= 0.4  # 0.1, 0.2, 0.4: the pause grows though the connection opened
+        # The pauses grow (0.1, 0.2, 0.4 s), although each connection opened.
+        assert times_s[3] - times_s[2] >= 0.4
     finally:
         await link.close()
         await server.close()

@@ -45,7 +45,7 @@ def drive(seq: int, fence: int = GRANT.fence, x: float = 0.0) -> bytes:
 
 
 async def driven(door, bench) -> Wire:
-    """A link that drives, with the handler's clock."""
+    """Drive the robot by a link, on the clock of the handler; return the link."""
     bench.now_s = time.monotonic()
     bench.online()
     link = Wire(1)

@@ -1,4 +1,4 @@
-"""Accepted messages: patterns for names match whole names; only the rule for texts refuses texts."""
+"""Accepted messages: patterns for names match whole names; only the rule for speech refuses long texts."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Arm clearance: while the arm moves, depth points that cannot be the arm are intruders."""
+"""Arm clearance: while the arm moves, depth points that cannot be the arm count as intruders."""
 
 from types import SimpleNamespace
 
@@ -40,7 +40,7 @@ class Scene:
         return refusal and refusal.figures["sensor"]
 
     def moves(self, lies, seconds):
-        """Place the arm there for some seconds."""
+        """Let the arm lie at these discs for some seconds."""
         self.lies = lies
         until_s = self.now_s + seconds
         while self.now_s < until_s - 1e-9:

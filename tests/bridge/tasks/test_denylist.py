@@ -1,4 +1,4 @@
-"""The denylist: every word and type that would bypass or blind the chain."""
+"""The denylist: every word and type that would bypass the chain of control or blind its sensors."""
 
 import pytest
 
@@ -130,7 +130,7 @@ def test_choice_needs_the_default_type_and_a_known_use():
 
 
 def test_topics_of_the_profile_take_no_other_input():
-    """Also if neither name nor type shows its use."""
+    """This holds even if neither the topic's name nor its type shows its use."""
     topics = Topics(
         drive=Topic("/drive", TWIST),
         odometry=Topic("/place", "nav_msgs/Odometry"),

@@ -1,4 +1,4 @@
-"""The gate's memory is forgotten on the holder's request: recorded, while the robot stands still."""
+"""The gate's memory is forgotten on the holder's recorded request, while the robot stands still."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The head looks ahead on the holder's request, recorded, and into the turn if configured."""
+"""The head looks ahead on the holder's recorded request, and into a turn if this is configured."""
 
 import math
 

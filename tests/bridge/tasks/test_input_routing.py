@@ -1,4 +1,4 @@
-"""Input routing: allow-listed topics of the right type, after a stop of the base, until control ends."""
+"""Input routing: to allow-listed topics of the right type, once the base stands, until control ends."""
 
 import msgspec
 import pytest
@@ -48,7 +48,7 @@ def ask(bench, use, topic, fence=1):
 
 
 def connects(bench):
-    """Connect the topics requested last."""
+    """Report that the topics requested last are connected."""
     use, topics = bench.base.attended[-1]
     bench.core.tasks.routing.attended(use, topics, bench.now_s)
 
@@ -112,7 +112,7 @@ def test_every_allowed_motion_action_is_subscribed_always(bench):
     bench.core.tick(bench.now_s)
     assert chosen(bench) == {}
     assert bench.core.tasks.routing.connected("motions") == both
-    assert "motions" not in dict(bench.base.attended)  # no action was lost or found later
+    assert "motions" not in dict(bench.base.attended)  # the connected actions never changed
 
 
 def test_motions_are_read_again_after_each_change_of_action(bench):
@@ -278,7 +278,7 @@ def test_return_to_default_works_without_subscribers(bench):
     bench.core.tasks.routing.surveyed({"/second_tts/goal": f"{TTS}Goal"}, bench.now_s)
     answers = ask(bench, "speech", None)
     settled(bench)
-    assert (answers, chosen(bench)) == ([None], {})  # already connected
+    assert (answers, chosen(bench)) == ([None], {})  # the default is still connected
     bench.core.tick(bench.now_s)
     assert bench.base.attended[-1] == ("speech", {"/tts"})
 

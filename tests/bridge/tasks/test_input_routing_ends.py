@@ -50,7 +50,7 @@ def test_lost_choice_is_reported_until_the_next_choice(bench):
     assert bench.last == STILL
     bench.stick(0.0)
     bench.pass_time(1.0)
-    connects(bench)  # with only the default
+    connects(bench)  # only the default topic
     assert list(ended(bench)) == ["drive"]
     vanish(bench)
     choose(bench, "speech", "/second_tts")

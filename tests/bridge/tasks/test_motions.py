@@ -1,4 +1,4 @@
-"""Recorded motions: for the holder only, recorded, with arm clearance, ended with control."""
+"""Recorded motions: only the holder starts them, with a record and arm clearance; they end with control."""
 
 import pytest
 
@@ -91,7 +91,7 @@ def test_motion_stopped_before_its_start_keeps_that_refusal(bench):
     bench.sink.open.clear()
     answers = bench.ask(wire.Play(1, "wave"))
     bench.core.stop("Bob", "", bench.now_s)
-    bench.pass_time(2.3)  # until nothing can be recorded
+    bench.pass_time(2.3)  # long enough for `not_recorded`
     bench.sink.open.set()
     settled(bench)
     assert [refusal.code for refusal in answers] == ["stopped"]
@@ -181,7 +181,7 @@ def test_an_arm_does_not_move_without_sensors_watching(bench, kind):
     refusal = denied(bench)
     assert refusal.code == "not_watched"
     assert refusal.text == "Obstacles around the arm are unknown: eye: nothing has come yet."
-    begun(bench, "nod")  # moves no arm
+    begun(bench, "nod")  # this motion does not move the arm
 
 
 def test_a_laser_that_falls_silent_cancels_it(bench):
@@ -287,7 +287,7 @@ def test_motion_is_judged_by_its_present_points(bench):
     bench.pass_time(0.1)
     assert bench.sink.kinds == ["motion.start"]
     assert (answers, bench.base.played) == ([], [])
-    bench.base.sweeps["wave"] = ((-0.6, 0.0, 0.2),)  # it was recorded again on the robot
+    bench.base.sweeps["wave"] = ((-0.6, 0.0, 0.2),)  # somebody recorded the motion again
     bench.base.asked.pop()()
     assert [refusal.code for refusal in answers] == ["motion_blocked"]
     assert bench.base.played == []

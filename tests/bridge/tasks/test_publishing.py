@@ -1,4 +1,4 @@
-"""Publishing: for the holder only, recorded, by the allow-list; velocities only through the gate."""
+"""Publishing: only for the holder, recorded, on allow-listed topics; velocities only through the gate."""
 
 import json
 import threading
@@ -239,7 +239,7 @@ def twist(bench, vx, topic="/key_vel", rate_hz=0.0, age_s=0.0, type_name="geomet
 
 
 def driven(bench, vx):
-    """The twist was requested, and the drive is recorded."""
+    """Request the twist before and after the drive is recorded; return the last answer."""
     bench.order(twist(bench, vx))
     bench.recorded()
     bench.pass_time(0.05)
@@ -424,7 +424,7 @@ def test_bad_velocity_fields_are_refused(fields, path):
 
 
 class Arriving(Future):
-    """A record that is finished just after its first check."""
+    """A record that is written just after its first check."""
 
     looks = 0
 

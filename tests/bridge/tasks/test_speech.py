@@ -83,7 +83,7 @@ def ask(bench, text="Hola a todos", topic=None, fence=1, language="es-ES"):
 
 
 def begun(bench, text="Hola a todos"):
-    """The robot speaks the text; return the id of the goal."""
+    """Let the robot speak the text; return the id of the goal."""
     answers = ask(bench, text)
     settled(bench)
     assert answers == [None]
@@ -342,7 +342,7 @@ def test_plain_topic_stays_connected_shortly_after_its_text(bench):
     bench.core.tick(bench.now_s)
     assert len(bench.base.said) == 1
     assert bench.core.state(bench.now_s, []).speech_ended.outcome == "sent"
-    bench.pass_time(LINGER_S - 0.1)  # a subscriber there may have just joined
+    bench.pass_time(LINGER_S - 0.1)  # a subscriber may have joined just before
     assert bench.base.attended == [("speech", {"/tts", "/second_tts"})]
     bench.pass_time(0.2)
     assert bench.base.attended[-1] == ("speech", {"/tts"})

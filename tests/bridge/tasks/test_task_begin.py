@@ -1,4 +1,4 @@
-"""A task that waits for its record begins only if its requester still has control and is there."""
+"""A task that waits for its record begins only if its requester keeps control without a break."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Definitions and bytes that would take endless time or memory are refused soon, in words."""
+"""Definitions and bytes that would need endless time or memory are refused quickly, with a text."""
 
 import time
 
@@ -8,7 +8,7 @@ from robots.bridge.messages.packing import MAX_STEPS, MAX_WRITTEN_BYTES, Detail,
 from robots.wire import Field
 
 DETAIL = Detail(whole=32, first=16, text=500)
-SOON_S = 5.0  # on a busy machine; without a limit it takes minutes or for ever
+SOON_S = 5.0  # on a busy machine; without limits, reading takes minutes or never ends
 
 
 def nested(array, depth):

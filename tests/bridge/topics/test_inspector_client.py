@@ -22,7 +22,7 @@ KILLED = (-signal.SIGKILL, 255)  # 255: asyncio read the status before its child
 ORDER = wire.Publish(1, "/notes", "std_msgs/String", {"data": "hello"})
 AT_A_RATE = msgspec.structs.replace(ORDER, rate_hz=5.0)
 
-# An inspector that answers with the query. Names in a query tell it how to behave.
+# An inspector that answers queries with its process id. Some names in a query change its behaviour.
 PROGRAM = textwrap.dedent("""
     import json, os, sys, time
 
@@ -168,7 +168,7 @@ async def test_inspector_runs_only_while_needed_and_shortly_after(make):
     relay = make(linger_s=0.05)
     assert relay._child._process is None
     ann, process = await started(relay)
-    relay._end_if_idle()  # subscribed for longer than the pause
+    relay._end_if_idle()  # as the timer does; the topic is still subscribed
     assert relay._child._process is process and not relay._child._end_asked
     relay.set_subscriptions(ann, {})
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) == 0
@@ -223,7 +223,7 @@ async def test_publishing_at_a_rate_is_lost_with_the_process(make, monkeypatch):
     ann.seen.clear()
     relay.ask(ann, question(2, "/die"))
     await asyncio.wait_for(lost.wait(), PATIENCE_S)
-    assert await ann.until(lambda: ann.seen) == {"/published": {"rate": 1.0}}  # and it does not start again
+    assert await ann.until(lambda: ann.seen) == {"/published": {"rate": 1.0}}  # the new one does not publish
 
 
 async def test_message_without_a_process_is_never_published(relay):
@@ -252,7 +252,7 @@ async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypa
     relay.publish_stop("/notes")
     relay.ask(ann, question(1))
     await ann.answer(1)
-    assert process.returncode is None  # it reported that it stopped
+    assert process.returncode is None  # it confirmed that it stopped publishing
     relay.publish(msgspec.structs.replace(AT_A_RATE, topic="/deaf"))
     relay.publish_stop("/deaf")
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) in KILLED
@@ -287,7 +287,7 @@ async def test_with_the_bridge_its_inspector_ends(make):
 async def test_inspector_in_its_start_ends_with_the_bridge(make):
     relay = make()
     relay.ask(Viewer(), question(1, "/doze"))
-    await asyncio.sleep(0)  # let it be sent
+    await asyncio.sleep(0)  # the start of the process begins
     assert relay._child._running is not None and relay._child._process is None
     await asyncio.wait_for(relay.close(), PATIENCE_S)
 

@@ -1,4 +1,4 @@
-"""Requests to the inspector end when they should: halted, without the bridge, too late, or at the inspector's end."""
+"""Requests to the inspector end in time: halted, without the bridge, too late, or with the inspector."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.bridge.topics.test_inspector_client import AT_A_RATE, ORDER, PATIENCE
 
 __all__ = ["bench", "make"]  # fixtures
 
-# An inspector that reports each line it receives, and answers as the names in the line demand.
+# An inspector that reports each line it receives, answers queries for names, and may confirm halts.
 PROGRAM = textwrap.dedent("""
     import json, sys, time
 
@@ -43,7 +43,7 @@ PROGRAM = textwrap.dedent("""
 
 
 class Ear(Viewer):
-    """Stores the lines that the inspector receives."""
+    """A viewer that stores the lines that the inspector receives."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -64,7 +64,7 @@ class Ear(Viewer):
 
 @pytest.fixture
 async def listen(make):
-    """A client and its inspector, with lines for the program's begin and end."""
+    """`listen(begin, end)`: a client and a viewer; the inspector runs these lines at its begin and end."""
 
     async def started(begin="", end="", confirms=True, **changes):
         program = PROGRAM.format(begin=begin, end=end, confirms=confirms)
@@ -77,7 +77,7 @@ async def listen(make):
 
 @pytest.fixture
 async def talk(listen):
-    """The same, after the inspector has started."""
+    """A client and a viewer, after the inspector has started."""
     relay, ear = await listen()
     await ear.hears("subscribed")
     return relay, ear
@@ -205,7 +205,7 @@ async def test_query_carries_its_time_limit(talk, monkeypatch):
 async def test_query_to_an_ending_inspector_goes_to_the_next(listen, monkeypatch, tmp_path):
     monkeypatch.setattr(line_process, "RESTART_S", (600.0, 600.0))
     monkeypatch.setattr(line_process, "END_S", PATIENCE_S)
-    monkeypatch.setattr(inspector_client, "ANSWER_S", 0.0)  # too short for the ending process
+    monkeypatch.setattr(inspector_client, "ANSWER_S", 0.0)  # too short for an answer of the ending process
     may_end = tmp_path / "may end"
     os.mkfifo(may_end)
     relay, ear = await listen(end=f"open({str(may_end)!r}).read()")

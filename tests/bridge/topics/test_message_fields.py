@@ -1,4 +1,4 @@
-"""Fields given for a message fit its definition, or are refused with the path of the wrong field."""
+"""Fields for a message must fit its definition; a refusal contains the path of the wrong field."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When the watchdog publishes zeros and cancels, by presses and by its bridge's heartbeats."""
+"""When the watchdog publishes zeros and cancels goals: by presses, and by the bridge's heartbeats."""
 
 from __future__ import annotations
 

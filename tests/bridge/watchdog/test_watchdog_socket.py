@@ -1,4 +1,4 @@
-"""The watchdog's socket and state file, and the bridge's end: one watchdog after another, and two in parallel."""
+"""The watchdog's socket and state file, and the bridge's side: with watchdogs in turn, and in parallel."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_a_watchdog_that_ends_removes_its_socket(tmp_path: Path) -> None:
 async def test_stops_with_lower_numbers_of_a_new_watchdog_are_heard(
     tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
-    """The clock was set back meanwhile."""
+    """The clock was set back between the two watchdogs."""
     presses: asyncio.Queue[StopPress] = asyncio.Queue()
     beats = WatchdogClient(str(tmp_path / "robot.stop"), presses.put_nowait)
     for number in (100, 50):
@@ -74,7 +74,7 @@ async def test_stops_with_lower_numbers_of_a_new_watchdog_are_heard(
         assert message is not None and msgspec.json.decode(message, type=Heartbeat).heard == number
         if number == 100:
             lane.close()
-            beats.beat(Heartbeat(), 0.0)  # it cannot be sent
+            beats.beat(Heartbeat(), 0.0)  # cannot be sent: no watchdog is there
             assert not beats.connected
     beats.close()
 
@@ -82,7 +82,7 @@ async def test_stops_with_lower_numbers_of_a_new_watchdog_are_heard(
 async def test_stop_that_the_bridge_failed_on_is_sent_again(
     tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
-    """Otherwise the watchdog would stop the robot for ever without the bridge knowing."""
+    """Otherwise the watchdog would stop the robot for ever, and the bridge would not know it."""
     presses: asyncio.Queue[StopPress] = asyncio.Queue()
     broken = asyncio.Event()
 
@@ -139,7 +139,7 @@ async def test_watchdog_without_reading_is_missing_after_seconds(
     beats.beat(Heartbeat(), 110.0)
     assert not beats.missing(110.0 + MISSING_S)
     now_s = 110.0
-    while not beats.missing(now_s):  # it is frozen: its socket's buffer gets full
+    while not beats.missing(now_s):  # the watchdog is frozen: its socket's buffer gets full
         assert now_s < 200.0
         now_s += 0.05
         beats.beat(Heartbeat(), now_s)

@@ -63,7 +63,7 @@ def test_help_is_for_people_who_are_signed_in(client: Client) -> None:
 
 
 def test_each_drawing_is_as_new_as_its_source_and_says_what_it_shows(reader: Client) -> None:
-    """A drawing's name has the hash of its source: after a change of the source run script/drawings."""
+    """A drawing's name contains the hash of its source: after a change of the source, run script/drawings."""
     wanted = {file: (name, text) for name in pages.known() for file, text in pages.drawings(name).items()}
     assert wanted
     drawn = {picture for picture in pages.pictures() if picture.endswith(".svg")}

@@ -47,7 +47,7 @@ def test_a_body_in_chunks_is_read_up_to_its_limit_and_no_further(web):
 def test_a_session_cookie_allows_an_admin_form_but_not_more(web, session_cookie):
     cookie = b"Cookie: %s=x\r\n" % session_cookie.encode()
     head = HEAD + cookie + b"Connection: close\r\nContent-Length: %d\r\n\r\n"
-    assert b" 403 " in web.say(head % MEGABYTE + bytes(MEGABYTE))  # Django's answer: no token
+    assert b" 403 " in web.say(head % MEGABYTE + bytes(MEGABYTE))  # Django's answer: no CSRF token
     assert parsed(web.say(head % (500 * MEGABYTE)))[0] == 413
 
 

@@ -30,7 +30,7 @@ def head(session_cookie, session_key):
     ],
 )
 def test_the_body_of_a_stop_is_not_waited_for(web, head, path, declared):
-    """401 is the view's answer, since nobody owns this session. The body is never sent."""
+    """The view answers 401, since nobody owns this session. The body is never sent."""
     with web.connect() as stranger:
         stranger.settimeout(5.0)
         stranger.sendall(head(path, b"X-CSRFToken: x", declared, b"Expect: 100-continue"))
@@ -40,7 +40,7 @@ def test_the_body_of_a_stop_is_not_waited_for(web, head, path, declared):
 
 
 def test_the_body_that_follows_is_no_request(web, head):
-    """On a kept connection the server would read it as a request."""
+    """If the connection stayed open, the server would read the body as a request."""
     smuggled = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
     with web.connect() as stranger:
         length = b"Content-Length: %d" % len(smuggled)
@@ -85,7 +85,7 @@ LONG = b"X-Long: " + b"x" * 20_000
     ids=lambda lines: lines[0].decode()[:30],
 )
 def test_a_stop_is_not_refused_for_its_head(web, head, path, lines):
-    """401 is the view's answer. The rest is not read as a request."""
+    """The view answers 401. The bytes after the head are not read as a request."""
     received = web.say(
         head(path, b"X-CSRFToken: x", *lines) + b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
     )

@@ -1,4 +1,4 @@
-"""The fast path for whole texts and the full parser agree for all bytes and all cuts."""
+"""The fast path for whole texts and the full parser give the same results, however the bytes are cut."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def frame(chance, first=0x81, payload=DRIVE, masked=True, way=None):
     return bytes([first, head[0] | 0x80]) + head[1:] + mask + body
 
 
-COMMAND = frame(random.Random(0))  # noqa: S311 - to be repeated
+COMMAND = frame(random.Random(0))  # noqa: S311 - the same in every run
 
 
 def some_frames(chance):
@@ -144,7 +144,7 @@ def cut(chance, data):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_mutated_frames_come_to_the_same_by_both_ways(seed, monkeypatch):
-    chance = random.Random(seed)  # noqa: S311 - to be repeated
+    chance = random.Random(seed)  # noqa: S311 - the same in every run
     short = 0
     for _ in range(ROUNDS // 4):
         parts = [*cut(chance, some_frames(chance)), COMMAND]  # a command follows any frames

@@ -73,7 +73,7 @@ def test_only_the_two_named_cookies_are_kept(staff, robot):
     assert set(client.cookies) == {settings.SESSION_COOKIE_NAME, settings.CSRF_COOKIE_NAME}
 
 
-# curl, requests; and no Accept header
+# "*/*": curl and requests; None: no Accept header
 @pytest.mark.parametrize("accept", ["application/json", "*/*", None])
 @pytest.mark.parametrize("page", ["/stop-all/", "/your-data/export/"])
 def test_a_script_learns_that_it_is_not_signed_in(page, accept):

@@ -1,4 +1,4 @@
-"""Requests that run at once in the pages process: few, and slow ones do not hold up the others."""
+"""The pages process runs few requests at once, and slow ones do not delay the others."""
 
 import asyncio
 import threading

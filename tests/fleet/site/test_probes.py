@@ -1,4 +1,4 @@
-"""Monitors ask without an account: does the process answer, and can it work?"""
+"""Probes for monitors without an account: does the process answer, and can it work?"""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ ATTRIBUTES = {"body_class", "main_attributes"}
 # The console's name, examples of input, and words equal in every language: keys, units.
 SAME_EVERYWHERE = re.compile(r"Fleet console|\{\"linear\.x\": 0\.2\}|\b(?:ms|m/s|rad/s|Hz)\b")
 READ_OUT_OR_SHOWN = {"alt", "aria-description", "aria-label", "aria-valuetext", "placeholder", "title"}
-NOT_FOR_PEOPLE = {"code", "kbd", "samp", "script", "style"}  # typed, not read
+NOT_FOR_PEOPLE = {"code", "kbd", "samp", "script", "style"}  # to type, not to read
 A_DEFAULT_IN_WORDS = re.compile(r"""\|(?:default|default_if_none|yesno|pluralize):["'][^"']*[^\W\d_]""")
 
 
@@ -61,7 +61,7 @@ def not_translated(source: str) -> list[str]:
 
 
 def _left_alone(tokens: list[Token]) -> list[str]:
-    """Return the text outside translation tags; for variables their default text."""
+    """Return the texts outside translation tags, and the default texts of variables."""
     kept, until = [], ""
     for token in tokens:
         words = token.contents.split() if token.token_type is TokenType.BLOCK else [""]
@@ -114,7 +114,7 @@ def test_a_language_is_there_when_its_texts_are_compiled(tmp_path: Path) -> None
 @pytest.mark.django_db
 def test_a_browser_gets_its_language_or_english(settings: Any) -> None:
     german = Client(headers={"Accept-Language": "de-AT, fr;q=0.5"})
-    with translation.override(None):  # a page sets its thread's language
+    with translation.override(None):  # restores the language, which a page sets for its thread
         assert '<html lang="en-gb"' in german.get("/cookies/").content.decode()
         settings.LANGUAGES = [*settings.LANGUAGES, ("de", "Deutsch"), ("ar", "العربية")]
         assert '<html lang="de" dir="ltr"' in german.get("/cookies/").content.decode()

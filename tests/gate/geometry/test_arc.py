@@ -122,7 +122,7 @@ def plain_disc_contact(point, twist, radius):
 
 
 def plain_polygon_contact(point, twist, edges, growth):
-    """The first cut of one point's circle with a grown edge, at which the point comes in."""
+    """The first time (s) at which one point's circle crosses a grown edge from outside to inside."""
     way, first = arc.way(twist), math.inf
     px, py = arc.seen_along(point[None], way)[0]
     normals = arc.seen_along(edges.normals, way)
@@ -141,7 +141,7 @@ def plain_polygon_contact(point, twist, edges, growth):
             d, off = math.hypot(px, py - cy), height - ny * cy
             if abs(off) > d:
                 continue
-            # In the base frame a point turns against the twist; it comes in where it moves against the normal.
+            # In the base frame a point turns against the twist; it enters where it moves against the normal.
             at = math.atan2(ny, nx) - sense * math.acos(off / d)
             x, y = d * math.cos(at), cy + d * math.sin(at)
             moment = (sense * (math.atan2(py - cy, px) - at)) % math.tau / abs(twist.w)
@@ -153,7 +153,7 @@ def plain_polygon_contact(point, twist, edges, growth):
 @given(twists, st.lists(points, min_size=1, max_size=20), outlines, st.sampled_from([0.0, 0.05]))
 @settings(max_examples=200, deadline=None)
 def test_all_points_at_once_are_met_when_the_plain_formula_says(twist, several, outline, growth):
-    """Of several twists that set out one way, as the gate asks."""
+    """Several twists that begin in one direction are checked in one call, as in the gate."""
     together, way = np.array(several), arc.way(twist)
     others = [twist._replace(w=w) for w in (0.7, -1.6) if any(twist[:2])]
     for hull in (Disc(RADIUS), Polygon(outline)):
@@ -191,7 +191,7 @@ def test_one_point_alone_is_met_when_all_at_once_are(twist, point, outline, grow
 def test_the_first_point_touched_is_reported(twist, several, outline, reserve_m):
     together, way = np.array(several), arc.way(twist)
     for hull in (Disc(RADIUS), Polygon(outline), Discs(((-0.15, 0.0, 0.25), (0.2, 0.1, 0.22)))):
-        each = hull.gaps(together) - 0.01  # each point has its growth
+        each = hull.gaps(together) - 0.01  # one growth for each point
         for growth in (float(each.min()), each):
             courses = arc.courses(arc.seen_along(together, way), way, [twist])
             first = hull.contacts(courses, growth, reserve_m)[0]

@@ -70,7 +70,8 @@ def test_a_point_keeps_its_clearance_from_the_swept_area(kind, twist, point):
     clearance = float(clearances_of(hull, point[None], twist)[0])
     assume(clearance > 0.0)
     _, path = path_in_base_frame(point, twist)
-    # The gap to a box is measured to its edges: it is less next to a corner. An arc of 1 km counts as straight.
+    # A box's gap is measured to its edges' lines: next to a corner, it is less than the distance. An arc of
+    # 1 km counts as straight.
     nearest = 0.0 if kind == "box" else clearance
     assert hull.gaps(path).min() > nearest - 0.02
     assert math.isinf(contact_times(hull, point[None], twist)[0])
@@ -126,7 +127,7 @@ def test_least_gaps_are_those_of_pose_by_pose(kind, several, cloud, drifting):
 )
 @settings(max_examples=300, deadline=None)
 def test_a_spread_base_is_nowhere_nearer_than_its_gaps_say(kind, at, sizes, shares, cloud):
-    """Any base within the spread, its four corners and both turns among them."""
+    """Bases within the spread are checked, also those at its four corners and with the largest turns."""
     hull, there, spread = HULLS[kind], Pose(*at), Spread(*sizes)
     about = hull.gaps_about(there, spread, cloud, math.inf)
     near_m = float(np.median(about))

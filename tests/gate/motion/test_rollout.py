@@ -100,7 +100,7 @@ def test_allowed_twists_stop_clear_or_no_nearer(kind, candidate, queue, now, poi
     allowed = Velocity(*(share * axis for axis in candidate))
     stopping = least_gaps(kind, STILL, points, queue, now)
     going = least_gaps(kind, allowed, points, queue, now)
-    # Half of the gap is enough for hulls that turn a corner out. Simulation and roll-out have different steps.
+    # Half of the gap is enough: a hull may turn a corner out. Simulation and roll-out have different steps.
     must = np.minimum(HARD_M, max(0.0, 0.5 * stopping.min()))
     between_poses_m = 0.004 if "disc" in kind else 0.014
     assert (going >= np.minimum(must, stopping) - between_poses_m).all()
@@ -116,7 +116,7 @@ def test_a_clear_twist_is_not_reduced(kind, candidate, queue, now, points):
 
 @pytest.mark.parametrize("kind", sorted(PROFILES))
 def test_what_is_left_out_as_too_far_changes_no_answer(kind):
-    """The play with near points alone, compared with one that looks at all of them."""
+    """Compare the roll-out with near points only and the roll-out with all points."""
     random, found = np.random.default_rng(15), Counter()
 
     def any_twist(share=1.0):
@@ -138,7 +138,7 @@ def test_what_is_left_out_as_too_far_changes_no_answer(kind):
 
 
 class Watched(Polygon):
-    """A box that takes note of what it is asked, and says that everything is near."""
+    """A box that stores the arguments of its calls, and reports all points as near."""
 
     def gaps_about(self, there, spread, points, near_m):
         self.there, self.spread = there, spread
@@ -233,7 +233,10 @@ def test_a_late_turn_bends_the_arc_into_an_obstacle():
 
 @pytest.mark.parametrize(("room_m", "share"), [(0.37, 1.0), (0.34, 0.85), (0.31, 0.7), (0.28, 0.0)])
 def test_the_largest_clear_share_is_taken(room_m, share):
-    """At 0.5 m/s: share 1 of 0.6 m/s needs 0.358 m, 0.85 needs 0.325 m, braking now 0.292 m; 0.7 brakes as much."""
+    """At 0.5 m/s, share 1 of 0.6 m/s needs 0.358 m, 0.85 needs 0.325 m, braking now needs 0.292 m.
+
+    A share of 0.7 brakes as hard as braking now.
+    """
     half = Velocity(0.5, 0.0, 0.0)
     wall = wall_at(0.27 + HARD_M + room_m)
     rolled = roll("disc", Velocity(0.6, 0.0, 0.0), wall, [Sent(half, LATENCY_S)], half)

@@ -1,4 +1,4 @@
-"""All rules together on exact points: no contact, no trapped robot, rotation returns."""
+"""All rules together on exact points: no contact, no trapped robot, and a lost turn is given back."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def decide(kind, twist, points, turn_rates=()):
 
 
 def braked_path(twist, profile, step_s=0.005):
-    """Poses (x, y, yaw) of a twist that holds for the latency and then brakes along its arc."""
+    """Poses (x, y, yaw) of a robot that keeps `twist` for the latency and then brakes along its arc."""
     latency, brake = profile.parameters.latency_s, braking.braking_time(twist, profile)
     time = np.arange(0.0, latency + brake, step_s)
     share = np.clip(1.0 - (time - latency) / max(brake, 1e-9), 0.0, 1.0)
@@ -64,9 +64,10 @@ def test_an_allowed_twist_is_a_share_of_the_asked_one(kind, twist, points):
 
 @pytest.mark.parametrize("kind", sorted(PROFILES))
 def test_what_was_expected_changes_no_answer(kind):
-    """The quick look at near points alone, compared with the plain look at all of them.
+    """Compare the quick check of near points with the plain check of all points.
 
-    It can only err where a near point slows a little and a farther one slows more: one world in some hundreds.
+    The quick check can err only where a near point slows a little and a farther point slows more: in one
+    world of some hundreds.
     """
     profile, random = PROFILES[kind], np.random.default_rng(13)
     hull, reduced = footprint_of(profile), 0
@@ -77,9 +78,8 @@ def test_what_was_expected_changes_no_answer(kind):
         arguments = twist, (random.uniform(-1.0, 1.0),), np.asfortranarray(points), np.arange(len(points))
         plain = restrain(*arguments, hull, profile)
         reduced += plain.cause is not None
-        guesses = random.integers(
-            0, 8, 2
-        ).tolist()  # of what is in the way of a turn; there may be fewer points
+        # Rows of points that may forbid a turn. There may be fewer points.
+        guesses = random.integers(0, 8, 2).tolist()
         quick = restrain(*arguments, hull, profile, random.uniform(0.0, 1.0), guesses)
         assert (quick.velocity, quick.cause) == (plain.velocity, plain.cause)
     assert reduced > 2000
@@ -87,7 +87,7 @@ def test_what_was_expected_changes_no_answer(kind):
 
 @pytest.mark.parametrize("kind", sorted(PROFILES))
 def test_what_stands_in_the_way_of_one_turn_changes_no_answer(kind, monkeypatch):
-    """Turns that the point in the way of the first one surely forbids, compared with a look at every turn."""
+    """Compare a search of all turns with a search that skips turns which one point surely forbids."""
     profile, random = PROFILES[kind], np.random.default_rng(14)
     hull, skipped, turned = footprint_of(profile), 0, 0
     for _ in range(3000):

@@ -1,1 +1,1 @@
-"""Obstacles: memory, movers, headings, and what is computed again."""
+"""Obstacles: memory, movers, headings, and the cache."""

@@ -22,7 +22,7 @@ HALL = [
 
 
 def slipping(segments, slip=0.28, **changes) -> World:
-    """A TIAGo without sonars before a leg: behind itself it has only its memory."""
+    """A TIAGo in front of a leg, without sonars: it detects nothing behind it, and has only its memory."""
     profile = tiago_profile(sonar_poses={}, sonar_fov={})
     return World(profile, segments + leg(*LEG, 0.06), slip=slip, **changes)
 
@@ -80,7 +80,7 @@ def test_a_person_walking_along_changes_nothing():
     world = slipping(ROOM, slip=0.0)
 
     def walked(world: World) -> Velocity:
-        """A person walks around the turning robot, so that measured by him the robot does not turn."""
+        """A person walks around the robot as it turns: compared with this person, the robot hardly turns."""
         yaw = 0.9 * world.pose.yaw + 0.3
         world.put(ROOM + leg(*LEG, 0.06) + leg(0.8 * math.cos(yaw), 0.8 * math.sin(yaw), 0.4))
         return TURN

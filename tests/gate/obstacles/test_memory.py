@@ -118,7 +118,7 @@ def test_doubt_grows_with_way_and_turns_only():
         memory.follow(Pose(0.002 * (step % 2), 0.0, 0.004 * (step % 2)), 0.0)
     np.testing.assert_array_equal(memory.doubts_m(np.arange(1)), [0.0])
     memory.follow(Pose(0.5, 0.0, 0.0), 0.0)
-    np.testing.assert_array_equal(memory.doubts_m(np.arange(1)), [0.0])  # passes next to the hull
+    np.testing.assert_array_equal(memory.doubts_m(np.arange(1)), [0.0])  # the first 0.5 m add no doubt
     memory.follow(Pose(1.0, 0.0, 0.0), 0.0)
     np.testing.assert_allclose(memory.doubts_m(np.arange(1)), [0.015])
     memory.follow(Pose(1.0, 0.0, 2.0), 0.0)
@@ -145,7 +145,7 @@ def test_slow_driving_forgets_with_a_trembling_odometry_too():
     gone_s = None
     for step in range(10_000):
         x, y, yaw = random.normal(0.0, 0.002, 3)
-        back = 1.0 - abs(1.0 - 0.02 * step / 30.0 % 2.0)  # to and fro along 1 m
+        back = 1.0 - abs(1.0 - 0.02 * step / 30.0 % 2.0)  # back and forth along 1 m
         memory.follow(Pose(x + back, y, yaw), step / 30.0)
         if gone_s is None and not len(memory.points(step / 30.0)):
             gone_s = step / 30.0
@@ -261,7 +261,7 @@ class Naive:
         return sorted(cell["point"] for cell in self.cells.values())
 
 
-# Odd cell and step sizes: no value hits a limit, where rounding would decide.
+# Unusual cell and step sizes: no value is exactly on a limit, where rounding would decide.
 COARSE = Layer(0.55, 3.03, 7.013, cell_m=0.0307)
 MOMENTS = st.lists(
     st.tuples(
@@ -312,7 +312,7 @@ def at(distance_m, degrees):
 
 
 def seen_through(ranges, distance_m, degrees):
-    """(vouched for, seen through) for one place."""
+    """Return (vouched for, seen through) for one place."""
     answer = sight(sweep(ranges), at(distance_m, degrees))
     return bool(answer.vouched[0]), bool(answer.through[0])
 
@@ -437,7 +437,7 @@ class Bench:
         self.now_s = 100.0
 
     def look(self, ranges, pose=HERE, seconds=0.1):
-        """Feed this scan every 0.1 s for so long."""
+        """Feed this scan every 0.1 s for `seconds`."""
         for _ in range(round(seconds / 0.1)):
             self.now_s += 0.1
             self.trail.add(self.now_s, pose, STILL)
@@ -571,7 +571,7 @@ SEEDS = [1]  # script/bench gate-world uses many seeds
 
 
 def half_blind_tiago():
-    """A TIAGo without sonars that reverses fast: behind it, it has only its memory."""
+    """A TIAGo that reverses fast, without sonars: it detects nothing behind it, and has only its memory."""
     return tiago_profile(
         limits=Limits(1.0, 0.6, 0.0, 2.0944, 1.0, 2.0944), sonar_poses={}, sonar_fov={}, blind_mps=0.6
     )
@@ -669,7 +669,7 @@ def test_a_passer_by_blocks_for_the_shortest_life_only(seed):
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("stick", [Velocity(0.0, 0.0, 1.0), Velocity(0.3, 0.0, 0.4)], ids=["turn", "bend"])
 def test_a_robot_boxed_in_by_old_memory_gets_out(stick, seed):
-    """The obstacles were removed out of view: the gate still remembers walls on three sides."""
+    """The obstacles were removed while out of view: the gate still remembers walls on three sides."""
     ring = wall(-0.4, -0.4, 0.3, -0.4) + wall(-0.4, 0.4, 0.3, 0.4) + wall(-0.4, -0.4, -0.4, 0.4)
     world = World(half_blind_tiago(), ring, seed, half_view=math.pi * 0.999, beams=1000)
     world.drive(STILL, 4.0)

@@ -39,7 +39,7 @@ def person(x, y, radius=0.15):
 
 
 class Scene:
-    """Feeds one `Movers` with 10 Hz scans of a room, from a robot that may drive."""
+    """Feeds one `Movers` with scans of a room at 10 Hz, from a robot that may drive."""
 
     def __init__(self, seed=0, furniture=(), noise_m=0.01, drop_out=0.01, yaw_drift=0.0, way_drift=0.0):
         self.world = World(tiago_profile(), ROOM, seed)
@@ -252,7 +252,7 @@ class Crossing(World):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("early_s", [0.0, 0.3, 0.6])
 def test_the_robot_stands_when_a_person_walks_into_its_way(seed, early_s):
-    """At 0.6 m/s it would meet the person 2 m ahead, frontally or with its side."""
+    """At 0.6 m/s, the robot would hit the person 2 m ahead, with its front or its side."""
     world = Crossing(seed, (2.0, -3.3 + 0.8 * early_s), (0.0, 0.8))
     codes = set()
     for _ in range(120):
@@ -285,4 +285,4 @@ def test_points_are_computed_only_for_a_query_of_movers():
         scene.drive(STILL)
     assert not asked
     assert not scene.movers.any
-    assert len(asked) <= 2  # the newest scan and the one compared with it
+    assert len(asked) <= 2  # for the newest scan and an older one

@@ -10,7 +10,7 @@ from robots.bridge.gate.values import STILL, Pose
 
 
 class Counting:
-    """A source with one point that is put elsewhere when it changes."""
+    """A source with one point, which `move` puts elsewhere."""
 
     def __init__(self, name, x):
         self.name, self.kind, self.word = name, "scan", name
@@ -27,7 +27,7 @@ class Counting:
 
 
 class Doubtful(Counting):
-    """A source whose point may be 0.1 m nearer; behind the robot it is none."""
+    """A source whose point may be 0.1 m nearer. A point behind the robot does not count."""
 
     def as_near_as_may_be(self, points):
         return points[points[:, 0] >= 0.0] - (0.1, 0.0)

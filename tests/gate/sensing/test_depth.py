@@ -225,7 +225,7 @@ def test_present_obstacles_are_not_seen_through():
 
 
 def test_a_thing_gone_below_stays_above():
-    """For example a chair's back: each height with a remembered point must be seen free."""
+    """The thing may be a chair's back: the camera must see each height with a remembered point free."""
     back, seat = ((1.5, -0.3, 0.3), (1.55, 0.3, 0.9)), ((1.5, -0.3, 0.3), (1.55, 0.3, 0.5))
     upper, middle = ((1.5, -0.3, 0.5), (1.55, 0.3, 0.9)), ((1.5, -0.3, 0.45), (1.55, 0.3, 0.75))
     found = obstacles([FLOOR, back, WALL], camera(-0.3))
@@ -329,7 +329,7 @@ def at_a_desk(aside_m=0.0):
         looker.pose = Pose(float(x), 0.0, 0.0)
         looker.stand(0.1)
     looker.to_base = camera(LOOK_AHEAD, pan=1.2)
-    looker.to_base[:2, 3] = 0.025 + 0.15 * math.cos(1.2), 0.15 * math.sin(1.2)  # it turns with the head
+    looker.to_base[:2, 3] = 0.025 + 0.15 * math.cos(1.2), 0.15 * math.sin(1.2)  # turned with the head
     looker.stand(0.3)
     looker.boxes = [FLOOR]
     looker.stand(0.3)
@@ -419,7 +419,7 @@ def test_the_robots_own_arm_is_no_obstacle():
 
 
 def test_points_in_a_moving_arms_reach_are_not_remembered():
-    """Once an undescribed hand, left in the picture by `wave`, held the robot for ever."""
+    """Once a hand that the description lacks stayed in the picture after `wave`: it held the robot for ever."""
     hand, shelf = ((0.55, -0.1, 0.7), (0.65, 0.1, 0.8)), ((1.3, -0.6, 0.2), (1.7, 0.6, 0.3))
     looker = Looker([FLOOR, hand, shelf], has_arm=True)
     looker.to_base = camera(-0.9)

@@ -1,4 +1,4 @@
-"""The delay of the robot's machine is measured by its acknowledged bytes at each reading."""
+"""The delay of the robot's computer is measured at each reading, by the bytes that it acknowledged."""
 
 import pytest
 
@@ -19,7 +19,7 @@ class Line:
         self.acknowledgements = []  # time, bytes in total
 
     def passes(self, seconds, writes=True):
-        """Return the result of each reading."""
+        """Let time pass; return the result of each reading."""
         shown = []
         for _ in range(round(seconds / PERIOD_S)):
             self.now_s += PERIOD_S

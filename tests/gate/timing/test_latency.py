@@ -26,7 +26,7 @@ ODOMETRY_S, COMMAND_S = 0.02, 0.05
 
 
 class Base:
-    """Obeys commands late, within its accelerations, seen through noisy odometry."""
+    """A base that obeys commands late, within its accelerations. Its odometry is noisy."""
 
     def __init__(
         self, delay_s: float, *, share: float = 1.0, noise: float = 0.004, deaf: bool = False
@@ -106,7 +106,7 @@ def test_a_late_robot_counts_from_its_first_measurement():
 def test_an_unanswered_command_makes_the_wait_the_latency():
     base = Base(0.60)
     base.drive(0.5, 0.0, 0.5)
-    # at 0.5 s, the first step is too small
+    # The wait counts from the second command, 0.06 s after the start: at the first, no odometry had arrived.
     assert base.latency.in_force_s(base.now_s) == pytest.approx(0.44, abs=0.06)
 
 
@@ -419,7 +419,7 @@ def test_the_gate_hears_of_messages_that_come_later_and_says_so(tiago, source):
 
 
 def answered(latency, *took_s, begin_s=50.0):
-    """Acknowledge one twist a period after these times; return the latency above the assumed one."""
+    """Acknowledge one twist each period, after these times; return the latency minus the assumed latency."""
     for number, one_s in enumerate(took_s):
         latency.acknowledged(one_s, begin_s + 0.05 * number)
     return latency.in_force_s(begin_s + 0.05 * len(took_s)) - ASSUMED_S
@@ -455,7 +455,7 @@ def test_the_gate_says_so_while_the_sensors_are_in_time(tiago):
 
 
 def test_a_base_that_brakes_by_itself_may_get_its_commands_late():
-    """Commands that suddenly come 0.4 s later leave a hole, in which the base's own dead-man brakes."""
+    """If commands suddenly come 0.4 s later, none comes for a time, and the base's own dead-man brakes."""
     base = Base(0.1)
     base.about()
     base.drive(0.5, 0.0, 2.0)

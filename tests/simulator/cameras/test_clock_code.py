@@ -1,4 +1,4 @@
-"""The time in a picture can be read again, also from a smaller or compressed one."""
+"""The time in a picture can be read again, also from a smaller or compressed picture."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def test_a_colour_picture_shows_a_coloured_thing_where_it_is(picture):
 
 
 def test_no_camera_sees_through_a_wall_before_the_robot(picture):
-    """In a world of many metres, 0.1 m from the hull, and at an angle: a corner of the picture is nearer still."""
+    """The world is many metres long. The wall is near the hull (0.1 m), at an angle: a corner is nearer."""
     beyond = Box(name="beyond", at=(3.0, 0.0), size=(0.1, 9.0, 2.4), colour="#d01010")
     wall = Box(name="wall", at=(0.43, 0.0), size=(0.1, 9.0, 2.4), colour="#10d010")
     far = Box(name="far", at=(12.0, 0.0), size=(0.1, 9.0, 2.4))

@@ -20,7 +20,7 @@ def test_a_robot_that_is_shifted_while_it_turns_at_its_goal_turns_on():
     assert is_there(PATH, shifted, was_there=True)
     turns = [twist(pose, math.pi, there=True) for pose in (at, shifted)]
     assert turns[0] == turns[1] and turns[0].vx == 0.0 and turns[0].w > 0.0
-    assert twist(shifted, math.pi, there=False).w < 0.0  # back to the goal: it would turn to and fro
+    assert twist(shifted, math.pi, there=False).w < 0.0  # back to the goal: it would turn back and forth
 
 
 def test_a_robot_that_was_pushed_away_drives_back():

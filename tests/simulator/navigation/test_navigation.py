@@ -1,4 +1,4 @@
-"""The simulated robot's map of its world, and its believed place on it."""
+"""The simulated robot's map of its world, and the robot's estimated place on the map."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ DT = 0.02
 
 
 def settle(controller: BaseController, twist: Twist, seconds: float = 3.0) -> Twist:
-    """The velocity after `seconds` of the same command, repeated like a console."""
+    """The velocity after `seconds` of the same command, which is repeated as the console does."""
     for tick in range(round(seconds / DT)):
         controller.command(twist, tick * DT)
         controller.step(tick * DT, DT)

@@ -69,7 +69,7 @@ def test_the_laser_sees_table_legs_but_no_top(robot_in):
 
 
 def test_pals_filter_blanks_a_square_about_the_base(robot_in):
-    # Both are within 30 cm of the laser; only the one next to it is also within 30 cm of the base's centre.
+    # Both boxes are within 30 cm of the laser; only the left box is in the square of +-30 cm about the base.
     things = [
         Box(name="left", at=(LASER_X, 0.26), size=(0.05, 0.05, 0.5)),
         Box(name="ahead", at=(0.45, 0.0), size=(0.05, 0.3, 0.5)),
@@ -130,7 +130,7 @@ def test_a_point_cloud_is_the_depth_picture_in_space(robot_in):
     points = camera.points(camera.image(reader, pose)).reshape(-1, 3)
     right, down, ahead = points[~np.isnan(points[:, 2])].T
     x, y, z = pose.origin[:, None] + pose.axes @ np.stack((ahead, -right, -down))
-    # It sees the wall ahead, the left wall and the floor: every point lies on one of them.
+    # The camera sees the wall ahead, the left wall and the floor: every point lies on one of them.
     apart = np.abs([x - 2.0, y - 2.0, z])
     assert np.quantile(apart.min(axis=0), 0.99) < 0.03
     assert (apart.min(axis=1) < 0.01).all()

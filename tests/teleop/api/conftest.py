@@ -28,7 +28,7 @@ class Caller:
         return answer
 
     def stream(self, method: str, path: str, body: Any = None, **headers: str) -> Any:
-        """Return an answer as it is."""
+        """Return the answer without reading its JSON."""
         named = {name.replace("_", "-"): value for name, value in headers.items()}
         raw = body if isinstance(body, bytes) else b"" if body is None else json.dumps(body).encode()
         return self._client.generic(

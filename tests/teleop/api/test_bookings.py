@@ -104,7 +104,7 @@ def test_an_answer_has_all_refusals_and_alternatives(robot, operator, second_ope
     assert taken.status_code == 409
     assert taken["Content-Type"] == "application/problem+json"
     assert (taken.data["code"], codes(taken)) == ("taken", ["taken", "too_short"])
-    assert taken.data["alternatives"] == []  # of a quarter of an hour there are none
+    assert taken.data["alternatives"] == []  # none of 15 min, which is too short
     free = program(second_operator)("POST", "/bookings", wish(robot, 1, 1)).data["alternatives"]
     assert free[0] == {"robot": "tiago-1", **times(2, 1)}
     assert Booking.objects.count() == 1
@@ -138,7 +138,7 @@ def test_own_and_others_bookings(robot, other_robot, operator, second_operator, 
     assert listed[str(theirs.pk)]["username"] is None
     assert listed[str(theirs.pk)]["may_change"] is False
     answer = api("DELETE", f"/bookings/{theirs.pk}", If_Match='"1"')
-    assert (answer.status_code, answer.data["code"]) == (403, "not_yours")  # it can be seen
+    assert (answer.status_code, answer.data["code"]) == (403, "not_yours")  # not 404: it is visible
     for unseen in (hidden.pk, uuid4()):
         for method, path in (("GET", ""), ("DELETE", ""), ("POST", "/approve"), ("POST", "/accept")):
             answer = api(method, f"/bookings/{unseen}{path}", If_Match='"1"')
@@ -152,7 +152,7 @@ def test_a_courses_supervisor_sees_and_changes_its_bookings(
     robot, course, supervisor, operator, stranger, program
 ):
     inside, outside = book(robot, stranger, 1), book(robot, operator, 3)
-    # A course's supervisor has this role on its robots, and manages only its people's bookings.
+    # A course's supervisor is supervisor of its robots, but manages only the bookings of its people.
     api = program(supervisor)
     found = api("GET", "/bookings?course=hri").data["bookings"]
     assert [(one["id"], one["course"], one["username"]) for one in found] == [
@@ -282,7 +282,7 @@ def test_a_query_that_does_not_fit_is_named(operator, program, query, says):
         ({"robot": ""}, "invalid", "robot"),
         ({"purpose": "x" * 121}, "invalid", "purpose"),
         ({"purpose": "a\0b"}, "invalid", "NUL"),
-        ({"person": "nobody"}, "not_for_others", "your own courses"),  # as of anybody
+        ({"person": "nobody"}, "not_for_others", "your own courses"),  # as for existing people
     ],
 )
 def test_a_body_that_does_not_fit_is_named(robot, operator, program, change, code, says):

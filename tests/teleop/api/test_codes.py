@@ -1,4 +1,4 @@
-"""Bad input at the door of the API: each code in docs/api.md is answered, and there is no other."""
+"""Refusals of the API: a request gets each code of the table in docs/api.md, and there are no other codes."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ pytestmark = pytest.mark.django_db(transaction=True)
 DOCS = Path(__file__).parents[3] / "docs" / "api.md"
 FAR = {"starts_at": "2300-01-01T00:00:00Z", "ends_at": "2300-01-01T01:00:00Z"}
 SLOT = {"starts_at": words(hour(1)), "ends_at": words(hour(2))}
-# Refusals of other parts that the door answers under its own name.
+# Codes of other parts of the console that are in the same table.
 OF_ACCOUNTS = {"token_invalid", "token_expired", "account_inactive", "second_factor_missing", "scope_missing"}
 OF_WEBHOOKS = {"paused"}
-# What only one operation answers is tested with that operation.
+# Codes of a single operation are tested with that operation.
 WITH_THEIR_OPERATIONS = {
     *("too_many", "more_than_own", "other_robots", "paused", "name_taken", "password_needed"),
     "bad_description",
@@ -48,14 +48,14 @@ OF_THE_LIBRARY = {"method_not_allowed", "not_acceptable", "unsupported_media_typ
 
 
 def documented() -> set[str]:
-    """The codes of the table in the docs."""
+    """Return the codes of the table in the docs."""
     table = DOCS.read_text().partition("The door has these:")[2]
     rows = [line.split("|") for line in table.splitlines() if re.match(r"\| \d", line)]
     return {code for row in rows for code in re.findall(r"`([a-z0-9_]+)`", row[2])}
 
 
 def built() -> Iterator[str]:
-    """The codes of refusals that the API builds."""
+    """Yield the codes of refusals that the API builds."""
     for path in Path(teleop.api.__path__[0]).rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             match node:
@@ -98,7 +98,7 @@ class Asker:
         return "" if answer.status_code < 400 else str(json.loads(answer.content)["code"])
 
     async def serve(self, socket: ServerConnection) -> None:
-        """Be the web process."""
+        """Answer as the web process does."""
         async for raw in socket:
             if socket.request is not None and "/topics/" in socket.request.path:
                 continue
@@ -122,7 +122,7 @@ Case = Callable[[Asker], Awaitable[str]]
 
 
 def sends(method: str, path: str, body: Any = None, **more: Any) -> Case:
-    """One request."""
+    """Return a case that sends one request."""
     return lambda ask: ask(method, path, body, **more)
 
 
@@ -163,7 +163,7 @@ async def key_reused(ask: Asker) -> str:
 
 
 async def claimed(ask: Asker, age_s: float) -> str:
-    """The answer to a key whose first request has none yet."""
+    """Repeat a key whose first request has no answer yet."""
     ask.patch.setattr(idempotency, "WAIT_S", 0.0)
     await ask("POST", "/bookings", {"robot": "tiago-1", **SLOT}, Idempotency_Key="k")
     began = timezone.now() - timedelta(seconds=age_s)
@@ -193,7 +193,7 @@ async def not_connected(ask: Asker) -> str:
 
 
 async def served(ask: Asker, *steps: Case) -> str:
-    """Ask one after the other, with a web process; return the last code."""
+    """Run the steps one after the other, with a web process; return the last code."""
     ask.patch.setenv(registry.SOCKET, str(ask.path))
     ask.patch.setattr(registry, "programs", registry.programs)
     code = ""
@@ -229,7 +229,7 @@ async def not_recorded(ask: Asker) -> str:
 
 
 async def cancelled(ask: Asker) -> str:
-    """A task that is overtaken by its own cancel; another one of its kind does not wait for it."""
+    """Cancel a task while it begins. A second task of its kind is refused at once."""
     newest = tasks.newest_record
 
     def is_overtaken() -> int:

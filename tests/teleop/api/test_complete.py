@@ -1,4 +1,4 @@
-"""Everything that a page can do, a program can do: each message of a page has its operation, and stands in the docs."""
+"""Programs can do all that pages can do: each message and form has an operation, which the docs list."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ OPERATIONS: dict[type, tuple[str, str]] = {
     wire.StopRobot: ("post", f"{ROBOT}/stop"),
     wire.ClearRobot: ("post", f"{ROBOT}/stop/clear"),
 }
-# The forms of pages, by the names of their addresses: an operation for each of their actions.
+# For each form of a page, by the name of its address: an operation for each action.
 BOOKING, COURSE, POLICY = "/bookings/{booking_id}", "/courses/{slug}", "/policies"
 FORMS: dict[str, tuple[tuple[str, str], ...]] = {
     "stop": (("post", f"{ROBOT}/stop"),),
@@ -145,8 +145,8 @@ FOR_PEOPLE: dict[str, str] = {
     "setup": "before there is an account",
     "setup-robot": "the first steps in a browser; `POST /registry` does the same",
 }
-SECOND_FACTOR = "mfa_"  # how the names of its pages begin: for people, too
-OTHER_DOORS = ("api/", "admin/")  # the API itself; the admin, whose people and log stay with people
+SECOND_FACTOR = "mfa_"  # prefix of the names of its pages, which are for people, too
+OTHER_DOORS = ("api/", "admin/")  # the API itself; the admin, whose accounts and log are for people
 OF_THE_CONNECTION = {
     *(wire.Hello, wire.Ack, wire.Ping, wire.Refresh, wire.Unsubscribe, wire.CameraView, wire.ShowJoints)
 }
@@ -175,7 +175,7 @@ def test_each_form_of_a_page_has_an_operation_or_a_reason(paths: Any, staff: Use
 
 
 def forms_of_pages(staff: User) -> set[str]:
-    """Return the names of the addresses of pages that do something with a POST; without a name, the address."""
+    """Return the names of pages that accept a POST; for a page without a name, its address."""
     found = set()
     addresses = list(_addresses(get_resolver()))
     named = {pattern.callback for pattern, _ in addresses if pattern.name}

@@ -1,4 +1,4 @@
-"""Courses by programs: those who manage them change their people, others find nothing."""
+"""Courses by programs: people who manage a course can change its people, others get "not found"."""
 
 from datetime import timedelta
 

@@ -1,4 +1,4 @@
-"""Maps and places by a program. Who may do what is in `test_matrix.py`."""
+"""Maps and places by a program. `test_matrix.py` has the permissions."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_wrong_lines_of_an_import_are_named(program: Program, staff: User, diges
 
 @pytest.fixture
 def sent(monkeypatch: pytest.MonkeyPatch) -> list[wire.Go]:
-    """What goes to the robot: there is none here."""
+    """The messages to the robot; this test has no robot."""
     orders: list[wire.Go] = []
 
     def start(_view: TasksBase, _robot: Robot, order: Callable[[int, int], wire.Go], _kind: str) -> None:

@@ -1,7 +1,7 @@
-"""Permissions at the API: role x scope x operation x (own, of one's course, another's), complete.
+"""All permissions of the API: role x scope x operation x (own, of the person's course, another's).
 
-Each operation of the schema has one row: the scopes of which a token needs one, its request, and how it ends for each
-person in three places. Everything else follows: nobody gets 401, a token without the scope 403, whatever the place.
+Each operation of the schema has one row: its scopes (a token needs one of them), its request, and its result
+for each person in three places. In every place, a request without sign-in gets 401, one without the scope 403.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ from tests.teleop.api.test_bookings import hour, words
 
 PLACES = ("own", "course", "other")
 PEOPLE = ("observer", "operator", "teacher", "supervisor", "staff")
-# The robot “own” is that of one's own role; “course” that of the course which the teacher supervises and in which the
-# operator is; “other” has nothing to do with them.
+# The robot "own": the person has a role on it; "course": the robot of the teacher's course, in which the
+# operator is; "other": neither.
 ROLES: dict[str, dict[str, Role]] = {
     "observer": {"own": Role.OBSERVER, "course": Role.OBSERVER},
     "operator": {"own": Role.OPERATOR, "course": Role.OPERATOR},
@@ -59,14 +59,14 @@ ROLES: dict[str, dict[str, Role]] = {
     "staff": dict.fromkeys(PLACES, Role.STAFF),
 }
 
-# --- how an operation ends --------------------------------------------------------------------------
+# --- results of operations --------------------------------------------------------------------------
 
-# For each place, by observer, operator, teacher, supervisor, staff.
+# For each place, the results for observer, operator, teacher, supervisor, staff.
 Ends = tuple[str, str, str]
 
 
 def seen(done: str) -> Ends:
-    """People who may see the robot get this; the others find nothing."""
+    """People who may see the robot get this result; the others get "not found"."""
     return (
         f"{done} {done} not_found {done} {done}",
         f"{done} {done} {done} not_found {done}",
@@ -75,7 +75,7 @@ def seen(done: str) -> Ends:
 
 
 def everywhere(*ends: str) -> Ends:
-    """The place makes no difference: one end for all, or one for each person."""
+    """Every place has the same results: one for all people, or one for each person."""
     line = " ".join(ends * 5 if len(ends) == 1 else ends)
     return (line, line, line)
 
@@ -86,7 +86,7 @@ def staff_only(done: str) -> Ends:
 
 
 def robot_managed(done: str) -> Ends:
-    """A supervisor of the robot itself, or staff: the supervisor of a course has it with other courses."""
+    """A supervisor of the robot itself, or staff; no supervisor of a course: other courses share the robot."""
     return (
         f"permission_denied permission_denied not_found {done} {done}",
         f"permission_denied permission_denied permission_denied not_found {done}",
@@ -111,29 +111,29 @@ MANAGED_COURSE = (
 
 
 def managed(done: str) -> Ends:
-    """The teacher's course, or any by staff."""
+    """The teacher manages their own course, staff every course."""
     return tuple(line.format(done) for line in MANAGED_COURSE)  # type: ignore[return-value]
 
 
-# What a person did with a robot that they may not see now stays theirs to read.
+# People can read their own records, also of a robot that they may no longer see.
 OWN_STAY = (everywhere("200")[0], *seen("200")[1:])
 
 
 @dataclass(frozen=True)
 class Row:
-    """An operation: scopes, request, ends. `{...}` in the path is replaced by the object of person and place."""
+    """An operation: scopes, request, results. The object of person and place replaces `{...}` in the path."""
 
     scopes: tuple[Scope, ...]
     path: str
     ends: Ends
     body: Any = None
-    version: bool = False  # it needs If-Match: that of a new booking, and of nothing else
-    also: tuple[Scope, ...] = ()  # scopes that a token needs, too, whose person may do it
+    version: bool = False  # it needs If-Match; the test sends the version of a new booking
+    also: tuple[Scope, ...] = ()  # scopes that the token of a person with the right also needs
 
 
 READ, DRIVE, SPEAK, MOTIONS, TOPICS, BOOK, MANAGE = ((scope,) for scope in Scope)
-# Control and what needs it are decided by the web process, which is away here: the door lets through whoever
-# sees the robot. `tests/script/programs/test_programs.py` has the rest.
+# The web process decides about control and all that needs control, but does not run here: the API only checks
+# that the person may see the robot. `tests/script/programs/test_programs.py` has the rest.
 NO_LEASE, NO_PROGRAMS = seen("no_lease"), seen("no_programs")
 DAY = {"starts_at": words(hour(24)), "ends_at": words(hour(25))}
 SLOT = {"starts_at": words(hour(48)), "ends_at": words(hour(49))}
@@ -287,7 +287,7 @@ TABLE: dict[str, Row] = {
         "/bookings/{offered}/accept",
         (
             "200 200 not_found 200 200",
-            "offer_over offer_over offer_over not_found offer_over",  # an offer to somebody else
+            "offer_over offer_over offer_over not_found offer_over",  # an offer to another person
             "not_found not_found not_found not_found offer_over",
         ),
     ),
@@ -311,7 +311,7 @@ TABLE: dict[str, Row] = {
             everywhere("not_found")[0],
         ),
     ),
-    # courses: the teacher's, and one of somebody else
+    # courses: the teacher's, and another person's
     "courses_list": Row(MANAGE, "/courses", everywhere("200")),
     "courses_read": Row(MANAGE, "/courses/{course}", managed("200")),
     "members_list": Row(MANAGE, "/courses/{course}/members", managed("200")),
@@ -414,7 +414,7 @@ TABLE: dict[str, Row] = {
         ),
         {"robot": "{robot}", "weeks": 2, "purpose": "Lab course", **SLOT},
     ),
-    # set-up of courses: the teacher's, and one of somebody else
+    # set-up of courses: the teacher's, and another person's
     "courses_make": Row(
         MANAGE, "/courses", staff_only("201"), {"name": "New", "robots": ["{robot}"], **TERM}
     ),
@@ -521,7 +521,7 @@ class Lab:
         self.objects = {(who, place): self._objects(who, place) for who in PEOPLE for place in PLACES}
 
     def _demand_induction(self) -> None:
-        """All robots demand it, and all people have it."""
+        """All robots demand the safety induction, and all people have it."""
         induction = Qualification.objects.create(name="Safety induction", slug="induction")
         induction.robots.set(self.robots.values())
         qualification_grant(
@@ -542,7 +542,7 @@ class Lab:
         return course
 
     def _objects(self, who: str, place: str) -> dict[str, str]:
-        """Return the objects that stand in the place of `{...}`."""
+        """Return the objects that replace `{...}`."""
         owner = self.people[{"own": who, "course": "student", "other": "stranger"}[place]]
         robot, course = self.robots[place], self.courses[place] if place != "own" else None
         self._number += 1
@@ -609,7 +609,7 @@ class Lab:
 
 
 def sign_ins(person: User) -> Iterator[tuple[str, tuple[Scope, ...], Caller]]:
-    """Yield the ways in which a person signs in: their name, what they open, and the caller."""
+    """Yield each way to sign in: its name, its scopes, and the caller."""
     for name, scopes in [*((scope.value, (scope,)) for scope in Scope), ("all", tuple(Scope)), ("none", ())]:
         _, text = token_make(
             user=person, name=name, scopes=scopes, expires_at=timezone.now() + timedelta(days=1), actor=person
@@ -625,14 +625,14 @@ def sign_ins(person: User) -> Iterator[tuple[str, tuple[Scope, ...], Caller]]:
 
 @contextmanager
 def undone() -> Iterator[None]:
-    """Undo what happens in the database."""
+    """Roll back all changes of the database."""
     with transaction.atomic():
         yield
         transaction.set_rollback(True)
 
 
 def filled(value: Any, objects: dict[str, str]) -> Any:
-    """Put objects in the place of `{...}`."""
+    """Replace `{...}` by objects."""
     if isinstance(value, dict):
         return {name: filled(one, objects) for name, one in value.items()}
     if isinstance(value, list):
@@ -650,12 +650,12 @@ def operations() -> dict[str, tuple[str, str]]:
 
 
 def stopped(robots: Sequence[Robot], **_press: Any) -> emergency_stop.Outcomes:
-    """Stand in for robots that stop at once: there are none here, and each press would wait for one."""
+    """Return that all robots stopped. This test has no robots, and each press would wait for one."""
     return {robot: StopState("stopped") for robot in robots}
 
 
 class Door:
-    """Asks for operations."""
+    """Calls operations."""
 
     def __init__(self, methods: dict[str, tuple[str, str]]) -> None:
         self._methods = methods
@@ -714,7 +714,7 @@ def test_role_scope_operation_and_place_decide(who: str, lab: Lab, monkeypatch: 
     for turn, (how, scopes, caller) in enumerate(sign_ins(person)):
         for step, (name, row) in enumerate(TABLE.items()):
             opens = how == "browser" or not row.scopes or any(scope in scopes for scope in row.scopes)
-            # All places with all scopes; with the others the places take turns, so that the test stays short.
+            # All places only with all scopes; otherwise one place in turn, so that the test stays short.
             for place in PLACES if how == "all" else [PLACES[(number + turn + step) % len(PLACES)]]:
                 expected = row.ends[PLACES.index(place)].split()[number] if opens else "scope_missing"
                 if expected.isdigit() and how != "browser" and not set(row.also) <= set(scopes):

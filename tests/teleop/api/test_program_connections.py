@@ -1,4 +1,4 @@
-"""A program's connection to a robot's control, before a server that says what the test wants, and when."""
+"""A program's connection to a robot's control, with a server whose answers the test decides."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def sign_in() -> ProgramSignIn:
 
 
 def usual(message: object) -> Iterator[object]:
-    """Answer as the console does when nothing else happens."""
+    """Answer as the console usually does."""
     match message:
         case wire.Hello():
             yield FREE
@@ -42,7 +42,7 @@ def usual(message: object) -> Iterator[object]:
 
 @asynccontextmanager
 async def served(path: Path, answers: Answers = usual) -> AsyncIterator[list[object]]:
-    """Serve at `path`; yields the list of what was heard."""
+    """Serve at `path`; yield the list of received messages."""
     heard: list[object] = []
 
     async def serve(socket: ServerConnection) -> None:
@@ -67,7 +67,7 @@ async def opened(path: Path) -> ProgramConnection:
 async def test_the_answer_to_a_take_is_not_the_change_of_somebody_else(tmp_path: Path) -> None:
     def busy(message: object) -> Iterator[object]:
         if isinstance(message, wire.Take):
-            yield OTHER  # somebody else had it just before
+            yield OTHER  # another person took control just before
             yield FREE
         yield from usual(message)
 
@@ -108,7 +108,7 @@ async def test_a_message_that_does_not_fit_ends_no_control(tmp_path: Path) -> No
 
 
 async def test_a_new_velocity_takes_the_place_of_the_old(tmp_path: Path) -> None:
-    """One that waits for the other would be driven when it is old."""
+    """A velocity that waited for the one before would be old when it drives the robot."""
     async with served(tmp_path / "s") as heard:
         program = await opened(tmp_path / "s")
         await program.change(wire.Take())

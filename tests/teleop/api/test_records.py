@@ -1,4 +1,4 @@
-"""Control sessions and the log by programs: staff read all, others what is theirs."""
+"""Control sessions and the log by programs: staff read all, other people only their own."""
 
 import json
 from datetime import timedelta

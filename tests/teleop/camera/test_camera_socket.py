@@ -1,4 +1,4 @@
-"""The cameras' WebSocket: who may watch, which pictures a viewer gets, and what is on record."""
+"""The cameras' WebSocket: permissions, the pictures that a viewer gets, and records."""
 
 import asyncio
 import time
@@ -21,12 +21,12 @@ from tests.teleop.support import Page, eventually
 pytestmark = pytest.mark.django_db(transaction=True)
 
 CAMERA = "head"
-LONGEST_S = 3.0  # the console looks twice a second; a busy computer is late
+LONGEST_S = 3.0  # the console checks twice a second; a busy computer needs longer
 HEADER = TakenPicture(CAMERA, "full", 1, "jpeg", 640, 480, age_s=0.04)
 
 
 class CameraProcess:
-    """The robot's camera process, with the pictures in hand."""
+    """The robot's camera process, whose pictures the test makes."""
 
     def __init__(self, robot):
         self.wants = {}
@@ -35,7 +35,7 @@ class CameraProcess:
         self._changed = asyncio.Event()
 
     async def start(self, bridge):
-        """Listen, and let the bridge tell where."""
+        """Listen, and let the bridge send the address."""
         self.at = await self._server.start()
         bridge.say(self.at)
         return self
@@ -84,7 +84,7 @@ async def open_cameras(robot, browsers, websocket_headers, bridge):
 
 @pytest.fixture
 async def watching(open_cameras, bridge, process):
-    """`await watching("observer")`: a connection that watches, and whose first picture may come."""
+    """`await watching("observer")`: a connection that is ready for its first picture."""
 
     async def watch(who, **fields):
         page = await open_cameras(who)

@@ -8,13 +8,13 @@ from teleop.camera.quality import FULL_AGAIN_S, LEAST_HZ, Quality
 
 
 class Viewing:
-    """A viewer of a camera of 15 Hz, with the clock in hand."""
+    """A viewer of a camera of 15 Hz, whose clock the test sets."""
 
     def __init__(self, *, video=True, size="full", rate_hz=30.0):
         self.now_s = 0.0
         self.quality = Quality(size, video, rate_hz, self.now_s)
         self.changes = []
-        self._owed = 0.0  # share of a picture, from one `watch` to the next
+        self._owed = 0.0  # part of a picture that is left for the next step
         self.delay_s = 0.05  # from sending a picture to its acknowledgement
 
     def watch(self, seconds, shown_hz):

@@ -38,7 +38,7 @@ THREADS = 8
 
 
 class Lab:
-    """Two robots, six students of a course, and what they may do next."""
+    """Two robots, six students of a course, and the changes that can happen next."""
 
     def __init__(self, profile: RobotProfile) -> None:
         self.robots = [
@@ -54,7 +54,7 @@ class Lab:
         enrol(course=self.course, people=self.people, actor=self.staff)
 
     def steps(self, chance: random.Random) -> list[Callable[[], object]]:
-        """Return what may happen next on a robot, to a person."""
+        """Return the changes that can happen next, of a random robot and a random person."""
         robot, person, now = chance.choice(self.robots), chance.choice(self.people), timezone.now()
         starts = now + timedelta(minutes=chance.choice([0, 15, 30]))
         slot = Slot(starts, starts + timedelta(minutes=15))

@@ -86,7 +86,7 @@ def test_control_ends_when_an_out_of_service_period_begins(robot, operator, supe
     assert taken.term_ends_at == at(10)
     services.lease_expire(robot_id=robot.id, now=at(10))
     assert end_notes([taken.session])[taken.session] == "The robot is out of service now (repair)."
-    assert take(robot, supervisor, at(11)).term_ends_at == at(26)  # who repairs it drives on
+    assert take(robot, supervisor, at(11)).term_ends_at == at(26)  # a supervisor may drive it for the repair
 
 
 def test_keeping_control_lengthens_ones_slot(robot, operator, second_operator):
@@ -143,7 +143,7 @@ def test_an_out_of_service_period_stops_all_but_supervisors(robot, operator, sup
 
 
 def read_as_the_hub_does(robot, person, now, role=Role.OPERATOR):
-    """Read the status of control for the holder's page, and fit the lease as the hub does."""
+    """Read the status of control for the holder's page, and fit the lease to the slot as the hub does."""
     lease = lease_of(robot.id)
     schedule = schedule_for(person.id, schedule_of(robot, now), lease, now)
     rights = Rights(True, role, permit_for(Subject(person, robot, role, schedule, now)))
@@ -178,9 +178,9 @@ def test_a_slot_booked_for_now_warns_the_driver_5_minutes(robot, operator, secon
     book(robot, second_operator, begins, now=at(1))
     read_as_the_hub_does(robot, operator, at(begins))
     assert lease_of(robot.id).term_ends_at == at(6)
-    Lease.objects.update(seen_at=at(6))  # the page is there all the time
+    Lease.objects.update(seen_at=at(6))  # the page is seen all the time
     me = {"robot_id": robot.id, "user_id": operator.id, "tab": tab(operator), "now": at(4)}
-    services.lease_renew(**me)  # nothing is won by that
+    services.lease_renew(**me)  # does not extend the term
     services.lease_resume(**me)
     assert lease_of(robot.id).term_ends_at == at(6)
     Lease.objects.update(seen_at=at(6))
@@ -201,7 +201,7 @@ def test_of_a_short_slot_booked_for_now_its_owner_gets_half(robot, operator, sec
 def test_grace_time_of_a_slot_booked_for_now_covers_the_warning(robot, operator, second_operator):
     Policy.objects.create(robot=robot, grace_min=5)
     take(robot, operator)
-    book(robot, second_operator, 1, now=at(1.5))  # free again at 6, if it is not used
+    book(robot, second_operator, 1, now=at(1.5))  # lapses at 6 if it is not used
     read_as_the_hub_does(robot, operator, at(1.5))
     assert lease_of(robot.id).term_ends_at == at(3.75)
     assert take(robot, second_operator, at(3.75)).term_ends_at == at(61)

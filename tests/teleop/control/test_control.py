@@ -440,13 +440,13 @@ async def test_a_slot_booked_for_now_ends_control_after_a_warning(open_page, bri
     fence = (await page.take())["fence"]
     await in_database(_book_now, robot, operator)
     while not (control := await page.hears("control", state="yours"))["next_booked"]:
-        pass  # its page counts down to the slot as to one that was booked long ago
+        pass  # the page counts down to the slot, as to every slot
     assert 290.0 < control["next_booked"]["seconds"] <= 300.0
     assert control["booked"] is None
     await in_database(_five_minutes_pass)
     begun_s = time.monotonic()
     assert (await bridge.hears(wire.Revoke)).fence == fence
-    assert time.monotonic() - begun_s < 2.0  # and its cause: within the next read
+    assert time.monotonic() - begun_s < 2.0  # at the next read of the database
     await page.hears("notice", code="slot")
     owner = await open_page("operator")
     assert (await owner.take())["fence"] == fence + 1
@@ -492,7 +492,7 @@ def _book_now(robot, person):
 
 
 def _short_term():
-    """Return the seconds left of control, if they are no longer those of a slot of an hour."""
+    """Return the seconds of control that are left; None while the slot of an hour still counts."""
     left_s = (Lease.objects.get().term_ends_at - timezone.now()).total_seconds()
     return left_s if left_s < 3000.0 else None
 
@@ -682,13 +682,13 @@ def short_grace(monkeypatch):
 async def test_holder_with_a_cut_network_loses_control(open_page, bridge, short_grace):
     holder, watching = await open_page("operator"), await open_page("second")
     await holder.say("take")
-    await watching.hears("control", state="away")  # on a busy computer sooner than the holder was seen
+    await watching.hears("control", state="away")  # a busy computer may not report "other" before
     await watching.hears("control", state="free")
     await bridge.hears(wire.Revoke)
 
 
 async def test_holder_that_only_pings_keeps_control(open_page, bridge, short_grace, monkeypatch):
-    monkeypatch.setattr(lease_checks, "LOST_AFTER_S", 1.5)  # a busy machine may keep a ping for a second
+    monkeypatch.setattr(lease_checks, "LOST_AFTER_S", 1.5)  # a busy computer may delay a ping by a second
     monkeypatch.setattr(lease_checks, "GRACE_S", 3.0)
     holder, watching = await open_page("operator"), await open_page("second")
     await holder.say("take")

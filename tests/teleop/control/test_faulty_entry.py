@@ -1,4 +1,4 @@
-"""A robot's entry that contradicts its changed profile: the robot cannot be driven, its pages say why, others work."""
+"""A robot whose entry contradicts its changed profile cannot be driven; its pages show why; other robots work."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""One line for control: who waits, in which order, an offer of 30 s to the next."""
+"""One line for control: the people who wait, their order, and an offer of 30 s to the next."""
 
 from datetime import datetime, timedelta, timezone
 
@@ -74,7 +74,7 @@ def test_the_first_in_line_gets_30_s_and_nobody_else(
         refusal = refused(take, robot, person, at(10))
         assert (refusal.code, refusal.figures["seconds"]) == ("next_in_line", 23.0)
         assert second_operator.display_name in refusal.text
-        assert ("Ask for control" in refusal.text) == (person == operator)  # the third one waits already
+        assert ("Ask for control" in refusal.text) == (person == operator)  # the third person already waits
     assert take(robot, second_operator, at(32.9)).user == second_operator.id
     assert [one.user for one in line_of(robot.id, at(10))] == [third.id]
     offer = Record.objects.get(kind="control.offer")
@@ -154,7 +154,7 @@ def test_a_clock_that_was_set_back_lengthens_no_offer(
     robot, operator, second_operator, third, free_with_a_line
 ):
     earlier = at(-3600)
-    assert line_of(robot.id, earlier) == []  # until their pages are seen again
+    assert line_of(robot.id, earlier) == []  # nobody, until their pages are seen again
     Waiting.objects.update(seen_at=earlier)
     line.line_tidy(now=earlier)
     assert [one.user for one in line_of(robot.id, earlier)] == [third.id]

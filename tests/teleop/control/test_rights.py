@@ -1,4 +1,4 @@
-"""Rights are checked regularly: a person who loses them loses control within a second."""
+"""Rights are checked regularly: a person who loses the right to drive loses control within a second."""
 
 import asyncio
 import time
@@ -21,11 +21,11 @@ from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
-LONGEST_S = 3.0  # the console looks twice a second; a busy computer is late
+LONGEST_S = 3.0  # the console checks twice a second; a busy computer needs longer
 
 
 async def revoked_in_time(bridge, take_away):
-    """Take the right away; control is revoked at the bridge within a second."""
+    """Take the right away; check that control is revoked at the bridge within `LONGEST_S`."""
     begun_s = time.monotonic()
     await in_database(take_away)
     await bridge.hears(wire.Revoke)
@@ -257,7 +257,7 @@ async def test_lasting_fault_of_renewal_is_logged_once(holder, bridge, monkeypat
 
 
 async def test_read_of_others_rights_confirms_no_control(holder, open_page, bridge, monkeypatch):
-    """The hub reads each newcomer's rights; that does not confirm the holder's."""
+    """The hub reads each newcomer's rights; this read does not confirm the holder's rights."""
     monkeypatch.setattr(grant_renewal, "CONFIRMED_S", 0.6)
     [hub] = robot_hub._hubs.values()
     holder = next(iter(hub.members.values()))
@@ -278,5 +278,5 @@ async def test_read_of_others_rights_confirms_no_control(holder, open_page, brid
     try:
         await is_not_renewed(bridge)
     finally:
-        enough.set()  # a communicator would swallow its being cancelled
+        enough.set()  # a test communicator ignores that its task is cancelled
         await coming

@@ -17,7 +17,7 @@ from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
-LONGEST_S = 3.0  # the console looks twice a second; a busy computer is late
+LONGEST_S = 3.0  # the console checks twice a second; a busy computer needs longer
 
 
 @pytest.fixture
@@ -82,7 +82,7 @@ async def test_a_right_that_ends_mid_slot_ends_control(
 
 @pytest.fixture
 def clock(monkeypatch):
-    """`clock(hours)`: the computer's clock is ahead by so much."""
+    """`clock(hours)`: set the computer's clock this much ahead."""
     right = timezone.now
 
     def jump(hours):
@@ -103,7 +103,7 @@ async def test_a_clock_beyond_the_slot_ends_control_until_it_is_right(
     assert time.monotonic() - begun_s < LONGEST_S
     await page.hears("control", state="free")
     clock(0)
-    await page.take()  # the slot is still theirs
+    await page.take()  # the slot still belongs to the operator
     assert await eventually(Booking.objects.filter(pk=booking.pk, state=State.BOOKED).first)
 
 

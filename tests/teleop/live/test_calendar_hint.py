@@ -1,4 +1,4 @@
-"""The calendar hears of changes, whichever process made them."""
+"""The calendar is notified of changes that any process made."""
 
 import pytest
 import pytest_asyncio
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 @pytest_asyncio.fixture
 async def calendar(browsers, websocket_headers):
     page = await Page(websocket_headers(browsers["observer"]), "/ws/bookings/").open()
-    for _ in range(2):  # as it opens, and as the console begins to look
+    for _ in range(2):  # when it opens, and when the console begins to check
         await page.hears("bookings_changed")
     yield page
     await page.close()

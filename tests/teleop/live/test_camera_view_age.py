@@ -1,4 +1,4 @@
-"""A page reports the age of the picture by which its person drives; the bridge is told of each step at once."""
+"""A page reports the age of the picture by which its person drives; each step goes to the bridge at once."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from teleop.live.camera_view_age import CameraViewAge
 
 @pytest.fixture
 def now(monkeypatch):
-    """The clock, in hand."""
+    """The clock, which the test sets."""
     clock = {"s": 100.0}
     monkeypatch.setattr(camera_view_age.time, "monotonic", lambda: clock["s"])
     return clock

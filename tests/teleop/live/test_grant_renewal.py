@@ -13,14 +13,14 @@ from tests.teleop.support import TIMEOUT_S
 
 
 class Link:
-    """A bridge that answers a grant when the test says so."""
+    """A bridge that answers a grant when the test lets it."""
 
     def __init__(self):
         self.grants = asyncio.Queue()
         self.answers = asyncio.Semaphore(0)
 
     def send(self, message):
-        """Take a message without answer."""
+        """Accept a message without an answer."""
 
     async def grant(self, grant):
         self.grants.put_nowait(grant)
@@ -32,7 +32,7 @@ async def test_a_change_during_a_renewal_is_sent_right_after_it(monkeypatch):
     link, camera_s = Link(), [0.1]
 
     async def nothing(*_):
-        """Hear an answer."""
+        """Ignore an answer."""
 
     renewer = GrantRenewer(
         SimpleNamespace(link=link, confirmed_s=float("inf"), robot_id=uuid4()),

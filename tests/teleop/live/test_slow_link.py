@@ -1,4 +1,4 @@
-"""A link that slows down while the joystick is held still: each command arrives later, and the console notices."""
+"""The link slows down while the stick is held still: each command arrives later, and the console notices."""
 
 import asyncio
 from types import SimpleNamespace
@@ -17,7 +17,7 @@ TICK_S = 0.05
 
 
 class HeldStick:
-    """A page whose commands take `slower` seconds more each second; the sensors are in time."""
+    """A page whose commands take `slower` seconds longer each second; the sensor data are in time."""
 
     def __init__(self, bench, slower):
         self.bench, self.slower = bench, slower
@@ -70,7 +70,8 @@ def test_command_moves_the_robot_no_longer_than_it_lives(driven, slower):
 def test_late_answers_of_a_page_reach_the_gate_with_the_grant(driven, monkeypatch):
     """The page acknowledges views on the connection of its commands, so a delay affects both.
 
-    This also detects a change too slow for a command's age, which is measured from the best of the last minute.
+    This also detects a delay that grows too slowly for the check of a command's age: the age is measured from
+    the best delay of the last minute.
     """
     now = SimpleNamespace(s=0.0)
     monkeypatch.setattr(view_feed, "time", SimpleNamespace(monotonic=lambda: now.s))
@@ -91,7 +92,7 @@ def test_late_answers_of_a_page_reach_the_gate_with_the_grant(driven, monkeypatc
 
 
 def test_link_delay_is_measured_while_the_stick_is_still(driven):
-    """Only commands are late: no sensor shows it, but the acknowledgements of the twists do."""
+    """Only commands are late. No sensor shows this, but the acknowledgements of the twists do."""
 
     def latency_after(echo_s):
         driven.base.echo_s = echo_s

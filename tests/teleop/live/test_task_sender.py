@@ -212,7 +212,7 @@ async def test_other_people_do_not_cancel_without_control(kind, who, holder, ope
         ("publish", {"topic": "/notes", "type": "std_msgs/Bool"}, "not_allowed"),
         ("publish", {"topic": "/diary", "type": "std_msgs/String"}, "not_allowed"),
         ("choose", {"use": "drive", "topic": "/tts"}, "not_allowed"),
-        ("publish", {"topic": "/other", "type": "geometry_msgs/Twist"}, None),  # the bridge refuses it
+        ("publish", {"topic": "/other", "type": "geometry_msgs/Twist"}, None),  # refused by real bridges
         ("publish", {"topic": "/lights", "type": "std_msgs/Bool"}, "role_too_low"),
         ("publish", {"topic": "/key_vel", "type": "geometry_msgs/Twist"}, None),
     ],
@@ -318,7 +318,7 @@ async def test_viewer_refreshes_the_offers_at_a_limited_rate(open_page, bridge, 
     assert len(bridge.all(wire.Refresh)) == 1
     bridge.say(wire.Offers(languages=["es"]))
     await page.hears("offers")
-    await page.say("refresh", seq=6)  # too soon: the last offers are sent
+    await page.say("refresh", seq=6)  # too soon: the page gets the last offers
     assert (await page.hears("offers"))["languages"] == ["es"]
 
 

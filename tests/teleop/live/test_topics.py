@@ -18,7 +18,7 @@ from tests.teleop.support import Page, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
-LONGEST_S = 3.0  # the console looks twice a second; a busy computer is late
+LONGEST_S = 3.0  # the console checks twice a second; a busy computer needs longer
 ALLOWED = (
     Allowed(
         "call", "/clear_costmaps", "std_srvs/Empty", "", "operator"

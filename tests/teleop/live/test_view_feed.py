@@ -98,7 +98,7 @@ async def test_many_viewers_take_turns_but_the_driver_gets_all():
     assert len(sent[0]) == 100
     assert all(33 <= len(sent[name]) <= 35 for name in range(1, len(crowd)))
     newest = Counter(sent[name][-1] for name in range(1, len(crowd)))
-    assert max(newest.values()) <= FULL_RATE_VIEWERS + 1  # not all at once
+    assert max(newest.values()) <= FULL_RATE_VIEWERS + 1  # not all get the same views
 
 
 async def test_viewer_that_fails_to_send_affects_no_other():

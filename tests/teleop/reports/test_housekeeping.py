@@ -66,7 +66,7 @@ def test_a_page_that_died_loses_its_place_in_line(robot, held, second_operator):
 
 
 def test_daily_work_runs_again_when_the_clock_was_set(monkeypatch):
-    """Else a computer that starts with a wrong clock and runs for hours would never do it by the right clock."""
+    """A computer that started with a wrong clock must do the work again by the right clock."""
     begun = []
     monkeypatch.setattr(run_housekeeping, "daily_steps", lambda: iter(begun.append(time.time()) or ()))
     daily = run_housekeeping.DailyWork()
@@ -106,7 +106,7 @@ def test_a_hanging_mail_server_delays_no_end_and_loses_nothing(robot, held, seco
     notification = Notification.objects.create(
         person=second_operator, subject="Slot", text="", made_at=timezone.now()
     )
-    with socket.create_server(("127.0.0.1", 0)) as server:  # it accepts and says nothing
+    with socket.create_server(("127.0.0.1", 0)) as server:  # accepts connections, sends nothing
         environment = os.environ | {
             "DJANGO_SETTINGS_MODULE": "fleet.settings",
             "FLEET_DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}",

@@ -65,7 +65,7 @@ def put(session, robot, operator):
 def drive(put):
     """`drive(map_to_odom=None)` records a drive of 4 m in 8 s along `PATH` with one gate intervention.
 
-    `as_once`: in the format until November 2026, with the figures next to the path.
+    `as_once`: in the format used until November 2026, with the figures next to the path.
     """
 
     def drive_once(map_to_odom=None, as_once=False):
@@ -99,7 +99,7 @@ def said(put):
 # --- access ---------------------------------------------------------------------------------------
 
 PEOPLE = {
-    #                    session, report of the robot
+    #       status of: session, report of the robot
     "anonymous": (401, 401),
     "stranger": (404, 404),
     "observer": (404, 404),

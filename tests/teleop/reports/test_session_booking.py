@@ -1,4 +1,4 @@
-"""Booking, line and control session are one life: each page leads to the others."""
+"""The pages of booking, line and control session link to each other."""
 
 from datetime import timedelta
 

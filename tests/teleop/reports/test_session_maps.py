@@ -232,7 +232,7 @@ def test_one_map_per_session_is_kept_of_a_mapping_robot(control, seen, other_rob
     for minute in (1, 6, 31, 36, 41):
         seen(NOON + minute * MINUTE, str(minute))
     list(session_maps.remove_unneeded(NOON + 3 * 60 * MINUTE))
-    assert len(kept()) == 6  # only maps of today
+    assert len(kept()) == 6  # all maps are of today
     list(session_maps.remove_unneeded(NOON + 2 * DAY))
     assert kept() == ["6", "36"]
 

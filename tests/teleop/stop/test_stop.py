@@ -35,7 +35,7 @@ def records(kind):
 
 
 def recorded(kind, count):
-    """Wait for so many records of a kind: a stop is reported first and recorded in the background."""
+    """Wait for `count` records of a kind: a stop is reported first, then recorded in the background."""
     return eventually(lambda: found if len(found := rows(kind)) >= count else None)
 
 
@@ -102,7 +102,7 @@ async def test_stop_is_accepted_during_a_flood(open_page, bridge):
 
 
 def recorded_presses(count):
-    """Return (times, outcome) of each record once so many presses are recorded."""
+    """Return (times, outcome) of each record as soon as `count` presses are recorded."""
 
     def presses():
         found = rows("stop.press")
@@ -138,7 +138,7 @@ async def test_stop_after_a_clear_is_no_repeat(open_page, bridge, robot, monkeyp
     for number in (1, 2):
         await page.say("stop")
         assert await recorded_presses(number) == [(1, "stopping")] * number
-        await page.say("stop")  # no repeat: the robot's state is still the earlier one, then it is stopped
+        await page.say("stop")  # a repeat, although the robot's state is older and still clear
         await bridge.hears(wire.LinkStop, count=2 * number)
         bridge.tells_stop("stopped")
         await eventually(lambda: link.state.stop.state == "stopped")
@@ -176,12 +176,12 @@ async def test_stops_are_never_refused_for_their_number(open_page, bridge):
     for _ in range(int(FLOOD_BURST) + FLOOD_CLOSES_AFTER + 500):
         await page.say("stop")
     await page.say("ping", sent_ms=1)
-    message = await page.hears("refused")  # the stops counted for the flood limit
+    message = await page.hears("refused")  # the stops count towards the flood limit
     assert (message["of"], message["refusal"]["code"]) == ("ping", "flood")
 
 
 class SilentLink:
-    """A link whose bridge answers a stop only when the test says so."""
+    """A link whose bridge answers a stop only when the test lets it."""
 
     state = None
 
@@ -244,7 +244,7 @@ async def test_result_is_reported_before_the_database_answers(open_page, bridge,
     try:
         await page.say("stop")
         await page.refused("pending")
-        await page.say("stop")  # and may press again
+        await page.say("stop")  # the person may press again
         await page.refused("pending")
     finally:
         answered.set()

@@ -43,7 +43,7 @@ FORMS = {
 
 
 def browser_of(person):
-    """A browser whose requests get the CSRF check, and its token."""
+    """Return a browser whose requests get the CSRF check, and its CSRF token."""
     browser = Client(enforce_csrf_checks=True)
     browser.force_login(person)
     browser.get("/accounts/sign-in/")

@@ -20,7 +20,7 @@ Heard = tuple[str, dict[str, str], bytes]  # path, headers, body
 
 
 class Receiver(ThreadingHTTPServer):
-    """Answers with the next status of `answers`, else 200; `acts` is done instead of an answer."""
+    """Answers with the next status of `answers`, else 200; if `acts` is set, it runs instead."""
 
     daemon_threads = True
 
@@ -59,13 +59,13 @@ def receiver() -> Iterator[Receiver]:
 
 @pytest.fixture
 def allowed(settings: Any) -> None:
-    """This computer's addresses are allow-listed."""
+    """Allow-list this computer's addresses."""
     settings.FLEET_WEBHOOK_ALLOW = WebhookAllow((ip_network("127.0.0.0/8"),))
 
 
 @pytest.fixture
 def make(staff: Any, allowed: None) -> Callable[..., Webhook]:
-    """`make(address)`: a webhook for everything."""
+    """`make(address)`: a webhook for all kinds of events."""
 
     def made(address: str, name: str = "ci", **options: Any) -> Webhook:
         webhook, made.secret = services.webhook_make(

@@ -251,7 +251,7 @@ def test_the_other_family_is_tried(make, robot, receiver, names, settings):
 
 @pytest.fixture
 def certificate(tmp_path):
-    """A certificate of ci.lab.example that signs itself."""
+    """A self-signed certificate of ci.lab.example."""
     key = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "ci.lab.example")])
     now = dt.datetime.now(dt.timezone.utc)
@@ -299,7 +299,7 @@ def test_a_claimed_delivery_is_left_alone_until_the_claim_lapses(make, robot, re
     webhook = make(receiver.address)
     [one] = news(webhook, robot)
     claimed = delivery._claim_next(webhook.pk, timezone.now())
-    assert claimed == one and send_due(webhook.pk) == 0  # then its process is killed
+    assert claimed == one and send_due(webhook.pk) == 0  # as if its process was killed now
     assert delivery._claim_next(webhook.pk, timezone.now() + delivery.CLAIMED) == one
 
 
@@ -430,4 +430,4 @@ def test_a_killed_process_loses_nothing_and_two_send_once(make, robot, receiver)
             process.wait(10)
             process.stdin.close()
     sent = [headers["webhook-id"] for _, headers, _ in receiver.heard]
-    assert len(set(sent)) == 10 and len(sent) == 11  # the killed one's event twice, with the same identifier
+    assert len(set(sent)) == 10 and len(sent) == 11  # one event twice, with the same identifier

@@ -1,4 +1,4 @@
-"""Records become deliveries: the chosen kinds, each once, none lost; events name people and quote nobody."""
+"""Records become deliveries: the chosen kinds, each once, none lost; events have names, but no typed words."""
 
 import json
 import threading
@@ -50,7 +50,7 @@ def test_two_processes_store_news_of_the_same_records_once(make, robot, operator
     webhook = make(ADDRESS)
     spoken(robot, operator)
     for _ in range(2):
-        EventReader().read(webhook)  # each has the number of the last record as it was before
+        EventReader().read(webhook)  # both begin at the same last record
     assert webhook.deliveries.count() == 1
 
 
@@ -163,14 +163,14 @@ def test_at_most_so_many_records_in_a_round(make, robot, operator, monkeypatch):
     for _ in range(5):
         spoken(robot, operator)
     read = [reader.read(webhook) for _ in range(5)]
-    assert read == [4, 4, 3, 0, 0]  # with the record of the webhook itself
+    assert read == [4, 4, 3, 0, 0]  # includes the record of the webhook itself
     assert kinds(webhook) == ["speech.end"] * 5
 
 
 @pytest.mark.django_db(transaction=True)
 @pytest.mark.skipif("connection.vendor != 'postgresql'", reason="SQLite has one writer")
 def test_a_record_that_is_committed_late_is_not_lost(make, robot, other_robot, operator):
-    """Numbers are given before the commit: a later number may be seen first."""
+    """Records get their numbers before the commit: a higher number may be visible first."""
     webhook = make(ADDRESS)
     for one in (robot, other_robot):
         record("robot.change", robot_id=one.id)

@@ -1,1 +1,1 @@
-"""The pages process behind the web door, and its answers on their way."""
+"""The pages process behind the web door, and the delivery of its answers."""

@@ -1,7 +1,7 @@
 """Serves an endless page; prints the bytes sent, and whether the console ended it.
 
 The client reads nothing and disconnects once all buffers are full (`leaves`), or stays connected and is
-disconnected (`stays`); or it `reads` for longer than a client may leave a part unread.
+disconnected (`stays`); or it `reads` slowly, for longer than a client may leave data unread.
 """
 
 import json
@@ -60,7 +60,7 @@ def ask_and_leave(server):
         while way == "reads" and time.monotonic() < until_s:
             if not client.recv(16384):
                 raise ConnectionError("the console ended an answer that is read")
-            time.sleep(0.0002)  # slower than it is sent
+            time.sleep(0.0002)  # slower than the server sends
         in_time = way != "stays" or closed.wait(30)
     print(
         json.dumps(

@@ -1,4 +1,4 @@
-"""An application whose first answer to each method lasts for ever."""
+"""An application that never completes its first answer to each method."""
 
 import asyncio
 import os

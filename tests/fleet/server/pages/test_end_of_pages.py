@@ -18,7 +18,7 @@ from tests.processes import until
 
 @pytest.fixture(scope="module")
 def lasting(tmp_path_factory):
-    """A web process with an application whose answers last."""
+    """A web process with an application that never completes its first answers."""
     directory = tmp_path_factory.mktemp("lasting")
     environ = console_environment(directory, "127.0.0.1")
     command = [*daphne()[:-1], "tests.fleet.server.pages.lasting:application"]
@@ -34,7 +34,7 @@ def lasting(tmp_path_factory):
 @pytest.mark.parametrize(("method", "status"), [("GET", 200), ("POST", 503)])
 def test_a_request_in_flight_is_repeated_or_answered_in_words(lasting, method, status):
     """A request that may have changed something is not repeated."""
-    assert ask(lasting, "GET", "/")[0] == 200  # from then on there is a connection between the processes
+    assert ask(lasting, "GET", "/")[0] == 200  # opens the connection between the processes
     with ThreadPoolExecutor(1) as person:
         answer = person.submit(ask, lasting, method, "/lasting")
         until(Path(lasting.environ["FLEET_VAR"], method).exists, "the answer is begun", 30)

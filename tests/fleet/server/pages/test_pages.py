@@ -41,7 +41,7 @@ def test_pages_come_back_when_their_process_dies(web):
 
 
 def test_a_stop_is_answered_while_pages_are_not(web, session_cookie, session_key):
-    """401, since nobody owns this session. Django in the process that owns the port says so."""
+    """The process that owns the port answers by itself: 401, since nobody owns this session."""
     frozen = pages_process(web)
     os.kill(frozen, signal.SIGSTOP)
     crowd = []
@@ -60,7 +60,7 @@ def test_a_stop_is_answered_while_pages_are_not(web, session_cookie, session_key
 
 
 def test_a_stranger_who_claims_a_session_waits_for_the_pages(web, session_cookie):
-    """Otherwise anybody could load the driving process: the cookie's name is public."""
+    """Otherwise anybody could keep the driving process busy: the cookie's name is public."""
     claim = f"POST /api/stop/ HTTP/1.0\r\nHost: 127.0.0.1\r\nCookie: {session_cookie}={'x' * 32}\r\n\r\n"
     frozen = pages_process(web)
     with web.connect() as stranger:

@@ -16,7 +16,7 @@ def result_of(way):
 
 
 def test_an_answer_that_is_read_goes_on():
-    assert result_of("reads")["closed"]  # by its reader, in the end
+    assert result_of("reads")["closed"]  # the client closes it at the end
 
 
 @pytest.mark.parametrize("way", ["leaves", "stays"])

@@ -1,4 +1,4 @@
-"""The door of the API: tokens, browser sessions, bodies that do not fit. Each refusal has its code."""
+"""Checks of each API request: token, browser session, body. Each refusal has its code."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_a_request_with_a_cookie_is_held_to_its_origin(robot: Robot, made: Any, 
     for given in ({}, headers):
         refused = post(given, {}, CONTROL, browser)
         assert (refused.status_code, refused.json()["rule"]) == (403, "account"), given
-    assert post(headers, {}, CONTROL).json()["code"] == "no_programs"  # a program: the door is passed
+    assert post(headers, {}, CONTROL).json()["code"] == "no_programs"  # without a cookie: passed
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_a_field_that_is_there_twice_is_found_in_no_time(robot: Robot, made: Any
     body = ",".join(f'"{name}":1' for name in [*names, names[-1]])
     began_s = time.thread_time()
     assert post(headers, f"{{{body}}}".encode()).json()["code"] == "duplicate_field"
-    assert time.thread_time() - began_s < 0.3  # twice as many names took four times as long
+    assert time.thread_time() - began_s < 0.3  # the time once grew with the square of the number
 
 
 def test_other_types_and_methods_get_words(robot: Robot, made: Any) -> None:
@@ -162,4 +162,4 @@ def test_a_429_says_when_to_ask_again(robot: Robot, made: Any, monkeypatch: pyte
     assert Client().get("/api/v1/robots", headers=other).status_code == 200
     assert (
         Client().post(f"/api/v1/robots/{robot.slug}/stop", headers=headers).status_code == 202
-    )  # a stop always
+    )  # a stop is never limited

@@ -1,4 +1,4 @@
-"""Idempotency-Key: the work is done once, whatever is sent again."""
+"""Idempotency-Key: the work is done once, also if requests are repeated."""
 
 import threading
 from datetime import timedelta

@@ -1,4 +1,4 @@
-"""The OpenAPI schema: committed as it is, and true for requests of all kinds."""
+"""The committed OpenAPI schema is current, and correct for requests of all kinds."""
 
 from __future__ import annotations
 
@@ -51,17 +51,17 @@ EXAMPLES = 5  # of each operation and person
 PARTS = ("path_parameters", "query", "headers", "cookies", "body", "media_type", "multipart_content_types")
 Parts = dict[str, Any]
 WHO = ("staff", "supervisor", "teacher", "operator", "observer", "stranger", "nobody")
-# Not carried out here: there is no robot, the stream does not end, and nobody waits for a slot that is free.
+# Not done here: there is no robot, the stream does not end, and nobody can wait for a free slot.
 AWAY = {
     "waiting_join",
     "events",
-    "map_read",  # of a bridge
+    "map_read",  # needs a bridge
     "map_picture",
     "description_read",
     "mesh_read",
     *(name for name, row in TABLE.items() if row.ends in (NO_LEASE, NO_PROGRAMS)),
 }
-BOOKINGS = {name for name in TABLE if name.startswith("bookings_")}  # whose version is that of a new one
+BOOKINGS = {name for name in TABLE if name.startswith("bookings_")}  # all have the version of a new booking
 
 
 def test_the_committed_schema_is_the_present_one() -> None:
@@ -69,7 +69,7 @@ def test_the_committed_schema_is_the_present_one() -> None:
 
 
 def tokens(person: User) -> list[dict[str, str]]:
-    """Return the headers of tokens: one with all scopes between each two with a single one."""
+    """Return the headers of tokens: a token with all scopes before each token with a single scope."""
     expires, headers = timezone.now() + timedelta(days=1), []
     for scopes in [list(Scope), *([scope] for scope in Scope)]:
         _, text = token_make(user=person, name="fuzz", scopes=scopes, expires_at=expires, actor=person)
@@ -80,7 +80,7 @@ def tokens(person: User) -> list[dict[str, str]]:
 
 @cache
 def described() -> tuple[BaseSchema, list[tuple[Any, Any]]]:
-    """Return the schema, and each operation with what draws requests to it: once for all people."""
+    """Return the schema, and each operation with its generator of requests: made once for all people."""
     schema = schemathesis.openapi.from_dict(json.loads(openapi()))
     schema.app = get_wsgi_application()
     found = [operation.ok() for operation in schema.get_all_operations()]
@@ -89,7 +89,7 @@ def described() -> tuple[BaseSchema, list[tuple[Any, Any]]]:
 
 @cache
 def requests_of(_who: str) -> list[tuple[Any, list[Parts]]]:
-    """Return each operation with the parts of the requests that are drawn to it."""
+    """Return each operation with the parts of the requests that are generated for it."""
     return [(operation, drawn(strategy)) for operation, strategy in described()[1]]
 
 
@@ -114,7 +114,7 @@ def drawn(strategy: Any) -> list[Parts]:
 
 @pytest.fixture
 def one_connection() -> Iterator[None]:
-    """Requests leave the test's connection open, as those of Django's test client do."""
+    """Keep the test's database connection open after a request, as Django's test client does."""
     for signal in (request_started, request_finished):
         signal.disconnect(close_old_connections)
     yield
@@ -123,7 +123,7 @@ def one_connection() -> Iterator[None]:
 
 
 def known(name: str, objects: dict[str, str], methods: dict[str, tuple[str, str]]) -> dict[str, str]:
-    """Return the path parameters of an operation for real objects, as the matrix asks for it."""
+    """Return the path parameters with which the access matrix calls this operation on real objects."""
     template = re.sub(r"{(\w+)}", r"(?P<\1>[^/]+)", methods[name][1])
     found = re.fullmatch(template, filled(TABLE[name].path.partition("?")[0], objects))
     assert found, name
@@ -131,13 +131,13 @@ def known(name: str, objects: dict[str, str], methods: dict[str, tuple[str, str]
 
 
 @pytest.mark.django_db
-@pytest.mark.filterwarnings("ignore:StreamingHttpResponse must consume:Warning")  # under ASGI it need not
+@pytest.mark.filterwarnings("ignore:StreamingHttpResponse must consume:Warning")  # only under WSGI
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("who", WHO)
 def test_every_answer_keeps_to_the_schema(
     who: str, tiago: RobotProfile, one_connection: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Real objects, all scopes and each single one, in turns over the examples of all operations."""
+    """The examples of all operations use the tokens in turn; most of them are about real objects."""
     monkeypatch.setattr(refusals, "record_soon", lambda _refused: None)
     monkeypatch.setattr(emergency_stop, "press_once", stopped)
     lab, methods = Lab(tiago), operations()
@@ -155,7 +155,7 @@ def test_every_answer_keeps_to_the_schema(
             done.add(name)
         return answer
 
-    # With `derandomize` the same is drawn for each person, and to draw takes longer than to ask.
+    # With `derandomize`, all people get the same examples: made once, as this takes longer than the requests.
     for operation, requests in requests_of("all" if settings.default.derandomize else who):
         name = str(operation.definition.raw["operationId"])
         if name == "events":
@@ -174,7 +174,7 @@ def test_every_answer_keeps_to_the_schema(
         for parts in requests:
             number, headers = next(turns)
             used.add(number)
-            if number % 4:  # else what was drawn
+            if number % 4:  # 1 in 4: the generated path parameters
                 parts = {**parts, "path_parameters": real}
             ask(name, operation.Case(**deepcopy(parts)), headers)
     assert len(used) == len(signed_in)
@@ -193,4 +193,4 @@ def test_times_and_keys_of_answers_have_their_formats() -> None:
         if field.endswith("_at")
         or field in ("at", "id", "since", "until", "session", "series", "offer_until")
     }
-    assert plain == {("Named", "id")}  # also of people at the command line, who have no account
+    assert plain == {("Named", "id")}  # no UUID for people at the command line

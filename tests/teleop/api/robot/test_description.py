@@ -1,4 +1,4 @@
-"""REST: a robot's description and its meshes. No file leaves the console but the meshes that the description names."""
+"""REST: a robot's description and its meshes. The console sends no other files than these meshes."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def urdf(*addresses: str) -> str:
 
 @pytest.fixture
 def describe(robot):
-    """`describe(text)`: what the robot's bridge does with the parameter's value."""
+    """`describe(text)`: store the parameter's value as the robot's bridge does."""
     return lambda found: description_store(robot.pk, taken_description(found), timezone.now())
 
 
 @pytest.fixture
 def share(settings, tmp_path):
-    """The folder of ROS packages, with the package `arm_description`; beside it a file that nobody may read."""
+    """The folder of ROS packages, with the package `arm_description` and with files that nobody may read."""
     meshes = tmp_path / "share/arm_description/meshes"
     meshes.mkdir(parents=True)
     (meshes / "base.stl").write_bytes(MESH)
@@ -41,7 +41,7 @@ def share(settings, tmp_path):
 
 @pytest.fixture
 def ask(program, observer):
-    """An observer's program asks for something of the robot."""
+    """`ask(path)`: the answer to an observer's program."""
     caller = program(observer, "read")
     return lambda path, **headers: caller.stream("GET", f"/robots/tiago-1/{path}", **headers)
 
@@ -74,7 +74,7 @@ def test_a_mesh_is_fetched_once(ask, robot, describe, share):
     first = ask(path)
     assert (
         first["Cache-Control"] == "private, no-cache"
-    )  # nobody knows how long an address without a version holds
+    )  # the file behind an address without a version may change
     assert ask(path, If_None_Match=first["ETag"]).status_code == 304
     (share / "arm_description/meshes/base.stl").write_bytes(MESH + b"\n")
     assert ask(path, If_None_Match=first["ETag"]).status_code == 200
@@ -91,7 +91,7 @@ def test_a_description_is_sent_again_only_when_it_or_a_mesh_changed(ask, robot, 
         return (unchanged.status_code, unchanged.content) == (304, b"")
 
     assert [same(), same(), same()] == [False, True, True]
-    tags[-1] = f"W/{tags[-1]}"  # as a proxy that compresses makes it
+    tags[-1] = f"W/{tags[-1]}"  # as changed by a proxy that compresses
     assert same()
     assert ask("description")["Cache-Control"] == "private, no-cache"
     (share / "arm_description/meshes/base.stl").write_bytes(MESH + b"\n")

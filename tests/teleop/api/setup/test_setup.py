@@ -368,8 +368,8 @@ def test_a_token_bound_to_robots_sets_up_nothing_beyond_them(
             "PATCH",
             f"/registry/{robot.slug}",
             {"master_uri": other.master_uri},
-        ),  # this robot would be the other one
-        ("POST", "/robot-groups", {"name": "Later"}),  # others may come to it later
+        ),  # this robot would become the other one
+        ("POST", "/robot-groups", {"name": "Later"}),  # robots may be added to the group later
         ("PUT", "/robot-groups/empty/roles/staff", {"role": "operator"}),
         ("GET", "/policies/groups/empty", None),
         ("POST", "/qualifications", {"name": "Later"}),
