@@ -156,7 +156,7 @@ def test_a_supervisor_does_not_learn_who_has_an_account(
     new, known, closed = (answers(f"{name}@example.org") for name in ("new", "open", "stranger"))
     assert new == known == closed
     assert "1 person will be enrolled" in new
-    assert "1 people are enrolled in HRI 2026; each person without an account got one, and an e-mail." in new
+    assert "1 person is enrolled in HRI 2026; each person without an account got one, and an e-mail." in new
     assert User.objects.filter(email="new@example.org").exists()
     Enrolment.objects.create(course=theirs, person=open_account)  # now in another course of the teacher
     assert "Secret Name" in answers("open@example.org")

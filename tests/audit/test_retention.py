@@ -230,7 +230,7 @@ def test_records_are_removed_without_later_ones_of_their_robot(ago, five_years):
     assert verify_all().findings == []
 
 
-def test_so_do_their_contents(ago):
+def test_contents_of_a_wrong_clock_expire(ago):
     with ago(-20000):
         first = record("speech.start", text="by a clock that was ahead")
     with ago(91):
@@ -386,7 +386,7 @@ def test_a_clock_set_back_is_recorded_once(spoken):
 # --- housekeeping -------------------------------------------------------------------------------------
 
 
-def test_housekeeping_does_it(ago):
+def test_housekeeping_expires_contents(ago):
     with ago(0):
         record("speech.start", text="young")
     old = Content.objects.get(text="young").record

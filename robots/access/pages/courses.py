@@ -284,11 +284,17 @@ def _enrol(request: HttpRequest, found: Course, form: PeopleForm) -> None:
     )
     facts = {"course": found.name, "people": plan.to_enrol, "new": len(plan.new)}
     if plan.undisclosed:
-        text = _(
-            "%(people)d people are enrolled in %(course)s; each person without an account got one, and an e-mail."
+        text = ngettext(
+            "%(people)d person is enrolled in %(course)s; each person without an account got one, and an e-mail.",
+            "%(people)d people are enrolled in %(course)s; each person without an account got one, and an e-mail.",
+            plan.to_enrol,
         )
     elif plan.to_enrol:
-        text = _("%(people)d people are enrolled in %(course)s; %(new)d of them have a new account.")
+        text = ngettext(
+            "%(people)d person is enrolled in %(course)s; new accounts: %(new)d.",
+            "%(people)d people are enrolled in %(course)s; new accounts: %(new)d.",
+            plan.to_enrol,
+        )
     elif form.people_list.people:
         text = _("All of them are in %(course)s already.")
     else:

@@ -304,7 +304,7 @@ def test_early_removed_records_show_against_kept_heads(chain):
     assert finding.what.startswith("was removed too early: it was of 20")
 
 
-def test_so_does_a_checkpoint_far_beyond_the_end(chain):
+def test_a_checkpoint_far_beyond_the_end_shows_against_heads(chain):
     heads = verify_all().heads
     billion = 10**9
     forged = record(
