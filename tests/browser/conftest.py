@@ -1,7 +1,7 @@
 """The whole console with simulated robots, and people in front of real browsers.
 
-One stack (rosmasters, simulators, supervisor, bridges, web process) serves all browser tests of a test process;
-robots stay where the previous test left them.
+All browser tests of a test process use one stack (rosmasters, simulators, supervisor, bridges, web process).
+A test finds the robots where the test before left them.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ ARGUMENTS = [
     "--disable-sync",
     "--no-first-run",
     "--disable-quic",
-    # Playwright's own list, of which Chromium reads only the last, and the popups of the address bar: nobody sees them,
-    # and each new window would compute a second for them.
+    # Chromium reads only the last --disable-features. So this one has Playwright's list, and also the popups of the
+    # address bar: nobody sees them, and they would cost each new window a second of computing time.
     "--disable-features=AvoidUnnecessaryBeforeUnloadCheckSync,DestroyProfileOnBrowserClose,HttpsUpgrades,"
     "HttpsFirstBalancedModeAutoEnable,LensOverlay,MediaRouter,PaintHolding,ThirdPartyStoragePartitioning,"
     "OptimizationHints,WebUIOmniboxPopup,WebUIOmniboxAimPopup",
 ]
-# The first faces the hall's east wall at 2 m; the second stands in free space in the hall.
+# The first robot faces the hall's east wall, 2 m away; the second robot stands in free space in the hall.
 ROBOTS = (
     PracticeRobot("tiago-1", "TIAGo One", (7.6, 2.0, 0.0), camera=False),
     PracticeRobot("tiago-2", "TIAGo Two", (2.0, 1.8, 0.0), camera=False),
@@ -43,9 +43,9 @@ ROBOTS = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run the usability tasks first: they start separate robots, and these need not run next to all others.
+    """Run the usability tasks first: they start separate robots, which then do not run together with all others.
 
-    Then by file name, in any folder: robots stand where the previous file left them.
+    Then sort by file name, not by folder: a file finds the robots where the file before left them.
     """
     folder = Path(__file__).parent
 
@@ -73,7 +73,7 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture(scope="package")
 def cookies(stack: Stack, browser: Browser) -> Callable[[str], Any]:
-    """`cookies("operator")`: cookies of that person's sign-in. Each person signs in once by the page."""
+    """`cookies("operator")`: the cookies of this person's sign-in. Each person signs in once, by the page."""
 
     @cache
     def signed_in(role: str) -> Any:
@@ -103,8 +103,8 @@ def person(
 ) -> Iterator[Callable[..., Person]]:
     """`person("operator", width=360, height=640, touch=True)`: a signed-in person in a browser without a page.
 
-    It may be a reused browser with empty storage. `apart=True`: a new browser that ends with the test, for changes that
-    cannot be undone.
+    The browser may be reused; its storage is empty. `apart=True`: a new browser, closed after the test, for changes
+    that cannot be undone.
     """
     failed_before = request.session.testsfailed
     with ExitStack() as leaving:
@@ -137,7 +137,7 @@ def person(
 
 @pytest.fixture
 def induction(person: Callable[..., Person]) -> Iterator[str]:
-    """The name of a qualification that TIAGo Two demands while the test lasts."""
+    """The name of a qualification that TIAGo Two requires until the end of the test."""
     staff, name = person("staff"), f"Induction {uuid4().hex[:6]}"
     staff.open("/qualifications/")
     new = staff.page.get_by_role("region", name="New qualification")

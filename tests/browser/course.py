@@ -1,4 +1,4 @@
-"""A course through the 0.80 m door, and a driver who follows it by odometry, with stick or keys."""
+"""A course through the 0.80 m door, and a driver who follows the course by odometry, with stick or keys."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 from robots.bridge.gate.geometry.planar import wrapped
 
-START = (1.7, 1.7, 0.0)  # in the office: x, y, heading in degrees; odometry begins there
-# Before, in and behind the door; relative to the start.
+START = (1.7, 1.7, 0.0)  # in the office: x, y, heading in degrees; zero of odometry
+# Points before, in and behind the door; metres from the start.
 COURSE = ((0.8, 0.8), (0.8, 1.8), (0.8, 2.25))
 THERE_M = 0.15
-DEAD_ZONE = 0.08  # of the page's stick
+DEAD_ZONE = 0.08  # dead zone of the page's stick
 ASTRAY_RAD = 0.5  # above this angle, the driver turns on the spot
 TURN_PER_RAD = 2.0
 AIM_RAD = 0.06  # below this angle, the driver releases the key
@@ -19,7 +19,7 @@ SHARE = 0.4
 
 
 class Follower:
-    """A competent driver's stick: forward and left turn, each -1..1."""
+    """Moves the stick like a good driver: forward and left turn, each -1..1."""
 
     def __init__(self, course: Sequence[tuple[float, float]] = COURSE) -> None:
         self._course = list(course)
@@ -30,7 +30,7 @@ class Follower:
         return not self._course
 
     def stick(self, x: float, y: float, yaw: float) -> tuple[float, float]:
-        """Stick position for this pose by odometry."""
+        """Return the stick position for this pose by odometry."""
         while self._course and math.dist((x, y), self._course[0]) < THERE_M:
             del self._course[0]
         if not self._course:
@@ -42,7 +42,7 @@ class Follower:
 
 
 def pushed(axis: float) -> float:
-    """Joystick deflection for this stick value: the inverse of the curve in static/js/drive/input/shaping.js."""
+    """Return the joystick deflection for this stick value: inverse of the curve in static/js/drive/input/shaping.js."""
     wanted, low, high = abs(axis), 0.0, 1.0
     for _ in range(20):
         middle = (low + high) / 2.0
@@ -51,5 +51,5 @@ def pushed(axis: float) -> float:
 
 
 def keys(forward: float, turn: float) -> tuple[float, float]:
-    """The same as keys, which are on or off."""
+    """Return this stick position as keys, which are on or off."""
     return forward, 0.0 if abs(turn) < TURN_PER_RAD * AIM_RAD else math.copysign(1.0, turn)

@@ -23,7 +23,7 @@ from script.stack.stack import PracticeRobot, SimulatedRobot, Stack
 PATIENCE_S = 30.0
 expect.set_options(timeout=1000.0 * PATIENCE_S)
 POLL_MS = 50
-# This person was here before: the hints for newcomers are read.
+# Mark the hints for newcomers as read: this person has used the console before.
 HINTS_SEEN = """if (location.protocol.startsWith("http")) {
   const kept = JSON.parse(localStorage.getItem("fleet-console") ?? "{}");
   localStorage.setItem("fleet-console", JSON.stringify({ ...kept, [%s]: true }));
@@ -33,9 +33,9 @@ HINTS_SEEN = """if (location.protocol.startsWith("http")) {
 class Person:
     """A person with an account of `role`, in a separate browser context.
 
-    A `newcomer` is shown the hints of a first visit, and their browser may keep the page for offline.
-    `heard` holds the newest message of each kind from the server (`picture`: the header of a camera's picture),
-    `drives` every drive message that the page sent.
+    A `newcomer` sees the hints of a first visit, and the newcomer's browser may keep pages for use offline.
+    `heard` has the newest message of each kind from the server (`picture`: the header of a camera's picture),
+    `drives` all drive messages of the page.
     """
 
     def __init__(
@@ -55,9 +55,9 @@ class Person:
         self.context = browser.new_context(
             has_touch=touch,
             reduced_motion="reduce",
-            # It would answer some requests that a test wants to answer itself.
+            # A service worker would answer some requests that a test wants to answer.
             service_workers="allow" if newcomer else "block",
-            ignore_https_errors=stack.certificate is not None,  # as a person who ignores the warning
+            ignore_https_errors=stack.certificate is not None,  # like a person who ignores the warning
         )
         if not newcomer:
             self.context.add_init_script(HINTS_SEEN % json.dumps(f"hints_seen {self.account.username}"))
@@ -95,7 +95,7 @@ class Person:
         socket.on("framesent", self._sent)
 
     def _received(self, frame: str | bytes) -> None:
-        if isinstance(frame, bytes):  # a camera's picture, behind its header and the header's length
+        if isinstance(frame, bytes):  # the header's length, the header, and a camera's picture
             self.heard["picture"] = json.loads(frame[4 : 4 + int.from_bytes(frame[:4], "big")])
             return
         message = json.loads(frame)
@@ -136,7 +136,7 @@ class Person:
         self.page.get_by_role("button", name=name).click()
 
     def open_drawer(self, name: str) -> None:
-        """Open a drawer of a small screen. On a wide screen its contents are in sight anyway."""
+        """Open a drawer of a small screen. A wide screen always shows its contents."""
         opener = self.page.get_by_role("button", name=name, exact=True)
         if opener.is_visible() and opener.get_attribute("aria-expanded") == "false":
             opener.click()
@@ -144,7 +144,7 @@ class Person:
     # --- control ---------------------------------------------------------------------------------
 
     def take(self, slug: str) -> None:
-        """Open a robot's page, with the latch clear, and take control."""
+        """Open a robot's page, clear the stop if there is one, and take control."""
         self.watch(slug)
         self.press("Take control")
         if self.state["stop"]["state"] != "clear":
@@ -195,7 +195,7 @@ class Person:
         return drive["x"], drive["y"], drive["w"]
 
     def middle_of(self, name: str) -> tuple[float, float]:
-        """The middle of an element, in pixels of the window."""
+        """Return the middle of an element, in pixels of the window."""
         box = self.part(name).bounding_box()
         assert box is not None, f"{name} is not on the page"
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -208,20 +208,20 @@ class Person:
         return 0.45 * min(box["width"], box["height"])
 
     def drag_stick(self, right: float, up: float) -> None:
-        """Press the mouse on the joystick's middle and move it there; 1 is beyond full stick. It stays down."""
+        """Press the mouse on the joystick's middle and move it to this position, still down; 1 is beyond full stick."""
         self.page.mouse.move(*self.middle_of("zone"))
         self.page.mouse.down()
         self.move_stick(right, up)
 
     def move_stick(self, right: float, up: float) -> None:
-        """Move the mouse to this place on the joystick; 1 is beyond full stick."""
+        """Move the mouse to this position on the joystick; 1 is beyond full stick."""
         x, y = self.middle_of("zone")
         self.page.mouse.move(x + self.stick_reach * right, y - self.stick_reach * up)
 
     def push(self, *keys: str, until: Callable[[], Any], what: str) -> None:
-        """Hold these keys until a condition is true; they stay down.
+        """Hold these keys until a condition is true, and keep them down.
 
-        If a late scan on a busy machine makes the gate ask for a neutral stick, release the keys and press them again.
+        On a busy computer a scan can be late, and the gate asks for a neutral stick: then release and press the keys.
         """
 
         def there() -> bool:
@@ -239,7 +239,7 @@ class Person:
         self.until(there, what)
 
     def drive(self, *keys: str, metres: float) -> None:
-        """Hold these keys until odometry has moved this far; they stay down."""
+        """Hold these keys until the robot has moved this far by odometry, and keep them down."""
         start = self.place
         self.push(*keys, until=lambda: math.dist(self.place, start) > metres, what=f"{metres} m by odometry")
 
@@ -260,10 +260,10 @@ class Person:
             self.page.wait_for_timeout(POLL_MS)
 
     def fold_arm(self) -> None:
-        """Bring the robot's arm home, if it is not; again if a busy computer's late laser data block the motion."""
+        """Move the robot's arm home unless it is there; again if a busy computer's late laser data block the motion."""
 
         def answered() -> bool:
-            # A press right after an end counts as a cancel and is refused.
+            # A press immediately after the end of a motion counts as a cancel and is refused.
             return bool(self.state["motion"]) or self.heard["refused"]["of"] in ("play", "play_cancel")
 
         deadline = time.monotonic() + PATIENCE_S
@@ -318,7 +318,7 @@ def robot_side(robot: SimulatedRobot, role: str, said: Path) -> Iterator[subproc
 
 @contextmanager
 def faults_of(robot: SimulatedRobot, folder: Path) -> Iterator[Callable[[str], None]]:
-    """Give a function that sets the simulated robot's faults, by names; they end with the `with` block."""
+    """Yield a function that sets the simulated robot's faults by names, until the end of the `with` block."""
     with robot_side(robot, "faults", folder / "said") as process:
         assert process.stdin is not None
 
@@ -354,17 +354,17 @@ class Fingers:
     def lift(self, finger: int) -> None:
         """Lift a finger; the others stay down."""
         lifted = {finger: self._down.pop(finger)}
-        self._send("touchEnd", lifted if self._down else {})  # Chromium takes no last point
+        self._send("touchEnd", lifted if self._down else {})  # the last finger: an empty list
 
     def tap(self, place: tuple[float, float]) -> None:
-        """Touch this place for a moment."""
+        """Touch this place for a short time."""
         self.put(0, place)
         self.lift(0)
 
     def push(self, finger: int, place: tuple[float, float], until: Callable[[], Any], what: str) -> None:
-        """Move a finger there until a condition is true; it stays there.
+        """Move a finger to this place until a condition is true, and keep it there.
 
-        If late odometry on a busy machine makes the gate ask for a neutral stick, go by way of the middle.
+        On a busy computer odometry can be late, and the gate asks for a neutral stick: then move by way of the middle.
         """
         person = self._person
         middle = person.middle_of("zone")

@@ -1,4 +1,4 @@
-"""``python -m tests.browser.robot_side ROLE``: actions at a robot without the console.
+"""``python -m tests.browser.robot_side ROLE``: a program on the robot, without the console.
 
 keys     drive the course by keys without the gate; print its duration in seconds
 unknown  publish a message type that is not installed on /weather
@@ -64,7 +64,7 @@ def publish_unknown() -> None:
     text = "uint8 SUN=0\nuint8 RAIN=1\nuint8 sky\nfloat32 celsius\nstring words\n"
     weather = genpy.dynamic.generate_dynamic("fleet_test_msgs/Weather", text)["fleet_test_msgs/Weather"]
     publisher = rospy.Publisher("/weather", weather, queue_size=1)
-    pace = rospy.Rate(10)  # a sleep of 0.1 s would add to the time of the loop
+    pace = rospy.Rate(10)  # with a sleep of 0.1 s, the rate would be below 10 Hz
     while not rospy.is_shutdown():
         publisher.publish(weather(sky=1, celsius=7.5, words="Take a coat."))
         pace.sleep()

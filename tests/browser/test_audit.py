@@ -1,4 +1,4 @@
-"""Staff find out who made a robot say a sentence, and where it drove."""
+"""Staff find out who made a robot say a sentence, and where the robot drove."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from tests.browser.test_pages import A_LONG_NAME, SIZES, found_by_axe
 Arrive = Callable[..., Person]
 
 SENTENCE = "The cat sat on the warm charger."
-STARTED = (2.0, 1.8)  # where tiago-2's odometry starts, in the office
-ROOMS = (10.0, 7.0)  # m, size of the office's map
+STARTED = (2.0, 1.8)  # tiago-2's place on the map where its odometry is zero, in the office
+ROOMS = (10.0, 7.0)  # m, size of the map
 DRIFT_M = 0.5
 
 MARKER_ON_THE_MAP = """marker => {
@@ -51,7 +51,7 @@ def spoken(stack: Stack, browser: Browser) -> Iterator[Person]:
     operator.drive("a", "w", metres=0.3)
     operator.let_go("a", "w")
     operator.until_still()
-    operator.page.wait_for_timeout(1000)  # standstill ends a drive
+    operator.page.wait_for_timeout(1000)  # a drive ends when the robot stands still
     operator.release()
     yield operator
     operator.leave()
@@ -95,7 +95,7 @@ def test_staff_find_a_text_in_three_steps_and_its_path(
 
 
 def outcomes_stay_whole_words(staff: Person) -> None:
-    """Also next to long names."""
+    """Check that no outcome is broken into two lines, also next to long names."""
     torn = """name => {
       for (const who of document.querySelectorAll(".audit-who")) who.textContent = name;
       const words = [...document.querySelectorAll(".audit-table thead th:nth-child(5), .audit-outcome")];
@@ -109,14 +109,14 @@ def outcomes_stay_whole_words(staff: Person) -> None:
 
 
 def scrub_the_path(staff: Person) -> None:
-    """Keys, buttons and presses on the timeline move the robot in the picture."""
+    """Check that keys, buttons and presses on the timeline move the robot in the picture."""
     moment, marker, entries = staff.part("moment"), staff.part("marker"), staff.part("timeline").locator("li")
     drives = entries.filter(has_text="Drive began")
 
     def place() -> str | None:
         return marker.get_attribute("transform")
 
-    staff.page.wait_for_load_state()  # and its script has loaded
+    staff.page.wait_for_load_state()  # the page's script has loaded
     drives.last.locator("time").click()
     assert drives.last.get_attribute("aria-current") == "true"
     begun = place()
@@ -132,7 +132,7 @@ def scrub_the_path(staff: Person) -> None:
 
 
 def the_robot_is_where_it_was_on_the_map(staff: Person, stands: tuple[float, float]) -> None:
-    """At the session's end it is at its current place `stands`, by odometry."""
+    """Check that the map shows the robot at the place `stands` by odometry when the session ends."""
     image, marker = staff.page.locator(".path-plot image"), staff.part("marker")
     assert image.evaluate(SIZE_OF_THE_MAP) == [20 * metres for metres in ROOMS]  # cells of 5 cm
     staff.part("moment").press("End")
@@ -162,7 +162,7 @@ def test_a_person_finds_their_session_and_exports_their_data(
 
 
 def without_scripts(spoken: Person) -> None:
-    """Without scripts the page shows a plain timeline next to the path."""
+    """Check that the page shows a plain timeline next to the path when the browser runs no scripts."""
     browser = spoken.context.browser
     assert browser is not None
     plain = browser.new_context(java_script_enabled=False, storage_state=spoken.context.storage_state())

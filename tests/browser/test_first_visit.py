@@ -1,4 +1,4 @@
-"""A newcomer: hints, help, one's own arrangement, the lab's monitor, the console as an installed app."""
+"""A newcomer: hints, help, the person's own arrangement, the lab's monitor, the console as an installed app."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ KEPT = """async () => {
 
 
 def keep_choices(person: Person, fields: str) -> None:
-    """Let the person's account keep these choices about the control page."""
+    """Store these choices about the control page in the person's account."""
     person.open("/accounts/")
     status = person.page.evaluate(
         """async (body) => {
@@ -44,23 +44,23 @@ def test_a_newcomer_is_led_by_three_hints(person: Arrive, width: int, height: in
     expect(hint).to_contain_text("1 of 3")
     assert found_by_axe(operator) == []
     assert [one for one in too_small(operator) if "hint" in one] == []
-    expect(hint).to_be_visible()  # after the banner, if the busy machine shows one
+    expect(hint).to_be_visible()  # if the page of a busy computer shows a banner, the hint comes after it
     for opener in operator.page.locator(".picture-tools button:visible").all():
         assert not overlap(box_of(hint), box_of(opener))
     operator.press("Take control")
-    if operator.state["stop"]["state"] != "clear":  # of another test
+    if operator.state["stop"]["state"] != "clear":  # a stop of another test
         operator.clear()
     operator.until_in_control()
     expect(hint).to_contain_text("2 of 3")
     operator.push("a", until=lambda: operator.state["odometry"]["w"] > 0.05, what="a turn")
     operator.let_go("a")
     expect(hint).to_contain_text("3 of 3")
-    expect(hint).to_be_visible()  # after the banner, if the busy machine shows one
+    expect(hint).to_be_visible()  # if the page of a busy computer shows a banner, the hint comes after it
     assert not overlap(box_of(hint), box_of(operator.page.locator("form.stop .stop-button")))
-    with operator.page.expect_response("**/accounts/settings/page/"):  # the account keeps it
+    with operator.page.expect_response("**/accounts/settings/page/"):  # the account stores this choice
         operator.page.get_by_role("button", name="Got it").click()
     expect(hint).to_be_hidden()
-    operator.page.evaluate("localStorage.clear()")  # as in another browser: the account knows
+    operator.page.evaluate("localStorage.clear()")  # like another browser: the choice comes from the account
     operator.watch("tiago-2")
     expect(hint).to_be_hidden()
     operator.page.locator(".menu summary").click()
@@ -104,14 +104,14 @@ def test_panels_move_by_drag_and_keys_and_stay(person: Arrive) -> None:
     moved = {name: box_of(one) for name, one in panel.items()}
     assert moved["phrases"] == before["motions"]
     assert found_by_axe(operator) == []
-    page.evaluate("localStorage.clear()")  # as in another browser: the account knows
+    page.evaluate("localStorage.clear()")  # like another browser: the choice comes from the account
     operator.watch("tiago-2")
     operator.until_in_control()
     assert {name: box_of(one)["x"] for name, one in panel.items()} == {
         name: box["x"] for name, box in moved.items()
     }
     operator.release()
-    keep_choices(operator, "chart=left&motions=top&phrases=bottom")  # as other tests expect them
+    keep_choices(operator, "chart=left&motions=top&phrases=bottom")  # the places that other tests expect
 
 
 def test_the_labs_monitor_has_nothing_to_press(person: Arrive) -> None:

@@ -1,4 +1,4 @@
-"""Layout of pages: everything visible, no complaint by axe-core, nothing blocked by CSP."""
+"""Layout of pages: everything is visible, axe-core has no complaints, CSP blocks nothing."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ SIZES = [(360, 640), (844, 390), (1440, 900)]
 A_LONG_NAME = "Wilhelmina-Konstantinopoulou van den Bergh-Featherstonehaugh"
 
 
-# Report violations only: other results take three times as long.
+# Report violations only: a report of all results takes three times as long.
 RUN_AXE = """async () => {
   const { violations } = await axe.run({ resultTypes: ["violations"] });
   return violations.flatMap(({ id, nodes }) =>
@@ -79,24 +79,24 @@ RUN_AXE = """async () => {
 
 
 def found_by_axe(person: Person) -> list[str]:
-    """axe-core's complaints about the page, as lines."""
+    """Return axe-core's complaints about the page, as lines."""
     if not person.page.evaluate("'axe' in window"):
         person.page.evaluate(AXE.read_text())
-    # The admin animates its colours. Others are asked for no animation.
+    # The admin animates its colours: finish this. The other pages do not animate for these browsers.
     person.page.evaluate("document.getAnimations().map(one => one.finish())")
     found: list[str] = person.page.evaluate(RUN_AXE)
     return found
 
 
 def axe_accepts(person: Person, what: str) -> None:
-    """Try the page light and dark."""
+    """Check the page with axe-core, light and dark."""
     for theme in ("light", "dark"):
         person.page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
         assert found_by_axe(person) == [], (what, theme)
 
 
 def axe_accepts_everywhere(person: Person, what: str) -> None:
-    """Try what is open now at all sizes, light and dark."""
+    """Check the open page with axe-core at all sizes, light and dark."""
     before = person.page.viewport_size
     for width, height in SIZES:
         person.page.set_viewport_size({"width": width, "height": height})
@@ -118,7 +118,7 @@ def test_every_page_pleases_axe_is_narrow_and_stays_local(person: Arrive) -> Non
         tab.on("pageerror", lambda error, tab=tab: news[tab].append(str(error)))
 
     def open_in(tab: Page, path: str) -> None:
-        news[tab].clear()  # axe itself breaks the policy of styles
+        news[tab].clear()  # axe-core itself breaks the policy for styles
         tab.set_viewport_size({"width": 1440, "height": 900})
         tab.goto(staff.stack.url + path)
 
@@ -129,7 +129,7 @@ def test_every_page_pleases_axe_is_narrow_and_stays_local(person: Arrive) -> Non
         staff.page = tab = tabs[number % 2]
         tab.wait_for_load_state("networkidle")
         complaints += [line for line in news[tab] if path in PAGES or "responded with a status" not in line]
-        if number + 1 < len(paths):  # its half second without requests passes meanwhile
+        if number + 1 < len(paths):  # axe-core runs while the next page loads
             open_in(tabs[(number + 1) % 2], paths[number + 1])
         if path not in drawers:
             axe_accepts(staff, path)
@@ -141,7 +141,7 @@ def test_every_page_pleases_axe_is_narrow_and_stays_local(person: Arrive) -> Non
 
 
 def test_axe_accepts_a_course_its_booking_and_its_drive(person: Arrive) -> None:
-    """Pages of one course, person, booking, day and control session; light and dark, on a phone and on a desk."""
+    """Pages of one course, person, booking, day and control session; light and dark, on a phone and a desk screen."""
     operator, staff = person("operator"), person("staff")
     operator.take("tiago-1")
     operator.release()
@@ -241,7 +241,7 @@ def test_joystick_and_stop_are_visible_in_every_window(person: Arrive, width: in
     stick, stop = places_of_stick_and_stop(operator)
     assert stick["x"] > stop["x"] or width < height
     assert operator.part("zone").evaluate("zone => getComputedStyle(zone).touchAction") == "none"
-    operator.page.evaluate("document.dir = 'rtl'")  # as in a right-to-left language
+    operator.page.evaluate("document.dir = 'rtl'")  # the layout of a right-to-left language
     everything_is_in_sight(operator, width, height)
     stick, stop = places_of_stick_and_stop(operator)
     assert stick["x"] < stop["x"] or width < height
@@ -271,7 +271,7 @@ def test_controls_fit_a_finger_and_do_not_jump(person: Arrive) -> None:
 
 
 def places_on_tabs(person: Person) -> list[dict[str, float]]:
-    """Places of stick, speeds, stop, first motion and phrase; also checks that no control is too small."""
+    """Return the places of stick, speeds, stop, first motion and phrase; check that no control is too small."""
     places = []
     for tab, names in {
         "motions": [".motions .hit"],
@@ -308,14 +308,14 @@ def test_the_picture_has_two_fifths_of_an_upright_phone(person: Arrive, theme: s
     operator.page.locator(".phrases .hit").first.click()
     operator.until(lambda: operator.state["speech"], "the phrase")
     operator.push("a", until=lambda: operator.state["odometry"]["w"] > 0.05, what="a turn")
-    expect(operator.page.locator("#actions")).to_be_hidden()  # nobody drives without the picture
+    expect(operator.page.locator("#actions")).to_be_hidden()  # a drive closes the drawer
     operator.let_go("a")
     operator.until(lambda: operator.state["speech"] is None, "its end")
     operator.release()
 
 
 def too_small(person: Person) -> list[str]:
-    """Controls less than 44 px high or wide, with their neighbours in reach of a finger."""
+    """Return the controls whose area for a finger is less than 44 px high or wide."""
     found: list[str] = person.page.evaluate(
         """() => [...document.querySelectorAll("a, button, input, select, textarea, summary")]
           .filter((one) => one.checkVisibility({ visibilityProperty: true }) && !one.closest(".skip, p"))
@@ -376,7 +376,7 @@ def test_every_list_has_a_search_that_keys_are_enough_for(person: Arrive) -> Non
 
 
 def everything_is_in_sight(person: Person, width: int, height: int) -> None:
-    """Joystick, stop and picture are in the window, large enough and apart; the window does not scroll."""
+    """Check that joystick, stop and picture are in the window, large enough and apart, and that it does not scroll."""
     page_size = "[document.scrollingElement.scrollWidth, document.scrollingElement.scrollHeight]"
     assert person.page.evaluate(page_size) == [width, height]
     stick, stop = places_of_stick_and_stop(person)
@@ -394,7 +394,7 @@ def everything_is_in_sight(person: Person, width: int, height: int) -> None:
 
 
 def places_of_stick_and_stop(person: Person) -> tuple[dict[str, float], dict[str, float]]:
-    """Places of stick and stop."""
+    """Return the places of stick and stop."""
     return box_of(person.part("zone")), box_of(person.page.locator("form.stop .stop-button"))
 
 
@@ -412,7 +412,7 @@ def test_nothing_that_opens_covers_the_stop(person: Arrive, width: int, height: 
 
 
 def nothing_covers_the_stop(staff: Person, width: int, height: int) -> None:
-    """Details, menu and dialogs leave the stop visible."""
+    """Check that details, menu and dialogs do not cover the stop."""
     box = box_of(staff.page.locator("form.stop .stop-button"))
     spots = [[box["x"] + share * box["width"], box["y"] + box["height"] / 2] for share in (0.05, 0.5, 0.95)]
 
@@ -430,7 +430,7 @@ def nothing_covers_the_stop(staff: Person, width: int, height: int) -> None:
     staff.page.locator(".menu summary").click()
     assert covering() == []
     menu = box_of(staff.page.locator(".menu-list"))
-    assert menu["y"] + menu["height"] <= height  # the rest can be scrolled to
+    assert menu["y"] + menu["height"] <= height  # the list scrolls to the rest
     staff.page.locator(".menu summary").click()
     staff.press("Take over…")
     assert covering() == []
@@ -442,7 +442,7 @@ def nothing_covers_the_stop(staff: Person, width: int, height: int) -> None:
 def test_the_menu_stays_in_the_header_beside_a_long_battery_text(
     person: Arrive, width: int, height: int
 ) -> None:
-    """On a line of its own it opened over the stop."""
+    """Regression: the menu moved to a second line of the header and opened over the stop."""
     observer = person("observer", width=width, height=height)
     observer.watch("tiago-1")
     lower = observer.page.evaluate(
@@ -482,7 +482,7 @@ def test_banner_and_requests_leave_the_picture_of_a_phone_free(
     operator.release()
 
 
-# Show a part for a moment: texts of buttons over the picture that it moves or covers.
+# Show a part for a moment. Return the texts of the buttons over the picture that this part moves or covers.
 CROSSED = """(part) => {
   const box = (one) => {
     const { left, top, right, bottom } = one.getBoundingClientRect();
@@ -562,7 +562,7 @@ def test_long_names_cover_nothing_and_crush_nothing(person: Arrive, width: int, 
     operator.page.get_by_role("button", name="Hand over to Staff").wait_for()
     stop = operator.page.locator("form.stop .stop-button")
     place = box_of(stop)
-    # Measure at once: the page's script soon rewrites the names.
+    # Measure immediately: the page's script soon writes the real names again.
     back, burger, stop_now, free = operator.page.evaluate(
         """name => {
           for (const place of ["h1", ".menu-name", "[data-part=who]", ".requests span", ".requests .button"])
@@ -580,7 +580,7 @@ def test_long_names_cover_nothing_and_crush_nothing(person: Arrive, width: int, 
     assert (back["width"], burger["width"]) == (44, 20)
     assert stop_now == place
     assert free, "the name lies over the speeds"
-    staff.press("Leave the line")  # else the next test waits for the offer to end
+    staff.press("Leave the line")  # otherwise the next test waits until the offer ends
     operator.release()
 
 
@@ -607,14 +607,14 @@ def test_cards_say_how_each_robot_is(person: Arrive) -> None:
 
 
 def box_of(element: Locator) -> dict[str, float]:
-    """An element's box in the window, pixels."""
+    """Return an element's box in the window, pixels."""
     box = element.bounding_box()
     assert box is not None
     return {"x": box["x"], "y": box["y"], "width": box["width"], "height": box["height"]}
 
 
 def overlap(a: dict[str, float], b: dict[str, float]) -> bool:
-    """True if two boxes share a pixel."""
+    """Return whether two boxes share a pixel."""
     beside = a["x"] + a["width"] <= b["x"] or b["x"] + b["width"] <= a["x"]
     above = a["y"] + a["height"] <= b["y"] or b["y"] + b["height"] <= a["y"]
     return not (beside or above)

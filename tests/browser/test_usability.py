@@ -1,4 +1,4 @@
-"""The usability tasks of the former controller, done like a person; prints time and presses of each task."""
+"""The usability tasks of the former controller, done like a person. The test prints time and presses of each task."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from tests.browser.people import Person, robot_side, running_stack
 
 STICK_PERIOD_MS = 30
 PATIENCE_S = 60.0
-TRIES = 3  # a busy machine may interrupt the driver; this is no fault of the page
-SLOWER_AT_MOST = 1.15  # ratio: joystick on the page with the gate, to keys at the robot
+TRIES = 3  # a busy computer may interrupt the driver, which is not the page's fault
+SLOWER_AT_MOST = 1.15  # ratio of times: joystick on the page with the gate, to keys at the robot
 # Two robots at the same start in separate offices: one driven through the gate, one without.
 DRIVEN, BESIDE = (
     PracticeRobot(f"tiago-{number}", f"TIAGo {number}", START, camera=False) for number in (1, 2)
@@ -62,7 +62,7 @@ class Tasks:
         self.person.press(name)
 
     def press_part(self, name: str) -> None:
-        """Press an element by its `data-part` name."""
+        """Press the element with this `data-part` name."""
         self.presses += 1
         self.person.part(name).click()
 
@@ -82,7 +82,7 @@ def test_the_usability_tasks(browser: Browser, tmp_path_factory: pytest.TempPath
 
 
 def do_tasks(stack: Stack, browser: Browser, contacts: Path) -> tuple[float, int]:
-    """Do all tasks. Return the course's time as a ratio to keys without gate, and how often the stick was seized."""
+    """Do all tasks. Return the ratio of the course's time to the time by keys, and how often the stick was seized."""
     person = Person(stack, browser, "operator")
     tasks = Tasks(person)
     with ThreadPoolExecutor(1) as pool, closing(person.context):
@@ -113,7 +113,7 @@ def do_tasks(stack: Stack, browser: Browser, contacts: Path) -> tuple[float, int
             person.until(lambda: person.state["speech"], "the sentence")
         tasks.presses += 1
         person.page.get_by_role("tab", name="Centre").click()
-        person.fold_arm()  # a wave leaves the arm stretched out, too wide for the door
+        person.fold_arm()  # after the wave the arm is stretched out, too wide for the door
         person.until(lambda: person.state["speech"] is None, "silence")
         without_gate_s = by_keys.result()
         print(f"the course by keys, without gate: {without_gate_s:.1f} s")
@@ -133,7 +133,7 @@ def do_tasks(stack: Stack, browser: Browser, contacts: Path) -> tuple[float, int
 
 
 def driven_by_keys(robot: SimulatedRobot) -> float:
-    """Time (s) of the course without console and gate."""
+    """Return the time (s) of the course without console and gate."""
     done = subprocess.run(
         [sys.executable, "-m", "tests.browser.robot_side", "keys"],
         cwd=REPOSITORY, env=robot.environment, capture_output=True, text=True, timeout=PATIENCE_S, check=True,
@@ -168,7 +168,7 @@ def seize_stick(tasks: Tasks) -> Grip:
 
 
 def seize_again(tasks: Tasks) -> Grip:
-    """Return the stick to the middle, since robot data was too old on a busy machine; then seize it again."""
+    """Return the stick to the middle, because robot data was too old on a busy computer; then seize it again."""
     person = tasks.person
     person.page.mouse.up()
     person.until(lambda: person.state["neutral_needed"] is None, "a free stick")
@@ -176,7 +176,7 @@ def seize_again(tasks: Tasks) -> Grip:
 
 
 def push_stick(person: Person, grip: Grip, forward: float, left: float) -> None:
-    """Hold the stick at this position for a moment."""
+    """Hold the stick at this position for a short time."""
     person.page.mouse.move(grip.x - grip.reach * left, grip.y - grip.reach * forward)
     person.page.wait_for_timeout(STICK_PERIOD_MS)
 
@@ -195,7 +195,7 @@ def try_to_hit(tasks: Tasks, world: subprocess.Popen[str]) -> None:
 
     grip = seize_stick(tasks)
     deadline = time.monotonic() + PATIENCE_S
-    while not held():  # by the gate, with a reason
+    while not held():  # held by the gate, with a reason
         assert time.monotonic() < deadline, f"not held: {person.state}"
         if person.state["neutral_needed"]:
             grip = seize_again(tasks)

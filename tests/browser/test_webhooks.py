@@ -31,7 +31,7 @@ def test_a_webhook_that_leads_into_this_computer_says_so(person: Callable[..., P
     page.get_by_role("button", name="Send a test").click()
     expect(
         page.get_by_text("The test is on its way.")
-    ).to_be_visible()  # the page after the form: it can be read again
+    ).to_be_visible()  # the form leads to another page, which can be loaded again
 
     def answered() -> bool:
         page.goto(page.url)

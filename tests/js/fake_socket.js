@@ -1,4 +1,4 @@
-/** A fake of the browser's WebSocket: `made` holds every one since the last `FakeSocket.begin()`. */
+/** A fake of the browser's WebSocket. `made` has all fake sockets since the last `FakeSocket.begin()`. */
 
 export let made = [];
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-# Logs its start, ends when its standard input closes. A file crash-NAME next to the log makes it exit at once.
+# Logs its start; ends when its standard input closes. With a file crash-NAME next to the log, it exits at once.
 POLITE = """
 import os, pathlib, sys
 log = pathlib.Path(os.environ["FAKE_LOG"])
@@ -30,7 +30,7 @@ time.sleep(60)
 
 
 class FakePrograms:
-    """A folder with a program and its processes' log."""
+    """A folder with a program and the log of the program's processes."""
 
     def __init__(self, folder: Path, source: str = POLITE) -> None:
         self.folder = folder
@@ -40,14 +40,14 @@ class FakePrograms:
         self.script.write_text(source)
 
     def arguments(self, name: str) -> list[str]:
-        """Command line to run it under a name."""
+        """Return the command line that runs the program under this name."""
         return [sys.executable, str(self.script), name]
 
     def lines(self) -> list[str]:
-        """The log's lines without process ids."""
+        """Return the log's lines without process ids."""
         return [" ".join(line.split()[:2]) for line in self.log.read_text().splitlines()]
 
     def pids(self, name: str) -> list[int]:
-        """Ids of the processes started under a name, in order."""
+        """Return the ids of the processes started under this name, in order."""
         lines = (line.split() for line in self.log.read_text().splitlines())
         return [int(words[2]) for words in lines if words[:2] == ["start", name]]

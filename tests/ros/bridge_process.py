@@ -27,7 +27,7 @@ class FileSink:
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("a", buffering=1)
-        self._descriptions = path.with_suffix(".description")  # its time among the records is not known
+        self._descriptions = path.with_suffix(".description")  # its order among the records varies
         self._count = 0
 
     def _record(self, kind: str) -> int:

@@ -36,7 +36,7 @@ SONARS = {
 def tiago_config(master: Master, folder: Path, **changes: Any) -> BridgeConfig:
     """A TIAGo's configuration as the registry writes it, with changes: ``name="Ann"``, ``gate={"has_arm": True}``.
 
-    The socket lies in a short folder, since its path is limited.
+    The socket is in a folder with a short name, because the length of a socket's path is limited.
     """
     robot_id = uuid.uuid4().hex
     sockets = Path(tempfile.gettempdir()) / f"fleet-test-{robot_id[:8]}"
@@ -81,7 +81,7 @@ def drivable(state: wire.State) -> bool:
 
 
 class RobotProcess:
-    """One of a robot's processes. It ends when its standard input closes, as when the supervisor dies."""
+    """One of a robot's processes. It ends when its standard input closes: the supervisor has died."""
 
     def __init__(self, master: Master, log: Path, module: str, *arguments: str) -> None:
         self.log = log
@@ -93,13 +93,13 @@ class RobotProcess:
             )  # fmt: skip
 
     def cut_life_line(self) -> int:
-        """Close its standard input, as if the supervisor died; return the exit code."""
+        """Close the process's standard input, as if the supervisor died; return the exit code."""
         assert self.process.stdin is not None
         self.process.stdin.close()
         return self.process.wait(PATIENCE_S)
 
     def kill(self) -> None:
-        """Kill it with SIGKILL, as a crash."""
+        """Kill the process with SIGKILL, as in a crash."""
         self.process.kill()
         self.process.wait()
 
@@ -128,11 +128,11 @@ class BridgeProcess(RobotProcess):
         return Hand(path)
 
     def recorded(self) -> list[str]:
-        """The lines of its records so far."""
+        """Return the lines that the bridge has recorded so far."""
         return self.records.read_text().splitlines()
 
     def description(self) -> str:
-        """The result of reading the robot's description: its problem, or "read"; empty: nothing yet."""
+        """Return the problem of the robot's description, or "read"; "" if there is no result yet."""
         found = self.records.with_suffix(".description")
         return found.read_text() if found.exists() else ""
 
@@ -166,7 +166,7 @@ class WatchdogProcess(RobotProcess):
         )
 
     def ready(self) -> WatchdogProcess:
-        """Wait until it has joined the master."""
+        """Wait until the watchdog has joined the master."""
         until(lambda: "joined" in self.log.read_text() or self.process.poll() is not None, "the watchdog")
         return self
 
@@ -181,7 +181,7 @@ class WatchdogProcess(RobotProcess):
         return self.say(wire.encode(wire.LinkStop(by, reason, 7, robot, press)))
 
     def say(self, message: bytes) -> wire.LinkReport:
-        """Send a message on its socket; return the answer."""
+        """Send a message on the watchdog's socket; return the answer."""
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as lane:
             lane.settimeout(PATIENCE_S)
             lane.connect(lane_path(self.config))
@@ -190,12 +190,12 @@ class WatchdogProcess(RobotProcess):
 
 
 def _fence_of(report: Any) -> int | None:
-    """Fence of a state report, 0 without control; None if the report is no state."""
+    """Return the fence of a state report, 0 without control; None if the report is no state."""
     return report.state.fence or 0 if isinstance(report, wire.Status) else None
 
 
 def _listens(path: str) -> bool:
-    """True if the socket accepts connections. The file alone proves nothing: a killed bridge leaves it behind."""
+    """Return whether the socket accepts connections. Its file proves nothing: a killed bridge leaves the file."""
     with socket.socket(socket.AF_UNIX) as probe:
         return probe.connect_ex(path) == 0
 
@@ -213,7 +213,7 @@ class Hand:
         self._sending = threading.Lock()  # keeps numbers in order between the test and the driving thread
         self.fence = 0
         self.state: wire.State | None = None
-        self.view: Any = None  # the newest one
+        self.view: Any = None  # the newest view
         threading.Thread(target=self._read, daemon=True).start()
         threading.Thread(target=self._drive, daemon=True).start()
         self.send(wire.LinkHello(wire.PROTOCOL, "test"))
@@ -222,7 +222,7 @@ class Hand:
         self._socket.send(wire.encode(message), text=True)
 
     def until(self, condition: Callable[[Any], Any], what: str, timeout_s: float = PATIENCE_S) -> Any:
-        """The first report, old or new, for which `condition` holds."""
+        """Wait for a report, old or new, for which `condition` is true; return the first one."""
         deadline = time.monotonic() + timeout_s
         with self._news:
             while True:
@@ -246,15 +246,15 @@ class Hand:
         return answer.refusal if isinstance(answer, wire.Refused) else None
 
     def state_until(self, condition: Callable[[wire.State], Any], what: str) -> wire.State:
-        """The first state for which `condition` holds."""
+        """Wait for a state for which `condition` is true; return the first one."""
         report = self.until(lambda r: isinstance(r, wire.Status) and condition(r.state), what)
         state: wire.State = report.state
         return state
 
     def drive_until(self, x: float, condition: Callable[[wire.State], Any], what: str) -> wire.State:
-        """Push the stick until `condition` holds for a state; return that state.
+        """Push the stick until `condition` is true for a state; return that state.
 
-        On a busy machine a late scan makes the gate ask for a neutral stick: the stick then returns to the middle.
+        On a busy computer a scan can be late. The gate then asks for a neutral stick: the stick returns to the middle.
         """
 
         def pushed(state: wire.State) -> Any:
@@ -267,13 +267,13 @@ class Hand:
         self.send(wire.Grant(fence, seconds, f"session-{fence}", "Ann", "ann", 1.0))
         self.until(lambda r: isinstance(r, wire.Granted) and r.fence == fence, "a grant")
         self.state_until(lambda state: state.fence == fence, "control")
-        with self._news:  # speed limits are reported only to the driver: drop earlier states
+        with self._news:  # only the driver gets speed limits: drop earlier states
             self._reports = [report for report in self._reports if _fence_of(report) in (None, fence)]
         self.fence = fence
         self.stick(0.0, 0.0)
 
     def stick(self, x: float, w: float = 0.0, y: float = 0.0) -> None:
-        """Hold the stick at this position from now on."""
+        """Hold the stick at this position until the next call."""
         self._stick = (x, y, w)
         self._send_stick()
 

@@ -30,7 +30,7 @@ def ros(rosmaster: Master) -> Iterator[RosClient]:
 
 @pytest.fixture
 def fault(ros: RosClient) -> Iterator[Callable[[str], None]]:
-    """``fault(names)`` sets faults of the simulated robot (robots/simulator/faults.py); they end with the test."""
+    """``fault(names)`` sets the simulated robot's faults (robots/simulator/faults.py) until the end of the test."""
     with (
         ros.listen("/ground_truth/faults", String) as faults,
         ros.speak("/ground_truth/fault", String) as setter,

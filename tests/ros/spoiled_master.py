@@ -1,4 +1,4 @@
-"""A proxy of a ROS master that replaces answers as a test asks."""
+"""A proxy of a ROS master: a test can replace its answers."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from tests.processes import serving
 from tests.ros.support import Master
 
-CUT_SHORT = b"<"  # part of an answer, as left by a killed master
+CUT_SHORT = b"<"  # part of an answer: the rest is missing when a master is killed
 GONE = (OSError, http.client.HTTPException)  # errors of a master that has ended
 
 
 def answer_of(value: object) -> bytes:
-    """A master's answer: success, with this value."""
+    """Return a master's answer: success, with this value."""
     return xmlrpc.client.dumps(([1, "", value],), methodresponse=True).encode()
 
 
 class SpoiledMaster(Master):
-    """The same master at another address, where it gives the answers in `spoiled` instead of its own."""
+    """The same master at another address. It gives the answers in `spoiled` instead of the real answers."""
 
     spoiled: dict[str, bytes]  # by method or argument
     given: list[str]  # keys of `spoiled` that were used, in order

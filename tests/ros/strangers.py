@@ -1,6 +1,6 @@
 """Attacks on a bridge from the robot's network: hostile nodes and connections, without rospy.
 
-Each attack is a context manager: it runs until its block ends, and sends a limited amount.
+Each attack is a context manager: it runs until its block ends, and sends a limited number of bytes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Messages = Iterator[bytes]
 
 class _Quiet(SimpleXMLRPCRequestHandler):
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Write no log."""
 
 
 class Node:
@@ -69,7 +69,7 @@ class Node:
         messages: Callable[[], Messages] = lambda: iter(()),
         rate_hz: float = 10.0,
     ) -> None:
-        """Advertise a topic and send `messages()` to every subscriber. 0 Hz: as fast as it reads."""
+        """Advertise a topic; send `messages()` to every subscriber. 0 Hz: as fast as the subscriber reads."""
         self._topics[topic] = (messages, rate_hz)
         self._register("registerPublisher", "unregisterPublisher", topic, kind)
 
@@ -100,7 +100,7 @@ class Node:
             threading.Thread(target=self._talk, args=(connection,), daemon=True).start()
 
     def _talk(self, connection: socket.socket) -> None:
-        """Claim the type that the subscriber wants, then send."""
+        """Answer with the type that the subscriber wants, then send."""
         with connection, suppress(OSError, struct.error, KeyError):
             asked = _fields(_exactly(connection, struct.unpack("<I", _exactly(connection, 4))[0]))
             messages, rate_hz = self._topics[asked["topic"]]
@@ -382,9 +382,9 @@ def declared_call(master_uri: str, connections: int = 40) -> Iterator[None]:
 
 @contextmanager
 def false_publishers(master_uri: str, topic: str = "/scan_raw", publishers: int = 2000) -> Iterator[None]:
-    """A call names thousands of publishers at addresses where nobody listens."""
+    """A call names thousands of publishers at addresses where no node listens."""
     bridge = ServerProxy(bridge_uri(master_uri))
-    with suppress(Exception):  # it may refuse
+    with suppress(Exception):  # the bridge may refuse the call
         bridge.publisherUpdate(
             "/master", topic, [f"http://{HOST}:1/{number}" for number in range(publishers)]
         )

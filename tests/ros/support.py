@@ -1,6 +1,6 @@
 """A real rosmaster, simulated robots and a ROS client for tests and benchmarks.
 
-rospy knows one master per process. So each test process (each pytest-xdist worker) has its own
+rospy supports one master per process. So each test process (each pytest-xdist worker) has its own
 master on a free port and at most one node; each robot runs in a separate process.
 """
 
@@ -26,7 +26,7 @@ from robots.bridge.ros.tasks.publishing import immediate_publisher
 from tests.processes import PATIENCE_S, REPOSITORY, free_port, until
 
 ROSMASTER = "/usr/bin/rosmaster"
-# rospy also logs as the interpreter exits, when pytest's streams are closed.
+# rospy also logs while the interpreter exits: pytest's streams are then closed.
 logging.getLogger("rospy").setLevel(logging.WARNING)
 LAST_TOPIC = "/scan"  # the last topic that a simulator advertises, for every base
 
@@ -43,7 +43,7 @@ def end(process: subprocess.Popen[bytes], timeout_s: float = 5.0) -> int:
 
 
 class Master:
-    """A separate rosmaster. It can be killed and started again on the same port."""
+    """A separate rosmaster. A test can kill it and start it again on the same port."""
 
     def __init__(self, folder: Path, port: int | None = None) -> None:
         self.port = port or free_port()
@@ -52,7 +52,7 @@ class Master:
         self.process: subprocess.Popen[bytes] | None = None
 
     def environment(self) -> dict[str, str]:
-        """Environment of processes that use this master."""
+        """Return the environment of processes that use this master."""
         return {
             **os.environ,
             "ROS_MASTER_URI": self.uri,
@@ -64,7 +64,7 @@ class Master:
         }
 
     def start(self) -> Master:
-        """Start it and wait until it answers."""
+        """Start the master and wait until it answers."""
         (self._folder / "log").mkdir(parents=True, exist_ok=True)
         with open(self._folder / "rosmaster.log", "ab") as log:
             self.process = subprocess.Popen(
@@ -75,7 +75,7 @@ class Master:
         return self
 
     def answers(self) -> bool:
-        """True if it answers."""
+        """Return whether the master answers."""
         try:
             ServerProxy(self.uri).getPid("/test")
         except OSError:
@@ -83,7 +83,7 @@ class Master:
         return True
 
     def kill(self) -> None:
-        """Kill it with SIGKILL, as a crash."""
+        """Kill the master with SIGKILL, as in a crash."""
         if self.process is not None:
             self.process.kill()
             self.process.wait()
@@ -95,7 +95,7 @@ class Master:
 
 
 class SimulatorProcess:
-    """One ``python -m robots.simulator`` against a master."""
+    """One process ``python -m robots.simulator`` that uses a master."""
 
     def __init__(
         self, master: Master, log: Path, name: str, environment: dict[str, str] | None = None, **options: Any
@@ -116,7 +116,7 @@ class SimulatorProcess:
             )  # fmt: skip
 
     def wait_ready(self) -> SimulatorProcess:
-        """Wait until its topics are registered."""
+        """Wait until the simulator's topics are registered."""
         until(self._is_ready, f"simulator {self.name}; its log:\n{self.log.read_text()}")
         return self
 
@@ -151,14 +151,14 @@ class Inbox:
         return count
 
     def next(self, timeout_s: float = PATIENCE_S) -> Any:
-        """The next message; waits for it."""
+        """Wait for the next message and return it."""
         try:
             return self._queue.get(timeout=timeout_s)
         except queue.Empty:
             raise AssertionError(f"nothing on {self.topic} within {timeout_s} s") from None
 
     def until(self, condition: Callable[[Any], Any], timeout_s: float = PATIENCE_S) -> Any:
-        """The first message for which `condition` holds."""
+        """Wait for a message for which `condition` is true; return it."""
         deadline = time.monotonic() + timeout_s
         last = None
         while time.monotonic() < deadline:
@@ -206,9 +206,9 @@ class RosClient:
 
     @contextmanager
     def speak(self, topic: str, kind: type, listeners: int = 1) -> Iterator[rospy.Publisher]:
-        """Publish for the length of a `with` block, which begins when `listeners` are connected.
+        """Publish for the length of a `with` block. The block begins when `listeners` subscribers are connected.
 
-        Messages are sent at once: messages in a queue would be lost at the end of the block.
+        Messages are sent at once: messages in a queue would be lost when the block ends.
         """
         publisher = immediate_publisher(topic, kind, PATIENCE_S)
         try:
@@ -218,7 +218,7 @@ class RosClient:
             publisher.unregister()
 
     def connected(self, *inboxes: Inbox) -> None:
-        """Wait until each inbox has a publisher: earlier messages are lost."""
+        """Wait until each inbox has a publisher: messages sent before are lost."""
         until(lambda: all(inbox.publishers for inbox in inboxes), "publishers of what is listened to")
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""The bridge with a real master and a simulated TIAGo: faults that it survives, commands that it refuses."""
+"""The bridge with a real master and a simulated TIAGo: it survives faults and refuses bad commands."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_a_closed_link_stops_the_robot(ros, hand):
         hand.close()
         twists.drain()
         on_their_way = itertools.takewhile(lambda twist: not is_zero(twist), iter(twists.next, None))
-        assert len(list(on_their_way)) <= 2  # the dead-man alone lets five pass
+        assert len(list(on_their_way)) <= 2  # with the dead-man alone there would be five
         odometry.until(still)
 
 
@@ -149,7 +149,7 @@ def test_after_a_killed_bridge_the_robot_stops_and_keeps_a_stop(ros, hand, bridg
         odometry.until(still)
     again = bridges(rosmaster, bridge.config).link()
     state = again.state_until(lambda state: True, "a hello")
-    assert state.stop.state == "stopping"  # until odometry is there again
+    assert state.stop.state == "stopping"  # until odometry comes again
     assert state.stop.by == "Bob"
     again.state_until(lambda state: state.stop.state == "stopped", "standstill, seen")
 
@@ -188,7 +188,7 @@ def test_a_lost_state_file_counts_as_a_pressed_stop(hand, bridge, bridges, rosma
     state_file(bridge).unlink()
     again = bridges(rosmaster, msgspec.structs.replace(bridge.config, last_fence=1)).link()
     state = again.state_until(lambda state: True, "a hello")
-    assert state.stop.state == "stopping"  # until odometry is there again
+    assert state.stop.state == "stopping"  # until odometry comes again
     assert "missing" in state.stop.reason
 
 
@@ -220,10 +220,10 @@ def test_a_wrong_type_in_the_registry_is_said_in_words(bridges, rosmaster, tmp_p
 
 
 def test_a_bridge_that_lost_its_name_ends_for_a_new_one(bridge, bridges, hand, rosmaster):
-    with ServerProxy(rosmaster.uri) as master:  # another node of this name, which ends at once
+    with ServerProxy(rosmaster.uri) as master:  # another node with this name, which has already ended
         gone = "http://127.0.0.1:9/"
         master.registerPublisher("/fleet_bridge", "/elsewhere", "std_msgs/Empty", gone)
-        assert bridge.process.wait(PATIENCE_S) == EXIT_NAME_LOST  # although it publishes continuously
+        assert bridge.process.wait(PATIENCE_S) == EXIT_NAME_LOST  # although the bridge publishes continuously
         fresh = bridges(rosmaster, bridge.config).link()
         fresh.state_until(drivable, "the fresh bridge to be online")
         master.unregisterPublisher("/fleet_bridge", "/elsewhere", gone)
@@ -236,7 +236,7 @@ def test_sonars_sharing_a_topic_are_all_heard(ros, bridges, rosmaster, tmp_path)
     hand = bridges(rosmaster, topics={"sonars": sonars}).link()
 
     def burst() -> None:
-        packet = BytesIO()  # one packet: they arrive together
+        packet = BytesIO()  # one packet: all messages arrive together
         for number, sonar in enumerate(sonars):
             reading = Range(range=0.5, min_range=0.1, max_range=1.0)
             reading.header.frame_id = sonar.frame_id
@@ -265,16 +265,16 @@ def test_a_listener_that_does_not_read_is_cut_off(ros, hand):
     with ros.listen("/key_vel", Twist) as twists, ros.listen(ODOMETRY, Odometry) as odometry:
         longest_s = [longest_wait_with_a_deaf_one_s(ros, hand, twists, odometry) for _ in range(3)]
         twists.next()
-    assert statistics.median(longest_s) < 0.4  # median: a busy machine may pause once
+    assert statistics.median(longest_s) < 0.4  # median: a busy computer may pause once
 
 
 def longest_wait_with_a_deaf_one_s(ros, hand, twists, odometry):
-    """Longest time (s) between a stick and its twist, until the bridge cuts off the subscriber that does not read."""
+    """Return the longest time (s) from a stick to its twist while the bridge serves a subscriber that never reads."""
     waits_s = []
     with deaf_subscriber("/key_vel", Twist, ros.master.uri) as bridge_node:
         hand.stick(0.0, 0.1)
         twists.until(lambda twist: twist.angular.z > 0.0)
-        while serves_deaf(bridge_node):  # ends at the test's time limit at the latest
+        while serves_deaf(bridge_node):  # the test's time limit ends the loop at the latest
             odometry.next()
             twists.drain()
             for _ in range(10):

@@ -71,7 +71,7 @@ def check(robot: Robot, master: Master, **changes: Any) -> dict[str, dict[str, s
 
 @contextmanager
 def odometry_from(client: RosClient, ahead_s: float) -> Iterator[None]:
-    """Publish odometry with stamps of a clock that is ahead."""
+    """Publish odometry with stamps of a clock that is `ahead_s` ahead."""
     ending = threading.Event()
 
     def publish(publisher: rospy.Publisher) -> None:

@@ -1,4 +1,4 @@
-"""A base that moves sideways: lateral stick, and the gate at its sides."""
+"""A base that can move sideways: the stick to the left and right, and the gate at the sides of the base."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ GATE = GateProfile(
 
 @pytest.fixture(scope="module", autouse=True)
 def robot(ros, simulator):
-    """A robot with the wall on its right, whose face is at y = 0."""
+    """A robot with a wall on its right. The wall's face is at y = 0."""
     return simulator(pose="7.6,1.2,0", base="generic_omni", seed=1)
 
 

@@ -1,4 +1,4 @@
-"""``manage.py run_fleet`` with real bridges: one robot is present, one is away."""
+"""``manage.py run_fleet`` with real bridges: one robot is present, the other is not."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 
 class Supervisor:
-    """The command as in a lab, with the test's database."""
+    """The command as a lab runs it, with the test's database."""
 
     def __init__(self) -> None:
         database = f"sqlite:///{connection.settings_dict['NAME']}"
@@ -36,18 +36,18 @@ class Supervisor:
         )
 
     def bridge_of(self, robot: Robot, not_pid: int | None = None) -> psutil.Process:
-        """The robot's bridge once it listens."""
+        """Wait until the robot's bridge listens; return its process."""
         until(lambda: listens(robot) and self._pid(robot) not in (None, not_pid), f"bridge of {robot.slug}")
         return psutil.Process(self._pid(robot))
 
     def watchdog_of(self, robot: Robot, not_pid: int | None = None) -> psutil.Process:
-        """The robot's watchdog once it listens."""
+        """Wait until the robot's watchdog listens; return its process."""
 
         path = (link_address(robot).unix_path or "").replace(".sock", ".stop")
 
         def listening() -> psutil.Process | None:
             for child in psutil.Process(self.process.pid).children():
-                with contextlib.suppress(psutil.Error):  # it has ended and was not reaped yet
+                with contextlib.suppress(psutil.Error):  # the process has ended and is not reaped yet
                     arguments = child.cmdline()
                     if (
                         "robots.bridge.watchdog" in arguments

@@ -18,13 +18,13 @@ from tests.processes import outside, until
 from tests.script.support import Family
 
 PROGRAMS = Path("/usr/lib/postgresql")
-OWNER = "postgres"  # account of Debian's package; PostgreSQL does not run as root
+OWNER = "postgres"  # the account of Debian's package: PostgreSQL does not run as root
 STARTED_S = 30.0
-POSTGRESQL_END = signal.SIGQUIT  # at once; SIGTERM would wait for its clients
+POSTGRESQL_END = signal.SIGQUIT  # an immediate end: with SIGTERM, PostgreSQL would wait for its clients
 
 
 def postgresql_installed() -> bool:
-    """True if PostgreSQL's programs are installed."""
+    """Return whether PostgreSQL's programs are installed."""
     return any(PROGRAMS.glob("*/bin"))
 
 
@@ -45,7 +45,7 @@ class Postgresql:
         self.start()
 
     def start(self) -> None:
-        """Start it and wait until it answers."""
+        """Start the server and wait until it answers."""
         place = self._command("postgres", "-D", self._directory / "data", "-k", self._directory)
         run = [*place, "-c", "listen_addresses=", "-c", "fsync=off"]
         log = self._directory / "log"
@@ -63,21 +63,21 @@ class Postgresql:
                 os.kill(pid, number)
 
     def kill(self) -> None:
-        """Kill all its processes (SIGKILL) and wait until they have ended."""
+        """Kill all processes of the server (SIGKILL) and wait until they have ended."""
         family = Family(self._server.pid)
         self.signal_all(signal.SIGKILL)
         self._server.wait(STARTED_S)
         family.assert_gone()
 
     def end(self) -> None:
-        """End it at once."""
+        """End the server immediately."""
         self._server.signal(POSTGRESQL_END)
         self._server.wait(STARTED_S)
 
 
 @contextmanager
 def running_postgresql() -> Iterator[Postgresql]:
-    """Run a PostgreSQL that can be killed and started again."""
+    """Run a PostgreSQL that a test can kill and start again."""
     directory = Path(tempfile.mkdtemp(prefix="fleet-pg-"))
     try:
         server = Postgresql(directory)

@@ -20,13 +20,13 @@ ENDED_S = 30.0
 
 
 def listens(port: int) -> bool:
-    """True if a server listens on this port."""
+    """Return whether a server listens on this port."""
     with socket.socket() as probe:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def command_line(pid: int) -> str:
-    """Command line of a process, "" if it has ended."""
+    """Return the command line of a process, "" if it has ended."""
     with suppress(FileNotFoundError):
         return Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ").strip()
     return ""
@@ -42,12 +42,12 @@ class Family:
         return len(self.commands)
 
     def named(self, words: str) -> int:
-        """Id of the one process whose command line contains these words."""
+        """Return the id of the one process whose command line contains these words."""
         [pid] = [pid for pid, command in self.commands.items() if words in command]
         return pid
 
     def assert_gone(self) -> None:
-        """Wait until all of them have ended."""
+        """Wait until all processes of the family have ended."""
         try:
             until(lambda: not any(map(_alive, self.commands)), "every process has ended", ENDED_S)
         except AssertionError as error:
@@ -60,7 +60,7 @@ def _descent(pid: int) -> list[int]:
 
 
 def _alive(pid: int) -> bool:
-    """True unless it has ended or is a zombie."""
+    """Return whether the process runs; False also for a zombie."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
@@ -68,7 +68,7 @@ def _alive(pid: int) -> bool:
 
 
 async def drive_forward(driver: Driver) -> None:
-    """Hold full stick until odometry has moved 0.1 m."""
+    """Hold full stick until the robot has driven 0.1 m by odometry."""
     start = driver.odometry
     assert start
 
@@ -80,7 +80,7 @@ async def drive_forward(driver: Driver) -> None:
 
 
 def manage(stack: Stack, *words: str) -> str:
-    """Run a command of `manage.py` in the stack, to its end; returns what it printed."""
+    """Run a command of `manage.py` in the stack to its end; return the printed text."""
     done = subprocess.run(
         [sys.executable, "manage.py", *words],
         cwd=REPOSITORY,
@@ -94,5 +94,5 @@ def manage(stack: Stack, *words: str) -> str:
 
 @cache
 def token(stack: Stack, role: str, *scopes: str, name: str = "night-tests") -> str:
-    """Return a token of one of the stack's people, the same for the same words: the command takes a second."""
+    """Return a token of one of the stack's people. It is cached, because the command takes a second."""
     return manage(stack, "make_token", stack.accounts[role].username, name, *scopes)

@@ -1,4 +1,4 @@
-"""Cameras of a whole console: a lost process, a viewer who stalls, a damaged camera, a lost right."""
+"""Cameras of a whole console: a lost process, a viewer who stops reading, a damaged camera, a lost right."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.script.support import Family
 
 ROBOT = replace(PRACTICE_ROBOTS[0], rear_camera=True)
 ENDS_S = 1.0  # from the loss of a right to the last picture
-SLACK_S = 1.0  # of this computer
+SLACK_S = 1.0  # for a busy computer
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def stack() -> Iterator[Stack]:
 
 
 class Viewer:
-    """A page that watches cameras, and acknowledges unless it `stalls`."""
+    """A page that watches cameras and acknowledges their pictures, unless it `stalls`."""
 
     def __init__(self, socket: ClientConnection, *, stalls: bool) -> None:
         self.pictures: list[dict[str, Any]] = []
@@ -55,7 +55,7 @@ class Viewer:
             await asyncio.wait_for(self._news.wait_for(condition), 2 * PATIENCE_S)
 
     async def gets_pictures(self, camera: str = "head", count: int = 5) -> None:
-        """Wait for new pictures."""
+        """Wait for `count` new pictures."""
         self.pictures.clear()
         await self.until(lambda: sum(one["camera"] == camera for one in self.pictures) >= count)
 

@@ -1,4 +1,4 @@
-"""script/demo, started and ended like by a person."""
+"""script/demo, started and ended as a person does it."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Demo:
         self.family = Family(self.process.pid)
 
     def end(self) -> None:
-        """End it if it still runs."""
+        """End the demo if it still runs."""
         self.process.terminate()
         self.process.wait()
 
@@ -80,7 +80,7 @@ Start = Callable[..., Demo]
 
 @pytest.fixture(scope="module")
 def port() -> Iterator[int]:
-    """Port of the one demo of these tests: only its first start creates a database."""
+    """The port of all demos of these tests. They share a folder: only the first demo creates a database."""
     number = free_port()
     yield number
     shutil.rmtree(REPOSITORY / "var" / f"demo-{number}")
@@ -88,7 +88,7 @@ def port() -> Iterator[int]:
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
-    """Start a demo on a port. It ends with the test at the latest."""
+    """`start(port)`: start a demo on a port. It ends with the test at the latest."""
     started: list[Demo] = []
 
     def start(port: int, *flags: str) -> Demo:
@@ -167,7 +167,7 @@ class OnTheNetwork:
         return {role: Account(role, role, password) for role, password in map(str.split, lines)}
 
     def get(self, path: str, host: str | None = None) -> http.client.HTTPResponse:
-        """Get a page over TLS, with the demo's certificate authority and a check of the address."""
+        """Get a page over TLS. Trust only the demo's certificate authority, and check the address."""
         connection = http.client.HTTPSConnection(
             self.hosts[0], self.port, timeout=PATIENCE_S, context=trust(self)
         )
@@ -193,7 +193,7 @@ def drive_by_phone(demo: Demo, address: str) -> None:
     console = OnTheNetwork(demo, (address,))
     assert f"{console.url}/" in demo.said
     picture = qr_code(f"{console.url}/")
-    until(lambda: picture in demo.said, "the picture of the address")  # it follows the line "is ready"
+    until(lambda: picture in demo.said, "the picture of the address")  # printed after the line "is ready"
 
     page = console.get("/accounts/sign-in/")
     assert page.status == 200
@@ -206,7 +206,7 @@ def drive_by_phone(demo: Demo, address: str) -> None:
         operator = Person(console, browser, "operator")
         operator.sign_in()
         assert all(cookie["secure"] for cookie in operator.context.cookies())
-        operator.take("tiago-3")  # the first is stopped, the second in a student’s slot
+        operator.take("tiago-3")  # the first robot is stopped, the second is in a student’s slot
         assert operator.page.evaluate("isSecureContext")
         operator.drive("w", metres=0.1)
         operator.let_go("w")

@@ -1,4 +1,4 @@
-"""On an overloaded computer people can take control, and the operator is not blamed for missing commands."""
+"""On an overloaded computer people can take control, and the console does not report missing commands."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from script.stack.stack import PRACTICE_ROBOTS, temporary_stack
 BURNERS = (
     4  # with the console on one core, each process gets a fifth of it; other cores stay free for other tests
 )
-BURNED_S = 40  # s, then they end by themselves
+BURNED_S = 40  # s, after which the processes end by themselves
 TAKES = 5
 HELD_S = 5.0
 BURN = f"import time\nend = time.monotonic() + {BURNED_S}\nwhile time.monotonic() < end: pass"
@@ -61,7 +61,7 @@ async def drive_under_load(stack, cookie) -> None:
 
 
 async def hold(driver: Driver, seconds: float) -> None:
-    """Turn on the spot. Check that no command was missing while this client was in time."""
+    """Turn on the spot. Check that no command is reported as missing while this client sends in time."""
     own_gap_s = 0.0
     sent_s = time.monotonic()
     end_s = sent_s + seconds

@@ -34,7 +34,7 @@ def motion_processes(stack: Stack) -> list[int]:
         try:
             command = (process / "cmdline").read_bytes()
             environment = (process / "environ").read_bytes()
-        except OSError:  # it has ended, or belongs to another account
+        except OSError:  # the process has ended, or belongs to another account
             continue
         if stack.environment["FLEET_VAR"].encode() in environment and (
             b"run_bridge" in command or b"watchdog" in command
@@ -61,7 +61,7 @@ async def test_a_stop_of_a_frozen_robot_is_pending_then_holds(stack: Stack) -> N
     async with Driver(stack, ROBOT, driving) as driver:
         await driver.take()
         await driver.until(lambda: driver.state)
-        if driver.state and driver.state.stop.state != "clear":  # by the other test
+        if driver.state and driver.state.stop.state != "clear":  # the other test has stopped it
             await driver.clear()
         await driver.hold_stick(0.0, 0.5, until=lambda: driver.odometry and abs(driver.odometry.w) > 0.1)
         frozen = motion_processes(stack)

@@ -1,4 +1,4 @@
-"""Child processes end with their parent, and not before."""
+"""Child processes end when their parent ends, not earlier."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""script/serve as an administrator starts it for real robots; here with a rosmaster and a simulator."""
+"""script/serve, started as for real robots by an administrator; here with a rosmaster and a simulator."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.processes import free_port, outside, until
 from tests.script.support import ENDED_S, Family, drive_forward, listens
 
 READY_S = 120.0
-EDIT_S = 3.0  # promised by docs/admins.md
+EDIT_S = 3.0  # s, the time in docs/admins.md
 ROBOT = "tiago-42"
 CHECKED = f"/robots/{ROBOT}/check/"
 STAFF = Account("first", "staff", "a long walk on the beach")
@@ -210,7 +210,7 @@ class Form(HTMLParser):
 
 @pytest.fixture
 def master_uri(tmp_path: Path) -> Iterator[str]:
-    """The master of a simulated robot in the middle of the office."""
+    """The URI of the master of a simulated robot in the middle of the office."""
     port = ReservedPort()
     uri = f"http://127.0.0.1:{port.number}"
     ros = {**outside(), "ROS_MASTER_URI": uri, "ROS_IP": "127.0.0.1", "ROS_LOG_DIR": str(tmp_path / "ros")}
@@ -268,7 +268,7 @@ def test_a_robot_is_added_driven_stopped_edited_and_cleaned_up(served: Served, m
 
 
 def set_up(served: Served, master_uri: str) -> None:
-    """Follow the address that the console prints, and make the first admin and the first robot there."""
+    """Open the address that the console prints, and make the first admin and the first robot on its pages."""
     until(lambda: "One-time code: " in served.log.read_text(), "the one-time code", READY_S)
     log = served.log.read_text()
     [address], [code] = (
@@ -310,11 +310,11 @@ async def drive_stop_edit(served: Served, cookie: str) -> None:
         await driver.until(lambda: driver.robot and driver.robot.max_share == 0.5)
         assert time.monotonic() - saved_s < EDIT_S
         await driver.until(lambda: driver.state and driver.state.phase == "online")
-        assert driver.state and driver.state.stop.state == "stopped"  # the latch outlives the bridge
+        assert driver.state and driver.state.stop.state == "stopped"  # also the new bridge is latched
 
 
 async def drive_on(served: Served, cookie: str) -> None:
-    """After the restart the person is still signed in and the robot still stopped; clear it and drive."""
+    """Check that after the restart the person is signed in and the robot stopped; clear the stop and drive."""
     async with Driver(served, ROBOT, cookie) as driver:
         await driver.until(lambda: driver.state and driver.state.phase == "online")
         assert driver.state and driver.state.stop.state == "stopped"

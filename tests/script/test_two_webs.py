@@ -1,4 +1,4 @@
-"""Two web processes share PostgreSQL and Redis: people on one see and stop people on the other."""
+"""Two web processes share PostgreSQL and Redis: people at one process see and stop robots driven at the other."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.script.support import drive_forward, listens, token
 
 READY_S = 120.0
 NEWS_S = 15.0
-ZERO_S = 2.0  # from the death of a web process to standstill on a page
+ZERO_S = 2.0  # s, from the kill of a web process until a page shows that the robot stands
 ROBOT = PRACTICE_ROBOTS[0].slug
 
 
@@ -40,7 +40,7 @@ class House:
     second_port: int
 
     def said(self, words: str) -> bool:
-        """True if a web process logged these words."""
+        """Return whether a web process logged these words."""
         return any(words in (self.stack.logs / f"{name}.log").read_text() for name in ("web", "web-2"))
 
 
@@ -84,8 +84,8 @@ def test_a_program_at_another_web_process_learns_the_remedy(house: House) -> Non
     status, refused = ask("POST", "/renew", second)
     assert (status, refused["code"]) == (409, "other_process"), refused
     assert ask("GET", "", second)[1]["refusal"]["code"] == "other_process"
-    assert ask("POST", "/renew", first)[0] == 200  # nothing was lost
-    assert ask("POST", "", second)[1]["state"] == "yours"  # moved
+    assert ask("POST", "/renew", first)[0] == 200  # the first web process still has control
+    assert ask("POST", "", second)[1]["state"] == "yours"  # control has moved
     assert ask("POST", "/renew", second)[0] == 200
     until(lambda: ask("POST", "/renew", first)[1].get("code") == "other_process", "the first knows", NEWS_S)
     assert ask("DELETE", "", second)[0] == 204
@@ -126,7 +126,7 @@ async def meet(house: House) -> None:
         await operator.until(lambda: operator.state and operator.state.stop.state == "clear", NEWS_S)
 
         assert not house.said("hint")
-        house.redis.kill()  # news arrives later; nothing else changes
+        house.redis.kill()  # without Redis, news arrives later: nothing else changes
         await drive_a_little(supervisor)
         await supervisor.send(wire.Release())
         await operator.until(lambda: operator.control and operator.control.state == "free", NEWS_S)
@@ -155,5 +155,5 @@ def holder(page: Driver) -> str | None:
 
 async def drive_a_little(driver: Driver) -> None:
     await driver.until(lambda: driver.odometry and driver.state and driver.state.fence == driver.fence)
-    await driver.drive(0.0, 0.0)  # first a neutral stick
+    await driver.drive(0.0, 0.0)  # the bridge first needs a neutral stick
     await drive_forward(driver)

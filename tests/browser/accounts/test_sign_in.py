@@ -16,7 +16,7 @@ PRESENT = {"isUserVerified": True, "automaticPresenceSimulation": True}
 def test_an_app_and_a_passkey_are_set_up_and_used(person: Callable[..., Person]) -> None:
     somebody = person("observer", apart=True)
     page, account = somebody.page, somebody.account
-    console = somebody.stack.url.replace("127.0.0.1", "localhost")  # browsers know no passkeys of numbers
+    console = somebody.stack.url.replace("127.0.0.1", "localhost")  # a passkey needs a host name
     devices = somebody.context.new_cdp_session(page)
     devices.send("WebAuthn.enable")
     devices.send("WebAuthn.addVirtualAuthenticator", {"options": KEY | PRESENT})

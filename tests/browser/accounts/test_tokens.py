@@ -1,4 +1,4 @@
-"""Tokens in a real browser: made, copied, listed and ended, on every size of window."""
+"""Tokens in a real browser: made, copied, listed and ended, at every window size."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Arrive = Callable[..., Person]
 
 
 def looked_at(person: Person) -> None:
-    """Check the page light and dark on every size: no complaint by axe, nothing wider than the window."""
+    """Check the page light and dark at every size: no complaint by axe, nothing wider than the window."""
     for width, height in SIZES:
         person.page.set_viewport_size({"width": width, "height": height})
         axe_accepts(person, f"{width} px")
@@ -24,7 +24,7 @@ def looked_at(person: Person) -> None:
 
 
 def show_that_it_is_you(person: Person) -> None:
-    """Type the password, unless another test did so a moment ago: browsers of a role share their sign-in."""
+    """Type the password if the page asks. All browsers of a role share a sign-in: another test may have typed it."""
     password = person.page.get_by_label("Password")
     password.or_(person.page.get_by_label("Name of the program")).wait_for()
     if password.count():
@@ -38,7 +38,7 @@ def test_a_token_is_made_copied_used_and_ended(clipboard: bool, person: Arrive) 
     page = operator.page
     if clipboard:
         operator.context.grant_permissions(["clipboard-read", "clipboard-write"])
-    else:  # as on plain HTTP from another computer
+    else:  # a page by plain HTTP from another computer has no clipboard
         page.add_init_script("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
     operator.open("/accounts/")
     page.get_by_role("link", name="Show Tokens").click()

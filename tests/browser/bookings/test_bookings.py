@@ -33,7 +33,7 @@ POST_JSON = """async ([url, fields]) => {
 
 @pytest.fixture
 def book(stack: Stack):
-    """`book("operator", -60, 8)`: store a slot by seconds from now, however short. All slots go after the test."""
+    """`book("operator", -60, 8)`: store a slot of any length, by seconds from now. The test's end deletes all slots."""
     with sqlite3.connect(stack.directory / "fleet.sqlite3", timeout=20) as database:
 
         def one(column: str, table: str, name: str) -> str:
@@ -60,7 +60,7 @@ def book(stack: Stack):
             database.commit()
 
         def end_in(seconds: float) -> None:
-            """Let all slots end so soon, as if they had been booked so."""
+            """Change the end of all slots to this number of seconds from now, as if they had been booked so."""
             ends = str(datetime.now(timezone.utc).replace(tzinfo=None) + timedelta(seconds=seconds))
             database.execute("UPDATE bookings_booking SET ends_at = ?, held_until = ?", [ends, ends])
             database.commit()
@@ -83,21 +83,21 @@ def test_the_slot_ends_while_the_stick_is_held(person: Arrive, stack: Stack, boo
         operator.push("s", until=lambda: operator.control["state"] != "yours", what="the slot to end")
         assert operator.place != start
         operator.until_still()
-        with ThreadPoolExecutor() as another_thread:  # Playwright has this one's event loop
+        with ThreadPoolExecutor() as another_thread:  # Playwright uses the event loop of this thread
             refused = another_thread.submit(asyncio.run, insist(stack)).result()
     assert refused == {"take": "booked", "drive": "no_lease"}
     twists = [float(line) for line in said.read_text().split() if line != "listening"]
     driven = [number for number, vx in enumerate(twists) if vx]
-    assert driven and not any(twists[driven[-1] + 1 :])  # nothing of those who insisted
+    assert driven and not any(twists[driven[-1] + 1 :])  # the robot got nothing from `insist`
     assert twists[-1] == 0.0
     expect(operator.part("why")).to_contain_text("has booked this robot")
     expect(operator.part("slot")).to_contain_text("has a slot")
-    supervisor.take(ROBOT)  # the next slot is theirs
+    supervisor.take(ROBOT)  # the supervisor has the next slot
     supervisor.release()
 
 
 async def insist(stack: Stack) -> dict[str, str]:
-    """Ask for control as the operator in the slot of another person, and drive all the same. Returns the refusals."""
+    """Ask for control as the operator in another person's slot, and drive without it. Return the refusals."""
     async with Driver(stack, ROBOT, sign_in(stack, "operator")) as driver:
         await driver.send(wire.Take())
         await driver.drive(-1.0, 0.0)
@@ -114,7 +114,7 @@ def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book
     operator.page.get_by_label("Purpose").fill("Exercise 7")
     assert found_by_axe(operator) == []
     operator.part("dialog-yes").click()
-    expect(operator.part("refusals")).to_have_text("")  # a failure shows why
+    expect(operator.part("refusals")).to_have_text("")  # if the test fails here, the reason is shown
     expect(operator.part("dialog")).to_be_hidden()
     expect(operator.page.locator(".ec-event.mine")).to_have_count(1)
     with sqlite3.connect(stack.directory / "fleet.sqlite3", timeout=20) as database:
@@ -127,7 +127,7 @@ def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book
     staff.page.get_by_label("To", exact=True).fill(tomorrow.strftime("%Y-%m-%dT23:00"))
     staff.page.get_by_role("button", name="Book", exact=True).click()
     refusals = staff.page.locator(".refusals li")
-    expect(refusals).to_have_count(2)  # taken, and too long
+    expect(refusals).to_have_count(2)  # the slot is taken, and it is too long
     expect(staff.page.locator(".alternatives a").first).to_contain_text("TIAGo One")
 
 
@@ -135,7 +135,7 @@ def test_a_booking_is_moved_and_lengthened_by_drag(person: Arrive, stack: Stack,
     operator, staff = person("operator"), person("staff")
 
     def held() -> tuple[datetime, datetime]:
-        """The operator's only booking."""
+        """Return the times of the operator's only booking."""
         with sqlite3.connect(stack.directory / "fleet.sqlite3", timeout=20) as database:
             query = (
                 "SELECT starts_at, ends_at FROM bookings_booking b JOIN accounts_user u ON u.id = person_id"
@@ -161,13 +161,13 @@ def test_a_booking_is_moved_and_lengthened_by_drag(person: Arrive, stack: Stack,
     expect(mine).to_have_count(1)
     starts, ends = held()
     expect(operator.part("calendar")).to_have_attribute("aria-busy", "false")
-    operator.until(mine.bounding_box, "the booking to be drawn")  # the calendar may just draw it again
+    operator.until(mine.bounding_box, "the booking to be drawn")  # the calendar may be drawing it again
     box = mine.bounding_box()
     assert box
     hour_px = box["height"] / ((ends - starts) / timedelta(hours=1))
 
     def place(edge_px: float | None = None) -> tuple[float, float]:
-        """The middle of the booking, or so far above its lower edge."""
+        """Return the middle of the booking, or the point `edge_px` above its lower edge."""
         expect(operator.part("calendar")).to_have_attribute("aria-busy", "false")
         box = mine.bounding_box()
         assert box
@@ -193,7 +193,7 @@ def test_a_booking_is_moved_and_lengthened_by_drag(person: Arrive, stack: Stack,
 
 def test_the_booking_of_another_person_appears_at_once(person: Arrive, book) -> None:
     operator, staff = person("operator", apart=True), person("staff")
-    operator.page.add_init_script(NO_POLL)  # only news from the console shows it
+    operator.page.add_init_script(NO_POLL)  # without polling, only the console's events show the booking
     calendar_of_tomorrow(operator)
     event = operator.page.locator(".ec-event")
     expect(event).to_have_count(0)
@@ -234,7 +234,7 @@ def calendar_of_tomorrow(somebody: Person) -> None:
 
 
 def drag_place(somebody: Person) -> tuple[float, float]:
-    """A place in the first robot's column, on a full line of the grid."""
+    """Return a place in the first robot's column, on a full line of the grid."""
     body = somebody.page.locator(".ec-body, .ec-main").first.bounding_box()
     assert body
     return body["x"] + 140, body["y"] + body["height"] / 2

@@ -1,4 +1,4 @@
-"""From a teacher's CSV to a booking, in a real browser: induction, every refusal at once, the line, a live calendar."""
+"""From a teacher's CSV to a booking, in a real browser: induction, all refusals at once, the line, a live calendar."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TOMORROW = datetime.now(timezone.utc) + timedelta(days=1)
 
 @pytest.fixture
 def student(stack: Stack, browser: Browser) -> Iterator[Person]:
-    """A newcomer in front of a browser: the account comes with the course."""
+    """A new person at a browser. The course makes the account."""
     somebody = Person(stack, browser, "observer")
     name = f"stu-{uuid4().hex[:6]}@example.org"
     somebody.account = Account(name, "student", "a long walk on the beach")
@@ -30,7 +30,7 @@ def student(stack: Stack, browser: Browser) -> Iterator[Person]:
 
 @pytest.fixture
 def course(person: Arrive, student: Person, induction: str) -> Iterator[str]:
-    """A course on ROBOT, made with a CSV file in which the student stands; archived after the test."""
+    """A course on ROBOT from a CSV file with the student. It is archived after the test."""
     page, name = person("staff").page, f"Course {uuid4().hex[:6]}"
     page.goto(f"{student.stack.url}/courses/new/")
     page.get_by_label("Name", exact=True).fill(name)
@@ -89,7 +89,7 @@ def test_a_student_is_refused_waits_and_gets_the_slot(
     owner.page.keyboard.press("Escape")
     expect(question).to_be_hidden()
     cancel.press("Enter")
-    owner.page.keyboard.press("Tab")  # from "Keep it" to the yes
+    owner.page.keyboard.press("Tab")  # from "Keep it" to the button that cancels
     owner.page.keyboard.press("Enter")
     expect(owner.page.get_by_text(f"Cancelled: {ROBOT}")).to_be_visible()
     accept = student.page.get_by_role("button", name=f"Accept {ROBOT}")
@@ -103,7 +103,7 @@ def test_a_student_is_refused_waits_and_gets_the_slot(
 
 
 def set_password(stack: Stack, student: Person) -> None:
-    """Follow the link in the student's e-mail, which the demo writes into its log."""
+    """Open the link in the student's e-mail. The demo writes e-mails into its log."""
     link = re.compile(rf"^To: {re.escape(student.account.username)}\n.*?(http\S+/welcome/\S+)", re.M | re.S)
 
     def letters() -> list[str]:

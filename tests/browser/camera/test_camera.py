@@ -19,20 +19,20 @@ from tests.browser.people import Fingers, Person, running_stack
 from tests.browser.test_pages import axe_accepts
 
 Arrive = Callable[..., Person]
-# Before, in and behind the east door; metres from the start.
+# Points before, in and behind the east door; metres from the start.
 THROUGH_THE_DOOR = ((-0.05, 0.8), (-0.05, 1.5), (-0.05, 2.4))
 
 
 @pytest.fixture(scope="module")
 def stack_with_camera(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
-    """A console of its own: the camera's pictures cost other tests no computing time."""
+    """A separate console, so that the camera's pictures take no computing time from other tests."""
     with running_stack(tmp_path_factory.mktemp("camera"), [replace(ROBOTS[0], camera=True)]) as stack:
         yield stack
 
 
 @pytest.fixture
 def person(stack_with_camera: Stack, browser: Browser) -> Iterator[Arrive]:
-    """`person("operator")`: a signed-in person of that console."""
+    """`person("operator")`: a signed-in person at the console with the camera."""
     with ExitStack() as leaving:
 
         def arrive(role: str, **looks: Any) -> Person:
@@ -45,7 +45,7 @@ def person(stack_with_camera: Stack, browser: Browser) -> Iterator[Arrive]:
 
 
 def shows_a_picture(person: Person) -> None:
-    """Wait for the camera's picture: its words say what is missing until then."""
+    """Wait for the camera's picture. Until it comes, words in its place name what is missing."""
     expect(person.part("camera")).to_be_visible()
     expect(person.part("camera").locator(".camera-words")).to_be_hidden()
 
@@ -124,7 +124,7 @@ def test_the_whole_screen_keeps_joystick_and_stop(person: Arrive) -> None:
 
 
 def test_a_newcomer_drives_by_the_phones_camera_to_the_next_room(person: Arrive) -> None:
-    """The whole way with the hints of a first visit: picture, door, a look around, a stop by a second finger."""
+    """With the hints of a first visit: the picture, the door, a look around, and a stop by a second finger."""
     operator = person("operator", width=390, height=844, touch=True, newcomer=True)
     operator.page.get_by_role("link", name="Open").click()
     shows_a_picture(operator)
@@ -166,13 +166,13 @@ def test_a_newcomer_drives_by_the_phones_camera_to_the_next_room(person: Arrive)
 
 
 def heading(person: Person) -> float | None:
-    """The direction of the newest picture, radians to the left of the robot's; None: not known, the head moves."""
+    """Return the newest picture's direction, radians to the left of the robot's; None while the head moves."""
     pose = person.heard["picture"]["pose"]
     return math.atan2(pose[9], pose[8]) if pose else None
 
 
 def put_on_the_stick(person: Person, fingers: Fingers, *, forward: float, left: float) -> None:
-    """Put the first finger on the joystick's middle and move it there; 1 is beyond full stick."""
+    """Put the first finger on the joystick's middle and move it to this position; 1 is beyond full stick."""
     fingers.put(1, person.middle_of("zone"))
     move_on_the_stick(person, fingers, forward=forward, left=left)
 
@@ -185,13 +185,13 @@ def move_on_the_stick(person: Person, fingers: Fingers, *, forward: float, left:
 
 
 def follow(person: Person, fingers: Fingers, course: Sequence[tuple[float, float]]) -> None:
-    """Drive by the joystick with one finger; the way is drawn into the picture meanwhile."""
+    """Drive by the joystick with one finger; check that the way is drawn into the picture during the drive."""
     follower, sees_way = Follower(course), False
     put_on_the_stick(person, fingers, forward=0.0, left=0.0)
 
     def arrived() -> bool:
         nonlocal sees_way
-        if person.state["neutral_needed"]:  # a busy machine heard a scan or a command too late
+        if person.state["neutral_needed"]:  # on a busy computer a scan or a command came too late
             fingers.lift(1)
             person.until(lambda: person.state["neutral_needed"] is None, "a free stick")
             put_on_the_stick(person, fingers, forward=0.0, left=0.0)

@@ -1,4 +1,4 @@
-"""The control page of a robot with two cameras: every size and theme, old picture, notices and requests beside it."""
+"""The control page of a robot with two cameras: every size and theme, old pictures, notices and requests."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.browser.people import Person, faults_of, running_stack
 from tests.browser.test_pages import SIZES, axe_accepts, box_of, overlap, too_small
 
 Arrive = Callable[..., Person]
-# Texts of the view bar's buttons that something lies over.
+# Texts of the view bar's buttons that something covers.
 COVERED = """() => [...document.querySelectorAll("[data-part=view-bar] button")]
   .filter((one) => one.checkVisibility())
   .filter((one) => {
@@ -32,7 +32,7 @@ ROBOT = "tiago-2"
 
 @pytest.fixture(scope="module")
 def stack_with_cameras(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
-    """A console with one robot, which has a second camera behind."""
+    """A console with one robot, which has a second camera at its back."""
     plan = replace(ROBOTS[1], camera=True, rear_camera=True)
     with running_stack(tmp_path_factory.mktemp("cameras"), [plan]) as stack:
         yield stack
@@ -40,7 +40,7 @@ def stack_with_cameras(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sta
 
 @pytest.fixture
 def person(stack_with_cameras: Stack, browser: Browser) -> Iterator[Arrive]:
-    """`person("operator")`: a signed-in person of that console."""
+    """`person("operator")`: a signed-in person at the console with two cameras."""
     with ExitStack() as leaving:
 
         def arrive(role: str, **looks: Any) -> Person:
@@ -54,13 +54,13 @@ def person(stack_with_cameras: Stack, browser: Browser) -> Iterator[Arrive]:
 
 @pytest.fixture
 def faults(stack_with_cameras: Stack, tmp_path: Path) -> Iterator[Callable[[str], None]]:
-    """``faults(names)`` sets the simulated robot's faults; they end with the test."""
+    """``faults(names)`` sets the simulated robot's faults until the end of the test."""
     with faults_of(stack_with_cameras.robots[ROBOT], tmp_path) as begin:
         yield begin
 
 
 def open_view_bar(person: Person) -> None:
-    """On a small screen one button opens it."""
+    """Open the view bar. Only a small screen has a button for this."""
     opener = person.part("view-open")
     if opener.is_visible() and opener.get_attribute("aria-expanded") == "false":
         opener.click()
@@ -109,7 +109,7 @@ def test_a_picture_that_stands_still_is_grey_and_slows_the_robot(
     expect(operator.part("camera").locator(".camera-age")).to_have_text(re.compile(r"picture \d+\.\d s old"))
 
     def held_to() -> float | None:
-        """The bridge's limit for the late picture, m/s."""
+        """Return the bridge's speed limit for the late picture, m/s; None without a limit."""
         limits = operator.state["verdict"]["limits"]
         found = [limit for limit in limits if limit["code"] == "camera_late"]
         return float(re.search(r"held to ([\d.]+) m/s", found[0]["text"])[1]) if found else None  # type: ignore[index]
@@ -138,7 +138,7 @@ def test_notices_and_requests_leave_camera_and_chart_free(person: Arrive) -> Non
     staff.press("Leave the line")
     play = staff.part("motion-list").get_by_role("button").first
     play.wait_for()
-    play.evaluate("button => button.click()")  # refused: staff has no control
+    play.evaluate("button => button.click()")  # refused, because staff has no control
     notice = staff.page.locator(".notices .notice").first
     notice.wait_for()
     shown = box_of(notice)

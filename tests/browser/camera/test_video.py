@@ -18,11 +18,11 @@ from robots.bridge.camera.h264 import H264Encoder
 from tests.processes import REPOSITORY
 
 WIDTH, HEIGHT = 320, 240
-KEYS = (0, 6)  # of these pictures the decoder needs no earlier ones
+KEYS = (0, 6)  # numbers of the key pictures: the decoder can begin with these
 PICTURES = 9
 DAMAGED = 3
 
-# Gives the pictures to the page's own decoder, each when the one before is done, and returns what became of them.
+# Gives the pictures to the page's decoder, one after the other, and returns the result of each.
 _PLAY = """
 async (pictures) => {
   const { CameraPicture } = await import("/js/camera/camera_picture.js");
@@ -51,7 +51,7 @@ async (pictures) => {
 
 
 class Quiet(SimpleHTTPRequestHandler):
-    """Serves files without a word."""
+    """Serves files and writes no log."""
 
     def log_message(self, format: str, *args: object) -> None:
         """Write no log."""
@@ -72,7 +72,7 @@ def page(browser: Browser) -> Iterator[Page]:
 
 
 def pictures() -> list[dict[str, Any]]:
-    """A square that moves over blue, as the camera process encodes it."""
+    """Return pictures of a square that moves over blue, encoded as by the camera process."""
     video, made = H264Encoder(), []
     for number in range(PICTURES):
         pixels = np.full((HEIGHT, WIDTH, 3), (20, 40, 200), np.uint8)

@@ -73,7 +73,7 @@ def test_the_address_names_the_tab(person: Arrive) -> None:
     observer.page.locator(".control[data-tab=speech]").wait_for()
     observer.page.reload()
     observer.page.locator(".control[data-tab=speech]").wait_for()
-    # By keys: arrows choose a tab; after the refresh button, the search is next.
+    # By keys: arrows choose a tab.
     observer.page.get_by_role("tab", name="Speech").focus()
     observer.page.keyboard.press("ArrowLeft")
     observer.page.locator(".control[data-tab=motions]").wait_for()
@@ -113,7 +113,7 @@ def test_a_motion_is_played_shown_cancelled_and_exclusive(person: Arrive) -> Non
     assert [box_of(row), box_of(row.get_by_text("Play"))] == place
 
     operator.press("Play Head tour")
-    supervisor.part("motion-cancel").click()  # supervisors need no control for it
+    supervisor.part("motion-cancel").click()  # supervisors need no control for this
     notice(operator, "Head tour: cancelled. Cancelled by Supervisor.")
     expect(notice(supervisor, "Head tour: cancelled.")).not_to_contain_text("by")
 
@@ -184,7 +184,7 @@ def test_keys_write_in_a_field_and_a_question_mark_shows_help(person: Arrive) ->
 
 
 def logged(person: Person) -> list[str]:
-    """Logged notices, newest first, each once, without notices of late answers on a busy machine."""
+    """Return the logged notices, newest first, each once. Omit late answers, which a busy computer causes."""
     person.part("log-open").evaluate("button => button.click()")
     texts = person.part("log-list").locator("p > span").all_text_contents()
     person.part("log-dialog").evaluate("dialog => dialog.close()")
@@ -247,7 +247,7 @@ def test_quick_presses_do_not_give_control_away(person: Arrive) -> None:
     )
     staff.watch("tiago-2")
     staff.press("Ask for control")
-    operator.press("Hand over to Staff")  # waits: until now a phrase covers its place
+    operator.press("Hand over to Staff")  # this press waits: at first the button is disabled
     assert operator.page.evaluate("came") is True
     assert "release" not in operator.sent
     staff.until_in_control()
@@ -278,7 +278,7 @@ def test_notices_are_logged_and_never_cover_stop_or_stick(person: Arrive, width:
         play.evaluate("button => button.click()")
     notice(observer, re.compile("Take control first"))
     expect(observer.page.locator(".notices .notice-times").first).to_have_text(re.compile("6$"))
-    shown = box_of(observer.page.locator(".notices .notice").first)  # it disappears by itself
+    shown = box_of(observer.page.locator(".notices .notice").first)  # soon the notice disappears
     for protected in (observer.page.locator("form.stop .stop-button"), observer.part("zone")):
         assert not overlap(shown, box_of(protected))
     assert found_by_axe(observer) == []
@@ -308,7 +308,7 @@ def test_the_note_on_cookies_is_read_once_and_can_be_read_again(person: Arrive) 
 
 
 def bridge_of(stack: Stack, slug: str) -> int:
-    """Process of the robot's bridge."""
+    """Return the process id of the robot's bridge."""
     [bridge] = [
         child
         for child in process_stats.children(stack.supervisor.pid)
@@ -416,7 +416,7 @@ def test_out_of_reach_inputs_give_way_except_open_fields(person: Arrive, stack: 
     try:
         os.kill(bridge, signal.SIGKILL)
         operator.page.locator(".control[data-cut]").wait_for()
-        operator.page.keyboard.type(" wo dd")  # outside fields, letters drive and space stops
+        operator.page.keyboard.type(" wo dd")  # outside a field, letters would drive and a space would stop
         assert text.input_value() == "was wo dd"
         expect(banner).to_contain_text("No link to the robot")
         go_to(operator, "Motions")

@@ -1,4 +1,4 @@
-"""Driving in a real browser with all real processes: sign in, take control, drive, be held by the gate, stop."""
+"""Driving in a real browser with all real processes: sign in, take control, drive up to the gate's limit, stop."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -
     operator.until_still()
     verdict = operator.state["verdict"]
     assert verdict["asked"][0] > 0
-    assert 0 < verdict["distance_m"] < 0.5  # at the wall, not in it
-    words = operator.part("words").inner_text()  # laser and depth camera see the wall equally near
+    assert 0 < verdict["distance_m"] < 0.5  # before the wall, not in the wall
+    words = operator.part("words").inner_text()  # the wall is equally near for laser and depth camera
     remembered = "; no sensor sees this place now: drive away from it or turn to it; .*"
     assert re.fullmatch(rf"Stopped \(0\.4 m/s asked\): .* m ahead({remembered})?", words)
 
-    # It moves along the wall; then stop, with the first finger still on the stick.
+    # The robot drives back; then stop, with the first finger still on the stick.
     fingers.push(1, back, lambda: operator.state["odometry"]["vx"] < -0.05, "reverse")
     expect(operator.part("hint")).to_contain_text("Reversing")
     fingers.put(2, operator.middle_of("stop"))
@@ -47,7 +47,7 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -
     expect(operator.part("stop-state")).to_contain_text(f"{standstill_ms:.0f}\u00a0ms")
     assert operator.sent.count("stop") == 1
 
-    # The finger that is still down does not drive, also after the clear.
+    # The first finger is still down. It does not drive, also after the clear.
     fingers.lift(2)
     operator.clear()
     operator.part("banner").get_by_text("Let the stick return to the middle").wait_for()
@@ -86,7 +86,7 @@ def test_a_released_robot_is_offered_to_the_next_in_line(person: Arrive) -> None
     supervisor.press("Ask for control")
     expect(supervisor.part("why")).to_have_text("You are the next in line.")
     operator.release()
-    expect(supervisor.part("who")).to_have_text("It is your turn")  # for 30 s
+    expect(supervisor.part("who")).to_have_text("It is your turn")  # the offer lasts 30 s
     expect(supervisor.part("why")).to_contain_text(re.compile(r"Take control within (30|2\d) s"))
     expect(operator.part("why")).to_contain_text("Supervisor is next in line")
     expect(operator.page.get_by_role("button", name="Take control")).to_be_hidden()
@@ -369,13 +369,13 @@ def test_the_stop_arrives_though_the_socket_swallows_everything(person: Arrive) 
         assert operator.state["stop"]["by"] == "Observer"
         observer.part(region).get_by_text("Stopped.").last.wait_for()
         operator.clear()
-    for observer, silent in pages:  # after 4 s, which pass for all at the same time
+    for observer, silent in pages:  # after 4 s, at the same time for all pages
         observer.until(lambda silent=silent: len(silent) > 1, "the page to give the silent socket up")
     operator.release()
 
 
 def swallowed(person: Person) -> list[WebSocketRoute]:
-    """The page's sockets from now on: they open, but carry nothing."""
+    """Return the sockets that the page opens after this call: they open, but transfer nothing."""
     silent: list[WebSocketRoute] = []
     person.page.route_web_socket("**/ws/**", lambda socket: silent.append(socket))
     return silent
@@ -392,7 +392,7 @@ def test_stop_all_stops_every_robot_from_the_fleet_page(person: Arrive, stack: S
         return all(card["state"] and card["state"]["stop"]["state"] == "stopped" for card in cards)
 
     staff.until(stopped, "every robot to be stopped")
-    # On a busy computer the page also posts the stop: a clear before its answer would be followed by that stop.
+    # On a busy computer the page also posts the stop. Wait for its answer: the stop must not come after the clear.
     expect(staff.part("stop-all-state")).to_have_text("Stopped.")
     expect(staff.page.locator(".robot[data-stopped]")).to_have_count(len(stack.robots))
     expect(staff.page.locator("[data-part=stop-why]").first).to_contain_text("was standing")

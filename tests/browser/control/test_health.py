@@ -1,4 +1,4 @@
-"""A robot whose parts fall ill: fleet card, notice, header and details say so, until it is well again."""
+"""A robot whose parts get faults: fleet card, notice, header and details show them until they end."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROBOT = "tiago-2"
 
 @pytest.fixture
 def faults(stack: Stack, tmp_path: Path) -> Iterator[Callable[[str], None]]:
-    """``faults(names)`` sets the simulated robot's faults; they end with the test."""
+    """``faults(names)`` sets the simulated robot's faults until the end of the test."""
     with faults_of(stack.robots[ROBOT], tmp_path) as begin:
         yield begin
 

@@ -13,7 +13,7 @@ Arrive = Callable[..., Person]
 
 
 def at(person: Person, limb: str) -> float:
-    """Where the limb is, as the page was told last."""
+    """Return the limb's position (m) in the newest state that the page received."""
     place: float = person.state["limbs"][limb]["at_m"]
     return place
 

@@ -1,4 +1,4 @@
-"""The robot in 3D on the control page: its own description, live joints, and words where it cannot be drawn."""
+"""The robot in 3D on the control page: its description, live joints, and a text if it cannot be drawn."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ BASE = '<link name="base"><visual><geometry><mesh filename="{}"/></geometry></vi
 def launched(
     stack: Stack, browser: Browser, cookies: Callable[[str], Any]
 ) -> Iterator[Callable[[str], Draw]]:
-    """`launched(flag)("operator")`: a signed-in person in a browser of its own with this flag."""
+    """`launched(flag)("operator")`: a signed-in person in a separate browser with this flag."""
     with ExitStack() as leaving:
 
         def launch(*flags: str) -> Draw:
@@ -46,7 +46,7 @@ def launched(
 
 @pytest.fixture
 def person(launched: Callable[..., Draw]) -> Draw:
-    """Somebody whose browser draws 3D by software."""
+    """`person("operator")`: a signed-in person whose browser draws 3D by software."""
     return launched("--enable-unsafe-swiftshader")
 
 
@@ -57,7 +57,7 @@ def figures(person: Person) -> dict[str, Any]:
 
 
 def joint(person: Person, name: str) -> float | None:
-    """The joint's position as it is drawn."""
+    """Return the position in which the joint is drawn."""
     found: float | None = person.page.evaluate(f"{SCENE}.joint('{name}')")
     return found
 
@@ -99,7 +99,7 @@ def test_the_arm_moves_in_3d_as_the_robot_moves_it(person: Draw) -> None:
     operator.fold_arm()
     assert figures(operator)["frames"] == drawn
     operator.release()
-    assert [said for said in operator.complaints if "404" not in said] == []  # it has no map at first
+    assert [said for said in operator.complaints if "404" not in said] == []  # at first the robot has no map
 
 
 def test_the_scene_is_turned_by_keys_which_do_not_drive(person: Draw) -> None:
@@ -150,7 +150,7 @@ def test_a_lost_picture_begins_again_by_itself(person: Draw) -> None:
     expect(observer.part("scene-words")).to_contain_text("again and again")
 
 
-MESHES = {  # by name: what the mesh's address answers, and the words about it
+MESHES = {  # by name: status and body of the answer for the mesh, and the page's words about it
     "broken.stl": (200, b"no mesh at all", "is broken"),
     "short.stl": (200, b"\0" * 90, "is broken"),
     "lying.stl": (200, b"\0" * 80 + b"\xff\xff\xff\x7f" + b"\0" * 50, "is broken"),
@@ -207,7 +207,7 @@ def test_missing_huge_and_broken_meshes_are_named_and_replaced(person: Draw) -> 
         line = observer.part("scene-notes").locator("li").filter(has_text=f"/{name}”")
         expect(line).to_contain_text(words)
     expect(observer.part("scene-notes")).to_contain_text("“far.stl” is not here.")
-    assert figures(observer)["size"] > len(entries)  # a shape for each, and for the base
+    assert figures(observer)["size"] > len(entries)  # a shape for each mesh, and one for the base
     assert observer.page.evaluate(f"{SCENE}.draws")
 
 
@@ -219,4 +219,4 @@ def test_a_description_that_cannot_be_drawn_says_why(person: Draw) -> None:
     observer.press("3D")
     expect(observer.part("scene-words")).to_contain_text("8 million characters")
     observer.until(lambda: figures(observer).get("points", 0) > 100, "what is round the robot")
-    assert figures(observer)["size"] == 1  # its footprint
+    assert figures(observer)["size"] == 1  # only the footprint

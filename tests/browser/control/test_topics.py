@@ -14,7 +14,7 @@ from tests.browser.test_pages import found_by_axe
 
 Arrive = Callable[..., Person]
 ROBOT = "tiago-2"
-# A page in a hidden browser tab draws nothing. Counts how often the page reports a lost connection.
+# Make the page a hidden browser tab, which draws nothing. Count how often the page reports a lost connection.
 HIDDEN = """() => {
     const draw = window.requestAnimationFrame;
     const held = [];
@@ -94,7 +94,7 @@ def test_focus_returns_with_the_browser_tab(person: Arrive) -> None:
     search = observer.part("topic-list").get_by_role("searchbox")
     search.focus()
     observer.page.evaluate(HIDDEN)
-    observer.page.wait_for_timeout(3500)  # undrawn pictures are not acknowledged, so no more arrive
+    observer.page.wait_for_timeout(3500)  # the page acknowledges only drawn pictures, so no more arrive
     observer.heard.pop("view")
     observer.page.evaluate("hide(false)")
     observer.until(lambda: "view" in observer.heard, "pictures again")
@@ -201,7 +201,7 @@ def test_a_published_velocity_passes_the_gate_and_ends_with_tab(
     operator.until_driven(operator.place, 0.05)
     assert operator.state["verdict"]["asked"][0] < 0.0
     folded = operator.part("notices").locator(".notice-times", has_text=re.compile(r"\d"))
-    assert folded.count() == 0  # reported once, not ten times a second
+    assert folded.count() == 0  # the page reports the publishing once, not ten times a second
     operator.page.evaluate("dispatchEvent(new Event('blur'))")
     operator.part("publish-running").get_by_text("/key_vel").wait_for(state="detached")
     operator.until_still()

@@ -1,4 +1,4 @@
-"""The screen stays on while a person drives. The wake lock is Chromium's."""
+"""The screen stays on while a person drives. The test uses Chromium's own wake lock."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ navigator.wakeLock.request = async (kind) => {
   return lock;
 };
 """
-# Headless Chromium counts every page as visible; these are the events of a page that is hidden and shown again.
+# In headless Chromium every page is visible. These scripts make the events of a page that is hidden and shown again.
 HIDE = """
 Object.defineProperty(document, 'hidden', {value: true, configurable: true});
 Promise.all(window.locks.map((lock) => lock.release()))

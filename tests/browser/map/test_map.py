@@ -1,4 +1,4 @@
-"""The map over the picture: a person sends the robot to a place by a press and a drag, or by its name."""
+"""The map over the picture: a person sends the robot to a place by a press and a drag, or by the place's name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.browser.people import Person
 from tests.browser.test_pages import axe_accepts, axe_accepts_everywhere
 
 Arrive = Callable[..., Person]
-# The pixel of a place, as `map_frame.js` has it: whole map, north up.
+# The pixel of a place, computed by `map_frame.js`: whole map, north up.
 PIXEL = """async ([x, y]) => {
   const { whole, corners, toPixels } = await import("/static/js/navigation/map_frame.js");
   const { readMaps } = await import("/static/js/navigation/places_api.js");
@@ -76,7 +76,7 @@ def test_a_press_on_the_map_sends_the_robot_there(person: Arrive) -> None:
 
 
 def row(somebody: Person, of: str) -> Locator:
-    """A button of the list of places."""
+    """Return a button of the list of places."""
     return somebody.part("places-list").get_by_role("button", name=of, exact=True)
 
 

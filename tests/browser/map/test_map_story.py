@@ -1,4 +1,4 @@
-"""A phone and a robot that does not know where it is: told so, sent to places, stopped half-way, looked at in 3D."""
+"""A phone and a robot without a pose: the person sets its pose, sends it to places, stops it, sees it in 3D."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ START, KITCHEN, DOCK = (7.6, 2.0), (1.3, 1.0), (9.2, 2.6)
 
 @pytest.fixture
 def operator(tmp_path: Path, browser: Browser) -> Iterator[Person]:
-    """Somebody with a phone that draws 3D, and a robot apart."""
+    """A person with a phone that draws 3D, and a separate console with one robot."""
     robot = PracticeRobot("tiago-1", "TIAGo One", (*START, 180.0), camera=False, options=("--lost",))
     flags = [*ARGUMENTS, "--enable-unsafe-swiftshader"]
     with (
@@ -73,7 +73,7 @@ def test_a_lost_robot_is_told_its_place_sent_and_stopped(operator: Person) -> No
     there = operator.state["location"]
     assert math.dist((there["x"], there["y"]), DOCK) < 0.35
 
-    operator.part("map-open").click()  # closes it
+    operator.part("map-open").click()  # closes the map
     operator.part("robot-open").click()
     operator.part("gripper-open").click()
     operator.until(lambda: at(operator, "gripper") > 0.085, "an open gripper")
@@ -95,7 +95,7 @@ def test_a_lost_robot_is_told_its_place_sent_and_stopped(operator: Person) -> No
 
 
 def drive(operator: Person, choose: Callable[[], None], until: Callable[[], bool], what: str) -> None:
-    """Send the robot until a condition is true; again when it refuses or stands, as on a computer that is busy."""
+    """Send the robot until a condition is true; again if it refuses or stands: a busy computer's data come late."""
 
     def there() -> bool:
         if not until() and not operator.state.get("going"):
@@ -108,9 +108,9 @@ def drive(operator: Person, choose: Callable[[], None], until: Callable[[], bool
 
 
 def by_the_map(operator: Person, fingers: Fingers) -> None:
-    """Press the kitchen on the map, then the offer to go there, which takes no double tap."""
+    """Press the kitchen on the map, then the offer to go there. The offer ignores a double tap."""
     offer = operator.part("map-picked-go")
-    expect(operator.part("notices").locator("li")).to_have_count(0)  # one of a refusal may lie there
+    expect(operator.part("notices").locator("li")).to_have_count(0)  # a notice may cover the place
     fingers.tap(operator.page.evaluate(PIXEL, KITCHEN))
     expect(offer).to_have_text("Go to “kitchen”")
 

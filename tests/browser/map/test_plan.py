@@ -1,4 +1,4 @@
-"""The fleet map: all robots of a map on one page, live, as far as a person may see them."""
+"""The fleet map: one page with all robots of a map that a person may see, live."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TRIES = 5
 
 
 def sent_to(operator: Person, name: str) -> None:
-    """Choose a place of the list; again when the robot refuses, since a busy computer's sensor data may be late."""
+    """Choose a place of the list; again if the robot refuses: on a busy computer sensor data may be late."""
     choice = operator.part("places-list").get_by_role("button", name=name, exact=True)
     for _ in range(TRIES):
         if not choice.is_visible():

@@ -89,7 +89,7 @@ describe("the cameras of the control page", () => {
     beginAnew({ hasCameras: false });
     panel.facts = BARE;
     expect(made).toHaveLength(0);
-    panel.facts = FACTS; // it was edited
+    panel.facts = FACTS; // somebody has added a camera
     made[0].opens();
     expect(sent()).toMatchObject([{ t: "camera_watch", camera: "head" }]);
     panel.facts = BARE;

@@ -2,7 +2,7 @@ import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { CameraPicture } from "../../../static/js/camera/camera_picture.js";
 import { headerOf, recordingCanvas } from "./frames.js";
 
-/** A decoder whose every picture comes when the test says so. */
+/** A decoder that finishes each picture only when the test asks for this. */
 function slowDecoder() {
   const asked = [];
   const decode = (blob) =>
@@ -109,7 +109,7 @@ describe("a camera's picture", () => {
   });
 });
 
-/** WebCodecs, as far as it is used. */
+/** The part of WebCodecs that the page uses. */
 class FakeDecoder {
   static made = [];
   state = "unconfigured";
@@ -195,7 +195,7 @@ describe("a camera's video", () => {
     take(1);
     expect(FakeDecoder.made).toEqual([]);
     take(2, true);
-    take(4); // the console counts other pictures of this camera, too
+    take(4); // number 3 is another picture of this camera, which this page did not get
     FakeDecoder.made[0].gives(2);
     FakeDecoder.made[0].gives(4);
     expect(done).toEqual([

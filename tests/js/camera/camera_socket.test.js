@@ -86,7 +86,7 @@ describe("the connection of the cameras", () => {
     made[0].says(packed(headerOf(7, { taken_ms: 4960 }), [9]));
     const [type, { header, bytes, takenMs }] = heard.at(-1);
     expect([type, header.number, [...bytes]]).toEqual(["picture", 7, [9]]);
-    expect(takenMs).toBeCloseTo(nowMs - 50); // the console's 5000 was 10 ms ago here
+    expect(takenMs).toBeCloseTo(nowMs - 50); // the console's clock showed 5000 at this page's nowMs - 10
   });
 
   it("believes the clock of the shortest round trip", () => {
@@ -98,7 +98,7 @@ describe("the connection of the cameras", () => {
         JSON.stringify({ t: "camera_pong", sent_ms: nowMs - tripMs, now_ms: consoleMs }),
       );
     pong(10, 1005);
-    pong(400, 1150); // most of it on the way back
+    pong(400, 1150); // most of these 400 ms passed on the way back
     made[0].says(packed(headerOf(1, { taken_ms: 1000 })));
     expect(heard.at(-1)[1].takenMs).toBeCloseTo(nowMs - 10);
   });

@@ -8,13 +8,13 @@ const SQUARE = [
   [-0.3, -0.2],
   [0.3, -0.2],
 ];
-// 1 m above the base's centre, looking straight ahead: x_cam = -y, y_cam = 1 - z, z_cam = x.
+// A camera 1 m above the base's centre that looks straight ahead: x_cam = -y, y_cam = 1 - z, z_cam = x.
 const AHEAD = [0, -1, 0, 0, 0, 0, -1, 1, 1, 0, 0, 0];
-// The same place, looking straight down; the picture's top is ahead: x_cam = -y, y_cam = -x, z_cam = 1 - z.
+// It looks straight down; the picture's top is ahead: x_cam = -y, y_cam = -x, z_cam = 1 - z.
 const DOWN = [0, -1, 0, 0, -1, 0, 0, 0, 0, 0, -1, 1];
 const LENS = [500, 500, 320, 240];
 const header = (pose) => ({ lens: LENS, pose, width: 640, height: 480 });
-const LEFT_M = 0.08; // the gate leaves it before an obstacle
+const LEFT_M = 0.08; // the distance that the gate keeps to an obstacle
 const MARGINS = { front_margin_m: LEFT_M, lateral_margin_m: 0 };
 const pathOf = (outline, shown, known = [], margins = MARGINS) =>
   floorPath(outline, shown, known, margins);
@@ -87,7 +87,7 @@ describe("the way on the floor", () => {
   });
 
   it("sweeps a wider ring in a bend, as the outer corners do", () => {
-    const { bands } = pathOf(SQUARE, verdict([0.5, 0, 0.5])); // about (0, 1)
+    const { bands } = pathOf(SQUARE, verdict([0.5, 0, 0.5])); // a turn about (0, 1)
     const radii = bands[0].outline.map(([x, y]) => Math.hypot(x, y - 1));
     expect(Math.min(...radii)).toBeCloseTo(0.8); // the inner side
     expect(Math.max(...radii)).toBeCloseTo(Math.hypot(0.3, 1.2)); // the outer corners
@@ -127,16 +127,16 @@ describe("the way on the floor", () => {
       [-0.3, -0.2],
     ];
     const { stop } = pathOf(wedge, verdict([0.5, 0, 0]), [200, 10]);
-    expect(stop[0][0]).toBeCloseTo(0.3 + 2 - LEFT_M); // at 0.1 m aside the edge is 0.3 m behind the nose
+    expect(stop[0][0]).toBeCloseTo(0.3 + 2 - LEFT_M); // 0.1 m to the side, the robot's edge is 0.3 m behind its nose
   });
 
   it("touches in a bend with the edge that comes first", () => {
-    // About (0, 1): a place a quarter turn on, on the base's own circle of 1 m. The front edge meets that circle where
-    // x = 0.3, asin(0.3) ahead of the base.
+    // A turn about (0, 1). The obstacle is a quarter turn further, on the circle of 1 m on which the base moves. The
+    // front edge meets this circle at x = 0.3, which is asin(0.3) ahead of the base.
     const { stop } = pathOf(SQUARE, verdict([0.5, 0, 0.5]), [100, 100]);
     const goes = Math.PI / 2 - Math.asin(0.3) - LEFT_M; // radians, and metres
     const [x, y] = stop[1];
-    expect(Math.atan2(x, 1 - y)).toBeCloseTo(goes + 0.3); // and the nose before it
+    expect(Math.atan2(x, 1 - y)).toBeCloseTo(goes + 0.3); // the nose is 0.3 m before the base's centre
     const mirrored = pathOf(SQUARE, verdict([0.5, 0, -0.5]), [100, -100]).stop[0];
     expect(mirrored[0]).toBeCloseTo(x);
     expect(mirrored[1]).toBeCloseTo(-y);
@@ -146,7 +146,7 @@ describe("the way on the floor", () => {
   it("ends before the margins of the robot, ahead and beside the hull", () => {
     const margins = { front_margin_m: 0.5, lateral_margin_m: 0.1 };
     const ends = (known) => pathOf(SQUARE, verdict([0.5, 0, 0]), known, margins).stop?.[0][0];
-    expect(ends([200, 0])).toBeCloseTo(2 - 0.5 - 0.1); // the gate: hull and lateral margin, and then the front margin
+    expect(ends([200, 0])).toBeCloseTo(2 - 0.5 - 0.1); // like the gate: hull and lateral margin, then the front margin
     expect(ends([200, 29])).toBeLessThan(2 - 0.5); // 9 cm beside the hull
     expect(ends([200, 31])).toBeUndefined();
   });
@@ -191,7 +191,8 @@ describe("the hints at the edges of the picture", () => {
   const hints = (places, pose = AHEAD) => edgeHints(places, header(pose));
 
   it("names the side of what is beside the robot", () => {
-    // Half the picture is atan(320 / 500) = 0.57 rad wide; a place square to the left is 0.39 of the way behind.
+    // Half the picture is atan(320 / 500) = 0.57 rad wide. Between its edge and straight behind, a place exactly to
+    // the left is at 0.39 of the angle.
     const at = (1 + (Math.PI / 2 - Math.atan2(320, 500)) / (Math.PI - Math.atan2(320, 500))) / 2;
     expect(hints([0, 80])).toEqual([{ edge: "left", at: expect.closeTo(at), distanceM: 0.8 }]);
     expect(hints([0, -80])[0]).toMatchObject({ edge: "right", at: expect.closeTo(at) });

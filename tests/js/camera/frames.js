@@ -1,4 +1,4 @@
-/** Pictures as the console sends them. */
+/** Pictures in the format of the console's messages. */
 
 export function packed(header, bytes = [1, 2, 3]) {
   const text = new TextEncoder().encode(JSON.stringify(header));

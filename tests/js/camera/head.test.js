@@ -17,11 +17,12 @@ describe("the turn of the head", () => {
   });
 
   it("brings a place beside the way into the middle while the head looks down", () => {
-    // 39 degrees down: the optical axis is (cos, 0, -sin) in the base frame, right (0, -1, 0), down (-sin, 0, -cos).
+    // The camera looks 39 degrees down. In the base frame its axis is (cos, 0, -sin), its right is (0, -1, 0), and its
+    // down is (-sin, 0, -cos).
     const [c, s] = [Math.cos(0.68), Math.sin(0.68)];
     const pose = [0, -1, 0, 0, -s, 0, -c, 0, c, 0, -s, 0];
     const { pan, tilt } = turnToPoint(620, 240, { ...header, pose });
-    // The place is at (c, -0.6, -s): then it is straight ahead at the new heading and elevation.
+    // The place is at (c, -0.6, -s): at the new heading and elevation it is straight ahead.
     expect(pan).toBeCloseTo(Math.atan2(-0.6, c), 6);
     expect(-0.68 + tilt).toBeCloseTo(Math.atan2(-s, Math.hypot(c, 0.6)), 6);
     const still = turnToPoint(320, 240, { ...header, pose });
@@ -44,7 +45,7 @@ describe("the picture as a handle of the head", () => {
   beforeEach(() => {
     vi.useFakeTimers();
     area = document.body.appendChild(document.createElement("canvas"));
-    // A picture of 640 x 480 in half its size, with bars of 40 at its sides.
+    // A picture of 640 x 480 pixels in half its size, with bars of 40 pixels at its sides.
     area.getBoundingClientRect = () => ({ left: 10, top: 20, width: 400, height: 240 });
     keys = document.body.appendChild(document.createElement("div"));
     for (const turn of ["left", "up", "ahead"]) {
@@ -98,7 +99,7 @@ describe("the picture as a handle of the head", () => {
     expect(requests.length).toBeLessThanOrEqual(6);
     expect(requests.every(({ t, quiet }) => t === "turn_head" && quiet)).toBe(true);
     const pan = requests.reduce((sum, request) => sum + request.pan, 0);
-    expect(pan).toBeCloseTo(200 / 500, 2); // 100 px of the page are 200 of the picture
+    expect(pan).toBeCloseTo(200 / 500, 2); // 100 pixels of the page are 200 pixels of the picture
     expect(requests.every(({ tilt }) => tilt === 0)).toBe(true);
   });
 
@@ -117,7 +118,7 @@ describe("the picture as a handle of the head", () => {
     expect(requests.reduce((sum, { pan }) => sum + pan, 0)).toBeCloseTo(200 / 500, 2);
     for (const answer of answers.slice(1)) {
       point("pointermove", 320, 100);
-      answer({ code: "no_answer", text: "No answer within 0.75 s." }); // it may still wait in the network
+      answer({ code: "no_answer", text: "No answer within 0.75 s." }); // the request may still wait in the network
       await vi.advanceTimersByTimeAsync(200);
     }
     point("pointermove", 340, 100);

@@ -1,4 +1,4 @@
-/** The picture area of the control page, as its template has it. */
+/** The picture area of the control page, with the elements of its template. */
 
 const PARTS = `
 <main data-camera="/ws/robots/tiago-1/camera/">
@@ -33,7 +33,7 @@ function withPens(root) {
   return root;
 }
 
-/** The whole area in the document. */
+/** Make the whole area in the document. */
 export function areaElement(width = 800, height = 600) {
   document.body.innerHTML = PARTS;
   const root = withPens(document.querySelector("main"));
@@ -43,7 +43,7 @@ export function areaElement(width = 800, height = 600) {
   return root;
 }
 
-/** One camera of it. */
+/** Make the area; return the element of one camera. */
 export function cameraElement() {
   return areaElement().querySelector("[data-part=camera]");
 }

@@ -102,7 +102,7 @@ describe("the views", () => {
     press("camera");
     expect(found["view-bar"].dataset.open).toBe(undefined);
     found["view-open"].click();
-    found["full-screen"].click(); // nothing lies over the picture then
+    found["full-screen"].click(); // on the whole screen nothing may cover the picture
     expect(found["view-bar"].dataset.open).toBe(undefined);
   });
 });

@@ -15,7 +15,7 @@ describe("round trips", () => {
     echoes.sent(2, 130);
     expect(echoes.receive(2, 150)).toBe(20);
     expect(echoes.receive(2, 180)).toBeNull();
-    expect(echoes.receive(1, 190)).toBeNull(); // overtaken
+    expect(echoes.receive(1, 190)).toBeNull(); // a later number has already come back
     expect(echoes.receive(null, 200)).toBeNull();
   });
 });

@@ -139,7 +139,7 @@ describe("the live socket", () => {
     expect(made).toHaveLength(2);
     expect(made[0].readyState).toBe(3);
     made[1].opens();
-    window.dispatchEvent(new Event("online")); // an open one is left alone
+    window.dispatchEvent(new Event("online")); // an open socket stays open
     expect(made).toHaveLength(2);
   });
 

@@ -56,7 +56,7 @@ describe("control requests", () => {
       false,
     );
     expect(requests.receive({ state: "yours", remaining_s: 900 })).toBe(true);
-    requests.send({ t: "renew" }); // at once
+    requests.send({ t: "renew" }); // immediately after the first
     expect(requests.receive({ state: "yours", remaining_s: 899.9 })).toBe(true);
     expect(texts()).toEqual(["You keep control: 15:00 left.", "You keep control: 15:00 left."]);
   });

@@ -19,14 +19,14 @@ describe("the hints of a first visit", () => {
   beforeEach(() => {
     person += 1;
     vi.useFakeTimers();
-    vi.stubGlobal("fetch", () => Promise.reject(new Error("offline"))); // the browser's copy does
+    vi.stubGlobal("fetch", () => Promise.reject(new Error("offline"))); // the browser's copy is enough
   });
   afterEach(() => vi.useRealTimers());
 
   it("go on with each thing that is done, and end for good", () => {
     const hints = open(person);
     expect(root.dataset.hint).toBe("take");
-    hints.done("stop"); // of no interest yet
+    hints.done("stop"); // too early: the first hint is still shown
     expect(parts["hint-count"].textContent).toBe("1 of 3");
     for (const step of ["take", "stick", "stop"]) hints.done(step);
     expect(parts["first-steps"].hidden).toBe(true);

@@ -10,7 +10,7 @@ describe("what a page knows of its robot", () => {
   });
 
   it("is out of date a second after the last state, and out of reach after three", () => {
-    expect([contact.isCut(0), contact.isLost(0)]).toEqual([true, false]); // none yet
+    expect([contact.isCut(0), contact.isLost(0)]).toEqual([true, false]); // no state yet
     contact.receive(STATE, 1000);
     expect(contact.isCut(1900)).toBe(false);
     expect([contact.isCut(2100), contact.isLost(2100)]).toEqual([true, false]);
@@ -32,7 +32,7 @@ describe("what a page knows of its robot", () => {
     });
     contact.receive(STATE, 2000);
     expect([contact.isCut(2000), contact.isLost(2000)]).toEqual([false, false]);
-    expect(contact.facts(2000).seen).toBe(7); // this state has no time of its own
+    expect(contact.facts(2000).seen).toBe(7); // this state has no `seen_at`
   });
 
   it("confirms a stop only by a state that came after the press", () => {

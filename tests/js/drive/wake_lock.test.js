@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { screenLock } from "../../../static/js/drive/wake_lock.js";
 
-/** Like the browser's lock: the release event comes later, and hiding the page releases. */
+/** A fake of the browser's lock: its release event comes later. Hiding the page releases it. */
 class Sentinel extends EventTarget {
   released = false;
 

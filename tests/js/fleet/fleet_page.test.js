@@ -243,7 +243,7 @@ describe("the fleet page", () => {
     ["stop", "/robots/tiago-1/stop/", "stop-state"],
     ["stop-all", "/stop-all/", "stop-all-state"],
   ])("does not take an old report for an answer (%s)", async (form, address, region) => {
-    hears({ "tiago-1": stopped }); // the last report: another person clears the stop meanwhile
+    hears({ "tiago-1": stopped }); // the last report: after it, another person clears the stop
     press(form);
     expect(part(region).textContent).toBe("Stop sent, waiting for the robot");
     await vi.advanceTimersByTimeAsync(400);
@@ -333,7 +333,7 @@ describe("the fleet page", () => {
     const robots = { "tiago-1": { stop: {} }, "tiago-2": refused, "tiago-3": refused };
     const text = "Not reached: TIAGo 2, TIAGo 3. Use the red button on the robot.";
     fetch.mockResolvedValue({ ok: false, json: async () => ({ text, robots }) });
-    press("stop-all"); // no news yet: both ways at once
+    press("stop-all"); // no report has come yet: the page sends both ways at once
     refuses({ figures: { slug: "tiago-3" } });
     await vi.advanceTimersByTimeAsync(0);
     refuses({ figures: { slug: "tiago-2" } });

@@ -88,7 +88,7 @@ describe("the fleet map", () => {
     expect(text("three", "where")).toBe("Its bridge is away.");
     tell({ one: { state: STATE }, two: { state: STATE } });
     expect(row("two").closest(".plan-map")).not.toBeNull();
-    expect(row("three").hidden).toBe(true); // this person may not see it any more
+    expect(row("three").hidden).toBe(true); // the person may no longer see this robot
     expect(document.querySelector("[data-part=rest]").hidden).toBe(true);
   });
 

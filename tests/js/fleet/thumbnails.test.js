@@ -45,7 +45,7 @@ describe("thumbnails of cameras", () => {
   it("show a picture, and none while the camera has none", async () => {
     hears(CAMERAS);
     made[0].says(packed(headerOf(1)));
-    expect(canvas.hidden).toBe(false); // its place is kept from now on
+    expect(canvas.hidden).toBe(false); // from now on the picture has its place
     await vi.waitFor(() => expect(painted).toHaveLength(1));
     expect(sent("camera_ack")).toEqual([{ t: "camera_ack", camera: "head", number: 1 }]);
     hears({

@@ -90,7 +90,7 @@ describe("health on the control page", () => {
 
   it("tells what gets worse: once, not at first, and a flapping part once a minute", () => {
     shown(ill(MOTOR));
-    expect(notify).not.toHaveBeenCalled(); // it was so before this page came
+    expect(notify).not.toHaveBeenCalled(); // the fault is older than this page
     const speakers = { ...SPEAKERS, since_s: 0 };
     shown(ill(speakers, MOTOR), 1000);
     shown(ill(speakers, MOTOR), 2000);
@@ -104,28 +104,28 @@ describe("health on the control page", () => {
     shown(WELL, 62_000);
     shown(ill(speakers), 63_000);
     expect(notify).toHaveBeenCalledTimes(2);
-    shown(ill(MOTOR), 64_000); // it warned a while ago, and was well since
+    shown(ill(MOTOR), 64_000); // the motor had a warning before, and has been well since
     expect(notify).toHaveBeenCalledTimes(3);
     shown(ill({ ...MOTOR, level: "error" }), 65_000);
-    expect(notify).toHaveBeenLastCalledWith(expect.objectContaining({ level: "error" })); // worse than what was told
+    expect(notify).toHaveBeenLastCalledWith(expect.objectContaining({ level: "error" })); // worse than the last notice
   });
 
   it("tells nothing of a part that comes back into a full list unchanged", () => {
     shown(ill(MOTOR));
     const pushed = { ...ill({ ...SPEAKERS, since_s: 0 }), parts_more: 1 };
     shown(pushed, 100_000);
-    expect(notify).toHaveBeenCalledTimes(1); // the speakers
+    expect(notify).toHaveBeenCalledTimes(1); // only the notice about the speakers
     shown(ill({ ...MOTOR, since_s: 200 }), 197_000);
     expect(notify).toHaveBeenCalledTimes(1);
     shown(WELL, 198_000);
-    shown(ill({ ...MOTOR, level: "silent", since_s: 10 }), 260_000); // its last report was 10 s ago
+    shown(ill({ ...MOTOR, level: "silent", since_s: 10 }), 260_000); // the motor's last report was 10 s ago
     expect(notify).toHaveBeenCalledTimes(2);
   });
 
   it("tells of a part that was well while the list was full, and is ill again", () => {
     shown(ill(MOTOR));
     const full = { ...ill({ ...SPEAKERS, since_s: 500 }), parts_more: 1 };
-    shown(full, 100_000); // the speakers were there before this page
+    shown(full, 100_000); // the speakers' fault is older than this page
     expect(notify).not.toHaveBeenCalled();
     shown({ ...ill({ ...MOTOR, since_s: 1 }), parts_more: 1 }, 900_000);
     expect(notify).toHaveBeenCalledExactlyOnceWith(

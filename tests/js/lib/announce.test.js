@@ -24,7 +24,7 @@ describe("announcements", () => {
     const announcer = new Announcer(region);
     announcer.announce("No connection. Connecting again.", "No connection");
     announcer.announce("Slowed.", "slowed");
-    announcer.forget("No connection"); // another text was announced since
+    announcer.forget("No connection"); // a newer text is announced
     announcer.forget("slowed");
     vi.advanceTimersByTime(4000);
     expect(region.textContent).toBe("No connection. Connecting again.");

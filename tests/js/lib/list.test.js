@@ -5,7 +5,7 @@ describe("a search", () => {
   it("ignores case, accents and the order of words", () => {
     expect(matches("Buenos días", "DIAS buenos")).toBe(true);
     expect(matches("İyi günler", "gunler")).toBe(true);
-    // As in a browser set to Turkish.
+    // A browser set to Turkish does this.
     vi.spyOn(String.prototype, "toLocaleLowerCase").mockImplementation(() => "ınspect");
     expect(matches("Inspect surroundings", "inspect")).toBe(true);
     vi.restoreAllMocks();

@@ -21,7 +21,7 @@ describe("the tab", () => {
   it("has a clock that continues after a reload", () => {
     sessionStorage.clear();
     const first = tabClock()();
-    sessionStorage.setItem("tab-origin", String(performance.timeOrigin - 60_000)); // opened a minute ago
+    sessionStorage.setItem("tab-origin", String(performance.timeOrigin - 60_000)); // the tab was opened a minute ago
     expect(tabClock()()).toBeGreaterThanOrEqual(first + 60_000);
   });
 });

@@ -60,12 +60,12 @@ describe("the tabs", () => {
       link("drive").dispatchEvent(
         new MouseEvent("click", { bubbles: true, cancelable: true, detail: 1, ...more }),
       );
-    expect(click({ ctrlKey: true })).toBe(true); // the browser opens it elsewhere
+    expect(click({ ctrlKey: true })).toBe(true); // the browser opens the link in another tab
     expect(root.dataset.tab).toBe("centre");
     expect(click({})).toBe(false);
     expect(root.dataset.tab).toBe("drive");
     expect(location.hash).toBe("#drive");
-    window.dispatchEvent(new Event("hashchange")); // the browser sends it later
+    window.dispatchEvent(new Event("hashchange")); // the browser sends this event later
     expect(changes).toHaveLength(2);
   });
 

@@ -121,7 +121,7 @@ describe("the drawer of arm, gripper and torso", () => {
     panel.state = { limbs: { gripper: { at_m: 0.02, ended: later } } };
     expect(notify).toHaveBeenCalledOnce();
     expect(notify.mock.calls[0][0].text).toBe("Gripper: stopped on its way. It is at 2.0 cm.");
-    expect(notify.mock.calls[0][0].level).toBe("info"); // it may hold something
+    expect(notify.mock.calls[0][0].level).toBe("info"); // no warning: the gripper may hold an object
   });
 });
 
@@ -173,7 +173,7 @@ describe("the head's stick", () => {
     const key = (type, code, repeat = false) =>
       window.dispatchEvent(Object.assign(new Event(type, { cancelable: true }), { code, repeat }));
     key("keydown", "KeyJ");
-    stick.mayAct = false; // a stop, or control ended
+    stick.mayAct = false; // a stop, or the end of control
     stick.mayAct = true;
     request.mockClear();
     key("keydown", "KeyJ", true);

@@ -56,7 +56,7 @@ describe("the part of the map that is seen", () => {
   });
 
   it("is never smaller after a step outwards", () => {
-    const hall = { ...MAP, width: 6000, height: 4000 }; // 300 m
+    const hall = { ...MAP, width: 6000, height: 4000 }; // pixels: 300 m wide
     const frame = whole(corners(hall), ...SIZE);
     expect(frame.scale).toBeLessThan(2);
     expect(zoomed(frame, 1 / 1.5, [0, 0], ...SIZE, frame.scale).scale).toBe(frame.scale);

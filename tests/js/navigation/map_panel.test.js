@@ -53,7 +53,7 @@ describe("the map over the picture", () => {
   let request;
   let notify;
   let maps;
-  let answers; // by method, in place of the maps
+  let answers; // by method, instead of the maps
   let asked;
 
   beforeEach(() => {
@@ -122,7 +122,7 @@ describe("the map over the picture", () => {
     return canvas;
   }
 
-  /** The same with the robot's map, once it is there. */
+  /** Open the panel with the robot's map, and wait for the map. */
   async function openedWithMap() {
     maps = [{ ...MAP, places: [] }];
     const canvas = opened();
@@ -131,7 +131,7 @@ describe("the map over the picture", () => {
     return canvas;
   }
 
-  /** The place under a pixel of the whole map, in millimetres. */
+  /** Return the place under a pixel of the whole map, rounded to millimetres. */
   function placeAt(...pixel) {
     const frame = whole(corners(MAP), 400, 300);
     const [x, y] = toPoint(frame, pixel, 400, 300).map(
@@ -177,7 +177,7 @@ describe("the map over the picture", () => {
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointerup", 240, 150));
     expect(request).not.toHaveBeenCalled();
-    const second = pressed(); // it may close something else
+    const second = pressed(); // another part of the page may use this press to close
     canvas.dispatchEvent(second);
     expect(second.defaultPrevented).toBe(false);
   });
@@ -217,7 +217,7 @@ describe("the map over the picture", () => {
     });
     expect(reached).not.toHaveBeenCalled();
     canvas.dispatchEvent(new KeyboardEvent("keydown", { key: " ", bubbles: true }));
-    expect(reached).toHaveBeenCalledTimes(1); // the stop is never kept
+    expect(reached).toHaveBeenCalledTimes(1); // the map never holds back the space key, which stops
   });
 
   it("tells a robot that knows no place of itself where it is, and says that it is needed", async () => {
@@ -226,7 +226,7 @@ describe("the map over the picture", () => {
     expect(page["map-open"].hidden).toBe(false);
     const canvas = await openedWithMap();
     panel.view = { state, scan: null };
-    expect(page["map-words"].hidden).toBe(true); // without control nobody knows
+    expect(page["map-words"].hidden).toBe(true); // without control the page does not know this
     panel.drives = true;
     panel.view = { state, scan: null };
     expect(page["map-words"].textContent).toContain("does not know where it is");
@@ -344,11 +344,11 @@ describe("the map over the picture", () => {
     panel.drives = true;
     pressed(canvas, x - 60, y);
     canvas.dispatchEvent(pointer("pointerdown", x, y));
-    canvas.dispatchEvent(pointer("pointerup", x, y)); // what it showed would get the click
+    canvas.dispatchEvent(pointer("pointerup", x, y)); // a click follows, and must not press the offer
     expect(page["map-picked"].hidden).toBe(true);
     pressed(canvas, x, y + 10, 5);
     expect(page["map-picked-go"].textContent).toBe("Go to “kitchen”");
-    page["map-picked-go"].click(); // a double tap
+    page["map-picked-go"].click(); // the second tap of a double tap
     expect(request).not.toHaveBeenCalled();
     clock.mockReturnValue(1600);
     page["map-picked-go"].click();
@@ -356,9 +356,9 @@ describe("the map over the picture", () => {
     expect(request).toHaveBeenCalledExactlyOnceWith(goal);
     expect(page["map-picked"].hidden).toBe(true);
     pressed(canvas, x, y);
-    pressed(canvas, x - 60, y); // beside it
+    pressed(canvas, x - 60, y); // beside the place
     expect(page["map-picked"].hidden).toBe(true);
-    pressed(canvas, x, y, 30); // moves the map
+    pressed(canvas, x, y, 30); // this press moves the map
     expect(page["map-picked"].hidden).toBe(true);
   });
 
@@ -425,7 +425,7 @@ describe("the map over the picture", () => {
     expect(page["place-dialog"].open).toBe(false);
     await Promise.resolve();
     expect(asked.some(([method]) => method === "DELETE")).toBe(false);
-    page["map-name"].click(); // another dialog changes nothing about this question
+    page["map-name"].click(); // another dialog does not change this question
     page["place-delete-dialog"].querySelector("form").dispatchEvent(new Event("submit"));
     await vi.waitFor(() =>
       expect(notify).toHaveBeenCalledWith(

@@ -46,7 +46,7 @@ describe("the map under fingers, wheel and keys", () => {
     for (const key of keys) canvas.dispatchEvent(new KeyboardEvent("keydown", { key }));
   }
 
-  /** The place of the map at a pixel, as a press chooses it. */
+  /** Return the place of the map that a press at this pixel chooses. */
   function at(x, y) {
     let found;
     view.addEventListener(
@@ -63,7 +63,7 @@ describe("the map under fingers, wheel and keys", () => {
     return found;
   }
 
-  /** Pixels of a metre now. */
+  /** Return the pixels per metre. */
   function scale() {
     return 100 / (at(200, 150)[0] - at(100, 150)[0]);
   }

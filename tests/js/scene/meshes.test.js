@@ -20,7 +20,7 @@ const GEOMETRY = {
   boundingBox: { min: { x: 0, y: 0, z: 0 }, max: { x: 1, y: 1, z: 1 } },
 };
 
-/** The start of a file of this length. */
+/** Return a file of this length that begins with this text. */
 function file(length, text, triangles = 0) {
   const bytes = new Uint8Array(length);
   bytes.set(new TextEncoder().encode(text));

@@ -32,7 +32,7 @@ let panel;
 let sent;
 let load;
 let answers;
-let asked; // for the description
+let asked; // requests for the description
 
 beforeEach(() => {
   document.body.innerHTML = PAGE;
@@ -172,7 +172,7 @@ describe("the 3D view of the page", () => {
       { isKnown: false },
       { isKnown: true, "If-None-Match": '"a"' },
     ]);
-    expect(asked.at(-1)).toEqual({ isKnown: false }); // what is drawn no more has to be read whole
+    expect(asked.at(-1)).toEqual({ isKnown: false }); // nothing is drawn any more: read the whole description
     expect(found["scene-words"].textContent).toBe("Not known any more.");
     vi.useRealTimers();
   });

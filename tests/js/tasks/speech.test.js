@@ -21,7 +21,7 @@ describe("languages", () => {
   it("are shown by name, the robot's own first", () => {
     expect(languageName("es", "en")).toBe("Spanish");
     expect(languageName("not a code", "en")).toBe("not a code");
-    expect(languageName("en-abc1", "en-abc1")).toBe("en-abc1"); // a valid language of a profile
+    expect(languageName("en-abc1", "en-abc1")).toBe("en-abc1"); // valid as a language of a profile
     const choices = languageChoices(["es-ES", "en-GB"], "en");
     expect(choices.slice(0, 2).map(({ code }) => code)).toEqual(["es-ES", "en-GB"]);
     expect(choices.filter(({ code }) => code.startsWith("es"))).toHaveLength(1);
@@ -296,7 +296,7 @@ describe("the history", () => {
       await vi.waitFor(() => expect(rows()[0].textContent).toContain("not over yet"));
       history.state = saying(9);
       expect(fetch).toHaveBeenCalledTimes(1);
-      // The robot has reported the end, which is not recorded yet.
+      // The robot has reported the end, but the end is not recorded yet.
       history.state = said(9);
       await vi.waitFor(() => expect(rows()[0].textContent).toContain("failed"));
       expect(rows()[0].querySelector(".hit-note").title).toBe("No voice.");
@@ -319,7 +319,7 @@ describe("the history", () => {
       expect(texts()).toEqual(["Text 10", "Text 9", "Text 8", "Text 7"]);
       expect(parts["history-more"].hidden).toBe(true);
       expect(rows()[2].contains(document.activeElement)).toBe(true);
-      await history.load(); // so many new texts that some between are missing
+      await history.load(); // there are many new texts: some between the new and the shown texts are missing
       expect(texts()).toEqual(["Text 20", "Text 19"]);
       expect(parts["history-more"].hidden).toBe(false);
     });

@@ -2,7 +2,7 @@ import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { TopicsChannel } from "../../../static/js/topics/channel.js";
 import { FakeSocket, made } from "../fake_socket.js";
 
-/** Like a browser, it reports the end of a socket late: on a dead network after many seconds. */
+/** A fake that reports the end of a socket late, like a browser: on a dead network after many seconds. */
 class SlowSocket extends FakeSocket {
   close() {
     this.readyState = 2;
@@ -92,7 +92,7 @@ describe("the channel of the topics", () => {
     made[0].ends();
     vi.advanceTimersByTime(250);
     made[1].opens();
-    expect(made[1].sent).toEqual([]); // a connection that returns meanwhile has no subscriptions either
+    expect(made[1].sent).toEqual([]); // a connection that returns on a hidden page has no subscriptions
     hidden.mockReturnValue(false);
     document.dispatchEvent(new Event("visibilitychange"));
     expect(made[1].sent).toEqual([{ t: "subscribe", topic: "/odom", rate_hz: 5 }]);

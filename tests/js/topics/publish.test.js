@@ -31,7 +31,7 @@ describe("the publishing form", () => {
     panel.connected();
     await vi.waitFor(() => expect(parts["publish-fields"].children).toHaveLength(1));
     expect(parts["publish-fault"].hidden).toBe(true);
-    panel.connected(); // again, after a network failure: written values stay
+    panel.connected(); // connected again after a network failure: the written values stay
     expect(ask).toHaveBeenCalledTimes(2);
   });
 

@@ -75,7 +75,7 @@ describe("a service", () => {
     const ask = vi.fn().mockResolvedValueOnce(DESCRIBED);
     ask.mockResolvedValueOnce({ fields: { success: true } });
     const view = await opened(ask);
-    expect(view.querySelector("h3").textContent).toBe("/lamp std_srvs/SetBool"); // the allow-list's type
+    expect(view.querySelector("h3").textContent).toBe("/lamp std_srvs/SetBool"); // the type comes from the allow-list
     view.querySelector("input").checked = true;
     await pressed(view, "Call");
     expect(ask.mock.lastCall[0]).toMatchObject({

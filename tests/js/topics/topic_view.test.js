@@ -85,7 +85,7 @@ describe("the view of a topic", () => {
     button("Plot position[0]").click();
     expect(button("Plot position[0]").getAttribute("aria-pressed")).toBe("true");
     expect(watch.element.querySelector(".plot").hidden).toBe(false);
-    button("Elements of position").click(); // removes their lines
+    button("Elements of position").click(); // this also removes the lines of the elements
     expect(button("Plot position[0]")).toBe(null);
     expect(watch.element.querySelector(".plot").hidden).toBe(true);
   });

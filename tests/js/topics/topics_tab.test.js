@@ -75,7 +75,7 @@ describe("the Topics tab of a robot that is slow to answer", () => {
     answers(made[0]);
     const fault = document.querySelector("[data-part=topics-fault]");
     await vi.waitFor(() => expect(fault.textContent).toBe("Ask again."));
-    expect(emptyOf("service-list").textContent).toBe("Asking the robot…"); // without a new request
+    expect(emptyOf("service-list").textContent).toBe("Asking the robot…"); // the tab sends no new request
     tab.hide();
     notices.length = 0;
     tab.show();

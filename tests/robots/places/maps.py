@@ -1,4 +1,4 @@
-"""Small maps of robots, as a bridge would store them."""
+"""Small maps of robots, stored like a bridge's maps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robots.registry.models import Robot
 
 
 def room(mark: str = "") -> TakenMap:
-    """A map of a room of 6 x 4 m with a pillar in its middle and nothing known outside; another `mark`: another map."""
+    """Return a map: a room of 6 x 4 m with a pillar, unknown outside. Each length of `mark` gives another map."""
     percent = np.full((100, 140), -1, np.int8)
     percent[10:90, 10:130] = 100
     percent[12:88, 12:128] = 0

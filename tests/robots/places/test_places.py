@@ -1,4 +1,4 @@
-"""Named places: of which map, where they may be, and files of them."""
+"""Named places: each belongs to a map, must be on free floor, and can be saved in a file."""
 
 from __future__ import annotations
 
@@ -62,11 +62,11 @@ def test_a_new_map_has_no_places_and_the_earlier_one_keeps_its_own(
     with pytest.raises(NotDone, match="A new map begins without any"):
         place_of_robot(robot.id, "kitchen")
     map_of(robot)
-    newer = map_of(robot, mark="x")  # to and fro: only the newest row of a map is kept
+    newer = map_of(robot, mark="x")  # changed to and fro: a map keeps only its newest row
     present, before = maps_of([robot])
     assert (present.digest, before.digest, before.robots, before.earlier) == (newer, digest, [], [robot])
     list(remove_unneeded(timezone.now() + timedelta(days=900)))
-    assert list(RobotMap.objects.values_list("digest", flat=True)) == [digest]  # it has places
+    assert list(RobotMap.objects.values_list("digest", flat=True)) == [digest]  # this map has places
 
 
 def test_the_places_that_there_are_are_named(robot: Robot, digest: str, staff: User) -> None:

@@ -1,4 +1,4 @@
-"""Reports of a bridge are recorded in the audit log, or the bridge receives an error."""
+"""The audit log records the reports of a bridge, or the bridge receives an error."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from robots.wire import Grant, Refusal
 from tests.bridge.support import Bench
 from tests.full_disk import Disk
 
-pytestmark = pytest.mark.django_db(transaction=True)  # the sink opens a new connection each time
+pytestmark = pytest.mark.django_db(transaction=True)  # the sink opens a new database connection each time
 
 HELD = Verdict(
     velocity=Velocity(0.2, 0.0, 0.0),
@@ -196,7 +196,7 @@ def test_the_next_bridge_ends_open_tasks_once(sink: AuditSink, holder: Holder, r
     metre = sink.request(holder, "drive.by", {"distance_m": 1.0, "speed_mps": 0.4})
     chosen = sink.request(holder, "topic.choose", {"use": "speech"})
     sink.outcome(chosen, holder, "topic.choose", "chosen", {})
-    record("motion.cancel", robot_id=robot.pk, outcome="accepted")  # complete, written by the web process
+    record("motion.cancel", robot_id=robot.pk, outcome="accepted")  # complete: the web process writes it
     before = len(records_of(robot))
     sink.settle()
     ends = records_of(robot)[before:]
@@ -362,7 +362,7 @@ def test_a_kept_connection_never_writes_to_a_replaced_file(
 
 @contextmanager
 def locked_database() -> Iterator[None]:
-    """Another process holds the database's write lock."""
+    """Hold the database's write lock, like another process."""
     other = connection.copy()
     try:
         with other.cursor() as cursor:
@@ -390,7 +390,7 @@ def bench(sink: AuditSink, holder: Holder) -> Iterator[Bench]:
 
 
 def held_stick(bench: Bench, seconds: float) -> Refusal | None:
-    """Hold the stick for so long; return the last answer."""
+    """Hold the stick for this number of seconds; return the last answer."""
     refusal = None
     for _ in range(round(seconds / 0.05)):
         refusal = bench.stick(0.5)

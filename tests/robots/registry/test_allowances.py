@@ -44,7 +44,7 @@ def complaint(owner: Robot | RobotProfile, staff: User, **fields: Any) -> dict[s
 @pytest.mark.parametrize(
     "name",
     [
-        "/key_vel",  # the robot's own
+        "/key_vel",  # the robot's own drive topic
         "/cmd_vel",
         "/base/cmdVel",
         "/nav_vel",
@@ -293,7 +293,7 @@ def admin(staff: User, signed_in: Any) -> Client:
 
 
 def entered(prefix: str = "allowances", **fields: Any) -> dict[str, Any]:
-    """Add one line of the allow-list on the page of its owner."""
+    """Return form fields that add one line of the allow-list on the page of its robot or profile."""
     entry = {**NOTES, "role": "operator", **fields}
     return {f"{prefix}-TOTAL_FORMS": 1, **{f"{prefix}-0-{name}": value for name, value in entry.items()}}
 

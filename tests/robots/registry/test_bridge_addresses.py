@@ -1,4 +1,4 @@
-"""Two robots cannot share a bridge address. Robots that shared one before the check keep it until it is corrected."""
+"""Two robots cannot share a bridge address. An address shared before this check works until somebody edits it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_any_number_of_bridges_run_on_this_computer(robot: Robot, other_robot: R
 
 
 def test_a_doubled_address_works_until_it_is_edited(robot: Robot, other_robot: Robot) -> None:
-    """Databases from before this rule mark the second robot."""
+    """Databases from before this rule have a mark in the second robot's address."""
     robot.bridge_address, other_robot.bridge_address = ADDRESS, f"{ADDRESS}#2"
     assert link_address(robot) == link_address(other_robot)
     with pytest.raises(ValidationError, match="has something after the port"):

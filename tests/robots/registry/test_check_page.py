@@ -1,4 +1,4 @@
-"""The robot check page probes a robot once at a time; a second request does not wait."""
+"""The robot check page makes one check of a robot at a time; a second request does not wait."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def config(robot: Robot) -> BridgeConfig:
 
 @pytest.fixture
 def well(config: BridgeConfig) -> Findings:
-    """Findings of a robot without faults."""
+    """Return the findings of a robot without faults."""
     topics = [
         TopicFound(asked.what, ["/base"], asked.type, "abc", "abc", 1, asked.frames, 0.01)
         for asked in plan_for(config).listened

@@ -1,4 +1,4 @@
-"""Robots as the registry has them now."""
+"""The registry's robots, always with their newest values."""
 
 import pytest
 

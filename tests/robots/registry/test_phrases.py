@@ -21,7 +21,7 @@ from robots.registry.models import Phrase, Robot, RobotProfile
 from robots.registry.phrases import MOST_PHRASES, Line, file_text, read
 from robots.registry.services import entry_delete, entry_save, phrases_import
 
-# 139 characters before spaces are added
+# 139 characters; the console adds spaces
 MANY_TAGS = ",".join(chr(code) for code in range(0x4E00, 0x4E00 + 70))
 
 # --- files ---------------------------------------------------------------------------------------

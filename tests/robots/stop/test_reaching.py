@@ -22,7 +22,7 @@ PATIENCE_S = 10.0
 
 
 class Watchdog:
-    """A watchdog's socket: one datagram in, one out."""
+    """A watchdog's socket: it receives one datagram and answers with one."""
 
     def __init__(self, path: Path, answer: wire.Stopped | wire.Refused) -> None:
         self.heard: list[wire.LinkRequest] = []
@@ -76,7 +76,7 @@ def test_the_watchdog_confirms_while_the_bridge_is_frozen(path: Path, closing: E
     closing.callback(watchdog.close)
     began_s = time.monotonic()
     assert isinstance(press(path, 60.0), wire.Stopped)
-    assert time.monotonic() - began_s < 30.0  # it did not wait for the bridge
+    assert time.monotonic() - began_s < 30.0  # `press` did not wait for the bridge
     (heard,) = watchdog.heard
     assert isinstance(heard, wire.LinkStop) and heard.robot == ROBOT and heard.by == "Ann"
 

@@ -1,4 +1,4 @@
-"""``manage.py stop`` stops all robots in parallel and names those not reached."""
+"""``manage.py stop`` stops all robots in parallel and names the robots that it did not reach."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from robots.registry.selectors import link_address
 from robots.stop import courier
 from tests.processes import PATIENCE_S
 
-pytestmark = pytest.mark.django_db(transaction=True)  # a thread reads the registry
+pytestmark = pytest.mark.django_db(transaction=True)  # another thread reads the registry
 
 
 class Bridge:
-    """A fake bridge: says its robot, stores stops and answers them."""
+    """A fake bridge: sends its robot's name, stores stops and answers them."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
@@ -108,7 +108,7 @@ def test_all_robots_are_stopped_with_person_and_reason(
     assert [record.outcome for record in records] == [
         "",
         "stopping",
-    ] * 2  # the same as from a page: press, then outcome
+    ] * 2  # the same records as from a page: press, then outcome
     assert {record.details.get("text") for record in records} == {"smoke in the lab", None}
 
 
@@ -182,7 +182,7 @@ def test_without_database_every_local_bridge_is_stopped(
 
 
 def test_without_database_a_restarting_bridge_is_stopped_too(robot: Robot, no_database: None) -> None:
-    """Its watchdog runs: the stop waits for the first of the two that can be reached."""
+    """The robot's watchdog runs. The stop waits until it can reach the bridge or the watchdog."""
     path_of(robot).with_suffix(".stop").touch()
     with pytest.raises(CommandError, match=r"0 robots are stopping, 1 did not answer; their stop is pending"):
         call_command("stop", "--all", stdout=StringIO())
@@ -238,7 +238,7 @@ def test_a_stop_of_a_robot_out_of_service_is_recorded(
     robot: Robot, other_robot: Robot, bridge: Callable[[Robot], Bridge]
 ) -> None:
     Robot.objects.update(enabled=False)
-    path_of(other_robot).touch()  # left over by a bridge that ended
+    path_of(other_robot).touch()  # the file of a bridge that has ended
     bridge(robot)
     out = StringIO()
     call_command("stop", "--all", stdout=out)

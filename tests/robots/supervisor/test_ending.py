@@ -1,4 +1,4 @@
-"""A process can be ended at any moment and ends in time."""
+"""A process ends in time, at any moment of a signal."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def begin() -> Iterator[object]:
 
 
 def test_a_signal_wakes_a_thread_about_to_wait(begin) -> None:
-    # Each of these mostly hangs if a signal handler in the main thread sets the event.
+    # If a signal handler in the main thread set the event, most of these processes would hang.
     for process in [begin(NO_LIFE_LINE, ALWAYS_ABOUT_TO_WAIT) for _ in range(6)]:
         process.terminate()
         assert process.wait(SOON_S) == 0

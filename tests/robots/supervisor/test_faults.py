@@ -1,4 +1,4 @@
-"""The begin and the end of faults of bridges and robots are recorded."""
+"""The begins and ends of faults of bridges and robots are recorded."""
 
 from __future__ import annotations
 

@@ -22,11 +22,11 @@ from tests.robots.support import FakePrograms
 pytestmark = pytest.mark.django_db
 
 State = BridgeStatus.State
-QUIET = ("-c", "import sys; sys.stdin.read()")  # instead of watchdogs
+QUIET = ("-c", "import sys; sys.stdin.read()")  # a program that does nothing, instead of watchdogs
 
 
 class Supervised:
-    """A supervisor that steps while a test waits for a condition."""
+    """A supervisor that does its steps while a test waits for a condition."""
 
     def __init__(self, programs: FakePrograms, only: frozenset[str] = frozenset()) -> None:
         self.programs = programs
@@ -126,7 +126,7 @@ def test_a_full_disk_blocks_one_edit_and_ends_no_bridge(supervised: Supervised, 
     assert "No space left on device" in status.detail
     assert status.pid == supervised.programs.pids("tiago-1")[0]
     assert not any(line.startswith("end") for line in supervised.programs.lines())
-    supervised.until_started("tiago-1", 2)  # the edit, once there is disk space
+    supervised.until_started("tiago-1", 2)  # a new start with the edit, when the disk has space again
 
 
 def test_a_falling_bridge_is_shown_with_its_reason(supervised: Supervised, robot: Robot) -> None:
@@ -171,7 +171,7 @@ def test_a_remote_bridge_is_left_to_its_own_host(supervised: Supervised, other_r
     supervised.until_started("tiago-1", 1)
     supervised.until_started("run_housekeeping", 1)
     assert supervised.programs.pids("tiago-2") == []
-    assert not BridgeStatus.objects.filter(robot=other_robot).exists()  # no status either
+    assert not BridgeStatus.objects.filter(robot=other_robot).exists()  # its status is also not written
 
 
 @override_settings(FLEET_LINK_CERT="bridge.pem", FLEET_LINK_KEY=None, FLEET_LINK_SECRET=None)
@@ -196,7 +196,7 @@ def test_a_locked_database_holds_no_bridge_up(programs: FakePrograms, robot: Rob
             other.execute("BEGIN IMMEDIATE")  # holds the write lock
             began_s = time.monotonic()
             supervised.until_started("tiago-1", 1)
-            assert time.monotonic() - began_s < 4.0  # less than one default wait of SQLite, 5 s
+            assert time.monotonic() - began_s < 4.0  # SQLite by default waits 5 s for a lock
             other.execute("ROLLBACK")
         supervised.until(lambda: supervised.state(robot) == State.RUNNING, "the state, told late")
     finally:

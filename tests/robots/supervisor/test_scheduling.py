@@ -1,4 +1,4 @@
-"""Real-time priority if limits allow: only for the event loop's thread, and not for a runaway loop."""
+"""Real-time priority if limits allow: for the threads of the event loop and the stop, but not for an endless loop."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def asked(allowed: int) -> dict[str, object]:
 
 def test_an_allowed_loop_has_real_time_priority_until_runaway():
     found = asked(10)
-    refused = str(found["got"]).startswith("ordinary priority (")  # this account has no right to it
+    refused = str(found["got"]).startswith("ordinary priority (")  # this account may not get it
     assert refused or found["got"] == "real-time priority 5"
     assert found["loop"] == (OTHER if refused else FIFO)
     assert found["stop_thread"] == found["loop"]

@@ -1,4 +1,4 @@
-"""A camera process beside a real rosmaster survives every bad picture, says why there is none, and goes on."""
+"""A camera process with a real rosmaster survives every bad picture, reports the reason, and goes on."""
 
 from __future__ import annotations
 
@@ -75,14 +75,14 @@ class CameraProcess:
         threading.Thread(target=self._read, daemon=True).start()
 
     def want(self, **cameras: str) -> None:
-        """Want these variants, each of a camera."""
+        """Ask for these variants of cameras: ``head="full"``."""
         wants = wire.CameraWants({name: {variant: 30.0} for name, variant in cameras.items()})
         self._socket.send(wire.encode(wants).decode())
 
     def stop(self, status: int = 0) -> None:
         self._closing.close()
         assert self.process.stdin and self.process.stdout
-        self.process.stdin.close()  # as when the bridge dies
+        self.process.stdin.close()  # the same happens when the bridge dies
         assert self.process.wait(PATIENCE_S) == status
         self.process.stdout.close()
         shutil.rmtree(self._sockets, ignore_errors=True)
@@ -110,7 +110,7 @@ def camera(rosmaster, ros, tmp_path_factory) -> Iterator[CameraProcess]:
 
 @pytest.fixture(scope="module")
 def publish(camera, ros) -> Iterator[Callable[..., Any]]:
-    """``publish(topic, message, until)`` repeats a message until the condition holds, and returns its value."""
+    """``publish(topic, message, condition, what)`` repeats a message until the condition is true; returns its value."""
     publishers: dict[str, rospy.Publisher] = {}
 
     def repeat(topic: str, message: Any, condition: Callable[[], Any], what: str) -> Any:
@@ -145,7 +145,7 @@ def newest(camera: CameraProcess, name: str) -> wire.TakenPicture | None:
 
 
 def comes(camera: CameraProcess, publish: Callable[..., Any], name: str, message: Any) -> wire.TakenPicture:
-    """Publish a sound picture until it comes, without a refusal."""
+    """Publish a good picture until the camera process sends it without a refusal."""
     camera.pictures.clear()
     topic = {source.name: source.topic for source in CAMERAS}[name]
     shown = publish(
@@ -161,7 +161,7 @@ def comes(camera: CameraProcess, publish: Callable[..., Any], name: str, message
 def is_refused(
     camera: CameraProcess, publish: Callable[..., Any], name: str, message: Any, words: str
 ) -> None:
-    """Publish a bad picture until the camera's state says these words."""
+    """Publish a bad picture until the camera's refusal contains these words."""
     topic = {source.name: source.topic for source in CAMERAS}[name]
     publish(
         topic,

@@ -19,7 +19,7 @@ from tests.ros.bridge_support import tiago_config
 
 
 class Watcher:
-    """A web process with people who watch."""
+    """A web process whose people watch the camera."""
 
     def __init__(self) -> None:
         self._reports: asyncio.Queue[CameraAt] = asyncio.Queue()
@@ -28,7 +28,7 @@ class Watcher:
         self._reports.put_nowait(message)
 
     async def hears(self, *, address: bool) -> str | None:
-        """Wait until it hears an address, or that there is none; return the code of the reason."""
+        """Wait for a report with an address, or for one without; return the code of its refusal."""
         while True:
             at = await asyncio.wait_for(self._reports.get(), PATIENCE_S)
             if (at.unix_path is not None) == address:

@@ -1,4 +1,4 @@
-"""A robot's diagnostics from real nodes: what is wrong is named with its time; floods and garbage hold nothing up."""
+"""A robot's diagnostics from real nodes: faults are named with their time; floods and garbage delay nothing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Message definitions of publishers are believed if their md5 sum fits, and are limited in size."""
+"""A publisher's message definition is accepted if its md5 sum fits. Its size is limited."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def header_of(type_name: str, text: str) -> dict[str, str]:
 
 
 def nested(levels: int, fields: int) -> str:
-    """A definition of so many types, each with so many fields of the next type."""
+    """Return a definition of `levels` types; each type has `fields` fields of the next type."""
     texts = ["".join(f"T{level + 1} {chr(97 + n)}\n" for n in range(fields)) for level in range(levels)]
     own, *embedded = [*texts, "bool last\n"]
     return own + "".join(f"{BREAK}lab_msgs/T{level}\n{text}" for level, text in enumerate(embedded, start=1))

@@ -1,4 +1,4 @@
-"""A publisher's definition is limited in the size of its messages, not only in its length."""
+"""A publisher's definition is limited: not only its own length, but also the size of its messages."""
 
 from __future__ import annotations
 

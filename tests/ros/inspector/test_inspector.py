@@ -80,7 +80,7 @@ _shown = msgspec.json.Decoder(wire.Sample)
 
 
 class InspectorProcess:
-    """One inspector and its side of a bridge. It sends the bridge's signs of life unless `silent`."""
+    """One inspector, with this object as its bridge. The object sends signs of life, unless `silent`."""
 
     def __init__(self, config: Any, master: Master, silent: bool = False) -> None:
         self.process = subprocess.Popen(
@@ -106,7 +106,7 @@ class InspectorProcess:
         )
 
     def done(self, request: Callable[[int], Any]) -> wire.Refusal | None:
-        """Send a numbered request; return its refusal, None if it was done."""
+        """Send a numbered request; return its refusal, None if the inspector did it."""
         self._number += 1
         self.send(request(self._number))
         refusal: wire.Refusal | None = self._reply(
@@ -121,7 +121,7 @@ class InspectorProcess:
         self.send(wire.LinkSubscribe({f"/{name}": rate for name, rate in topics.items()}))
 
     def shown(self, topic: str, condition: Callable[[wire.Sample], Any] = lambda _: True) -> wire.Sample:
-        """The next sample of the topic for which `condition` holds."""
+        """Return the next sample of the topic for which `condition` is true."""
         deadline, last = time.monotonic() + PATIENCE_S, None
         while time.monotonic() < deadline:
             last = self._shown[topic].get(timeout=PATIENCE_S)
@@ -142,7 +142,7 @@ class InspectorProcess:
     def stop(self) -> int:
         assert self.process.stdin is not None and self.process.stdout is not None
         self._ended.set()
-        with self._writing, suppress(BrokenPipeError):  # it may have ended before it read the last message
+        with self._writing, suppress(BrokenPipeError):  # the process may have ended before
             self.process.stdin.close()
         try:
             return self.process.wait(PATIENCE_S)
@@ -225,7 +225,7 @@ def tts(part: str) -> Any:
 
 
 def subscribed(master: Master) -> dict[str, list[str]]:
-    """The subscriptions of inspectors, by topic."""
+    """Return the nodes of inspectors that subscribe to each topic."""
     _, subscribers, _ = rosgraph.Master("/test", master.uri).getSystemState()
     return {topic: nodes for topic, nodes in subscribers if any("fleet_inspector" in node for node in nodes)}
 
@@ -265,7 +265,7 @@ def test_a_missing_type_is_shown_by_its_publishers_definition(inspector):
     sky, _, stations = described.fields
     assert sky.constants == {"SUN": 0, "RAIN": 1}
     assert (stations.array, [field.name for field in stations.fields]) == (2, ["name", "place"])
-    # A type stays known, also without a topic and for publishers that send no definition.
+    # The inspector keeps a type: also without a topic, and for publishers that send no definition.
     assert inspector.ask(wire.Describe(UNKNOWN)).md5 == weather._md5sum
 
 
@@ -281,14 +281,14 @@ def test_a_definition_with_a_wrong_md5_sum_is_refused(inspector):
     with talking("/look/mute", type("Mute", (honest,), {"_full_text": ""})(2.0)):
         inspector.subscribe(**{"look/mute": 10.0})
         assert inspector.shown("/look/mute", lambda s: s.number).refusal.code == "type_unknown"
-        with talking("/look/honest", honest(3.0)):  # its definition serves both
+        with talking("/look/honest", honest(3.0)):  # the definition of this publisher is used for both topics
             inspector.subscribe(**{"look/honest": 10.0, "look/mute": 10.0})
             assert inspector.shown("/look/honest", lambda s: s.number).fields == {"level": 3.0}
             assert inspector.shown("/look/mute", lambda s: s.fields).fields == {"level": 2.0}
 
 
 def test_bytes_that_do_not_fit_the_definition_are_reported(inspector):
-    class Cut(Float64):  # claims to be a Float64, and sends half of one
+    class Cut(Float64):  # its type is Float64, but it sends only half of the bytes
         __slots__ = ()
 
         def serialize(self, buff: Any) -> None:
@@ -333,7 +333,7 @@ def test_messages_come_at_the_wanted_rate_newest_first(inspector):
         began_s = time.monotonic()
         numbers = [inspector.shown("/look/fast").number for _ in range(4)]
         took_s = time.monotonic() - began_s
-    assert took_s > 0.7  # four messages at four a second
+    assert took_s > 0.7  # four messages, at four messages a second
     gaps = [after - before for before, after in zip([first.number, *numbers], numbers, strict=False)]
     assert all(gap > 5 for gap in gaps)
 
@@ -390,7 +390,7 @@ def test_a_message_grows_older_until_the_next_one_comes(inspector):
         ([1.0], 5.0, None),
         ([n / 100 for n in range(2000)], 20.0, 100.0),
         ([0.0, 10.0, 20.0, 30.0], 39.0, 0.1),  # one in the window
-        ([0.0, 10.0, 20.0, 30.0], 61.0, 0.0),  # three are missing
+        ([0.0, 10.0, 20.0, 30.0], 61.0, 0.0),  # three messages are missing
         ([0.0, 0.1, 0.2], 9.0, 10.0),
         ([0.0, 0.1, 0.2], 11.0, 0.0),
         ([0.0, 1000.0, 1000.1, 1000.2], 1000.2, 10.0),  # after a long silence
@@ -541,7 +541,7 @@ def test_a_parameter_is_set_only_from_the_allow_list(inspector):
     [
         ({"light": 1}, {"light": 2, "scan": {"enabled": False}}),
         ({"light": 1}, {"robot": {"use_sim_time": True}}),
-        ({"light": 1, "robot_description": "<robot/>"}, 5),  # it would delete robot_description
+        ({"light": 1, "robot_description": "<robot/>"}, 5),  # this value would delete robot_description
     ],
 )
 def test_no_parameter_branch_with_forbidden_names_is_set(inspector, before, value):
@@ -628,7 +628,7 @@ def test_a_nested_message_is_published_at_a_rate_until_stop(inspector, ros):
     assert (first.pose.position.x, first.pose.orientation.w, first.header.frame_id) == (1.5, 1.0, "map")
     assert (
         0 < second.header.stamp.to_sec() - first.header.stamp.to_sec() < PATIENCE_S
-    )  # each with its own stamp
+    )  # each message has its own stamp
 
 
 def test_fields_that_do_not_fit_are_refused_with_their_path(inspector):
@@ -660,7 +660,7 @@ VECTOR_TEXT = f"{'=' * 80}\nMSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfl
 @pytest.mark.parametrize(
     "text",
     [
-        TWIST_TEXT + VECTOR_TEXT,  # the bytes, and so the md5 sum, of a geometry_msgs/Twist
+        TWIST_TEXT + VECTOR_TEXT,  # the same bytes, and so the same md5 sum, as geometry_msgs/Twist
         f"string why\ngeometry_msgs/Twist[] how\n{'=' * 80}\nMSG: geometry_msgs/Twist\n{TWIST_TEXT}{VECTOR_TEXT}",
         f"string why\nHow[] how\n{'=' * 80}\nMSG: lab_msgs/How\n{TWIST_TEXT}{VECTOR_TEXT}",
     ],
@@ -698,7 +698,7 @@ def test_with_its_master_it_ends(make_master, tmp_path):
 
 
 def test_only_so_many_questions_are_under_way_at_once(monkeypatch, tmp_path, rosmaster):
-    """The inspector drops queries above the limit; the bridge refuses them for lack of an answer."""
+    """The inspector drops queries above the limit. The bridge gets no answer and refuses them."""
     answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     begun = threading.Semaphore(0)
     go_on = threading.Event()

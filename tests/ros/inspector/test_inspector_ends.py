@@ -1,4 +1,4 @@
-"""The inspector drops its work after a halt, without its bridge, or when nobody waits for it."""
+"""The inspector drops its work after a halt, without its bridge, or when nobody waits for the result."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def inspector(rosmaster, ros, tmp_path_factory) -> Iterator[InspectorProcess]:
 
 @pytest.fixture
 def ghost(rosmaster):
-    """A registered subscriber of the notes that cannot be reached: messages wait for it for a while."""
+    """A registered subscriber of the notes that cannot be reached: messages wait a limited time for it."""
     master = rosgraph.Master("/ghost", rosmaster.uri)
     address = "http://127.0.0.1:1/"
     master.registerSubscriber(NOTES, "std_msgs/String", address)
@@ -64,7 +64,7 @@ def checked(inspector: InspectorProcess, request: wire.Publish) -> None:
 
 
 def heard(inspector: InspectorProcess, notes: Inbox) -> str:
-    """The next note, while signs of life are sent."""
+    """Send signs of life until a note arrives; return the note."""
 
     def attempt() -> Any:
         inspector.send(KeepAlive())
@@ -192,12 +192,12 @@ def test_a_subscription_by_a_page_is_no_listener(inspector, ros):
     inspector.subscribe()
 
 
-NEVER_HZ = 1e-300  # not accepted from pages: the wait overflows and the thread fails
+NEVER_HZ = 1e-300  # pages may not send this rate: the wait overflows, and the thread fails
 
 
 @pytest.fixture
 def given_up(monkeypatch) -> threading.Event:
-    """Set when the process would end."""
+    """Return an event that is set where the process would end."""
     event = threading.Event()
     monkeypatch.setattr(os, "_exit", lambda _status: event.set())
     return event
@@ -219,7 +219,7 @@ def test_with_a_thread_that_publishes_the_process_ends(rosmaster, ros, tmp_path,
 
 
 def test_a_message_checked_by_another_process_is_checked_again(rosmaster, ros, tmp_path):
-    """An inspector started after the check publishes only by the allow-list."""
+    """An inspector that started after the check publishes only topics of the allow-list."""
     inspector = requests.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), lambda _: None)
     with pytest.raises(Declined):
         inspector._publish(wire.Publish(1, "/diary", "std_msgs/String"), PublishPermit())

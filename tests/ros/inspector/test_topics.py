@@ -1,4 +1,4 @@
-"""The robot's topics over the link: every link can subscribe; only the holder of control publishes, recorded first."""
+"""The robot's topics over the link: every link subscribes; the holder of control publishes, after the record."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def inspector_of(bridge: BridgeProcess) -> psutil.Process:
 
 
 def ended(process: psutil.Process) -> bool:
-    """True if it has ended, also as a zombie without a parent that reaps it."""
+    """Return whether the process has ended. A zombie counts as ended: its parent may not reap it."""
     try:
         return bool(process.status() == psutil.STATUS_ZOMBIE)
     except psutil.NoSuchProcess:
@@ -91,7 +91,7 @@ def shown(hand: Hand, topic: str) -> wire.Sample:
 
 
 def falls_silent(inbox: Inbox) -> None:
-    """Check that messages end; some may still be on the way."""
+    """Check that no more messages come. Some may still be on the way."""
     inbox.drain()
     with pytest.raises(AssertionError, match="nothing on"):
         for _ in range(5):

@@ -41,7 +41,7 @@ _numbers = itertools.count(1)
 
 
 class Holder:
-    """The holder of a robot, who moves its limbs."""
+    """The holder of control, who moves the robot's limbs."""
 
     def __init__(self, process, hand) -> None:
         self.process, self.hand = process, hand
@@ -50,7 +50,7 @@ class Holder:
         return self.hand.ask(wire.MoveLimb(1, limb, to_m, next(_numbers)))
 
     def moves(self, limb: str, to_m: float) -> wire.LimbEnd:
-        """Ask for a move and wait for its end."""
+        """Ask for a move, and wait until the move ends."""
         assert self.asks(limb, to_m) is None
         return self.ended(limb)
 
@@ -130,7 +130,7 @@ def test_a_controller_that_never_answers_is_given_up(holder, fault):
     fault("controllers_silent")
     end = holder.moves("gripper", 0.09 if holder.hand.state.limbs["gripper"].at_m < 0.05 else 0.0)
     assert end.outcome == "no_progress"  # the goal stays pending, and the fingers do not move
-    # On a busy computer joint states come late, and the bridge waits until it has seen the gripper stand.
+    # On a busy computer joint states come late, and the bridge waits until they show that the gripper stands.
     until(
         lambda: holder.hand.ask(wire.DriveBy(1, distance_m=0.1, seq=next(_numbers))) is None,
         "a base that may drive",

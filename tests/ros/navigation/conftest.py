@@ -1,4 +1,4 @@
-"""A bridge whose robot navigates, and its holder: real messages, a simulated TIAGo."""
+"""A bridge of a robot with navigation, and the holder of control: real messages, a simulated TIAGo."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _numbers = itertools.count(1)
 
 FAR, NEAR = (8.0, 2.0), (2.0, 1.8)
 RENEW_S = 0.2
-CONTROL_S = 10.0  # longer than the product's 3 s: a busy computer sets a fault in more than that
+CONTROL_S = 10.0  # longer than the product's 3 s: on a busy computer it can take longer to set a fault
 
 
 class Traveller:
-    """The holder of a robot that navigates: a program without a stick, which renews control."""
+    """The holder of control of a robot with navigation: a program without a stick, which renews control."""
 
     def __init__(self, process, hand) -> None:
         self.process, self.hand, self.fence, self.goal = process, hand, 1, FAR
@@ -48,7 +48,7 @@ class Traveller:
         return self.hand.ask(wire.Go(self.fence, x, y, heading, next(_numbers)))
 
     def go(self, x: float, y: float, heading: float = 0.0) -> int:
-        """Ask for a drive, once the robot's map has come; return the number of the request."""
+        """Ask for a drive, again until the robot's map has come; return the number of the request."""
         until_s = time.monotonic() + PATIENCE_S
         with self.renewing():
             while True:
@@ -68,7 +68,7 @@ class Traveller:
         return self.go(*self.goal)
 
     def drives_until_ended(self) -> wire.GoEnd:
-        """Drive to and fro until something else than an arrival ends a drive: on a slow computer a map comes late."""
+        """Drive to and fro until a drive ends before its goal: on a slow computer a map comes late."""
         for place in 2 * (FAR, NEAR):
             seq = self.go(*place)
             end = self.ended(seq)
@@ -77,13 +77,13 @@ class Traveller:
         return end
 
     def until(self, condition, what: str) -> wire.State:
-        """Renew control until a state is so."""
+        """Renew control until `condition` is true for a state; return that state."""
         with self.renewing():
             return self.hand.state_until(condition, what)
 
     @contextmanager
     def renewing(self) -> Iterator[None]:
-        """Renew control by a thread, since answers and states come late on a busy computer."""
+        """Renew control from a thread, because answers and states come late on a busy computer."""
         over = threading.Event()
 
         def renew() -> None:
@@ -99,7 +99,7 @@ class Traveller:
             thread.join()
 
     def drives(self) -> wire.State:
-        """Renew until navigation drives the base."""
+        """Renew control until navigation drives the base."""
         return self.until(lambda state: state.going and abs(state.odometry.vx) > 0.15, "a robot that drives")
 
     def ended(self, seq: int) -> wire.GoEnd:
@@ -120,7 +120,7 @@ def speed(state: wire.State) -> float:
 
 
 def place(inbox) -> tuple[float, float, float]:
-    """The robot's true pose now."""
+    """Return the robot's true pose now."""
     inbox.settle()
     pose = inbox.next().pose.pose
     return pose.position.x, pose.position.y, 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
@@ -133,7 +133,7 @@ def robot(ros, simulator):
 
 @contextmanager
 def guarded_bridge(config, rosmaster, tmp_path):
-    """A bridge with its watchdog, without which no robot is sent to a place, and one link to it."""
+    """A bridge, one link to it, and its watchdog. Without the watchdog no robot drives to a place."""
     watchdog = WatchdogProcess(config, rosmaster, tmp_path)
     try:
         watchdog.ready()
@@ -171,7 +171,7 @@ def twists(ros):
 
 
 def pause(traveller: Traveller, seconds: float) -> None:
-    """Renew control for this time."""
+    """Renew control for this number of seconds."""
     until_s = time.monotonic() + seconds
     while time.monotonic() < until_s:
         traveller.renew()

@@ -1,4 +1,4 @@
-"""Drives to a place by the robot's own navigation: what begins one, and what ends it."""
+"""Drives to a place by the robot's own navigation: their begins and their ends."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_it_drives_to_a_place_and_shows_its_way(traveller, truth, twists):
     assert math.dist((path.path_cm[-2], path.path_cm[-1]), (340, 180)) < 30
     twists.drain()
     pause(traveller, 0.5)
-    assert not twists.drain()  # its zeros would win over navigation
+    assert not twists.drain()  # zeros of the bridge would override navigation
     end = traveller.ended(seq)
     assert (end.outcome, end.text, end.because) == ("arrived", "", None)
     x, y, heading = place(truth)
@@ -51,7 +51,7 @@ def test_it_drives_to_a_place_and_shows_its_way(traveller, truth, twists):
 
 
 def plan(count: int, y: float) -> Path:
-    """A path of so many poses, 2.5 cm apart."""
+    """Return a path of `count` poses, 2.5 cm apart."""
     message = Path()
     message.header.frame_id = "map"
     for number in range(count):
@@ -157,7 +157,7 @@ def test_goals_that_make_no_sense_are_refused_in_words(traveller):
 
     pause(traveller, 3.0)
     assert traveller.refused(*OUTSIDE).code == "goal_outside"
-    begun = starts()  # one, if the goal had to wait for the map
+    begun = starts()  # one start, if the goal had to wait for the map
     assert traveller.refused(*OUTSIDE).code == "goal_outside"
     assert traveller.refused(*WALL).code == "goal_in_obstacle"
     assert starts() == begun
@@ -202,7 +202,7 @@ def test_navigation_that_goes_on_is_held(ros, traveller, truth, twists, fault):
     traveller.hand.send(wire.Revoke(1, "Enough."))
     traveller.hand.state_until(lambda state: state.fence is None and speed(state) < 0.01, "no control")
     before = place(truth)
-    time.sleep(2.5)  # longer than zeros follow the end of control otherwise
+    time.sleep(2.5)  # without a hold, zeros end sooner after the end of control
     twists.drain()
     assert is_zero(twists.next())
     assert math.dist(before[:2], place(truth)[:2]) < 0.02
@@ -254,7 +254,7 @@ def test_a_set_pose_reaches_the_robot_and_a_doubtful_one_refuses(ros, traveller,
         heard: list = []
         numbers = itertools.count(960)
 
-        def told() -> bool:  # the first one may be sent before this test's listener is connected
+        def told() -> bool:  # the first pose may be sent before this test's listener is connected
             traveller.renew()
             assert traveller.hand.ask(wire.SetPose(1, x + 0.2, y, heading, seq=next(numbers))) is None
             heard.extend(poses.drain())

@@ -1,4 +1,4 @@
-"""The gate watches a robot that drives itself; the watchdog, the map and the arm have a say, too."""
+"""The gate watches a robot that drives itself. The watchdog, the map and the arm also limit such drives."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_blind_planner_is_stopped_before_it_touches_anything(traveller, truth,
     assert 0.0 < WALL_Y_M - y - 0.27 < 0.4
     until(lambda: "go.end held_back" in traveller.process.recorded(), "the end on record")
     assert "gate.begin obstacle" in traveller.process.recorded()
-    fault("none")  # good navigation may drive on from there
+    fault("none")  # navigation without a fault may drive on from there
     assert traveller.ended(traveller.go(2.0, 1.8)).outcome == "arrived"
 
 
@@ -63,7 +63,7 @@ def test_a_bridge_that_dies_leaves_no_robot_that_drives_itself(ros, rosmaster, t
             truth.drain()
             truth.until(lambda pose: abs(pose.twist.twist.linear.x) < 0.01 > abs(pose.twist.twist.angular.z))
             before = place(truth)
-            rospy.sleep(2.0)  # longer than zeros follow a person's drive
+            rospy.sleep(2.0)  # longer than the time of zeros after a person's drive
             assert math.dist(before[:2], place(truth)[:2]) < 0.02
     finally:
         watchdog.stop()

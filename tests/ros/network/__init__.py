@@ -1,1 +1,1 @@
-"""Masters, nodes and connections that fail, lie or flood."""
+"""Masters, nodes and connections that fail, send false data or send too much."""

@@ -25,11 +25,11 @@ class Listener:
         self.connection = Connection(ours)
 
     def acknowledges(self):
-        """Wait until its kernel has acknowledged, some milliseconds."""
+        """Wait until the subscriber's kernel has acknowledged all bytes, some milliseconds."""
         until(lambda: _kept(self.connection) == 0, "an acknowledgement")
 
     def stalls(self):
-        """Fill its buffers, so that its machine accepts nothing more."""
+        """Fill the subscriber's buffers, so that its computer accepts no more bytes."""
         while self.connection.write(4096):
             pass
 
@@ -40,7 +40,7 @@ class Listener:
 
 
 class Connection:
-    """A connection as in rospy."""
+    """A connection with the fields of rospy's connections."""
 
     endpoint_id = "/robot"
 
@@ -101,7 +101,7 @@ def test_remote_viewers_are_not_awaited_remote_robots_are(listen):
     stalled = []
 
     def looked(now_s, *listeners):
-        """Write to all; return the reported time 0.4 s later."""
+        """Write to all connections; return the time that is reported 0.4 s later."""
         for listener in listeners:
             listener.connection.write(52)
         echoes.wrote(topic(*listeners), now_s)

@@ -1,4 +1,4 @@
-"""Limits on the robot's network: texts, tables, messages, time of the event loop, connections."""
+"""Limits for data from the robot's network: texts, tables, messages, time of the event loop, connections."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_endless_frames_drop_old_unneeded_ones():
     frames = Frames("base")
     tree = (_transform("base", "torso"), _transform("torso", "camera"))
     with pytest.raises(PoseUnknown):
-        frames.pose_at("camera", 1.0, patience_s=0.0)  # so this frame is wanted
+        frames.pose_at("camera", 1.0, patience_s=0.0)  # this makes the frame wanted
     for transform in tree * 2:  # twice: the first round makes the parent known
         frames.take(transform, fixed=False)
         with pytest.raises(PoseUnknown):
@@ -139,7 +139,7 @@ def test_a_laser_may_have_as_many_beams_as_the_gate_takes():
 
 def test_ten_thousand_messages_a_second_are_too_many():
     reading = Reading(Kind(most_hz=1000.0))
-    assert reading.why_not(10, 1500, 0.0, 0.0) == ""  # they waited while the network paused
+    assert reading.why_not(10, 1500, 0.0, 0.0) == ""  # these messages waited while the network paused
     seconds = itertools.count(1)
     assert all(reading.why_not(10, 1000, 0.0, float(next(seconds))) == "" for _ in range(5))
     whys = [reading.why_not(10, 1000, 0.0, 6.0 + number / 10) for number in range(5)]
@@ -245,7 +245,7 @@ def test_a_source_that_never_rests_does_not_keep_the_loop():
 
     def again() -> None:
         done.append(1)
-        if len(done) < 1000:  # posted by its thread
+        if len(done) < 1000:  # in a bridge, the source's thread posts the next call
             mail.post("sonar", again, can_wait=True)
 
     mail.post("sonar", again, can_wait=True)
@@ -399,7 +399,7 @@ def test_a_call_refused_for_its_rate_makes_the_bridge_ask_master(monkeypatch):
 
 
 def test_a_laser_of_40_hz_may_cost_a_slow_computers_loop_a_fifth():
-    """1081 beams took 0.06 of the loop's time on a computer of 2026, without pictures for viewers."""
+    """On a computer of 2026, 1081 beams took 0.06 of the loop's time, without pictures for viewers."""
     loop, speaker, now_s = _Loop(), _Speaker(), itertools.count(step=0.025)
     mail = Mailboxes(
         loop.later, speaker=lambda: speaker, worked=lambda: loop.worked_s, clock=lambda: next(now_s)

@@ -187,7 +187,7 @@ def test_a_silent_name_server_delays_no_survey(monkeypatch):
 
     monkeypatch.setattr(socket, "getaddrinfo", hangs)
     monkeypatch.setattr(Master, "node_uri", lambda *_: "http://tiago-9c:1/")
-    monkeypatch.setattr(node, "BOARD", Board())  # another test may have filled the shared one
+    monkeypatch.setattr(node, "BOARD", Board())  # another test may have filled the shared board
     base = RosBase(CONFIG)
     system = SystemState({CONFIG.topics.odometry.name: ["/base"]}, {}, {}, {})
     assert base._survey(system).problems == []

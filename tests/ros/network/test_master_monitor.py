@@ -1,4 +1,4 @@
-"""The master monitor: any answer of the master, and the silence or death of master or another console's bridge."""
+"""The master monitor: any answer of the master; a silent or dead master or bridge of another console."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def bridges(tmp_path):
 
 
 class RecordingNode:
-    """The monitor's node: stores its calls in order. Each `begin` runs the next of `begins`."""
+    """The monitor's node: stores its calls in order. Each `begin` also calls the next function of `begins`."""
 
     def __init__(self, *begins) -> None:
         self._begins = list(begins)
@@ -72,7 +72,7 @@ class RecordingNode:
         return self._heard.get(timeout=PATIENCE_S)
 
     def until(self, wanted: str) -> list[str]:
-        """Wait for a call; return the calls before it."""
+        """Wait for this call; return the calls before it."""
         before = []
         while (heard := self.next()) != wanted:
             before.append(heard)
@@ -201,7 +201,7 @@ def test_the_master_monitor_survives_its_failures(rosmaster, soon, monkeypatch):
 
 
 class TestNamesake:
-    """Another console's bridge: this bridge must find out whether it is alive."""
+    """Another console has a bridge for this robot: this bridge must find out whether the other one is alive."""
 
     def test_one_that_hangs_for_a_while_keeps_the_robot(self, bridges, rosmaster):
         first, second = bridges(rosmaster), None

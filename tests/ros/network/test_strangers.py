@@ -1,4 +1,4 @@
-"""Under attack from its network the bridge runs on, stays small, reports rejected messages, and stops the robot."""
+"""A bridge that its network attacks runs on, needs little memory, reports bad messages, and can stop the robot."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.ros import strangers
 from tests.ros.bridge_support import BridgeProcess, Hand, drivable, running_bridge, tiago_config
 
 LARGEST_STATE = 16 * 1024  # bytes on the link
-GROWN = 60 * 1024 * 1024  # bytes of memory, at most, by any attack
+GROWN = 60 * 1024 * 1024  # bytes: the most memory that an attack may add
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +112,7 @@ def test_a_cut_off_publisher_is_heard_again_when_it_behaves(attacked):
 
 
 def test_a_bridge_out_of_memory_leaves_the_robot_at_zero(attacked):
-    """Runs last, as it ends the bridge: the memory limit is lowered, then a laser sends the largest allowed scans."""
+    """A laser sends the largest allowed scans to a bridge with a low memory limit. The last test: the bridge ends."""
     bridge, hand = attacked.bridge, attacked.hand
     hand.take_control(fence=20)
     with strangers.Listener(attacked.master.uri) as heard:

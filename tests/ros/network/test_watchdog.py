@@ -85,7 +85,7 @@ class Zeros:
         self._watchdog = watchdog
 
     def of_the_watchdog(self, count: int = 5) -> None:
-        """Wait for so many new zeros of the watchdog."""
+        """Wait for this number of new zeros from the watchdog."""
         self._inbox.drain()
         for _ in range(count):
             self._inbox.until(lambda message: _caller(message) == self._watchdog and _still(message))
@@ -117,7 +117,7 @@ def _still(message: Twist) -> bool:
 
 @contextmanager
 def usurper(master: Master, name: str) -> Iterator[None]:
-    """A node of the same name, which displaces ours."""
+    """Start a node with the same name: the master then ends the console's node."""
     script = "import rospy, sys; rospy.init_node(sys.argv[1], disable_signals=True); print(1, flush=True); rospy.spin()"
     process = subprocess.Popen(
         ["/usr/bin/python3", "-c", script, name.strip("/")], env=master.environment(), stdout=subprocess.PIPE

@@ -59,7 +59,7 @@ def lane(config: WatchdogConfig) -> Iterator[WatchdogSocket]:
 def test_the_latch_of_an_ended_bridge_stays_in_its_state_file(
     config: WatchdogConfig, lane: WatchdogSocket
 ) -> None:
-    """A copy in the watchdog would come back after a clear without a running watchdog."""
+    """A copy in the watchdog would latch the stop again, if the stop was cleared while no watchdog ran."""
     rules, kept = StopRules(first=100), Kept()
     watchdog = Watchdog(config, rules, kept, lane, Robot())  # type: ignore[arg-type]
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as bridge:

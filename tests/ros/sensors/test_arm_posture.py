@@ -138,7 +138,7 @@ def test_an_unreported_gripper_joint_does_not_move_the_arm(arm):
 
 @pytest.mark.parametrize("lacks_hand", [True, False])
 def test_the_hand_belongs_to_the_arm_without_description(arm, lacks_hand):
-    """Once an undescribed hand stayed an obstacle for ever after `wave`."""
+    """Regression: a hand that the description lacks remained an obstacle for ever after `wave`."""
     arm.use(tiago_arm.ARM)
     arm.posture.describe(without_hand() if lacks_hand else tiago_arm.DESCRIPTION)
     random = np.random.default_rng(3)

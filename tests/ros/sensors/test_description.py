@@ -45,7 +45,7 @@ def test_a_huge_description_is_named_and_the_robot_drives(rosmaster: Master, tmp
     before = rospy.get_param("/robot_description")
     rospy.set_param("/robot_description", f"<robot>{'x' * 20_000_000}</robot>")
     try:
-        config = tiago_config(rosmaster, tmp_path)  # without an arm: the description is read, too
+        config = tiago_config(rosmaster, tmp_path)  # no arm: the description is read all the same
         with running_bridge(config, rosmaster, tmp_path) as (bridge, hand):
             until(lambda: "8 million characters" in bridge.description(), "the problem")
             hand.take_control(7)
@@ -62,10 +62,10 @@ def test_a_description_that_changes_under_one_master_is_read_again(rosmaster: Ma
             hand.send(wire.Viewers(["Ann"], joints=True))
             until(lambda: hand.view and "head_1_joint" in hand.view.joints, "joints")
             rospy.set_param("/robot_description", before.replace("head_1_joint", "neck_joint"))
-            with ros.speak("/joint_states", JointState):  # a node that begins to tell of the robot
+            with ros.speak("/joint_states", JointState):  # a new node that publishes the robot's joints
                 until(lambda: "head_1_joint" not in hand.view.joints, "the new description")
             assert "arm_1_joint" in hand.view.joints
-            rospy.set_param("/robot_description", 7)  # until the node is gone, this is not read
+            rospy.set_param("/robot_description", 7)  # the bridge reads this when the node has gone
             until(lambda: "is not a text" in bridge.description(), "the problem")
             until(lambda: not hand.view.joints, "no joints")
             hand.state_until(drivable, "a robot that can be driven as at its start without description")
@@ -122,7 +122,7 @@ def test_a_robot_that_stays_is_asked_seldom_and_handed_on_once(robot):
     robot.needs_fresh_sensors = True
     before = robot.readings
     robot.surveys(600)
-    assert robot.readings == before  # nothing is parsed beside the control loop
+    assert robot.readings == before  # while the control loop runs, no description is parsed
 
 
 def test_a_start_that_no_survey_saw_is_found_while_nobody_has_control(robot):

@@ -40,7 +40,7 @@ def simulated(ros, simulator):
 
 
 def opacity(shown: TakenMap | RobotMap, x: float, y: float) -> int:
-    """The picture's opacity at a place of the simulated world: 34 free, 255 occupied."""
+    """Return the picture's opacity at a place of the simulated world: 34 free, 255 occupied, 0 unknown."""
     origin = shown.origin if isinstance(shown, TakenMap) else (shown.origin_x_m, shown.origin_y_m)
     with Image.open(BytesIO(shown.picture)) as picture:
         pixels = np.array(picture.convert("RGBA"))
@@ -54,7 +54,7 @@ def test_the_simulated_map_is_stored_with_its_walls(rosmaster, robot):
     assert isinstance(taken, TakenMap)
     sink = AuditSink(robot.pk, robot.name)
     sink.keep_map(taken)
-    sink.keep_map(taken)  # as five minutes later
+    sink.keep_map(taken)  # the bridge does this five minutes later
     [shown] = RobotMap.objects.filter(robot=robot)
     assert shown.last_seen_at > shown.first_seen_at
     # The hall, its west wall, the cupboard's side and its unseen inside.
@@ -105,7 +105,7 @@ def test_the_simulated_pose_is_right_within_centimetres(ros, simulated):
 
         assert believed() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)  # odometry starts here
         teleport.publish(Pose2D(3.0, 1.8, 0.0))
-        assert believed() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)  # odometry does not notice
+        assert believed() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)  # the jump does not change odometry
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,7 @@ class Robot:
 
 @pytest.mark.parametrize("description", [DESCRIPTION, without_hand()], ids=["whole", "without hand"])
 def test_an_arm_goes_home_again_and_the_robot_drives(monkeypatch, description):
-    """Once the robot said "depth, remembered, 0.08 m ahead" and refused `home` and driving for ever."""
+    """Regression: "depth, remembered, 0.08 m ahead", and `home` and driving refused for ever."""
     robot = Robot(monkeypatch, description)
     robot.stay(0.2)
     robot.move(RAISED)

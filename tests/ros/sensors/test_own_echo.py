@@ -1,4 +1,4 @@
-"""A sonar that hears the robot itself holds reverse, and the robot's page names it with the remedy."""
+"""A sonar that detects the robot itself blocks reverse. The robot's page names the sonar and the remedy."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SKIRT = "skirt_sonar_link"  # a fourth sonar, which the simulated robot lacks
 
 @pytest.fixture
 def skirt(ros):
-    """A sonar behind that reports 0.05 m all the time."""
+    """A sonar at the back that reports 0.05 m all the time."""
     publisher = rospy.Publisher("/sonar_base", Range, queue_size=1)
     ending = threading.Event()
 

@@ -38,7 +38,7 @@ def at(joint: str, position: float):
 
 @contextmanager
 def following(ros, controller: str):
-    """``begin(trajectory)`` returns the goal's id, ``result(id)`` waits for its result; a third function cancels."""
+    """Yield three functions: ``begin(trajectory)`` returns the goal's id, ``result(id)`` waits, the third cancels."""
     action = f"/{controller}/follow_joint_trajectory"
     goal_type = message_class("control_msgs/FollowJointTrajectoryActionGoal")
     result_type = message_class("control_msgs/FollowJointTrajectoryActionResult")

@@ -1,4 +1,4 @@
-"""The simulator's drawing thread: each camera gets its turn, and a thread that hangs holds no exit up."""
+"""The simulator's drawing thread: each camera gets its turn, and a hanging thread does not delay the exit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def moment(number: int) -> Moment:
 
 
 class SlowCamera:
-    """Takes a picture whenever `shutter` is released."""
+    """A camera that takes a picture each time `shutter` is released."""
 
     def __init__(self) -> None:
         self.taken: list[float] = []

@@ -54,7 +54,7 @@ def moves(message: Odometry) -> bool:
 
 
 def drive(publisher: rospy.Publisher, twist: Twist, odometry, ticks: int) -> Odometry:
-    """Publish once per odometry message, at the robot's pace; return the last message."""
+    """Publish once per odometry message; return the last of these messages."""
     for _ in range(ticks):
         publisher.publish(twist)
         last = odometry.next()
@@ -62,7 +62,7 @@ def drive(publisher: rospy.Publisher, twist: Twist, odometry, ticks: int) -> Odo
 
 
 def drive_until(condition, publisher: rospy.Publisher, twist: Twist, odometry, also=lambda: None) -> None:
-    """Publish once per odometry message until `condition` holds."""
+    """Publish once per odometry message until `condition` is true."""
 
     def satisfied(message: Odometry) -> bool:
         publisher.publish(twist)

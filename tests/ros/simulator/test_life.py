@@ -1,4 +1,4 @@
-"""A simulator starts, survives a restart of its master, and leaves nothing behind at its end."""
+"""A simulator starts, survives a restart of its master, and leaves no registration when it ends."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from tests.processes import PATIENCE_S, REPOSITORY, until
 from tests.ros.spoiled_master import CUT_SHORT, spoiling
 from tests.ros.support import end
 
-HANGING_S = 3.0  # time to end although the master hangs
+HANGING_S = 3.0  # s, in which the simulator ends although the master hangs
 
 
 def topics_of(master, node: str) -> set[str]:
-    """Topics for which `node` is registered at a running master."""
+    """Return the topics for which `node` is registered at a running master."""
     published, subscribed, _ = rosgraph.Master("/test", master.uri).getSystemState()
     return {topic for topic, nodes in (*published, *subscribed) if node in nodes}
 

@@ -196,7 +196,7 @@ def test_a_long_list_of_motions_is_offered_with_durations(reads):
 
 @contextmanager
 def hung(service: str, master_uri: str) -> Iterator[queue.SimpleQueue]:
-    """A service that reads every call and answers none. Yields its connections."""
+    """A service that reads every call and never answers. Yields its connections."""
     connections: queue.SimpleQueue = queue.SimpleQueue()
 
     def take() -> None:
@@ -226,7 +226,7 @@ def test_an_action_that_hangs_is_let_go_of(reads, rosmaster):
         connection = connections.get(timeout=PATIENCE_S)
         with connection:
             connection.settimeout(PATIENCE_S)
-            while connection.recv(4096):  # up to its end: the client no longer waits
+            while connection.recv(4096):  # until the client no longer waits and closes it
                 pass
         assert connections.empty()
 

@@ -81,7 +81,7 @@ def test_it_plans_drives_and_arrives(ros, goals, base):
 
 
 def test_a_robot_that_its_localisation_shifts_at_the_goal_turns_on(ros, goals, base):
-    """The goal's place is latched: a robot that goes back to it would turn to and fro."""
+    """Once reached, the goal's place stays reached: a robot that drives back to it would turn to and fro."""
     with ros.speak("/initialpose", PoseWithCovarianceStamped) as setter:
         start = base.next().pose.pose
         yaw = heading(start) + 3.0
@@ -90,7 +90,7 @@ def test_a_robot_that_its_localisation_shifts_at_the_goal_turns_on(ros, goals, b
         shifted = PoseWithCovarianceStamped()
         shifted.header.frame_id = "map"
         shifted.pose.pose = at
-        left, off_m = heading(at) + math.pi / 2, (THERE_M + LEFT_M) / 2  # the goal is on the right then
+        left, off_m = heading(at) + math.pi / 2, (THERE_M + LEFT_M) / 2  # then the goal is on the right
         at.position.x += off_m * math.cos(left)
         at.position.y += off_m * math.sin(left)
         setter.publish(shifted)

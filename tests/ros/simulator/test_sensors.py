@@ -99,7 +99,7 @@ def test_frames_reach_from_odom_to_the_sensors(ros):
     assert dynamic["base_footprint"].header.frame_id == "odom"
     parents = {child: frame.header.frame_id for child, frame in (static | dynamic).items()}
     frame = "xtion_rgb_optical_frame"
-    while frame in parents and frame != "odom":  # its parent may be the map, if already published
+    while frame in parents and frame != "odom":  # odom's parent may be the map, if already published
         frame = parents[frame]
     assert frame == "odom"
 

@@ -27,7 +27,7 @@ def robot(ros, simulator):
 
 @pytest.fixture
 def bridge(rosmaster, robot, tmp_path):
-    """A bridge and its holder, a program without a stick."""
+    """A bridge, and the holder of control: a program without a stick."""
     with running_bridge(tiago_config(rosmaster, tmp_path), rosmaster, tmp_path) as (process, hand):
         hand.state_until(drivable, "a robot that can be driven")
         hand.take_control(1)
@@ -49,7 +49,7 @@ def begun(hand, **goal) -> int:
 
 
 def driving(hand, seconds: float) -> None:
-    """Renew control for this time, in which the drive goes on."""
+    """Renew control for this number of seconds, so that the drive goes on."""
     until_s = time.monotonic() + seconds
     while time.monotonic() < until_s:
         renew(hand)
@@ -70,7 +70,7 @@ def ended(hand, seq: int) -> wire.DriveByEnd:
 
 
 def place(inbox) -> tuple[float, float, float]:
-    """The robot's true pose now."""
+    """Return the robot's true pose now."""
     inbox.settle()
     pose = inbox.next().pose.pose
     return pose.position.x, pose.position.y, 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)

@@ -67,7 +67,7 @@ def choose(hand, use, topic):
 
 
 def drives(hand, inbox):
-    """Check that the stick's velocities arrive on this topic, until the stick returns to the middle."""
+    """Push the stick and return it to the middle; check that its velocities arrive on this topic."""
     hand.stick(0.0)
     hand.state_until(
         lambda state: state.neutral_needed is None and state.phase == "online", "a neutral stick"
@@ -130,13 +130,13 @@ def test_a_text_goes_to_the_chosen_voice_until_it_vanishes(ros, hand):
             asked = goals.next()
             assert (asked.goal.rawtext.text, asked.goal.rawtext.lang_id) == ("good evening", "en_GB")
             ended = hand.state_until(lambda state: state.speech_ended, "its end").speech_ended
-            assert ended.outcome == "unheard"  # no server performs it here
+            assert ended.outcome == "unheard"  # here no server speaks the text
             assert cancels.next().id == asked.goal_id.id
         hand.state_until(lambda state: state.chosen == {}, "the default again")
 
 
 def offers(hand, condition):
-    """Ask for the robot's offers until they fit; return them."""
+    """Ask for the robot's offers, wait until `condition` is true for them, and return them."""
     hand.send(wire.Refresh())
     return hand.until(lambda report: isinstance(report, wire.Offers) and condition(report), "offers")
 
@@ -157,7 +157,7 @@ def test_motions_are_in_the_robots_words_of_the_chosen_action(ros, hand):
 
 def test_an_action_of_another_type_is_reported(ros, rosmaster, hand):
     tts = {part: message_class(f"{TTS}{part}") for part in ("Goal", "Result", "Feedback")}
-    with (  # the same order as actionlib's servers
+    with (  # in the order of actionlib's servers
         ros.speak("/third_play/status", GoalStatusArray),
         ros.speak("/third_play/result", tts["Result"], listeners=0),
         ros.speak("/third_play/feedback", tts["Feedback"], listeners=0),

@@ -1,4 +1,4 @@
-"""Reports of a robot's motion action in words: names, codes, ends. The test plays the action server."""
+"""Reports of a robot's motion action in words: names, codes, ends. The test is the action server."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ODD_NAME = "grüß <b>你好 & Co."
 
 
 class Heard:
-    """Stores everything that a bridge's `Motions` would receive."""
+    """Stores all reports of a bridge's `Motions`."""
 
     def __init__(self):
         self.ends = queue.SimpleQueue()

@@ -1,4 +1,4 @@
-"""A recorded motion from the link to the robot's arm: performed with free space, refused without."""
+"""A recorded motion from the link to the robot's arm: performed in free space, otherwise refused."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def asked(hand, motion):
 
 
 def ask(hand, motion):
-    """The same, repeated while robot data is too old."""
+    """Send Play, again while the robot's data is too old; return its refusal, None if accepted."""
     for _ in range(TRIES):
         refusal = asked(hand, motion)
         if refusal is None or refusal.code not in {"base_moving", "not_watched"}:
@@ -83,7 +83,7 @@ def ask(hand, motion):
 
 
 def last_end(state):
-    """Number of the last reported end of a motion."""
+    """Return the number of the last reported end of a motion, 0 without one."""
     return state.motion_ended.number if state.motion_ended else 0
 
 
@@ -100,7 +100,7 @@ def end_of(hand, begun):
 
 
 def perform(hand, motion, meanwhile=lambda: None):
-    """Perform a motion to its end; repeat it if late laser data interrupts it."""
+    """Perform a motion to its end; repeat it if late laser data interrupts it. Call `meanwhile` at each start."""
     for _ in range(TRIES):
         begun = play(hand, motion)
         meanwhile()
@@ -195,7 +195,7 @@ def test_a_changed_motion_is_judged_by_its_new_points(ros, rosmaster, tmp_path):
             assert len(reports["list"]) == len(rospy.get_param("/play_motion/motions"))
         finally:
             rospy.set_param("/play_motion/motions/open", opens)
-        assert perform(hand, "open").outcome == "succeeded"  # by its current points it does not move the arm
+        assert perform(hand, "open").outcome == "succeeded"  # here `open` does not move the arm
         assert process.recorded()[:3] == [
             "motion.start open /play_motion",
             "motion.end motion_blocked",
@@ -239,7 +239,7 @@ def test_an_action_that_has_just_joined_performs(ros, rosmaster, tmp_path):
 
 
 def test_a_motion_in_the_first_second_online_is_accepted(rosmaster, robot, tmp_path):
-    """A robot that starts is online before the bridge's next survey of its nodes. The last test: it ends the robot."""
+    """A robot comes online before the bridge's next survey of its nodes. The last test: it ends the robot."""
     with running_bridge(with_arm(rosmaster, tmp_path), rosmaster, tmp_path) as (_, hand):
         hand.state_until(drivable, "a robot that sees")
         hand.take_control(1)

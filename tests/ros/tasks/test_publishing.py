@@ -29,7 +29,7 @@ def topic(sender):
 
 
 class Connected(rospy.SubscribeListener):
-    """Called for each connection, after the previous callback."""
+    """Stores each new connection. rospy calls it after the listener that was added before."""
 
     def __init__(self) -> None:
         self.news: queue.SimpleQueue[str] = queue.SimpleQueue()
@@ -52,7 +52,7 @@ def test_new_listeners_are_reported_except_own_nodes(ros, node, reported):
     try:
         with listening("/first"):
             connected.news.get(timeout=PATIENCE_S)
-            with listening(node):  # may be the first one, started again
+            with listening(node):  # may be the first listener, started again
                 connected.news.get(timeout=PATIENCE_S)
                 assert len(joined) == 1 + reported
     finally:

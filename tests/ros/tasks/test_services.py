@@ -1,4 +1,4 @@
-"""Service calls over our own connection: another version is not called, an oversized answer is not read."""
+"""Service calls over the console's own connection: another version is not called, a large answer is not read."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TRIGGER = "std_srvs/Trigger"
 
 
 class OneService:
-    """A master that knows one service; `heard` holds the calls that reached it."""
+    """A master with one service; `heard` has the calls that reached the service."""
 
     def __init__(self, uri: str) -> None:
         self._uri = uri
@@ -34,7 +34,7 @@ class OneService:
 
 @contextmanager
 def serving(md5: str, answer: bytes = b"", pause_s: float = 0.0) -> Iterator[OneService]:
-    """A service that claims this md5 sum and answers every call with these bytes, with a pause after each.
+    """A service that sends this md5 sum. It answers every call with these bytes, with a pause after each byte.
 
     Yields its master.
     """
@@ -52,7 +52,7 @@ def serving(md5: str, answer: bytes = b"", pause_s: float = 0.0) -> Iterator[One
                 asked = Conversation(connection, time.monotonic() + 10).read_header()
                 connection.sendall(struct.pack("<I", len(header)) + header)
                 if "probe" not in asked:
-                    with suppress(OSError):  # the client does not wait so long
+                    with suppress(OSError):  # the client stops waiting earlier
                         for byte in answer:
                             connection.sendall(bytes([byte]))
                             over.wait(pause_s)
@@ -94,7 +94,7 @@ def test_a_call_that_is_late_by_then_is_not_sent() -> None:
         with pytest.raises(Declined) as caught:
             services.call(service, {}, too_late)
     assert caught.value.refusal.code == "too_old"
-    assert master.heard == [b""]  # connected, but nothing sent
+    assert master.heard == [b""]  # the client connected, but sent nothing
 
 
 def test_a_service_that_drips_its_answer_is_silent_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""/tts behaves like PAL's, with real actionlib messages, and the bridge lets its holder speak through it."""
+"""/tts behaves like PAL's, with real actionlib messages. The holder of control uses it through the bridge."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ class TestPalsVoice:
 
     def test_a_text_refused_by_the_robot_fails_in_its_words(self, talk):
         hand, records = talk
-        hand.send(wire.Say(1, "saluton", "eo"))  # none of its languages: sent unchanged
+        hand.send(wire.Say(1, "saluton", "eo"))  # not a language of the robot: sent unchanged
         ended = hand.state_until(
             lambda state: state.speech_ended and state.speech_ended.outcome == "failed", "its end"
         ).speech_ended

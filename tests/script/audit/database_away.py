@@ -12,7 +12,7 @@ from robots import wire
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
 from script.stack.stack import Stack
 
-STANDS_S = 3.0  # 2.5 s without the database, and the delay of two busy cores
+STANDS_S = 3.0  # 2.5 s without the database, and a delay because two cores are busy
 NOTICED_S = 10.0
 LOOKED_S = 0.5
 TURN, TURNING_RADPS = 0.6, 0.1
@@ -20,9 +20,9 @@ NOTES, NOTES_HZ = "/fleet_demo/notes", 5.0
 
 
 async def stands_while(stack: Stack, database_away: AbstractContextManager[object]) -> None:
-    """Check that the robot stops with a reason, stays, and drives again after a neutral stick.
+    """Check that the robot stops with a reason, remains still, and drives again after a neutral stick.
 
-    Repeated publishing ends, too.
+    Check that repeated publishing also ends.
     """
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
     async with Witness(stack) as witness:
@@ -67,7 +67,7 @@ async def stands_while(stack: Stack, database_away: AbstractContextManager[objec
 
 
 async def hold(driver: Driver, turn: float, seconds: float, until=None) -> None:
-    """Hold the stick for this time, or until `until` is true, which must happen within this time."""
+    """Hold the stick for this number of seconds; with `until`, until this is true, at most for these seconds."""
     end_s = time.monotonic() + seconds
     while not (until and until()):
         if time.monotonic() > end_s:
@@ -78,7 +78,7 @@ async def hold(driver: Driver, turn: float, seconds: float, until=None) -> None:
 
 
 def free(driver: Driver) -> bool:
-    """True if the bridge has seen a neutral stick in this control."""
+    """Return whether the bridge has received a neutral stick since control was taken."""
     state = driver.state
     return bool(state and state.fence == driver.fence and not state.neutral_needed)
 

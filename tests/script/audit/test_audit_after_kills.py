@@ -1,4 +1,4 @@
-"""SIGKILL of web process, bridge or database during a session loses no request that reached the robot."""
+"""A kill of web process, bridge or database in a session loses no request that reached the robot."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ async def rounds(stack: Stack, seed: int) -> Counter[str]:
     reached = Counter[str]()
     async with Witness(stack) as witness:
         tried = Rounds(stack, Embedded(), person, witness)
-        # Repeat if the random moments let one kind never reach the robot.
+        # The moments are random: repeat the rounds if one kind of request never reached the robot.
         for number, victims in enumerate([*person.chance.sample(ROUNDS, len(ROUNDS)), *ROUNDS]):
             if number >= len(ROUNDS) and reached.keys() >= KINDS:
                 break

@@ -1,4 +1,4 @@
-"""The audit tests on PostgreSQL, whose triggers, locks and JSON differ from SQLite's."""
+"""The audit tests on PostgreSQL: its triggers, locks and JSON differ from SQLite's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""If PostgreSQL hangs or is killed while a robot is driven, the robot stops and no request is lost."""
+"""If PostgreSQL hangs or is killed while a person drives, the robot stops and no request is lost."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_robot_stands_while_the_server_is_dead(house: House) -> None:
 
 @contextmanager
 def hanging(server: Postgresql) -> Iterator[None]:
-    """Freeze PostgreSQL: it neither refuses nor answers."""
+    """Freeze PostgreSQL: it does not answer and does not refuse connections."""
     server.signal_all(signal.SIGSTOP)
     try:
         yield

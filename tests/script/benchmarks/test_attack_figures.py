@@ -1,4 +1,4 @@
-"""Figures of script/soak attacks: broken limits, and how they are reported."""
+"""Figures of script/soak attacks: broken limits, and the reports about them."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_a_late_or_failing_door_breaks_a_limit():
 def test_quick_presses_count_for_the_delay_of_the_stop():
     attacked = taken(*[PRESS] * 20)
     attacked.quick += [("REST", 0.009)] * 99 + [("REST", 0.3)]
-    assert faults(attacked) == []  # one in a hundred is allowed
+    assert faults(attacked) == []  # one late stop in a hundred is allowed
     attacked.quick += [("REST", 0.3)] * 3
     assert any("stop p99 / as usual" in fault for fault in faults(attacked))
 

@@ -1,4 +1,4 @@
-"""The comparison of log and robot finds requests that were recorded late or never."""
+"""The comparison of the log with the robot finds requests that were recorded late or never."""
 
 from __future__ import annotations
 

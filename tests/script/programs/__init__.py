@@ -1,1 +1,1 @@
-"""Programs with tokens at a whole console."""
+"""Programs with tokens that use a whole console."""

@@ -1,4 +1,4 @@
-"""A client generated from the committed schema uses a robot, and reads all of it back from the log."""
+"""A client generated from the committed schema uses a robot, and reads all its actions from the log."""
 
 from __future__ import annotations
 

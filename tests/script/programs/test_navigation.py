@@ -24,13 +24,13 @@ def stack() -> Iterator[Stack]:
 def test_a_program_sends_a_robot_to_a_place_and_back(stack: Stack) -> None:
     api = Api(stack, token(stack, "operator", "read", "drive"))
     robot = f"/robots/{ROBOT}"
-    [known] = api("GET", "/maps")[1]["maps"]  # that of the demo
+    [known] = api("GET", "/maps")[1]["maps"]  # the demo's map
     assert api("POST", f"{robot}/control", {})[0] == 200
     here = api("GET", robot)[1]["state"]["location"]
     place = {"x": here["x"] + 1.0, "y": here["y"], "heading": here["heading"]}
 
     status, refused = api("POST", f"{robot}/go", {"x": 500.0, "y": 0.0})
-    if status == 202:  # the map had not come yet: the task says it
+    if status == 202:  # the map had not come yet: the task reports the refusal
         refused = {"code": _end(api, refused["number"])["outcome"]}
     assert refused["code"] == "goal_outside"
     assert api("POST", f"{robot}/go", {"x": "here", "y": 0.0})[1]["code"] == "invalid"
@@ -49,7 +49,7 @@ def test_a_program_sends_a_robot_to_a_place_and_back(stack: Stack) -> None:
     assert math.dist((there["x"], there["y"]), (kitchen["x"], kitchen["y"])) < 0.25
     unknown = api("POST", f"{robot}/go", {"place": "cellar"})
     assert (unknown[0], unknown[1]["code"]) == (409, "place_unknown")
-    assert api("GET", "/maps")[1]["maps"] == [known]  # the bridge has read the same map from the robot
+    assert api("GET", "/maps")[1]["maps"] == [known]  # the robot's own map is the same as the demo's map
 
     status, task = api("POST", f"{robot}/go", {"x": here["x"], "y": here["y"], "heading": 0.0})
     assert status == 202, task
@@ -121,7 +121,7 @@ for name, since, until in (("operator", now - hour, ends), ("supervisor", ends, 
 
 
 def test_the_end_of_the_slot_ends_the_drive(stack: Stack) -> None:
-    """The last test of this module: the robot is somebody else's afterwards."""
+    """The last test of this module: after this, another person has the robot's slot."""
     api = Api(stack, token(stack, "operator", "read", "drive"))
     robot = f"/robots/{ROBOT}"
     assert api("POST", f"{robot}/control", {})[0] == 200

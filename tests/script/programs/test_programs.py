@@ -29,10 +29,10 @@ from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 from tests.script.support import manage, token
 
 ROBOT = PRACTICE_ROBOTS[0].slug
-ENDED_S = 3.0  # one second, and the starts of processes beside it
+ENDED_S = 3.0  # one second, and time for processes that start at the same time
 T = TypeVar("T")
 SCHEMA = json.loads(OPENAPI.read_text())
-SCOPES = ("read", "drive", "speak", "motions")  # those that docs/api.md asks for
+SCOPES = ("read", "drive", "speak", "motions")  # the scopes that docs/api.md uses
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def stack() -> Iterator[Stack]:
 
 
 def require_documented(method: str, path: str, status: int, answer: Any) -> None:
-    """Check an answer that is no refusal against the schema; schemathesis sees few of them, for it has no robot."""
+    """Check an answer that is no refusal against the schema. schemathesis has no robot: it gets few such answers."""
     plain = f"/api/v1{path.partition('?')[0]}"
     fits = [one for one in SCHEMA["paths"] if re.fullmatch(re.sub(r"\{[^}]+\}", "[^/]+", one), plain)]
     operation = SCHEMA["paths"][min(fits, key=lambda one: one.count("{"))][method.lower()]
@@ -61,7 +61,7 @@ class Api:
         self._stack, self.token = stack, token
 
     def __call__(self, method: str, path: str, body: Any = None, key: str = "") -> tuple[int, Any]:
-        """Ask, with an Idempotency-Key if one is given; returns status and answer."""
+        """Send a request, with `key` as its Idempotency-Key; return status and answer."""
         request = urllib.request.Request(  # noqa: S310
             f"{self._stack.url}/api/v1{path}",
             None if body is None else json.dumps(body).encode(),
@@ -134,7 +134,7 @@ def test_programs_keep_wait_for_hand_over_and_take_over_control(stack: Stack) ->
 
 
 def until(found: Callable[[], T], within_s: float = 5.0) -> T:
-    """Ask until there is an answer that is true; return it."""
+    """Call `found` until its answer is true; return the answer."""
     end_s = time.monotonic() + within_s
     while not (answer := found()):
         assert time.monotonic() < end_s, answer
@@ -169,7 +169,7 @@ def test_ending_a_token_ends_its_control_and_streams(stack: Stack) -> None:
     assert until(lambda: watcher("GET", f"/robots/{ROBOT}")[1]["holder"] is None, ENDED_S)
     assert api("GET", f"/robots/{ROBOT}")[1]["code"] == "token_invalid"
     with events:
-        while events.readline():  # times out if the stream goes on
+        while events.readline():  # a stream that goes on gives a timeout
             pass
     end_s = time.monotonic() + ENDED_S
     with page, pytest.raises(ConnectionClosed):
@@ -215,7 +215,7 @@ def test_a_program_speaks_plays_and_reads_what_came_of_it(stack: Stack) -> None:
     status, spoken = api("POST", f"{robot}/speech", {"text": "Hello", "language": "en-GB"})
     assert (status, spoken["kind"], spoken["outcome"]) == (202, "speech", None), spoken
     again = api("POST", f"{robot}/speech", {"text": "Hello", "language": "en-GB"}, key="greeting")
-    assert again[1]["code"] == "speaking"  # another one; the answer to this key is kept
+    assert again[1]["code"] == "speaking"  # the first text; the answer to this key is kept
     assert api("POST", f"{robot}/speech", {"text": "Hello", "language": "en-GB"}, key="greeting") == again
     status, ended = api("GET", f"{robot}/tasks/{spoken['number']}?wait=30")
     assert (status, ended["outcome"]) == (200, "done"), ended
@@ -232,7 +232,7 @@ def test_a_program_speaks_plays_and_reads_what_came_of_it(stack: Stack) -> None:
 
 
 def test_a_program_stops_and_clears(stack: Stack) -> None:
-    watcher = Api(stack, token(stack, "observer", "book"))  # any scope will do
+    watcher = Api(stack, token(stack, "observer", "book"))  # a stop needs no special scope
     api = Api(stack, token(stack, "operator", "read", "drive"))
     robot = f"/robots/{ROBOT}"
     assert api("POST", f"{robot}/control", {})[0] == 200
@@ -261,7 +261,7 @@ def test_events_follow_a_robot_and_resume(stack: Stack) -> None:
         return urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=10.0)  # noqa: S310
 
     def heard(stream: Any, kind: str) -> str:
-        """The id of the first event of this kind."""
+        """Read until the first event of this kind; return its id."""
         number = ""
         for line in stream:
             name, _, value = line.decode().strip().partition(": ")
@@ -292,7 +292,7 @@ def test_metrics_are_for_tokens_of_staff(stack: Stack) -> None:
     assert scrape(token(stack, "operator", "read"))[0] == 403
     assert scrape("fleet_wrong")[0] == 401
     scraper = token(stack, "staff", "read")
-    assert scrape(scraper, "?own=1")[0] == 200  # as the processes ask each other
+    assert scrape(scraper, "?own=1")[0] == 200  # web processes ask each other like this
     status, text = scrape(scraper)
     assert status == 200
     assert f'fleet_robot_online{{robot="{ROBOT}"}} 1.0' in text
@@ -313,7 +313,7 @@ async def test_metrics_count_commands_decisions_and_viewers(stack: Stack) -> Non
     names = ("fleet_command_forward_seconds_count", "fleet_bridge_decision_seconds_count")
     before = [await asyncio.to_thread(figure, name) for name in names]
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
-    others = await asyncio.to_thread(figure, "fleet_viewers")  # programs of other tests
+    others = await asyncio.to_thread(figure, "fleet_viewers")  # the programs of other tests also count
     async with Driver(stack, ROBOT, cookie) as driver:
         await driver.take()
         await driver.hold_stick(0.0, 0.2, until=lambda: driver.odometry and abs(driver.odometry.w) > 0.05)
@@ -334,7 +334,7 @@ def test_fifty_programs_wait_for_a_task_while_others_read(stack: Stack) -> None:
         path = f"{robot}/tasks/{task['number']}?wait=30"
         waiting = [pool.submit(api, "GET", path) for _ in range(50)]
         assert [api("GET", robot)[0] for _ in range(3)] == [200] * 3
-        assert not any(one.done() for one in waiting)  # the reads waited for none of those who wait
+        assert not any(one.done() for one in waiting)  # the reads did not wait for the programs that wait
         assert api("DELETE", f"{robot}/drive-by")[0] == 204
         assert {one.result()[1]["outcome"] for one in waiting} == {"cancelled"}
     assert api("DELETE", f"{robot}/control")[0] == 204
@@ -399,7 +399,7 @@ def run_docs(stack: Stack, words: list[str], text: str, **environment: str) -> s
 
 
 def test_the_programs_of_the_docs_run_as_they_are(stack: Stack, tmp_path: Path) -> None:
-    """Copied from the page, with the port of this console."""
+    """The programs are copied from docs/api.md, with the port of this console."""
     (tmp_path / ".curlrc").write_text("fail-with-body\nsilent\nshow-error\n")
     [commands] = docs_programs("bash", stack)
     said = run_docs(stack, ["bash", "-e"], commands, CURL_HOME=str(tmp_path))

@@ -24,7 +24,7 @@ describe("the panels of a desk", () => {
   };
 
   beforeEach(() => {
-    vi.stubGlobal("fetch", () => Promise.reject(new Error("offline"))); // the browser's copy does
+    vi.stubGlobal("fetch", () => Promise.reject(new Error("offline"))); // the browser's copy is enough
     document.body.innerHTML = `<main>${NAMES.map(
       (name) => `<section data-panel="${name}"><button data-moves="${name}"></button></section>`,
     ).join("")}</main>`;
@@ -51,7 +51,7 @@ describe("the panels of a desk", () => {
     window.addEventListener("keydown", drives);
     press("motions", "ArrowLeft");
     expect(places()).toEqual(["top", "left", "bottom"]);
-    press("motions", "ArrowLeft"); // there is nothing beyond
+    press("motions", "ArrowLeft"); // no place is further to the left
     expect(places()).toEqual(["top", "left", "bottom"]);
     press("motions", "ArrowRight");
     expect(places()).toEqual(["left", "top", "bottom"]);

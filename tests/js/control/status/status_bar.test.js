@@ -65,7 +65,7 @@ describe("the status bar of the control page", () => {
     expect(parts["stop-state"].textContent).toBe("Sending the stop");
     vi.advanceTimersByTime(4000);
     statusBar.show(old);
-    expect(parts["stop-state"].textContent).toBe(""); // the old state would look like the answer
+    expect(parts["stop-state"].textContent).toBe(""); // nothing: the old "stopped" would look like the answer
   });
 
   it("shows no speed limit while the robot is silent", () => {

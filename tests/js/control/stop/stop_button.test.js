@@ -91,7 +91,7 @@ describe("the stop button", () => {
     answered(pending);
     await settle();
     expect(ways.fail.mock.calls.map(([text]) => text)).toEqual(["Pending."]);
-    stop.refused("The stop is pending."); // of a press sent only by the socket
+    stop.refused("The stop is pending."); // the refusal of a press that only the socket sent
     expect(ways.fail).toHaveBeenCalledTimes(2);
   });
 
@@ -111,7 +111,7 @@ describe("the stop button", () => {
     expect(ways.fail).not.toHaveBeenCalled();
   });
 
-  /** An answer that comes after so many seconds. */
+  /** An answer, or an error, that comes after this number of seconds. */
   const later = (seconds, come, what) => () =>
     new Promise((resolve, reject) => {
       setTimeout(come === "answer" ? resolve : reject, 1000 * seconds, what);
@@ -189,7 +189,7 @@ describe("the stop button", () => {
     );
     press();
     await settle();
-    expect(ways.showText).toHaveBeenCalledTimes(1); // only that it is being sent
+    expect(ways.showText).toHaveBeenCalledTimes(1); // only "Sending the stop"
     expect(ways.fail).toHaveBeenCalledWith(body.text, robots);
   });
 

@@ -69,7 +69,7 @@ describe("the words next to Stop all", () => {
     expect(element.textContent).toBe("Not reached: b. Not reached: c.");
     words.showText("Stop sent");
     expect(element.textContent).toBe("Stop sent");
-    words.forget("b"); // it has no failure: the news stays
+    words.forget("b"); // "b" has no failure any more: the text stays
     expect(element.textContent).toBe("Stop sent");
   });
 });

@@ -5,7 +5,7 @@ import { NEUTRAL, Stick } from "../../../../static/js/drive/input/stick.js";
 const SIZE = 200;
 let resized;
 
-/** A zone of 200 by 200 pixels at the page's corner; happy-dom has no layout. */
+/** Make a zone of 200 by 200 pixels at the page's corner, because happy-dom computes no layout. */
 function makeZone() {
   const zone = document.body.appendChild(document.createElement("div"));
   zone.style.position = "relative";
@@ -68,7 +68,7 @@ describe("the joystick", () => {
     stick.feed("keyboard", { x: 1, y: 0, w: 0 });
     expect(knob.style.transform).toBe("translate(0px, -72px)");
     stick.feed("keyboard", { x: 1, y: 0, w: 1 });
-    expect(knob.style.transform).toMatch(/^translate\(-50\.9\d*px, -50\.9\d*px\)$/); // within the rim
+    expect(knob.style.transform).toMatch(/^translate\(-50\.9\d*px, -50\.9\d*px\)$/); // the knob stays within the rim
     stick.feed("keyboard", NEUTRAL);
     expect(knob.style.transform).toBe("translate(0px, 0px)");
     expect(stick.axes).toEqual(NEUTRAL); // the moving knob drives nothing

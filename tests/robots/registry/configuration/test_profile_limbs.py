@@ -11,7 +11,7 @@ DRIVE, ODOMETRY = Topic("/cmd_vel", "geometry_msgs/Twist"), Topic("/odom", "nav_
 
 
 def problems(limb: str = "gripper", **said: object) -> list[str]:
-    """Return what is wrong with a limb that says this in addition."""
+    """Return the problems of a limb that has these fields in addition."""
     source = LimbSource("/gripper/action", ["left", "right"], (0.0, 0.05), 0.05, **said)  # type: ignore[arg-type]
     topics = Topics(
         DRIVE,

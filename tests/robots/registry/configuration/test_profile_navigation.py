@@ -1,4 +1,4 @@
-"""What a profile may say of navigation."""
+"""The fields of a profile about navigation, and their errors."""
 
 import pytest
 
@@ -16,7 +16,7 @@ def problems(map_topic=MAP, **changes):
 
 
 def test_a_robot_may_have_no_map():
-    assert not problems(map_topic=None)[0]  # then goals are refused, and the robot still drives
+    assert not problems(map_topic=None)[0]  # goals are then refused, but a person can drive the robot
 
 
 def test_a_stop_cancels_navigation_too():

@@ -127,7 +127,7 @@ def test_one_robot_cannot_lose_a_watching_sensor(robot: Robot, kind: str) -> Non
     with pytest.raises(ValidationError, match=rf"topics\.{kind}: 0 here, \d in the profile"):
         robot.full_clean()
     with pytest.raises(Problems):
-        bridge_config(robot)  # if the database holds it nevertheless, the bridge does not run
+        bridge_config(robot)  # if the database has such a robot all the same, its bridge does not run
 
 
 def test_a_tightened_profile_reaches_own_gate_parameters(robot: Robot) -> None:

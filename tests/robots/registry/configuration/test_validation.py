@@ -1,4 +1,4 @@
-"""Errors of a robot or profile are shown in words at the field, with the path inside it."""
+"""Errors of a robot or profile are shown in words at the field, with the path inside the field."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from robots.registry.shipped_profiles import profile_files
 
 pytestmark = pytest.mark.django_db
 
-# As in a new web process, when several pages use it first at once.
+# A new web process, in which several pages use the schema for the first time, all together.
 FIRST_USES = """
 import sys, threading
 from robots.registry.configuration import profile_schema
@@ -226,4 +226,4 @@ def test_a_differential_base_does_not_move_sideways(tiago: RobotProfile) -> None
 @pytest.mark.parametrize(("field", "kind"), [("topics", Topics), ("gate", Parameters)])
 def test_the_help_names_every_part_that_may_be_written(field: str, kind: type[Struct]) -> None:
     named = re.findall(r"\w+", str(RobotProfile._meta.get_field(field).help_text))
-    assert set(kind.__struct_fields__) - set(named) <= {"drive"}  # which has a separate field
+    assert set(kind.__struct_fields__) - set(named) <= {"drive"}  # `drive` has a separate field
