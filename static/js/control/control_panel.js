@@ -2,8 +2,8 @@
 
 import { make, makeButton, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { question } from "../lib/question.js";
-import { controlWords, isSlotFar, slotWarning, slotWords } from "./control_words.js";
 import { clockText, isLastCall, remaining } from "./lease.js";
+import { controlWords, isSlotFar, slotWarning, slotWords } from "./status/control_words.js";
 
 const UNKNOWN = { state: "unknown", requests: [] };
 // A press this soon after a request was meant for the button that was there before: people need longer to

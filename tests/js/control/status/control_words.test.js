@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { controlWords } from "../../../static/js/control/control_words.js";
+import { controlWords } from "../../../../static/js/control/status/control_words.js";
 
 const CONTROL = { state: "free", holder: null, asking: null, may_take_over: false, refusal: null };
 

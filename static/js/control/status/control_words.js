@@ -1,6 +1,6 @@
 /** The holder of control, and this person's actions, in words from the server's `control`. Pure. */
 
-import { clockText } from "./lease.js";
+import { clockText } from "../lease.js";
 
 const SOON_S = 4 * 3600; // a later booking is not shown
 const FAR_S = 3600;

@@ -4,7 +4,7 @@ import {
   isSlotFar,
   slotWarning,
   slotWords,
-} from "../../../static/js/control/control_words.js";
+} from "../../../../static/js/control/status/control_words.js";
 
 const anna = { name: "Anna", mine: false, seconds: 1200 };
 const mine = { name: "You", mine: true, seconds: 320 };
