@@ -1,12 +1,12 @@
-"""Every message between browser, web process and bridge, split by who speaks.
+"""Every message between browser, web process and bridge, split by sender and subject.
 
 Units are SI unless a name says otherwise; angles are radians; base frame: x forward, y left (REP 103). Joystick axes
 run from -1 to 1. The modules: `page`, `tasks`, `limbs`, `navigation`, `state`, `health`, `topics`, `camera`, `link`;
-`base` has the shared parts; `codec` and `decoders` decode and validate. A message that does not fit raises `WireError`
+`base` has the shared parts; `codec` and `decoders` decode and validate. An invalid message raises `WireError`
 with the `Refusal` to answer.
 
-A view (`View`) is encoded once by the bridge and passes the web process without being decoded: on the link it is the
-only binary frame.
+The bridge encodes a view (`View`) once, and the web process forwards the bytes without decoding them. On the link,
+views are the only binary frames.
 """
 
 from robots.wire.base import DEEPEST as DEEPEST

@@ -11,7 +11,7 @@ from msgspec import Meta, Struct
 
 PROTOCOL = 8
 LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
-MOST_SUBSCRIPTIONS = 30  # topics of one robot that are subscribed: as many as one message has room for
+MOST_SUBSCRIPTIONS = 30  # subscribed topics of one robot: more do not fit into one message
 DEEPEST = 20  # levels of lists and dictionaries in values of any shape
 Axis = Annotated[float, Meta(ge=-1.0, le=1.0)]
 Share = Annotated[float, Meta(gt=0.0, le=1.0)]
@@ -31,7 +31,7 @@ Rule = Literal[
 ]
 ReverseSteering = Literal["turn", "car"]  # stick left always turns left; mirrored in reverse
 SLOWEST_HZ = 0.1  # of repeated publishing
-SLOWEST_MPS = 0.02  # of a drive by a distance; slower robots stick
+SLOWEST_MPS = 0.02  # of a drive by a distance; at a lower speed robots get stuck
 SLOWEST_RADPS = 0.05
 FARTHEST_M = 5.0
 FARTHEST_HEAD_RAD = 1.5  # of one turn of the head
@@ -44,9 +44,8 @@ TabToken = Annotated[str, Meta(min_length=16, max_length=64, pattern=r"^[A-Za-z0
 class Refusal(Struct, frozen=True, omit_defaults=True):
     """The reason why a request was not executed: data for programs, a sentence for people.
 
-    `code` is stable and for programs; `text` is one plain sentence that says what to do where
-    something can be done; `rule` names the link of the chain that refused; `figures` holds the numbers
-    behind it, units in the keys.
+    `code` is stable and for programs. `text` is one plain sentence; if the person can do something, it names that.
+    `rule` names the link of the chain that refused. `figures` holds the numbers of the reason, with units in the keys.
     """
 
     code: str
@@ -56,7 +55,7 @@ class Refusal(Struct, frozen=True, omit_defaults=True):
 
 
 class NotDone(Exception):
-    """Something is not done; `refusal` says why."""
+    """A request that was not executed; `refusal` has the reason."""
 
     def __init__(self, refusal: Refusal) -> None:
         super().__init__(refusal.text)
@@ -64,7 +63,7 @@ class NotDone(Exception):
 
 
 class WireError(NotDone):
-    """A message that is not one of ours."""
+    """An invalid message."""
 
 
 def _require_shallow(value: Any, levels: int = DEEPEST) -> None:
@@ -79,11 +78,11 @@ def _require_shallow(value: Any, levels: int = DEEPEST) -> None:
 
 
 class Ack(Struct, frozen=True, tag_field="t", tag="ack"):
-    """The last view was drawn: the next may be sent."""
+    """The last message of the stream (view, sample) was shown: the console may send the next one."""
 
 
 class Ping(Struct, frozen=True, tag_field="t", tag="ping"):
-    """Answered at once with `Pong`, to measure the way between page and web process."""
+    """The web process answers at once with `Pong`: the page measures the round trip time."""
 
     sent_ms: Milliseconds
 
@@ -92,7 +91,7 @@ Level = Literal["info", "warning", "error"]
 
 
 class Notice(Struct, frozen=True, tag_field="t", tag="notice"):
-    """Something a person should know: control ended and why, somebody asks, the robot was edited."""
+    """News for the person: control ended (with the reason), somebody asks for control, the robot was edited."""
 
     level: Level
     code: str
@@ -100,7 +99,7 @@ class Notice(Struct, frozen=True, tag_field="t", tag="notice"):
 
 
 class Refused(Struct, frozen=True, tag_field="t", tag="refused", omit_defaults=True):
-    """A message that was not carried out. `of` is its kind, `seq` its number if it had one."""
+    """A message was not executed. `of` is its kind, `seq` its number if it had one."""
 
     of: str
     refusal: Refusal
@@ -109,7 +108,7 @@ class Refused(Struct, frozen=True, tag_field="t", tag="refused", omit_defaults=T
 
 
 class Accepted(Struct, frozen=True, tag_field="t", tag="accepted", omit_defaults=True):
-    """A message of kind `of` was taken: on its way, or done where there is nothing to wait for."""
+    """A message of kind `of` was accepted: it is on its way to the robot, or already done."""
 
     of: str
     seq: int = 0
@@ -123,16 +122,16 @@ class Pong(Struct, frozen=True, tag_field="t", tag="pong"):
 
 
 class PendingStop(Struct, frozen=True):
-    """A stop that waits for the robot: nobody has confirmed it yet."""
+    """A stop that neither bridge nor watchdog has confirmed yet."""
 
     by: str
     reason: str
-    at: float  # seconds since 1970: when it was pressed
+    at: float  # time of the press, seconds since 1970
 
 
 class BridgeGone(Struct, frozen=True, tag_field="t", tag="bridge_gone"):
-    """No link to the robot's bridge, and why; a `View` ends it."""
+    """There is no link to the robot's bridge, and the reason. The next `View` ends this state."""
 
     refusal: Refusal
-    seen_at: float | None = None  # seconds since 1970: when the robot was last seen by this web process
-    stop: PendingStop | None = None  # the newest that waits
+    seen_at: float | None = None  # time of the robot's last odometry known here, seconds since 1970
+    stop: PendingStop | None = None  # the newest pending stop

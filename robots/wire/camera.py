@@ -18,12 +18,12 @@ CameraSize = Literal["full", "small"]
 Variant = Literal["full", "small", "video"]
 PictureFormat = Literal["jpeg", "png", "h264"]
 
-MOST_CAMERAS = 8  # of a robot
+MOST_CAMERAS = 8  # a robot has at most so many
 _LENGTH_BYTES = 4
 
 
 class CameraWatch(Struct, frozen=True, tag_field="t", tag="camera_watch"):
-    """Show this camera from now on, or change how. `video`: this client decodes H.264."""
+    """Show this camera from now on, or change rate or size. `video`: this client decodes H.264."""
 
     camera: CameraName
     video: bool = False
@@ -32,13 +32,13 @@ class CameraWatch(Struct, frozen=True, tag_field="t", tag="camera_watch"):
 
 
 class CameraEnd(Struct, frozen=True, tag_field="t", tag="camera_end"):
-    """Show this camera no more."""
+    """Stop showing this camera."""
 
     camera: CameraName
 
 
 class CameraAck(Struct, frozen=True, tag_field="t", tag="camera_ack"):
-    """Picture `number` was painted, or was `damaged`. At most two pictures of a camera are unacknowledged."""
+    """Picture `number` was painted, or was `damaged`. At most two pictures of a camera wait for this message."""
 
     camera: CameraName
     number: Seq
@@ -49,7 +49,7 @@ CameraMessage = CameraWatch | CameraEnd | CameraAck | Ping
 
 
 class CameraEntry(Struct, frozen=True):
-    """One camera of the robot. `moves`: its picture moves with the head, which can be turned."""
+    """One camera of the robot. `moves`: the camera is on a head that can be turned."""
 
     name: str
     label: str
@@ -57,15 +57,15 @@ class CameraEntry(Struct, frozen=True):
 
 
 class Cameras(Struct, frozen=True, tag_field="t", tag="cameras"):
-    """The robot's cameras: first on a connection, and again when the robot was edited."""
+    """The robot's cameras: the first message of a connection; sent again when the robot was edited."""
 
     cameras: list[CameraEntry]
 
 
 class CameraState(Struct, frozen=True, tag_field="t", tag="camera_state"):
-    """Why a camera has no pictures now; `refusal` None: they come.
+    """State of a camera. `refusal`: the reason why it has no pictures now; None: pictures come.
 
-    `warning`: why nothing can be drawn into its pictures, although they come.
+    `warning`: the reason why nothing can be drawn into its pictures.
     """
 
     camera: str
@@ -88,11 +88,11 @@ class PictureHeader(Struct, frozen=True):
     """
 
     camera: str
-    number: int  # grows; of "h264", all pictures after a key picture are needed
+    number: int  # grows; an "h264" picture needs all pictures since the last key picture
     format: PictureFormat
-    width: int  # of the camera's picture; the encoded one may be smaller
+    width: int  # of the camera's picture; the encoded picture may be smaller
     height: int
-    taken_ms: Milliseconds  # when it was taken, by the web process's monotonic clock
+    taken_ms: Milliseconds  # time at which it was taken, by the web process's monotonic clock
     key: bool = True  # it can be decoded without earlier pictures
     lens: tuple[float, float, float, float] | None = None
     pose: tuple[float, ...] | None = None
@@ -102,7 +102,7 @@ class PictureHeader(Struct, frozen=True):
 
 
 class CameraWants(Struct, frozen=True, tag_field="t", tag="camera_wants"):
-    """Pictures that a web process needs: for each camera its variants, each with the highest rate (Hz)."""
+    """Pictures that a web process needs: the variants of each camera, with the highest rate (Hz) of each variant."""
 
     cameras: dict[CameraName, dict[Variant, CameraRate]]
 
@@ -117,7 +117,7 @@ CameraRequest = CameraWants | CameraKey
 
 
 class TakenPicture(Struct, frozen=True):
-    """Header of a picture from the camera process. `age_s`: since it was taken, when it was sent."""
+    """Header of a picture from the camera process. `age_s`: time from taking to sending it."""
 
     camera: str
     variant: Variant
@@ -135,7 +135,7 @@ _taken = msgspec.json.Decoder(TakenPicture)
 
 
 def packed(header: PictureHeader | TakenPicture, picture: bytes | memoryview) -> bytes:
-    """Return one frame of header and encoded picture."""
+    """Return one frame with header and encoded picture."""
     encoded = msgspec.json.encode(header)
     return b"".join((len(encoded).to_bytes(_LENGTH_BYTES, "big"), encoded, picture))
 

@@ -1,4 +1,4 @@
-"""JSON to messages and back. Each message is one JSON object whose `t` names its kind."""
+"""Encode messages as JSON, and decode them. Each message is one JSON object; its `t` names its kind."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _encoder = msgspec.json.Encoder()
 
 
 class MessageDecoder(Generic[T]):
-    """Decodes and validates a message in one step; raises `WireError`. `messages` is the union of allowed types."""
+    """Decode and validate a message in one step; raise `WireError`. `messages` is the union of allowed types."""
 
     def __init__(self, messages: Any) -> None:
         self._decoder = msgspec.json.Decoder(messages)
@@ -48,7 +48,7 @@ _heading = msgspec.json.Decoder(_Heading)
 
 
 def heading(raw: str | bytes) -> tuple[str, int | None]:
-    """Kind and number of a message that does not fit, as far as it has them: its answer carries them."""
+    """Return kind and number of an invalid message for its refusal; ("", None) if they are unreadable."""
     try:
         found = _heading.decode(raw[:LARGEST_MESSAGE_BYTES])
     except (msgspec.DecodeError, UnicodeError, RecursionError):
@@ -57,31 +57,31 @@ def heading(raw: str | bytes) -> tuple[str, int | None]:
 
 
 def kind_of(message: Struct) -> str:
-    """Its `t`."""
+    """Return the `t` of a message."""
     return str(type(message).__struct_config__.tag)
 
 
 def encode(message: Struct) -> bytes:
-    """The message as JSON."""
+    """Return the message as JSON."""
     return _encoder.encode(message)
 
 
 LARGEST_REPORT_BYTES = (
     1024 * 1024
-)  # of what a bridge says of its robot; the link itself takes eight times as much
+)  # the largest report of a bridge; the link itself allows eight times as much
 _CUTS = (
     (2000, 1000),
     (500, 200),
     (100, 50),
     (30, 10),
-)  # longest text, most entries of a list: the first that fits
+)  # (longest text, most entries of a list): the first pair by which the report fits
 
 
 def encode_report(message: Struct) -> bytes:
-    """Encode a bridge's report, at most `LARGEST_REPORT_BYTES`: no text of a robot breaks the link.
+    """Encode a bridge's report in at most `LARGEST_REPORT_BYTES`: no text of a robot breaks the link.
 
-    Texts and lists of a larger one are cut, and say how much is missing; answers and messages of topics that were
-    encoded elsewhere stay whole.
+    Long texts and lists of a larger report are cut; a cut text ends with its full length, a cut list of texts with
+    the number of missing entries. Answers and messages of topics that were encoded elsewhere are not cut.
     """
     encoded = _encoder.encode(message)
     for longest, most in _CUTS:
@@ -92,7 +92,7 @@ def encode_report(message: Struct) -> bytes:
 
 
 def _cut(value: Any, longest: int, most: int) -> Any:
-    """`value` with texts and lists cut, at every level; tuples have a length that is part of their type."""
+    """Return `value` with texts and lists cut at every level. The length of a tuple is part of its type: not cut."""
     match value:
         case str() if len(value) > longest:
             return f"{value[: longest - 20]}… ({len(value)} long)"

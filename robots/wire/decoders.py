@@ -1,4 +1,4 @@
-"""One decoder for each direction: who may send which messages."""
+"""One decoder for each direction: it accepts only the messages of that direction."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ camera_message = MessageDecoder[CameraMessage](CameraMessage)
 camera_request = MessageDecoder[CameraRequest](CameraRequest)
 fleet_message = MessageDecoder[FleetMessage](FleetMessage)
 link_request = MessageDecoder[LinkRequest](LinkRequest)
-# Reports are of any size; a misfit raises `msgspec.DecodeError`.
+# Reports have no size limit; an invalid report raises `msgspec.DecodeError`.
 browser_report: Callable[[str | bytes], BrowserReport] = msgspec.json.Decoder(BrowserReport).decode
 topics_report: Callable[[str | bytes], TopicsReport] = msgspec.json.Decoder(TopicsReport).decode
 camera_report: Callable[[str | bytes], CameraReport] = msgspec.json.Decoder(CameraReport).decode

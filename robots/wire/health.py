@@ -1,4 +1,4 @@
-"""The robot's health as its own nodes report it."""
+"""The robot's health, as the robot's own nodes report it."""
 
 from __future__ import annotations
 
@@ -6,36 +6,36 @@ from typing import Literal
 
 from msgspec import Struct
 
-# As in ROS's diagnostics; silent: it said so of itself, or has said nothing for 10 s.
+# Levels of ROS diagnostics. silent: the part's report is marked as stale, or no report came for 10 s.
 HealthLevel = Literal["ok", "silent", "warning", "error"]
 
 
 class HealthPart(Struct, frozen=True):
     """A part that is not well, in the words of the node that reports it.
 
-    One that was ill and fell silent keeps its level, and `text` says so: silence is no improvement.
+    A part that was not well and then sends no reports keeps its level, and `text` says so: silence is no improvement.
     """
 
     name: str
     level: HealthLevel
     text: str
-    since_s: int  # so long at this level
+    since_s: int  # time at this level
 
 
 class Temperature(Struct, frozen=True):
-    """A temperature that a part reports."""
+    """A temperature of a part."""
 
     name: str
     celsius: int
 
 
 class Health(Struct, frozen=True):
-    """The summary of the robot's diagnostics. `level` is that of the worst part."""
+    """The summary of the robot's diagnostics. `level` is the level of the worst part."""
 
     level: HealthLevel
     parts: list[
         HealthPart
-    ]  # at most 8 that are not well, the newest among them; the worst first, then the oldest
+    ]  # at most 8 that are not well, always with the newest; the worst first, among equals the oldest
     parts_more: int  # further parts that are not well
     well: int  # number of parts
     temperatures: list[Temperature]  # at most 6, the hottest first

@@ -14,10 +14,10 @@ LimbPosition = Annotated[float, Meta(ge=-FARTHEST_LIMB_M, le=FARTHEST_LIMB_M)]  
 
 
 class MoveLimb(Struct, frozen=True, tag_field="t", tag="move_limb"):
-    """Move a limb: the gripper until its fingers are `to_m` apart, the torso to this height above its lowest place.
+    """Move a limb: the gripper until its fingers are `to_m` apart, the torso to this height above its lowest position.
 
-    The base must stand, and stands until the limb is there. The torso moves only while the arm is at home. A new
-    request replaces the one of the same limb. `State.limbs` shows where it is, and its end.
+    The base must stand, and cannot drive until the limb is there. The torso moves only while the arm is at home. A
+    new request replaces the running request of the same limb. `State.limbs` shows the limb's position and the end.
     """
 
     fence: Fence
@@ -27,7 +27,7 @@ class MoveLimb(Struct, frozen=True, tag_field="t", tag="move_limb"):
 
 
 class LimbCancel(Struct, frozen=True, tag_field="t", tag="limb_cancel"):
-    """End the move of a limb: it stays where it is."""
+    """End the move of a limb: the limb stops where it is."""
 
     fence: Fence
     limb: Limb
@@ -35,29 +35,29 @@ class LimbCancel(Struct, frozen=True, tag_field="t", tag="limb_cancel"):
 
 
 class LimbRange(Struct, frozen=True):
-    """Least and largest `to_m` of a limb."""
+    """Smallest and largest `to_m` of a limb."""
 
     least_m: float
     most_m: float
 
 
 class LimbEnd(Struct, frozen=True):
-    """End of a move. `outcome`: docs/limbs.md lists the words, or it is a refusal's code."""
+    """End of a move. `outcome`: a word of docs/limbs.md, or the code of a refusal."""
 
-    number: int | None  # of its record; None: it has none
-    seq: int  # of the request, and its fence
+    number: int | None  # of its record; None: no record
+    seq: int  # of the request, as `fence`
     fence: int
     outcome: str
     text: str
-    at_m: float | None  # where it was then
+    at_m: float | None  # its position at the end
 
 
 class LimbState(Struct, frozen=True, omit_defaults=True):
-    """A limb as joint states say, and its move for this console, from the request."""
+    """Position of a limb by joint states, and its move by this console, from the request on."""
 
     at_m: float | None  # None: not known
-    to_m: float | None = None  # where it goes; None: it is not moved by this console
+    to_m: float | None = None  # goal of the move; None: this console does not move it
     who: str = ""
     since_s: float | None = None
-    ending: str = ""  # why the move is being cancelled
-    ended: LimbEnd | None = None  # the last one
+    ending: str = ""  # reason why the move is being cancelled
+    ended: LimbEnd | None = None  # the last end

@@ -16,16 +16,16 @@ from robots.wire.topics import TopicQuery
 
 
 class LinkHello(Struct, frozen=True, tag_field="t", tag="link_hello"):
-    """First on a link. `web` names the process, for logs and for people."""
+    """First message on a link. `web` names the web process, for logs and for people."""
 
     protocol: int
     web: ShortText
 
 
 class Grant(Struct, frozen=True, tag_field="t", tag="grant"):
-    """Control for `seconds` from arrival, by the bridge's own clock; repeated to renew.
+    """Give control for `seconds` from arrival, by the bridge's own clock. The web process repeats it to renew.
 
-    The bridge refuses a fence below the highest it has ever seen, and the same number under another
+    The bridge refuses a fence below the highest fence that it has ever received, and the same fence with another
     control session.
     """
 
@@ -35,9 +35,11 @@ class Grant(Struct, frozen=True, tag_field="t", tag="grant"):
     holder: ShortText
     holder_id: ShortText
     max_share: Share
-    delay_s: Annotated[float, Meta(ge=0.0)] | None = None  # web process -> holder's page -> web process
-    silent_s: Annotated[float, Meta(ge=0.0)] | None = None  # since its last message; None: it sends no stream
-    # age of the camera picture by which the holder drives; None: not by a camera
+    delay_s: Annotated[float, Meta(ge=0.0)] | None = None  # round trip to the holder's page
+    silent_s: Annotated[float, Meta(ge=0.0)] | None = (
+        None  # since the holder's last message; None: no stream of messages
+    )
+    # age of the camera picture by which the holder drives; None: drives without a camera
     camera_s: Annotated[float, Meta(ge=0.0)] | None = None
 
 
@@ -49,17 +51,17 @@ class Revoke(Struct, frozen=True, tag_field="t", tag="revoke"):
 
 
 class Pause(Struct, frozen=True, tag_field="t", tag="pause"):
-    """The holder's page is gone: zero at once, stick to neutral before it moves again."""
+    """The holder's page is gone: the bridge sends zero at once, and needs neutral before the robot moves again."""
 
     fence: Fence
     reason: ShortText
 
 
 class LinkStop(Struct, frozen=True, tag_field="t", tag="link_stop", omit_defaults=True):
-    """Emergency stop. May be the first message of a link; `seq` and `press` come back with the answer.
+    """Emergency stop. May be the first message of a link; the answer repeats `seq` and `press`.
 
-    `robot` is the robot that is meant (None: the robot of the bridge that hears it); the bridge of another robot
-    refuses it. `press` names the press: the same press that arrives twice stops once.
+    `robot` is the robot to stop (None: the robot of the receiving bridge); the bridge of another robot refuses the
+    stop. `press` identifies the press: a press that arrives twice stops once.
     """
 
     by: ShortText
@@ -67,21 +69,19 @@ class LinkStop(Struct, frozen=True, tag_field="t", tag="link_stop", omit_default
     seq: Seq = 0
     robot: UUID | None = None
     press: UUID | None = None
-    waited: bool = (
-        False  # it was pending: since when the robot should stand, the one who hears it does not know
-    )
+    waited: bool = False  # the stop was pending: the receiver does not know the time of the press
 
 
 class LinkLate(Struct, frozen=True, tag_field="t", tag="link_late"):
-    """The web process's loop woke so late: commands lay unread there."""
+    """The event loop of the web process woke `late_s` too late: commands waited there unread."""
 
     late_s: Annotated[float, Meta(ge=0.0)]
 
 
 class LinkClear(Struct, frozen=True, tag_field="t", tag="link_clear"):
-    """Clear the latch of stop `number`. The web process has checked the right. `seq` comes back with the answer.
+    """Clear the latch of stop `number`. The web process has checked the right. The answer repeats `seq`.
 
-    `presses` are older presses that were never confirmed: if they arrive later, they do not stop again.
+    `presses` are older presses without confirmation: if they arrive later, they do not stop the robot again.
     """
 
     by: ShortText
@@ -99,32 +99,33 @@ class LinkCancel(Struct, frozen=True, tag_field="t", tag="link_cancel"):
 
 
 class LinkQuery(Struct, frozen=True, tag_field="t", tag="inspect"):
-    """A `TopicQuery` about the robot's topics. `seq` comes back with the answer."""
+    """A `TopicQuery` about the robot's topics. The answer repeats `seq`."""
 
     seq: Seq
     ask: TopicQuery
 
 
 class LinkSubscribe(Struct, frozen=True, tag_field="t", tag="subscribed"):
-    """All topics that are subscribed through this web process, with the highest rate that is wanted."""
+    """All topics that are subscribed through this web process, each with its highest requested rate."""
 
     topics: dict[TopicName, SampleRate]
 
 
 class LinkCamera(Struct, frozen=True, tag_field="t", tag="link_camera"):
-    """People watch cameras through this web process, or do no more. While somebody does, `CameraAt` follows."""
+    """Whether people watch cameras through this web process. While somebody does, the bridge sends `CameraAt`."""
 
     wanted: bool
 
 
 class LinkState(Struct, frozen=True, tag_field="t", tag="link_state"):
-    """Asks for one `Status` now. A link without a hello may ask."""
+    """Request one `Status` now; allowed before `LinkHello`."""
 
 
 class Viewers(Struct, frozen=True, tag_field="t", tag="watch"):
-    """People who view the robot through this web process, and how many `more`. Without viewers: `Status`, no views.
+    """People who view the robot through this web process, and the number of those without a name here (`more`).
 
-    `joints`: one of them draws the robot in 3D: views have its joints, and heights.
+    Without viewers the bridge sends `Status`, but no views. `joints`: a viewer draws the robot in 3D, so views have
+    joints and heights.
     """
 
     watchers: Annotated[list[ShortText], Meta(max_length=20)]
@@ -153,17 +154,17 @@ LinkRequest = (
 
 
 class BridgeFigures(Struct, frozen=True):
-    """Counts of a bridge since it was started."""
+    """Counts of a bridge since its start."""
 
     decisions: list[
         int
-    ]  # drive messages by the time from reading one to its twist, as `robots.processes.durations`
-    decisions_s: float  # of all of them together
-    interventions: int  # of the gate, as the log counts them
+    ]  # drive messages by their time from reading to twist, in the steps of `robots.processes.durations`
+    decisions_s: float  # sum of these times
+    interventions: int  # of the gate, counted as in the audit log
 
 
 class BridgeHello(Struct, frozen=True, omit_defaults=True, tag_field="t", tag="bridge_hello"):
-    """First from a bridge. `fence` is the highest number it has seen. `Status` and `Offers` follow a `LinkHello`."""
+    """First message of a bridge. `fence` is the highest it has received. `Status` and `Offers` follow a `LinkHello`."""
 
     protocol: int
     robot: str  # UUID
@@ -173,13 +174,13 @@ class BridgeHello(Struct, frozen=True, omit_defaults=True, tag_field="t", tag="b
 
 
 class LaneToken(Struct, frozen=True, tag_field="t", tag="lane"):
-    """Next to this link's socket is a lane (`robots.link.lane`); its first datagram is this token."""
+    """Next to this link's socket is a lane (`robots.link.lane`); the first datagram on the lane is this token."""
 
     token: str
 
 
 class Granted(Struct, frozen=True, tag_field="t", tag="granted"):
-    """A grant was taken (also answers each renewal)."""
+    """A grant was accepted; also the answer to each renewal."""
 
     fence: int
 
@@ -191,13 +192,13 @@ class Ended(Struct, frozen=True, tag_field="t", tag="ended"):
 
 
 class Status(Struct, frozen=True, tag_field="t", tag="status"):
-    """The state without a view, twice a second and on change, also without viewers."""
+    """The state without surroundings: sent twice a second and on change, also without viewers."""
 
     state: State
 
 
 class Stopped(Struct, frozen=True, tag_field="t", tag="stopped", omit_defaults=True):
-    """Answer to a stop or clear, `seq` and `press` as there: the latch as it is now."""
+    """Answer to a stop or clear: the present state of the latch, with `seq` and `press` of the request."""
 
     stop: StopState
     seq: int = 0
@@ -208,20 +209,20 @@ class LinkAnswer(Struct, frozen=True, tag_field="t", tag="inspected"):
     """The answer to `LinkQuery`."""
 
     seq: int
-    answer: msgspec.Raw  # a `TopicAnswer`, handed on untouched
+    answer: msgspec.Raw  # a `TopicAnswer`, forwarded unchanged
 
 
 class LinkSample(Struct, frozen=True, tag_field="t", tag="link_sample"):
     """The newest message of a topic that is subscribed."""
 
     topic: str
-    sample: msgspec.Raw  # a `Sample`, handed on untouched
+    sample: msgspec.Raw  # a `Sample`, forwarded unchanged
 
 
 class CameraAt(Struct, frozen=True, tag_field="t", tag="camera_at"):
     """Address of the robot's camera process: a Unix socket, or a TCP port of the bridge's host.
 
-    Both None: there is none, because it starts, or because of `refusal`.
+    Both None: there is no camera process; it starts now, or `refusal` has the reason.
     """
 
     unix_path: str | None = None

@@ -1,4 +1,4 @@
-"""Driving to a place by the robot's own navigation: requests, state, path. Places are in the frame of the map."""
+"""Drives to a place by the robot's own navigation: requests, state, path. Coordinates are in the frame of the map."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from robots.wire.base import Fence, Seq
 FARTHEST_PLACE_M = 10_000.0
 MOST_PATH = 200  # points of a path
 Coordinate = Annotated[float, Meta(ge=-FARTHEST_PLACE_M, le=FARTHEST_PLACE_M)]  # metres
-MapDigest = Annotated[str, Meta(max_length=64)]  # as the console's API names a map; empty: any
-PlaceName = Annotated[str, Meta(max_length=60)]  # of a place that people named
+MapDigest = Annotated[str, Meta(max_length=64)]  # the name of a map in the API; empty: any map
+PlaceName = Annotated[str, Meta(max_length=60)]  # of a named place
 Heading = Annotated[float, Meta(ge=-math.tau, le=math.tau)]  # radians
 
 
 class Go(Struct, frozen=True, tag_field="t", tag="go"):
-    """Drive to a place of the map by the robot's own navigation, which the gate watches.
+    """Drive to a place of the map by the robot's own navigation; the gate watches the drive.
 
-    The robot must stand. `State.going` shows it, `State.going_ended` its end. `place` names a place of the map: then
-    the console reads x and y from that place. `map` is the map on which the place was chosen: on another one
-    the robot does not go.
+    The robot must stand. `State.going` shows the drive, `State.going_ended` its end. `place` names a place of the
+    map: then the console reads x and y from that place. `map` is the map on which the place was chosen: if the
+    robot has another map, the goal is refused.
     """
 
     fence: Fence
@@ -35,14 +35,14 @@ class Go(Struct, frozen=True, tag_field="t", tag="go"):
 
 
 class GoCancel(Struct, frozen=True, tag_field="t", tag="go_cancel"):
-    """End the drive to a place: the robot stands."""
+    """End the drive to a place: the robot brakes and stands."""
 
     fence: Fence
     seq: Seq = 0
 
 
 class SetPose(Struct, frozen=True, tag_field="t", tag="set_pose"):
-    """Tell the robot where it is on its map. Only while it stands. `map` as in `Go`."""
+    """Set the robot's pose on its map. The robot must stand. `map` as in `Go`."""
 
     fence: Fence
     x: Coordinate
@@ -55,39 +55,39 @@ class SetPose(Struct, frozen=True, tag_field="t", tag="set_pose"):
 class Location(Struct, frozen=True):
     """The robot's pose on its map by localisation: metres, radians.
 
-    `problem`: why it cannot drive to a place; empty: it can.
+    `problem`: the reason why the robot cannot drive to a place; empty: it can.
     """
 
     x: float
     y: float
     heading: float
     sigma_m: float  # standard deviation along the longer axis of the ellipse
-    sigma_across_m: float  # along the shorter one
+    sigma_across_m: float  # along the shorter axis
     ellipse_rad: float  # direction of the longer axis
     sigma_rad: float  # of the heading
-    age_s: float  # since localisation was heard
+    age_s: float  # since the last message of localisation
     problem: str = ""
 
 
 class GoProgress(Struct, frozen=True):
-    """A drive to a place, from its request. `left_m`: of the path; None: not known yet."""
+    """A drive to a place, from its request on. `left_m`: length of the path that is left; None: not known yet."""
 
-    number: int | None  # of its record; None: it is being recorded
+    number: int | None  # of its record; None: not recorded yet
     who: str
     x: float
     y: float
     heading: float
     left_m: float | None
     since_s: float
-    ending: str = ""  # why it is being cancelled
+    ending: str = ""  # reason why the drive is being cancelled
     place: str = ""
 
 
 class GoEnd(Struct, frozen=True):
-    """End of a drive to a place. `outcome`: docs/navigation.md lists the words, or it is a refusal's code."""
+    """End of a drive to a place. `outcome`: a word of docs/navigation.md, or the code of a refusal."""
 
     number: int | None  # of its record, as in `GoProgress`
-    seq: int  # of the request, and its fence
+    seq: int  # of the request, as `fence`
     fence: int
     outcome: str
     text: str
@@ -96,7 +96,7 @@ class GoEnd(Struct, frozen=True):
 
 
 class GoPath(Struct, frozen=True, tag_field="t", tag="go_path"):
-    """The path that navigation plans, thinned; empty when none is under way. At most once a second."""
+    """The path that navigation plans, with fewer points; empty without a drive. At most once a second."""
 
     path_cm: Annotated[
         list[int], Meta(max_length=2 * MOST_PATH)

@@ -24,7 +24,7 @@ from robots.wire.state import State
 
 
 class Hello(Struct, frozen=True, tag_field="t", tag="hello"):
-    """First message of a page. `tab` is the tab's own random token: a lease belongs to it."""
+    """First message of a page. `tab` is the tab's own random token: the lease belongs to this token."""
 
     tab: TabToken
 
@@ -34,13 +34,13 @@ class Take(Struct, frozen=True, tag_field="t", tag="take"):
 
 
 class TakeOver(Struct, frozen=True, tag_field="t", tag="take_over"):
-    """Take control from its holder (supervisors and staff), with a reason that is kept."""
+    """Take control from its holder (supervisors and staff). The reason is recorded."""
 
     reason: Annotated[str, Meta(min_length=3, max_length=200)]
 
 
 class Renew(Struct, frozen=True, tag_field="t", tag="renew"):
-    """Ask for a fresh term of control: driving does not prolong it."""
+    """Start a new term of control. Driving alone does not extend the term."""
 
 
 class Release(Struct, frozen=True, tag_field="t", tag="release"):
@@ -48,7 +48,7 @@ class Release(Struct, frozen=True, tag_field="t", tag="release"):
 
 
 class Ask(Struct, frozen=True, tag_field="t", tag="ask"):
-    """Wait in line for control; the holder sees it."""
+    """Wait in line for control. The holder sees the name."""
 
 
 class AskCancel(Struct, frozen=True, tag_field="t", tag="ask_cancel"):
@@ -56,17 +56,17 @@ class AskCancel(Struct, frozen=True, tag_field="t", tag="ask_cancel"):
 
 
 class HandOver(Struct, frozen=True, tag_field="t", tag="hand_over"):
-    """Give control to the person in line whose place has the number `request`."""
+    """Give control to the person in line with the number `request` (`Request.id`)."""
 
     request: int
 
 
 class Drive(Struct, frozen=True, tag_field="t", tag="drive"):
-    """The stick, now. Forwarded to the bridge byte for byte.
+    """The present stick position. The web process forwards the bytes to the bridge unchanged.
 
-    `x` forward, `y` left (holonomic bases), `w` turn left; `share` is the part of the robot's limits that
-    a full stick means. `seq` grows with each `Drive` of a connection; `sent_ms` is the browser's monotonic clock
-    (performance.now()). `fence` is that of the sender's lease.
+    `x` forward, `y` left (holonomic bases), `w` turn left. `share`: the part of the robot's limits at a full stick.
+    `seq` grows with each `Drive` of a connection. `sent_ms` is the browser's monotonic clock (performance.now()).
+    `fence` is the fence of the sender's lease.
     """
 
     fence: Fence
@@ -79,35 +79,35 @@ class Drive(Struct, frozen=True, tag_field="t", tag="drive"):
 
 
 class CameraView(Struct, frozen=True, tag_field="t", tag="camera_view"):
-    """The holder drives by a camera whose picture is so old; `age_ms` None: not by a camera any more.
+    """The holder drives by a camera; its picture is `age_ms` old. None: no longer by a camera.
 
-    Sent some five times a second: an old picture limits the speed as a late page does.
+    Sent about five times a second. An old picture limits the speed, as a slow connection of the page does.
     """
 
     age_ms: Milliseconds | None = None
 
 
 class ShowJoints(Struct, frozen=True, tag_field="t", tag="show_joints"):
-    """The page draws the robot in 3D from now on, or no more. While it does, views have joints and heights."""
+    """Whether the page draws the robot in 3D from now on. While it does, views have joints and heights."""
 
     wanted: bool
 
 
 class Stop(Struct, frozen=True, tag_field="t", tag="stop"):
-    """Emergency stop: latched. Anybody signed in who may see the robot."""
+    """Emergency stop, latched. For every signed-in person who may see the robot."""
 
 
 class Clear(Struct, frozen=True, tag_field="t", tag="clear"):
-    """Clear the latch; moves nothing. The holder, a supervisor or staff.
+    """Clear the latch; nothing moves. For the holder, supervisors and staff.
 
-    `number` is that of the stop which the page showed (`StopState`): a stop pressed since is not cleared unseen.
+    `number` is the number of the stop that the page showed (`StopState`): a later stop is not cleared.
     """
 
     number: Seq
 
 
 class Refresh(Struct, frozen=True, tag_field="t", tag="refresh"):
-    """Read the robot's capabilities again. From everybody who may see it; `Offers` follows."""
+    """Read the robot's capabilities again. For everybody who may see it. `Offers` follows."""
 
     seq: Seq = 0
 
@@ -123,14 +123,14 @@ class StopAll(Struct, frozen=True, tag_field="t", tag="stop_all"):
 
 
 class ClearRobot(Struct, frozen=True, tag_field="t", tag="clear"):
-    """Clear the latch of one robot, from the fleet page. Supervisors and staff. `number` as in `Clear`."""
+    """Clear the latch of one robot, from the fleet page. For supervisors and staff. `number` as in `Clear`."""
 
     slug: Annotated[str, Meta(min_length=1, max_length=50)]
     number: Seq
 
 
 class Limits(Struct, frozen=True):
-    """Meaning of a full stick at share 1 for this robot (m/s, rad/s), with the admin's limits."""
+    """This robot's speeds at a full stick and share 1 (m/s, rad/s), within the limits set in the admin."""
 
     forward_mps: float
     reverse_mps: float
@@ -151,38 +151,38 @@ class SonarPose(Struct, frozen=True):
 class RobotFacts(Struct, frozen=True):
     """Facts of a robot for a page."""
 
-    slug: str  # as in addresses
+    slug: str  # its name in web addresses
     name: str  # for people
-    profile: str  # its kind, for people
-    practice: bool  # a simulated one
-    holonomic: bool  # it can slide: `y` of `Drive` counts
+    profile: str  # the kind of robot, for people
+    practice: bool  # whether it is simulated
+    holonomic: bool  # it can drive sideways: `y` of `Drive` counts
     limits: Limits
     footprint: list[tuple[float, float]]  # convex outline, base frame, counter-clockwise
-    front_margin_m: float  # the gate leaves so much of the way before an obstacle
-    lateral_margin_m: float  # and so much beside the footprint
-    default_share: float  # `share` of `Drive` that a page begins with
-    max_share: float  # a larger share counts as this
+    front_margin_m: float  # distance that the gate keeps to an obstacle ahead
+    lateral_margin_m: float  # distance that the gate keeps beside the footprint
+    default_share: float  # first `share` of a new page
+    max_share: float  # larger shares are reduced to this
     reverse_steering: ReverseSteering  # car: the turn is mirrored in reverse
-    drive_topic: str  # where velocities go if nobody chooses otherwise
+    drive_topic: str  # default topic of velocities
     sonars: list[SonarPose]  # in the order of `Scan.sonar_cm`
     stick: str  # steps from stick to gate, in words
-    has_head: bool = False  # one that can be asked to look ahead
-    has_map: bool = False  # with navigation that drives to its places
+    has_head: bool = False  # it has a head that can look ahead
+    has_map: bool = False  # it has a map, and navigation that drives to places
     cameras: list[CameraEntry] = []  # cameras that people can watch
     limbs: dict[Limb, LimbRange] = {}  # limbs that people can move
 
 
 class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):
-    """Answer to `Hello`, and again whenever the robot was edited or the person's rights changed."""
+    """Answer to `Hello`; sent again when the robot was edited or the person's rights changed."""
 
     protocol: int  # a page with another number must reload
     you: str  # your name
-    role: Role  # yours on this robot; it decides your rights
+    role: Role  # your role on this robot: it decides your rights
     robot: RobotFacts
 
 
 class Request(Struct, frozen=True):
-    """Somebody who waits for control."""
+    """A person who waits for control."""
 
     id: int
     name: str
@@ -192,7 +192,7 @@ ControlState = Literal["free", "yours", "elsewhere", "other", "away"]
 
 
 class Booked(Struct, frozen=True):
-    """A booking of the robot. `seconds` are those until its end if it runs, else until its start."""
+    """A booking of the robot. `seconds`: until its end if it runs now, else until its start."""
 
     name: str  # of the person
     mine: bool
@@ -200,11 +200,10 @@ class Booked(Struct, frozen=True):
 
 
 class Control(Struct, frozen=True, tag_field="t", tag="control"):
-    """The holder of control, as this connection may see it. Sent on every change.
+    """The state of control, as this connection may see it. Sent on every change.
 
-    `state`: "free" (take it), "yours", "elsewhere" (yours, in another tab), "other" (see `holder`), "away" (the
-    holder's page is gone; free after `resumable_s`).
-    `refusal` says why this person may not take control now, None if they may.
+    `state`: "free" (nobody has control), "yours", "elsewhere" (yours, in another tab), "other" (see `holder`), "away"
+    (the holder's page is gone; free after `resumable_s`).
     """
 
     state: ControlState
@@ -213,37 +212,35 @@ class Control(Struct, frozen=True, tag_field="t", tag="control"):
     session: str | None = None  # control session id
     remaining_s: float | None = None  # of the term
     resumable_s: float | None = None
-    requests: list[
-        Request
-    ] = []  # people who wait for control, in order: to the holder, and to those who may take over
-    asking: int | None = None  # this connection's own place in line
-    ahead: int | None = None  # how many wait before it
-    offer_s: float | None = None  # so long control is this person's to take, and nobody else's
-    may_take_over: bool = False  # this person may say `TakeOver`
-    may_clear: bool = False  # this person may say `Clear`
-    refusal: Refusal | None = None  # why `Take` would be refused
+    requests: list[Request] = []  # the line, in order; only for the holder and for persons who may take over
+    asking: int | None = None  # `Request.id` of this connection's own place in line
+    ahead: int | None = None  # number of people before it in line
+    offer_s: float | None = None  # for so long, only this person can take control
+    may_take_over: bool = False  # this person may send `TakeOver`
+    may_clear: bool = False  # this person may send `Clear`
+    refusal: Refusal | None = None  # reason why this person may not take control now; None: allowed
     booked: Booked | None = None  # the present booking
-    next_booked: Booked | None = None  # the next one within a day
+    next_booked: Booked | None = None  # the next booking within a day
     out_s: float | None = (
-        None  # until the robot is out of service and this person's control ends; None: not soon
+        None  # until the robot goes out of service and this person's control ends; None: not soon
     )
 
 
 class FleetCard(Struct, frozen=True):
-    """One robot on the fleet page. `state` None: not known, and `refusal` says why."""
+    """One robot on the fleet page. `state` None: not known, and `refusal` has the reason."""
 
     state: State | None
     refusal: Refusal | None = None
     seen_at: float | None = None  # as in `BridgeGone`
     may_clear: bool = False  # this person may clear its stop from here
-    pending: PendingStop | None = None  # as `stop` in `BridgeGone`, also while the state is known
+    pending: PendingStop | None = None  # as `stop` in `BridgeGone`; also sent while the state is known
     booked: Booked | None = None  # the present booking
-    next_booked: Booked | None = None  # the next one within a day
+    next_booked: Booked | None = None  # the next booking within a day
     free_in_s: float | None = None  # until its next free time; None: not within a day
 
 
 class BookingsChanged(Struct, frozen=True, tag_field="t", tag="bookings_changed"):
-    """A booking, a policy or an out-of-service period changed: read again what this person may see."""
+    """A booking, a policy or an out-of-service period changed: the page reads its data again."""
 
 
 class Fleet(Struct, frozen=True, tag_field="t", tag="fleet"):

@@ -11,24 +11,25 @@ from robots.wire.health import Health
 from robots.wire.limbs import Limb, LimbState
 from robots.wire.navigation import GoEnd, GoProgress, Location
 
-# The gate's words (bridge/gate/values.py), which knows no wire: mypy sees in bridge/view.py that none is missing here.
+# The same words as in bridge/gate/values.py (the gate does not import this module); mypy compares the two in
+# bridge/state_view.py.
 Side = Literal["ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right"]
 Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
 
 
 class SpeedLimit(Struct, frozen=True, omit_defaults=True):
-    """A speed limit for every request. It holds the robot back if code and way are the verdict's."""
+    """A speed limit for every request. It holds the robot back now if the verdict has its code and way."""
 
-    code: str  # of the rule, as in `Verdict`
+    code: str  # of the rule, a code of `Verdict`
     text: str  # "held to 0.3 m/s: no picture of the depth camera has come yet"
     mps: float
-    way: Way | None = None  # which it holds for; None: for all
+    way: Way | None = None  # direction of the limit; None: all directions
 
 
 class Verdict(Struct, frozen=True, omit_defaults=True):
-    """The gate's answer to the last command. See docs/protocol.md for the codes."""
+    """The gate's answer to the last command. docs/protocol.md lists the codes."""
 
-    code: str  # "free", "idle", or the rule that holds back
+    code: str  # "free", "idle", or the rule that holds the robot back
     text: str  # one line for the operator
     asked: tuple[float, float, float]  # vx, vy (m/s), w (rad/s)
     allowed: tuple[float, float, float]
@@ -38,7 +39,7 @@ class Verdict(Struct, frozen=True, omit_defaults=True):
     side: Side | None = None
     point: tuple[float, float] | None = None
     limits: list[SpeedLimit] = []
-    way: Way | None = None  # if a limit on speed holds back: the one that it holds for
+    way: Way | None = None  # direction of the speed limit that holds the robot back, if one does
 
 
 class Sensor(Struct, frozen=True):
@@ -63,23 +64,23 @@ class Odometry(Struct, frozen=True):
 
 
 class StopState(Struct, frozen=True):
-    """`state`: "clear", "stopping" (zeros sent), "stopped" (odometry confirms standstill).
+    """The stop latch. `state`: "clear", "stopping" (zeros are sent), "stopped" (odometry shows standstill).
 
-    `number` grows with every press and is never used twice, also not by a bridge that was started again.
+    `number` grows with every press. No number is used twice, also not after a restart of the bridge.
     """
 
     state: Literal["clear", "stopping", "stopped"]
     by: str | None = None
     reason: str = ""
     standstill_ms: float | None = (
-        None  # press -> standstill by odometry; None also of a robot that stood already
+        None  # from press to standstill by odometry; None also if the robot already stood
     )
     number: int = 0
-    was_standing: bool = False  # at the press, and until standstill was confirmed
+    was_standing: bool = False  # the robot stood at the press, and until standstill was confirmed
 
 
 class Motion(Struct, frozen=True):
-    """A recorded motion that this console started, from the moment it was asked for."""
+    """A recorded motion that this console started, from its request on."""
 
     name: str
     who: str
@@ -87,7 +88,7 @@ class Motion(Struct, frozen=True):
 
 
 class MotionEnd(Struct, frozen=True):
-    """The end of such a motion. `number` grows with each.
+    """The end of a motion that this console started. `number` grows with each end.
 
     `outcome`: succeeded, rejected or failed (by the robot); cancelled, stopped, intruder, not_watched, control_ended,
     link_lost, not_recorded, unheard.
@@ -103,9 +104,9 @@ SpeechStatus = Literal["sent", "accepted", "speaking"]
 
 
 class Speech(Struct, frozen=True):
-    """A text that the robot says for this console, from the moment it was sent.
+    """A text that the robot speaks for this console, from the moment it was sent.
 
-    `status` comes from the robot's action; a robot that takes plain messages reports none.
+    `status` comes from the robot's action; a robot that takes plain messages reports no progress: "sent".
     """
 
     number: int  # of its record
@@ -115,23 +116,25 @@ class Speech(Struct, frozen=True):
     who: str
     status: SpeechStatus
     since_s: float
-    word: tuple[int, int] | None = None  # the spoken word, if the robot reports it: first character, last + 1
+    word: tuple[int, int] | None = (
+        None  # the word being spoken, if reported: its first character, last + 1 (code points)
+    )
 
 
 class SpeechEnd(Struct, frozen=True):
-    """End of the task.
+    """The end of a speech.
 
-    `outcome`: done, failed or rejected (by the robot); sent (a plain message: end not known); cancelled, stopped,
-    unheard; a refusal's code if it was recorded but could not begin any more.
+    `outcome`: done, failed or rejected (by the robot); sent (a plain message: the end is not known); cancelled,
+    stopped, unheard; or the code of a refusal if the speech was recorded but could not begin.
     """
 
     number: int  # of its record, as in `Speech`
     outcome: str
-    text: str  # why, or the robot's own words
+    text: str  # the reason, or the robot's own words
 
 
 class DriveByProgress(Struct, frozen=True):
-    """A drive by a distance or an angle, from its start: what was asked for, and how far it is by odometry."""
+    """A drive by a distance or an angle, from its start: the request, and the progress by odometry."""
 
     number: int  # of its record
     who: str
@@ -143,25 +146,25 @@ class DriveByProgress(Struct, frozen=True):
 
 
 class DriveByEnd(Struct, frozen=True):
-    """End of the task.
+    """The end of a drive by a distance or an angle.
 
-    `outcome`: done; held_back (the gate let the robot no farther, or a sensor that it needs fell silent); stopped;
-    control_lost; replaced (by the stick or a published velocity); no_odometry; late (the bridge was); no_progress (the
-    robot does not obey); cancelled, input_moved, bridge_ended; or a refusal's code.
+    `outcome`: done; held_back (the gate allowed no more, or a sensor that it needs is silent); stopped; control_lost;
+    replaced (by the stick or a published velocity); no_odometry; late (the bridge was late); no_progress (the robot
+    does not obey); cancelled, input_moved, bridge_ended; or the code of a refusal.
     """
 
     number: int  # of its record, as in `DriveByProgress`
-    seq: int  # of the request, and its fence
+    seq: int  # of the request, as `fence`
     fence: int
     outcome: str
     text: str
     because: str | None  # the code of the verdict, refusal or halt that ended it
-    distance_m: float  # as in `DriveByProgress`, when it ended
+    distance_m: float  # as in `DriveByProgress`, at the end
     angle_rad: float
 
 
 class ChoiceEnd(Struct, frozen=True):
-    """End of a choice by itself: its topic is gone, and input goes to the default `to` again."""
+    """Automatic end of a choice: its topic is gone, and input goes to the default topic `to` again."""
 
     number: int  # of the choice's record
     topic: str
@@ -177,12 +180,13 @@ class Publishing(Struct, frozen=True):
     rate_hz: float
 
 
-# No master; a master, no odometry or drive topic yet; all is there; the master does not have this bridge, or another.
+# waiting: no master. connecting: a master, but no odometry or drive topic yet. online: all is there. refused: the
+# master does not have this bridge registered, or has another one.
 Phase = Literal["waiting", "connecting", "online", "refused"]
 
 
 class NeutralNeeded(Struct, frozen=True):
-    """Why the stick must return to the middle before the robot moves; `text` goes on where a sentence says so."""
+    """Why the stick must return to the middle before the robot moves; `text` continues a sentence that says so."""
 
     code: str  # see docs/protocol.md
     text: str
@@ -192,14 +196,14 @@ OverloadedPart = Literal["bridge", "console"]
 
 
 class Overload(Struct, frozen=True):
-    """The console's computer does not keep up: this part of it woke so late in the last seconds."""
+    """The console's computer is overloaded: in the last five seconds this `part` woke up to `late_s` too late."""
 
     part: OverloadedPart
     late_s: float
 
 
 class State(Struct, frozen=True):
-    """The robot as its bridge knows it."""
+    """The state of the robot, as its bridge knows it."""
 
     phase: Phase
     text: str  # one line in words
@@ -211,15 +215,17 @@ class State(Struct, frozen=True):
     charging: bool | None
     holder: str | None
     fence: int | None
-    seq: int | None  # of the newest drive message that came in order and in time
+    seq: int | None  # of the newest drive message that arrived in order and in time
     neutral_needed: NeutralNeeded | None
     foreign: list[str]  # other nodes that publish to the drive topic
-    watchers: list[str]  # as many as are named; see `watchers_more`
+    watchers: list[str]  # names of viewers; `watchers_more` counts the rest
     clock_skew_s: float | None
     refused: dict[str, int]  # refused messages so far, by code
-    latency_s: float = 0.0  # from a command to odometry that shows it, as the gate assumes
-    latency_measured: bool = False  # else it is the profile's
-    arm: list[tuple[float, float, float]] = []  # beyond the base: discs x, y, radius (base frame)
+    latency_s: float = 0.0  # from a command to its effect in odometry, as the gate assumes
+    latency_measured: bool = False  # False: it is the value of the profile
+    arm: list[
+        tuple[float, float, float]
+    ] = []  # parts of the arm beyond the base: discs x, y, radius (base frame)
     watchers_more: int = 0
     motion: Motion | None = None
     motion_ended: MotionEnd | None = None  # the last one
@@ -230,24 +236,26 @@ class State(Struct, frozen=True):
     location: Location | None = None  # None: not known
     going: GoProgress | None = None
     going_ended: GoEnd | None = None  # the last one
-    navigation_held: str = ""  # why the bridge holds the base though no goal is under way
-    limbs: dict[Limb, LimbState] = {}  # limbs of the robot
-    chosen: dict[Use, str] = {}  # the topic where input goes instead of the default
-    choice_ended: dict[Use, ChoiceEnd] = {}  # the last that ended by itself, until the next choice
+    navigation_held: str = ""  # reason why the bridge holds the base although no goal is under way
+    limbs: dict[Limb, LimbState] = {}  # by limb of the robot
+    chosen: dict[Use, str] = {}  # topics that receive input instead of the default topic
+    choice_ended: dict[Use, ChoiceEnd] = {}  # the last choice that ended automatically, until the next choice
     publishing: list[Publishing] = []
     overload: Overload | None = None
-    unseen_s: float | None = None  # since odometry last came; None: it never did
-    watchdog_missing: bool = False  # for 5 s or more: a stop depends on the bridge alone
-    health: Health | None = None  # None: no node of the robot reports
+    unseen_s: float | None = None  # since the last odometry; None: none ever came
+    watchdog_missing: bool = (
+        False  # the watchdog is missing for 5 s or more: only the bridge can stop the robot
+    )
+    health: Health | None = None  # None: no node of the robot reports its health
     battery_left_min: int | None = (
-        None  # at the pace of the last half hour; None: not known, or on the charger
+        None  # at the consumption of the last half hour; None: not known, or on the charger
     )
 
 
 class MotionOffer(Struct, frozen=True):
-    """A recorded motion of the robot, in its own words."""
+    """A recorded motion of the robot, in the robot's own words."""
 
-    name: str  # as it is played
+    name: str  # `motion` of `Play`
     title: str
     usage: str = ""  # its group
     description: str = ""
@@ -255,43 +263,41 @@ class MotionOffer(Struct, frozen=True):
 
 
 class UseOffer(Struct, frozen=True):
-    """Default target of one use of input, and the type that a topic (an action) must have."""
+    """Default topic (or action) for one use of input, and the type that another topic must have."""
 
     topic: str
     type: str
-    chooseable: dict[str, Role] = {}  # topics that may be chosen instead, and from which role on
-    refusal: Refusal | None = None  # why the topic cannot be used now: no node on the robot reads it
+    chooseable: dict[str, Role] = {}  # topics that may be chosen instead, each with the lowest role that may
+    refusal: Refusal | None = None  # reason why the topic cannot be used now: no node on the robot reads it
 
 
 class Offers(Struct, frozen=True, tag_field="t", tag="offers"):
-    """The robot's capabilities: on connecting and on change."""
+    """The robot's capabilities. Sent at the start of a connection and on change."""
 
     motions: list[MotionOffer] = []
-    motions_text: str = ""  # why there is none
-    languages: list[str] = []  # in which it speaks, BCP 47, its own first
+    motions_text: str = ""  # reason why there is no motion
+    languages: list[str] = []  # of its speech, BCP 47; the robot's default language first
     uses: dict[Use, UseOffer] = {}  # a robot that does not speak has no "speech"
-    publishable: dict[str, str] = {}  # topics, and of which type: the allow-list
-    publishable_from: dict[str, Role] = {}  # the same topics, and from which role on
+    publishable: dict[str, str] = {}  # topics of the allow-list, with their types
+    publishable_from: dict[str, Role] = {}  # the same topics, each with the lowest role that may publish
 
 
 class Scan(Struct, frozen=True):
-    """Seen points, current base frame, centimetres, flat [x0, y0, x1, y1, ...]."""
+    """Points that sensors saw: current base frame, centimetres, flat [x0, y0, x1, y1, ...]."""
 
     laser_cm: list[int]
     sonar_cm: list[int | None]  # by index of RobotFacts.sonars; None: nothing in range
     depth_cm: list[int] = []
-    remembered_cm: list[int] = []  # seen before, and not to be seen from here and now
-    # where round the base neither laser nor sonar looks: counter-clockwise from one bearing to the other, radians
-    unseen: list[tuple[float, float]] = []
-    # between which heights each of `depth_cm` was seen, while a page draws the robot in 3D: flat [low0, high0, ...]
-    heights_cm: list[int] = []
+    remembered_cm: list[int] = []  # seen earlier; no sensor sees them now
+    unseen: list[tuple[float, float]] = []  # sectors without laser, sonar: from, to (rad, counter-clockwise)
+    heights_cm: list[int] = []  # of the points of `depth_cm`, while a page draws 3D: [low0, high0, ...]
 
 
 class View(Struct, frozen=True, omit_defaults=True, tag_field="t", tag="view"):
-    """The state and surroundings of the robot, for its viewers. The next one comes after `Ack`."""
+    """The state and surroundings of the robot, for its viewers. The next view comes only after `Ack`."""
 
     state: State
-    scan: Scan | None  # None: nothing is drawn
+    scan: Scan | None  # None: nothing to draw
     joints: dict[
         str, float
-    ] = {}  # positions (rad, m) of joints of the description, while a page draws the robot
+    ] = {}  # positions (rad, m) of the description's joints, while a page draws the robot in 3D

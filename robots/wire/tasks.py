@@ -29,14 +29,14 @@ from robots.wire.navigation import Go, GoCancel, SetPose
 
 
 class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
-    """Turn the head to where the robot drives."""
+    """Turn the head to the way ahead."""
 
     fence: Fence
     seq: Seq = 0
 
 
 class TurnHead(Struct, frozen=True, tag_field="t", tag="turn_head"):
-    """Turn the head by these angles (radians; positive: left, up) from where it was sent last."""
+    """Turn the head by these angles (radians; positive: left, up) from its last target."""
 
     fence: Fence
     pan: Annotated[float, Meta(ge=-FARTHEST_HEAD_RAD, le=FARTHEST_HEAD_RAD)]
@@ -60,17 +60,17 @@ class Play(Struct, frozen=True, tag_field="t", tag="play"):
 
 
 class PlayCancel(Struct, frozen=True, tag_field="t", tag="play_cancel"):
-    """Cancel the motion that this console started. Without `fence`: by a supervisor or staff, without control."""
+    """Cancel the motion that this console started. Supervisors and staff without control leave `fence` out."""
 
     fence: Fence | None = None
     seq: Seq = 0
 
 
 class Say(Struct, frozen=True, tag_field="t", tag="say"):
-    """Say `text`, at most 500 characters; `topic` None: where speech goes now (`State.chosen`)."""
+    """Say `text`, at most 500 characters. `topic` None: the present topic of speech (`State.chosen`)."""
 
     fence: Fence
-    text: Annotated[str, Meta(max_length=LARGEST_MESSAGE_BYTES)]  # how long it may be is the bridge's rule
+    text: Annotated[str, Meta(max_length=LARGEST_MESSAGE_BYTES)]  # the bridge checks the limit of 500
     language: Language
     topic: TopicName | None = None
     seq: Seq = 0
@@ -84,10 +84,11 @@ class SayCancel(Struct, frozen=True, tag_field="t", tag="say_cancel"):
 
 
 class DriveBy(Struct, frozen=True, tag_field="t", tag="drive_by"):
-    """Drive a distance straight on, or turn by an angle on the spot, through the gate: one of the two.
+    """Either drive a distance straight on, or turn by an angle on the spot, through the gate.
 
-    The robot must stand. A speed belongs to its goal; None: 0.4 of the robot's limit, or your part of it if that is
-    smaller. `State.drive_by` shows it, `State.drive_by_ended` its end.
+    The robot must stand. `speed_mps` belongs to `distance_m`, `speed_radps` to `angle_rad`; None: 0.4 of the robot's
+    limit, or your part of the limit if that is smaller. `State.drive_by` shows the drive, `State.drive_by_ended` its
+    end.
     """
 
     fence: Fence
@@ -105,14 +106,14 @@ class DriveBy(Struct, frozen=True, tag_field="t", tag="drive_by"):
 
 
 class DriveByCancel(Struct, frozen=True, tag_field="t", tag="drive_by_cancel"):
-    """End the drive by a distance or an angle: the robot stands."""
+    """End the drive by a distance or an angle: the robot brakes and stands."""
 
     fence: Fence
     seq: Seq = 0
 
 
 class Choose(Struct, frozen=True, tag_field="t", tag="choose"):
-    """Send input of this `use` to `topic` from now on (an action's name for actions); None: to the default."""
+    """Send input of this `use` to `topic` (or to the action of this name) from now on; None: to the default."""
 
     fence: Fence
     use: Use
@@ -123,8 +124,9 @@ class Choose(Struct, frozen=True, tag_field="t", tag="choose"):
 class Publish(Struct, frozen=True, tag_field="t", tag="publish"):
     """Publish a message: once (`rate_hz` 0), or at a rate until `PublishStop`, a stop, or the end of control.
 
-    `fields`: nested, or with dotted keys ({"linear.x": 0.2}); what is left out is zero, empty, or now. A twist goes to
-    the robot's drive topic and nowhere else: through the gate, valid for 0.3 s, never at a rate; it needs `sent_ms`.
+    `fields`: nested, or with dotted keys ({"linear.x": 0.2}); missing fields are zero, empty, or the present time. A
+    twist goes only to the robot's drive topic, through the gate. It is valid for 0.3 s, cannot be repeated at a rate,
+    and needs `sent_ms`.
     """
 
     fence: Fence

@@ -26,7 +26,7 @@ class ListTopics(Struct, frozen=True, tag_field="t", tag="topics"):
 
 
 class Describe(Struct, frozen=True, tag_field="t", tag="describe"):
-    """The definition of a message type, as this topic's publisher has it, or as known here. Answer: `Described`."""
+    """The definition of a message type, as the publisher of `topic` or this console has it. Answer: `Described`."""
 
     type: TypeName
     topic: TopicName | None = None
@@ -34,7 +34,7 @@ class Describe(Struct, frozen=True, tag_field="t", tag="describe"):
 
 
 class DescribeService(Struct, frozen=True, tag_field="t", tag="describe_service"):
-    """The request of a service. Answer: `Described`."""
+    """The fields of a service's request. Answer: `Described`."""
 
     service: TopicName
     seq: Seq = 0
@@ -54,7 +54,7 @@ class GetParameter(Struct, frozen=True, tag_field="t", tag="parameter"):
 
 
 class SetParameter(Struct, frozen=True, tag_field="t", tag="set_parameter"):
-    """Staff, from the allow-list, recorded first. Answer: `Parameter`."""
+    """Set a parameter of the allow-list. For staff; recorded first. Answer: `Parameter`."""
 
     name: TopicName
     value: Any
@@ -65,7 +65,7 @@ class SetParameter(Struct, frozen=True, tag_field="t", tag="set_parameter"):
 
 
 class CallService(Struct, frozen=True, tag_field="t", tag="call"):
-    """Staff, from the allow-list, recorded first. Answer: `Called`."""
+    """Call a service of the allow-list. For staff; recorded first. Answer: `Called`."""
 
     service: TopicName
     fields: dict[str, Any] = {}
@@ -81,14 +81,14 @@ TopicQuery = (
 
 
 class Subscribe(Struct, frozen=True, tag_field="t", tag="subscribe"):
-    """Show the messages of a topic, newest wins, at most `rate_hz` of them; `Sample` follows, each after an `Ack`."""
+    """Show the newest messages of a topic, at most `rate_hz` a second, as `Sample`; the next follows an `Ack`."""
 
     topic: TopicName
     rate_hz: SampleRate = 5.0
 
 
 class Unsubscribe(Struct, frozen=True, tag_field="t", tag="unsubscribe"):
-    """Show that topic no more."""
+    """Stop showing that topic."""
 
     topic: TopicName
 
@@ -106,7 +106,7 @@ class TopicRow(Struct, frozen=True):
 
 
 class ActionRow(Struct, frozen=True):
-    """One action: goal, cancel, status, feedback, result; `type` such as pal_interaction_msgs/TtsAction."""
+    """One action (topics goal, cancel, status, feedback, result); `type` such as pal_interaction_msgs/TtsAction."""
 
     name: str
     type: str
@@ -120,7 +120,7 @@ class ServiceRow(Struct, frozen=True):
 
 
 class Graph(Struct, frozen=True, tag_field="t", tag="graph"):
-    """The robot's topics, actions and services, by name."""
+    """The robot's topics, actions and services, sorted by name."""
 
     topics: list[TopicRow]
     actions: list[ActionRow]
@@ -129,17 +129,17 @@ class Graph(Struct, frozen=True, tag_field="t", tag="graph"):
 
 
 class Field(Struct, frozen=True, omit_defaults=True):
-    """One field of a definition. `array`: None no array, -1 of any length, else its fixed length."""
+    """One field of a definition. `array`: None: no array; -1: any length; else the fixed length."""
 
     name: str
     type: str  # as in the definition, without the array: float64, geometry_msgs/Vector3, time
     array: int | None = None
-    constants: dict[str, float | int | str | bool] = {}  # of its message, that fit this field by their type
+    constants: dict[str, float | int | str | bool] = {}  # of its message, whose type fits this field
     fields: list[Field] = []  # of a nested message
 
 
 class Described(Struct, frozen=True, tag_field="t", tag="described"):
-    """A definition as a tree of fields. `known`: from a package here; else built from the publisher's own words."""
+    """A definition as a tree of fields. `known`: from a package on this computer; else the publisher sent it."""
 
     type: str
     md5: str
@@ -165,7 +165,7 @@ class Parameter(Struct, frozen=True, tag_field="t", tag="parameter_value"):
 
 
 class Called(Struct, frozen=True, tag_field="t", tag="called"):
-    """Answer of a service."""
+    """The answer of a service."""
 
     service: str
     fields: dict[str, Any]
@@ -177,17 +177,17 @@ TopicAnswer = Graph | Described | Parameters | Parameter | Called | Refused
 
 
 class Sample(Struct, frozen=True, tag_field="t", tag="sample"):
-    """A message of a topic, big arrays shortened, and how the topic was over the last seconds."""
+    """A message of a topic with big arrays shortened, and the topic's rate in the last seconds."""
 
     topic: str
     type: str
-    number: int  # of this message, counting all received ones
+    number: int  # of this message among all received messages of the topic
     rate_hz: float | None
     bytes: int
-    age_s: float | None  # now, since its header's stamp, by the console's clock; None: no stamp
+    age_s: float | None  # since the stamp in its header, by the console's clock; None: no stamp
     publishers: int
     fields: dict[str, Any]
-    shortened: dict[str, int] = {}  # whole lengths of arrays that are shown in part, by path
-    refusal: Refusal | None = None  # why it cannot be shown
-    publisher_names: list[str] = []  # nodes, as many as are named
-    since_s: float | None = None  # this message came so long ago; None: none came
+    shortened: dict[str, int] = {}  # full lengths of shortened arrays, by path
+    refusal: Refusal | None = None  # reason why it cannot be shown
+    publisher_names: list[str] = []  # names of publishing nodes; may be fewer than `publishers`
+    since_s: float | None = None  # since this message arrived; None: no message came

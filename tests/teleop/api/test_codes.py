@@ -49,7 +49,7 @@ OF_THE_LIBRARY = {"method_not_allowed", "not_acceptable", "unsupported_media_typ
 
 def documented() -> set[str]:
     """Return the codes of the table in the docs."""
-    table = DOCS.read_text().partition("The door has these:")[2]
+    table = DOCS.read_text().partition("The API has these codes:")[2]
     rows = [line.split("|") for line in table.splitlines() if re.match(r"\| \d", line)]
     return {code for row in rows for code in re.findall(r"`([a-z0-9_]+)`", row[2])}
 
