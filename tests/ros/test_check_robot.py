@@ -201,7 +201,7 @@ def test_a_sonar_that_reports_something_close_is_named(robot: Robot, ros: RosCli
         publisher.unregister()
     assert answers["sonars /sonar_base"]["level"] == "warn"
     assert answers["sonars /sonar_base"]["text"] == "/sonar_base: base_sonar_02_link reports 0.05 m."
-    assert "clean it" in answers["sonars /sonar_base"]["advice"]
+    assert "clean the sensor" in answers["sonars /sonar_base"]["advice"]
 
 
 def test_another_publisher_on_the_drive_topic_is_named(robot: Robot, ros: RosClient) -> None:

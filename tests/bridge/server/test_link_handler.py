@@ -179,7 +179,9 @@ async def test_every_order_gets_one_answer_with_its_number(door):
 
 async def test_a_failing_task_is_refused_and_the_link_stays(door, bench, caplog):
     link = await driven(door, bench)
-    with patch.object(Tasks, "_end", side_effect=OverflowError("cannot convert float infinity to integer")):
+    with patch.object(
+        Tasks, "_cancel_task", side_effect=OverflowError("cannot convert float infinity to integer")
+    ):
         await door.received(link, wire.encode(wire.SayCancel(GRANT.fence, 7)))
     refused = link.reports[-1]
     assert (refused.of, refused.seq, refused.refusal.code) == ("say_cancel", 7, "bridge_fault")

@@ -108,7 +108,8 @@ def test_rubbish_from_the_master_halts_until_it_recovers(bridges, rosmaster):
         ):
             master.spoiled[method] = answer
             waiting = hand.state_until(
-                lambda state: state.phase == "waiting" or "alias" in state.text, method
+                lambda state: state.phase == "waiting" or "alias" in state.text or "ROS_IP" in state.text,
+                method,
             )
             assert waiting.text
             master.spoiled.clear()
