@@ -25,7 +25,7 @@ def required_role(
 def check_role(rights: Rights, needed: Role | None, name: str) -> Refusal | None:
     """Refuse the use of `name` unless these rights include the role `needed`."""
     if needed is None:
-        text = f"The allow-list does not allow this for {name}. Ask the staff."
+        text = f"{name} is not on the allow-list for this. Ask the staff."
         return Refusal("not_allowed", text, "robot", {"name": name})
     if rights.role is None or rights.role < needed:
         text = f"{name} needs the role {needed.value}. Ask the staff."
