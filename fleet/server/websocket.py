@@ -19,7 +19,7 @@ DIRECT_SENDER = "fleet.direct_sender"
 
 
 class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  # Daphne has no types
-    """One WebSocket. The server's options limit the size of frames and messages."""
+    """One WebSocket. The server's options limit the size of frames and messages that a client sends."""
 
     _place: str | None = None
     _direct_receiver: Callable[[str], bool] | None = None
@@ -40,6 +40,14 @@ class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  #
             return False
         self.sendMessage(message, True)
         return True
+
+    def sendMessage(self, *message: Any, **options: Any) -> None:
+        """Send a message of any size. Autobahn would apply the limit for messages of clients."""
+        limit, self.maxMessagePayloadSize = self.maxMessagePayloadSize, 0
+        try:
+            super().sendMessage(*message, **options)
+        finally:
+            self.maxMessagePayloadSize = limit
 
     def onConnect(self, request: Any) -> Any:
         """Take a place among the connections after the handshake, or drop the connection."""

@@ -6,6 +6,7 @@ import re
 import socket
 import sqlite3
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import daphne.server
@@ -76,10 +77,17 @@ def web(tmp_path_factory):
     directory = tmp_path_factory.mktemp("web")
     environ = console_environment(directory, "127.0.0.1")
     create_database(environ)
+    with served(directory, environ, daphne()) as running:
+        yield running
+
+
+@contextmanager
+def served(directory, environ, command):
+    """Run this web process on a free port, for the length of a `with` block."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         child = Child(
             "web",
-            [*daphne(), "--fd", str(free.fileno())],
+            [*command, "--fd", str(free.fileno())],
             env=environ,
             log=directory / "web.log",
             fds=[free.fileno()],

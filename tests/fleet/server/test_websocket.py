@@ -5,7 +5,10 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from fleet.server import limits
+from script.stack.stack import daphne
 from teleop.live.consumers.message_socket import CloseCode
+from tests.fleet.server.conftest import served
+from tests.fleet.support import console_environment
 
 
 def test_a_stranger_must_sign_in(web):
@@ -36,3 +39,17 @@ def test_handshakes_keep_no_place_of_a_request(web):
         with connect(f"ws://127.0.0.1:{web.port}/ws/fleet/", origin=origin, compression=None):
             pass
     assert b" 200 OK" in web.say(b"GET /healthz HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n")
+
+
+def test_only_messages_of_clients_have_a_largest_size(tmp_path):
+    """A robot with 500 topics has a list of 78 kB, and pictures of cameras may be larger."""
+    application = [*daphne()[:-1], "tests.fleet.server.sized:application"]
+    length = 10 * limits.MESSAGE_BYTES
+    with served(tmp_path, console_environment(tmp_path, "127.0.0.1"), application) as web:
+        address = f"ws://127.0.0.1:{web.port}/"
+        with connect(address, max_size=2 * length) as client:
+            client.send(str(length))
+            assert {len(client.recv()), len(client.recv())} == {length}
+            client.send("9" * (limits.MESSAGE_BYTES + 1))
+            with pytest.raises(ConnectionClosed):
+                client.recv()

@@ -1,0 +1,16 @@
+"""An application for the web process: it answers a number by a text and by bytes of this length."""
+
+from fleet.server.websocket import DIRECT_SENDER
+
+
+async def application(scope, receive, send):
+    if scope["type"] != "websocket":
+        await send({"type": "http.response.start", "status": 200, "headers": [(b"Content-Length", b"0")]})
+        await send({"type": "http.response.body"})
+        return
+    await receive()
+    await send({"type": "websocket.accept"})
+    while (event := await receive())["type"] == "websocket.receive":
+        length = int(event["text"])
+        await send({"type": "websocket.send", "text": "x" * length})
+        scope["extensions"][DIRECT_SENDER](bytes(length))
