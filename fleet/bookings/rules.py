@@ -20,9 +20,8 @@ from robots.registry.models import Role
 from robots.wire import Refusal
 
 FAR = datetime.max.replace(tzinfo=timezone.utc)  # stands for "no end"
-LONGEST = timedelta(
-    days=7
-)  # the longest slot under every policy: queries for slots that still run go back only so far
+# No policy allows a longer slot. So queries for slots that still run look back only this far.
+LONGEST = timedelta(days=7)
 MOST_DAYS = 3650  # a booking farther ahead than this is a typing error
 
 
@@ -210,7 +209,9 @@ def ends_some_day(wish: Wish) -> Refusal | None:
 
 def is_free(wish: Wish) -> Refusal | None:
     """Check that no other booking of the robot overlaps."""
-    if not wish.taken or wish.slot.ends_at <= wish.now:  # nobody can wait for a slot in the past
+    if (
+        not wish.taken or wish.slot.ends_at <= wish.now
+    ):  # nobody can wait for a past slot, as the text proposes
         return None
     first = wish.taken[0]
     until = max(one.slot.ends_at for one in wish.taken)
@@ -485,7 +486,7 @@ BINDING: tuple[Rule, ...] = (in_order, not_in_past, ends_some_day, is_free)
 def refusals(wish: Wish, *, override: bool = False) -> list[Refusal]:
     """Return all refusals of a wish.
 
-    An impossible slot (backwards, too long, too far ahead) gets only one.
+    An impossible slot (backwards, too long, too far ahead) gets only this one refusal.
     """
     for beyond in (in_order, ends_some_day):
         if (first := beyond(wish)) is not None:

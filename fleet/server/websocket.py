@@ -21,6 +21,7 @@ DIRECT_SENDER = "fleet.direct_sender"
 class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  # Daphne has no types
     """One WebSocket. The server's options limit the size of frames and messages that a client sends."""
 
+    maxMessagePayloadSize: int  # Autobahn's
     _place: str | None = None
     _direct_receiver: Callable[[str], bool] | None = None
 

@@ -37,7 +37,7 @@ from robots.bridge.lease.stop_latch import StopLatch
 from robots.bridge.navigation.goal_map import GoalMap
 from robots.bridge.overload import LoopLateness
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
-from robots.bridge.tasks.holder_tasks import TaskPerformer, Tasks, holder_of
+from robots.bridge.tasks.holder_tasks import HolderTasks, TaskPerformer, holder_of
 from robots.bridge.tasks.publishing import Publisher
 from robots.processes.durations import Durations
 from robots.wire import Drive, Ended, Grant, Refusal, StopState
@@ -152,7 +152,7 @@ class Core:
         self._reported = Reported()
         self._run = 0  # number of the robot's run
         self._sonar_reach_m = {sonar.frame_id: sonar.max_range_m for sonar in config.topics.sonars}
-        self.tasks = Tasks(config, base, gate, records, self, publisher, announce, saved.goal)
+        self.tasks = HolderTasks(config, base, gate, records, self, publisher, announce, saved.goal)
 
     @property
     def stop_state(self) -> StopState:

@@ -13,7 +13,7 @@ from robots import wire
 from robots.bridge.config import CLOCK_SKEW_S, SonarSource
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.values import Kind, Obstacles, Pose, SpeedLimit, Velocity, Verdict
-from robots.bridge.tasks.holder_tasks import Tasks
+from robots.bridge.tasks.holder_tasks import HolderTasks
 from robots.wire import Grant, StopState
 
 VIEW_RADIUS_M = 8.0
@@ -43,7 +43,7 @@ class StateInputs(NamedTuple):
 
 
 def state(
-    inputs: StateInputs, gate: Gate, tasks: Tasks, now_s: float, watchers: list[str], watchers_more: int
+    inputs: StateInputs, gate: Gate, tasks: HolderTasks, now_s: float, watchers: list[str], watchers_more: int
 ) -> wire.State:
     """Return the robot's present state."""
     grant, skew_s = inputs.grant, inputs.skew_s

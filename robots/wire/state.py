@@ -21,7 +21,7 @@ class SpeedLimit(Struct, frozen=True, omit_defaults=True):
     """A speed limit for every request. It holds the robot back now if the verdict has its code and way."""
 
     code: str  # of the rule, a code of `Verdict`
-    text: str  # "held to 0.3 m/s: no picture of the depth camera has come yet"
+    text: str  # "at most 0.3 m/s: no picture of the depth camera has come yet"
     mps: float
     way: Way | None = None  # direction of the limit; None: all directions
 

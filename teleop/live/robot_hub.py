@@ -2,8 +2,8 @@
 
 The hub reads the database for all connections together: every 0.5 s for the holder of control and for
 connections with `checked_often`, every 2 s for all. Control is renewed at the bridge only while these reads
-confirm it, so an old read never makes control longer. A read also stores the ends of leases and the offers
-that are due.
+confirm the rights of the holder. So an old read never makes control longer. A read also stores the ends of
+leases and the offers that are due.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Member(Protocol):
 
 
 class RobotHub:
-    """One robot in this web process (see the module). `join` creates the hub; the hub ends with its last member."""
+    """The hub of one robot in this web process. `join` creates the hub; it ends with its last member."""
 
     def __init__(self, robot_id: UUID, entry: RobotEntry) -> None:
         self.robot_id = robot_id
@@ -155,7 +155,7 @@ class RobotHub:
         self.link.set_subscriptions(self, topics)
 
     async def wait_for_link(self) -> None:
-        """Wait until a new link is up; if the first attempt fails, wait only `LINK_WAIT_S` more."""
+        """Wait for a new link: at most `LINK_TRY_S` for its first try, then `LINK_WAIT_S` until it is up."""
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self.link.tried.wait(), LINK_TRY_S)
             await asyncio.wait_for(self.link_is_up.wait(), LINK_WAIT_S)
@@ -225,8 +225,8 @@ class RobotHub:
                 if until <= status.read_at:  # another person's slot has begun: end control with this reason
                     lease_expire(robot_id=self.robot_id, now=timezone.now())
             return self._read_again(people, sessions), confirmed_s
-        # The time of the lease is over, even if its end cannot be stored. If its page has just come back, or
-        # another process is faster, `lease_expire` refuses.
+        # The lease has lapsed, also if its end cannot be stored. `lease_expire` refuses if the page of the
+        # holder has just come back, or if another process has stored the end already.
         with suppress(ControlRefused, DatabaseError):
             self._store_seen()
             lease_expire(robot_id=self.robot_id, now=status.read_at)
@@ -245,9 +245,9 @@ class RobotHub:
         return control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
 
     def _store_seen(self) -> None:
-        """Store when the holder's page last sent a message: with a cut network the connection still looks open.
+        """Store when the holder's page last sent a message, and which pages of waiting people are open.
 
-        Also store which pages of waiters are open.
+        An open connection is no proof that the page is there: it looks open also while the network is cut.
         """
         for member in list(self.members.values()):
             if session := member.held_session:

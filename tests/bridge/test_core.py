@@ -696,8 +696,8 @@ def test_gate_counts_page_delay_and_page_shows_robot_latency(bench):
 def test_speed_limits_are_reported_only_with_a_driver(bench):
     bench.granted().driving()
     limits = (
-        SpeedLimit("arm_away", "held to 0.2 m/s", 0.2),
-        SpeedLimit("sonar_stale", "held to 0.1 m/s", 0.1, "reverse"),
+        SpeedLimit("arm_away", "at most 0.2 m/s", 0.2),
+        SpeedLimit("sonar_stale", "at most 0.1 m/s", 0.1, "reverse"),
     )
     bench.gate.says = lambda asked: Verdict(STILL, asked, "sonar_stale", limits[1].text, way="reverse")
     bench.gate.limits = lambda now_s: limits
@@ -705,8 +705,8 @@ def test_speed_limits_are_reported_only_with_a_driver(bench):
     blocked = bench.core.state(bench.now_s, []).verdict
     assert (blocked.code, blocked.way) == ("sonar_stale", "reverse")
     assert msgspec.json.encode(blocked.limits) == (
-        b'[{"code":"arm_away","text":"held to 0.2 m/s","mps":0.2},'
-        b'{"code":"sonar_stale","text":"held to 0.1 m/s","mps":0.1,"way":"reverse"}]'
+        b'[{"code":"arm_away","text":"at most 0.2 m/s","mps":0.2},'
+        b'{"code":"sonar_stale","text":"at most 0.1 m/s","mps":0.1,"way":"reverse"}]'
     )
     bench.core.revoke(1, "enough", bench.now_s)
     assert bench.core.state(bench.now_s, []).verdict.limits == []

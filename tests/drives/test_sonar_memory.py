@@ -192,7 +192,7 @@ def test_sonars_whose_stamps_differ_do_not_make_the_way_longer():
     assert len(gate.obstacles(now_s).points), "out of every cone, 1.8 m behind"
 
 
-def test_an_odometry_that_trembles_goes_no_way():
+def test_an_odometry_that_trembles_adds_no_distance():
     """The poses have 2 mm of noise, at 10 Hz, for ten minutes."""
     gate, random = Gate(tiago_profile()), np.random.default_rng(0)
     for step in range(6000):

@@ -47,7 +47,7 @@ def test_a_depth_robot_keeps_its_blind_speed_and_says_why():
     assert verdict.velocity == Velocity(pytest.approx(0.3), 0.0, pytest.approx(0.2)), "the arc is kept"
     assert verdict.code == "depth_missing"
     assert (
-        verdict.text == "held to 0.3 m/s: the depth camera is not in use yet: the robot cannot see table tops"
+        verdict.text == "at most 0.3 m/s: the depth camera is not in use yet: the robot cannot see table tops"
     )
     assert verdict.limits == (SpeedLimit("depth_missing", verdict.text, 0.3),)
     assert verdict.way is None, "whichever it goes"
@@ -64,7 +64,7 @@ def test_an_unwatched_direction_is_limited_to_blind_speed():
     verdict = feeder.decide(-0.8)
     assert verdict.velocity.vx == pytest.approx(-0.15)
     assert verdict.code == "blind_direction"
-    assert verdict.text == "held to 0.1 m/s in reverse: no sensor looks there"
+    assert verdict.text == "at most 0.1 m/s in reverse: no sensor looks there"
     assert verdict.limits == (SpeedLimit("blind_direction", verdict.text, 0.15, "reverse"),)
     assert verdict.way == "reverse"
     assert feeder.decide(0.8).code == "free"
@@ -95,7 +95,7 @@ def test_sonars_leave_gaps_between_and_above_them():
     feeder = Feeder(tiago_profile(parameters=Parameters()))
     feeder.all()
     verdict = feeder.decide(-0.2, w=0.3)
-    text = "held to 0.1 m/s in reverse: no sensor looks between and above the sonars"
+    text = "at most 0.1 m/s in reverse: no sensor looks between and above the sonars"
     assert (verdict.code, verdict.text, verdict.way) == ("blind_direction", text, "reverse")
     assert verdict.velocity == pytest.approx(Velocity(-0.1, 0.0, 0.15))
     assert verdict.limits == (SpeedLimit("blind_direction", text, 0.1, "reverse"),)
@@ -156,7 +156,7 @@ def test_corners_swing_at_blind_speed_where_nothing_looks():
     assert abs(verdict.velocity.w) * swing == pytest.approx(0.3)
     assert (verdict.code, verdict.text) == (
         "blind_direction",
-        "turning held to 0.6 rad/s: no sensor sees where the robot’s corners move",
+        "turning at most 0.6 rad/s: no sensor sees where the robot’s corners move",
     )
     assert verdict.way == "turn", "no limit on the way ahead or back"
 

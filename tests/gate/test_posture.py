@@ -63,7 +63,7 @@ def test_an_arm_anywhere_limits_the_robot_to_0_2_mps(arm, posture):
     verdict = arm.decide(0.8)
     assert (verdict.code, verdict.velocity.vx) == ("arm_away", pytest.approx(0.2))
     why = "the arm’s position is not known" if posture is None else "the arm is away from home"
-    assert verdict.text == f"held to 0.2 m/s: {why}"
+    assert verdict.text == f"at most 0.2 m/s: {why}"
     assert SpeedLimit("arm_away", verdict.text, 0.2) in verdict.limits
 
 
@@ -135,6 +135,6 @@ def test_a_limb_that_may_move_holds_the_robot_to_a_crawl():
     feeder.gate.observe_lost_limb("torso")
     verdict = feeder.decide(0.8)
     assert (verdict.code, verdict.velocity.vx) == ("arm_away", pytest.approx(0.2))
-    assert verdict.text == ("held to 0.2 m/s: the torso may still move, because its joint states ended")
+    assert verdict.text == ("at most 0.2 m/s: the torso may still move, because its joint states ended")
     feeder.gate.observe_lost_limb(None)
     assert feeder.decide(0.8).code == "free"

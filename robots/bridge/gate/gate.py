@@ -14,13 +14,14 @@ A verdict's codes, in the order of the rules (the verdict names the last rule th
     scan_stale        a laser's newest scan is older than 0.5 s: stop, then neutral
     scan_unpaired     a scan's stamp does not match the odometry's: stop, then neutral
     robot_limit       the asked twist exceeds the robot's limits
-    depth_missing     held to the blind speed: no depth picture yet, or the camera is not used
-    depth_stale       held to the blind speed: the newest depth picture is older than 0.5 s
-    head_away         held to the blind speed: the depth camera looks elsewhere; or to the speed from which the robot
-                      stops within the visible part of a bent way
-    blind_direction   held to the blind speed: no sensor watches the direction of travel; or to 0.1 m/s: only sonars do
-    sonar_stale       held to 0.1 m/s: the sonars in the direction of travel are silent
-    arm_away          held to 0.2 m/s: the arm is not at home, and its posture is unknown; or a limb may still
+    depth_missing     limited to the blind speed: no depth picture yet, or the camera is not used
+    depth_stale       limited to the blind speed: the newest depth picture is older than 0.5 s
+    head_away         limited to the blind speed: the depth camera looks elsewhere; or to the speed from which the robot
+                      stops within the visible part of a way that bends
+    blind_direction   limited to the blind speed: no sensor watches the direction of travel; or to 0.1 m/s:
+                      only sonars do
+    sonar_stale       at most 0.1 m/s: the sonars in the direction of travel are silent
+    arm_away          at most 0.2 m/s: the arm is not at home, and its posture is unknown; or a limb may still
                       move, and its joint states have ended
     robot_late        limited: the robot answers later than its profile assumes
     operator_late     limited: the delay between robot and operator is too long for this speed
@@ -88,7 +89,8 @@ STANDSTILL_RADPS = 0.02
 REMEMBERED: tuple[Kind, ...] = ("memory", "depth memory")
 BEYOND_REASON = 1e6  # limit for the odometry's numbers (m, rad, m/s, rad/s): larger ones would overflow
 PERIOD_S = 0.05  # longest time between two decisions
-# The safe speed is expected to rise by at most this factor and this step. A wrong guess costs time only.
+# From one decision to the next, the safe speed is expected to rise by at most this factor and this step. A
+# wrong expectation costs time only.
 RISES, RISES_MPS = 1.25, 0.05
 
 
@@ -111,7 +113,7 @@ class Gate:
         self.latency = Latency(limits, profile.parameters.latency_s)
         self._profile_now = profile
         self._restrained_mps = math.inf  # speed to which obstacles limited the last decision
-        self._guesses: tuple[int, ...] = ()  # rows of points that forbade turns in the last decision
+        self._guesses: tuple[int, ...] = ()  # rows of points that blocked turns in the last decision
         self._decided_s = -math.inf  # time of the last decision, and so of the last sent twist
         self._lasers = {
             name: Laser(name, _word("laser", name, len(profile.scan_poses)), Pose(*pose), self.footprint)
@@ -352,7 +354,7 @@ class Gate:
         return any(laser.covers(direction) for laser in self._lasers.values())
 
     def obstacles_as_seen(self, now_s: float) -> Obstacles:
-        """Return all points at their measured places: without unseen near sides and odometry drift."""
+        """Return all points at their measured places: without unseen near sides and odometry error."""
         return self._cache.as_seen(now_s)
 
     def unseen_near_sides(self) -> Points:
@@ -440,7 +442,7 @@ class Gate:
     def _plays_clear(
         self, candidate: Velocity, queue: list[Sent], corridors: Corridors, profile: GateProfile
     ) -> bool:
-        """Return whether a roll-out surely changes nothing: all obstacles stand and are far away."""
+        """Return whether a roll-out surely changes nothing: all obstacles stand, and are far enough away."""
         if self._moves():
             return False
         return plays_clear(candidate, queue, self._velocity, corridors, self.footprint, profile, PERIOD_S)

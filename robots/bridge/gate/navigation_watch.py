@@ -10,7 +10,7 @@ robot's messages come late.
 Obstacles count at their measured places. For a person's command the gate assumes the worst case: it adds near
 sides that the camera could not measure, and the position error of remembered obstacles. A person can look,
 turn, and press Forget. Navigation, which turns beside tables, would lose its goal because of obstacles that
-nobody has seen.
+no sensor has seen.
 
 Where no sensor looks, navigation may drive faster than the gate allows a person, but only for a moment: while
 a head turns or a recovery backs up. The gate remembers the camera's earlier pictures, as far as they showed

@@ -160,7 +160,7 @@ class SensorLimits:
         swing = abs(left.velocity.w) * footprint.reach(0.0)
         if swing > self._profile.blind_mps and self._swings_unwatched(footprint):
             slowed = left.velocity.scaled(self._profile.blind_mps / swing)
-            text = f"turning held to {words.figure(abs(slowed.w))} rad/s: no sensor sees where the robot’s corners move"
+            text = f"turning at most {words.figure(abs(slowed.w))} rad/s: no sensor sees where the robot’s corners move"
             left = LimitedTwist(slowed, "blind_direction", text, "turn")
         for laser in self._lasers:
             age_s = laser.freshness.age_s(now_s) or 0.0
@@ -204,7 +204,7 @@ class SensorLimits:
             why = f"the {self.lost_limb} may still move, because its joint states ended"
             return [
                 SpeedLimit(
-                    "arm_away", f"held to {words.figure(arm_discs.AWAY_MPS)} m/s: {why}", arm_discs.AWAY_MPS
+                    "arm_away", f"at most {words.figure(arm_discs.AWAY_MPS)} m/s: {why}", arm_discs.AWAY_MPS
                 )
             ]
         is_recent = now_s - self._posture_s <= arm_discs.KNOWN_S
@@ -212,7 +212,7 @@ class SensorLimits:
         if known or not self._profile.has_arm:
             return []
         why = "the arm is away from home" if is_recent else "the arm’s position is not known"
-        text = f"held to {words.figure(arm_discs.AWAY_MPS)} m/s: {why}"
+        text = f"at most {words.figure(arm_discs.AWAY_MPS)} m/s: {why}"
         return [SpeedLimit("arm_away", text, arm_discs.AWAY_MPS)]
 
     def _delay_limits(self, latency_s: float) -> list[SpeedLimit]:
@@ -229,7 +229,7 @@ class SensorLimits:
             if delay_s > assumed_s:
                 mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)
                 limits.append(
-                    SpeedLimit(code, f"held to {words.figure(mps)} m/s: {who} after {delay_s:.2f} s", mps)
+                    SpeedLimit(code, f"at most {words.figure(mps)} m/s: {who} after {delay_s:.2f} s", mps)
                 )
         return limits
 
@@ -265,12 +265,12 @@ class SensorLimits:
         mps = max(
             braking.speed_within(sight_m, self._profile.parameters.latency_s, linear), self._profile.blind_mps
         )
-        text = f"held to {words.figure(mps)} m/s: the way bends out of the depth camera’s view"
+        text = f"at most {words.figure(mps)} m/s: the way bends out of the depth camera’s view"
         return [SpeedLimit("head_away", text, mps, "bend")]
 
     def _blind(self, code: str, why: str) -> SpeedLimit:
         mps = self._profile.blind_mps
-        return SpeedLimit(code, f"held to {words.figure(mps)} m/s: {why}", mps)
+        return SpeedLimit(code, f"at most {words.figure(mps)} m/s: {why}", mps)
 
     def _swings_unwatched(self, footprint: Footprint) -> bool:
         """Return whether a turn moves corners to a place without laser and sonar. A disc has no corners."""
@@ -302,18 +302,18 @@ class SensorLimits:
         way, in_words = words.way(direction)
         if not sonars:
             mps = self._profile.blind_mps
-            text = f"held to {words.figure(mps)} m/s {in_words}: no sensor looks there"
+            text = f"at most {words.figure(mps)} m/s {in_words}: no sensor looks there"
             return [SpeedLimit("blind_direction", text, mps, way)]
         mps = min(self._profile.parameters.between_sonars_mps, self._profile.blind_mps)
         silent = [sonar for sonar in sonars if not sonar.freshness.within(SONAR_STALE_S, now_s)]
         if not silent and mps >= self._fastest(way):
             return []
         if not silent:
-            text = f"held to {words.figure(mps)} m/s {in_words}: no sensor looks between and above the sonars"
+            text = f"at most {words.figure(mps)} m/s {in_words}: no sensor looks between and above the sonars"
             return [SpeedLimit("blind_direction", text, mps, way)]
         mps = min(SONAR_STALE_MPS, mps)
         names = ", ".join(sonar.name for sonar in silent)
-        text = f"held to {words.figure(mps)} m/s {in_words}: sonar silent ({names})"
+        text = f"at most {words.figure(mps)} m/s {in_words}: sonar silent ({names})"
         return [SpeedLimit("sonar_stale", text, mps, way)]
 
 

@@ -129,7 +129,7 @@ Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
 
 
 class SpeedLimit(NamedTuple):
-    """A limit on speed: a verdict's code, words, m/s. `way`: its direction; None: every direction."""
+    """A limit on speed: a verdict's code, words, m/s. `way`: the only way that it limits; None: all."""
 
     code: str
     text: str

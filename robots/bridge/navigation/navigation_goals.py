@@ -109,7 +109,7 @@ class NavigationGoals(Goals[Target]):
     def __init__(
         self, config: BridgeConfig, navigator: Navigator, gate: Gate, records: Records, earlier_goal: str = ""
     ) -> None:
-        """`earlier_goal`: the last `may_drive_to` of an earlier bridge."""
+        """`earlier_goal`: the goal that the bridge before a restart may have left (its last `may_drive_to`)."""
         super().__init__(records, lambda goal_id, _topic: navigator.cancel_navigation(goal_id))
         self._source = config.topics.navigation
         self._has_arm = config.gate.has_arm
@@ -184,10 +184,13 @@ class NavigationGoals(Goals[Target]):
         return Refusal("going", text, "robot", {"who": who})
 
     def may_come(self, refusal: Refusal, now_s: float) -> bool:
-        """Return whether the refusal's cause may end by itself: control has just begun, or a drive just ended."""
+        """Return whether the cause of this refusal may end by itself within seconds.
+
+        This is possible after control has begun, after a drive has ended, and while the head turns.
+        """
         if refusal.code == "base_moving":
             return now_s - self._ended_s < STANDS_S
-        if refusal is HEAD_AWAY:  # the head turns while the goal is `due`
+        if refusal is HEAD_AWAY:  # the head turns before the goal is sent
             return self._current is None or now_s - self._current.since_s < LOOKS_S
         return refusal.code in _MAY_COME and now_s - self._fence_s < BEGIN_TIMEOUT_S
 
@@ -204,7 +207,7 @@ class NavigationGoals(Goals[Target]):
 
     @property
     def due(self) -> Go | None:
-        """The goal whose recording has finished (also with an error) and that is not sent."""
+        """The goal that is recorded (or whose record failed) but not sent yet."""
         goal = self._current
         return goal.what.order if goal is not None and goal.id is None and goal.number.done() else None
 
@@ -237,7 +240,7 @@ class NavigationGoals(Goals[Target]):
 
     @property
     def may_drive_to(self) -> str:
-        """The goal to which navigation drives, or may still drive although it has ended; empty: none."""
+        """The goal to which navigation drives, or may still drive after its end; empty: none."""
         goal = self._current
         return (goal.id if goal is not None else None) or self.hold.watched
 
@@ -268,7 +271,7 @@ class NavigationGoals(Goals[Target]):
     def halted(self, code: str, reason: str, now_s: float) -> None:
         """End a goal that runs: the robot was halted. A goal that is not sent is checked when it is due.
 
-        For a stop, do nothing here: `Tasks.stopped` ends the goal a moment later, with the name of the
+        For a stop, do nothing here: `HolderTasks.stopped` ends the goal a moment later, with the name of the
         person.
         """
         if self.driving_requester and code != "stopped":
@@ -286,17 +289,17 @@ class NavigationGoals(Goals[Target]):
         return goal is not None and self.driving_requester is not None and goal.what.sensor_grace.holds
 
     def hold_for_sensor(self, verdict: Verdict, now_s: float) -> bool:
-        """Return whether to hold the base instead of ending the goal: this verdict's cause may end by itself.
+        """Return whether to hold the base and keep the goal.
 
-        During such a hold, late messages make the latency seem long and obstacles too near: these verdicts
-        wait too.
+        True for a short time while a sensor is silent, because this may end by itself. During the hold, other
+        verdicts wait too (except those about odometry): late data makes them wrong.
         """
         goal = self._current
         late = verdict.code in MAY_PASS or (self.holds_for_sensor and verdict.sensor != "odometry")
         return goal is not None and late and goal.what.sensor_grace.note_fault(now_s)
 
     def note_no_fault(self, now_s: float) -> None:
-        """Note that no sensor is silent. Navigation drives on soon, when the last zeros have timed out."""
+        """Note that no sensor is silent. Navigation drives on when the bridge's last zeros have timed out."""
         if self._current is not None:
             self._current.what.sensor_grace.note_no_fault(now_s)
 
@@ -465,7 +468,7 @@ class NavigationGoals(Goals[Target]):
         )
 
     def location(self, now_s: float, in_control: bool) -> wire.Location | None:
-        """Return the robot's pose on its map. Without control it has no `problem`: tf is not read then."""
+        """Return the robot's pose on its map. Without control, `problem` is empty: then tf is not read."""
         problem = self.localisation.refuse(now_s) if in_control else None
         return self.localisation.view(now_s, problem.text if problem else "")
 

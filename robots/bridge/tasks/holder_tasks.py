@@ -86,7 +86,7 @@ class TaskPerformer(MotionPlayer, SpeechOutput, InputSwitch, ArmModel, Navigator
         """
 
 
-class Tasks:
+class HolderTasks:
     """The tasks of one robot's holder."""
 
     def __init__(

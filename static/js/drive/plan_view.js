@@ -234,12 +234,12 @@ export class PlanView {
     if (!point) return;
     const pen = this.#canvas.pen;
     const [x, y] = point;
-    const away = Math.hypot(x, y) || 1;
+    const distance = Math.hypot(x, y) || 1;
     const hull = reach(this.#facts.footprint);
     pen.strokeStyle = this.#canvas.colour.hold;
     pen.lineWidth = 2 * pixel;
     pen.beginPath();
-    pen.moveTo((x / away) * hull, (y / away) * hull);
+    pen.moveTo((x / distance) * hull, (y / distance) * hull);
     pen.lineTo(x, y);
     pen.stroke();
     pen.lineWidth = 3 * pixel;

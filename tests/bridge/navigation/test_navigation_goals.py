@@ -361,7 +361,7 @@ def test_the_head_does_not_move_for_a_drive_that_is_not_on_record(bench):
 def test_the_watch_ends_a_drive_where_nothing_looks(bench):
     gone(bench)
     bench.core._gate.looks = False
-    text = "held to 0.3 m/s: the depth camera looks away from the way ahead"
+    text = "at most 0.3 m/s: the depth camera looks away from the way ahead"
     bench.core._gate.unwatched = lambda now_s: SpeedLimit("head_away", text, 0.3)
     for _ in range(12):
         passed(bench, 0.2)

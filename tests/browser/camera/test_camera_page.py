@@ -112,7 +112,7 @@ def test_a_picture_that_stands_still_is_grey_and_slows_the_robot(
         """Return the bridge's speed limit for the late picture, m/s; None without a limit."""
         limits = operator.state["verdict"]["limits"]
         found = [limit for limit in limits if limit["code"] == "camera_late"]
-        return float(re.search(r"held to ([\d.]+) m/s", found[0]["text"])[1]) if found else None  # type: ignore[index]
+        return float(re.search(r"at most ([\d.]+) m/s", found[0]["text"])[1]) if found else None  # type: ignore[index]
 
     operator.push("w", until=held_to, what="a limit for the late picture")
     operator.until(lambda: (held_to() or 1.0) < 0.3, "a lower limit for an older picture")

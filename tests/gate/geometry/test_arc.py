@@ -45,16 +45,18 @@ outlines = st.sampled_from(
 )
 
 
-def contact_times(hull, points, twist, growth=0.0):
+def contact_times(hull, points, twist, hull_growth=0.0):
     """Time (s) at which the hull first touches each point; infinity for never."""
-    way = arc.way(twist)
-    each = [arc.courses(arc.seen_along(point[None], way), way, [twist]) for point in points]
-    return np.array([hull.contacts(courses, growth, 0.0)[0].until_s for courses in each])
+    direction = arc.direction_of(twist)
+    each = [arc.courses(arc.seen_along(point[None], direction), direction, [twist]) for point in points]
+    return np.array([hull.contacts(courses, hull_growth, 0.0)[0].until_s for courses in each])
 
 
 def clearances_of(hull, points, twist):
-    way = arc.way(twist)
-    tracks = arc.courses(arc.seen_along(points, way), way, [twist]).track(0, np.arange(len(points)))
+    direction = arc.direction_of(twist)
+    tracks = arc.courses(arc.seen_along(points, direction), direction, [twist]).track(
+        0, np.arange(len(points))
+    )
     return clearances(tracks, twist, hull)
 
 
@@ -95,19 +97,19 @@ def test_disc_contact_is_when_brute_force_says(twist, point):
 
 @given(twists, points, outlines, st.sampled_from([0.0, 0.05]))
 @settings(max_examples=200, deadline=None)
-def test_polygon_contact_is_when_brute_force_says(twist, point, outline, growth):
+def test_polygon_contact_is_when_brute_force_says(twist, point, outline, hull_growth):
     hull = Polygon(outline)
-    assume(hull.gaps(point[None])[0] > growth + 1e-6)
+    assume(hull.gaps(point[None])[0] > hull_growth + 1e-6)
     time, path = path_in_base_frame(point, twist)
-    gaps = hull.gaps(path) - growth
-    contact = float(contact_times(hull, point[None], twist, growth)[0])
+    gaps = hull.gaps(path) - hull_growth
+    contact = float(contact_times(hull, point[None], twist, hull_growth)[0])
     check_against(gaps, time, contact, tolerance_m=0.012)
 
 
 def plain_disc_contact(point, twist, radius):
     """The formula of docs/gate.md for one point: t = (phi - Delta) / |w|."""
     if arc.is_straight(twist):
-        ahead, aside = arc.seen_along(point[None], arc.way(twist))[0]
+        ahead, aside = arc.seen_along(point[None], arc.direction_of(twist))[0]
         if abs(aside) >= radius or ahead <= 0.0:
             return math.inf
         return max(ahead - math.sqrt(radius**2 - aside**2), 0.0) / arc.speed(twist)
@@ -121,15 +123,15 @@ def plain_disc_contact(point, twist, radius):
     return max((sense * bearing) % math.tau - delta, 0.0) / abs(twist.w)
 
 
-def plain_polygon_contact(point, twist, edges, growth):
+def plain_polygon_contact(point, twist, edges, hull_growth):
     """The first time (s) at which one point's circle crosses a grown edge from outside to inside."""
-    way, first = arc.way(twist), math.inf
-    px, py = arc.seen_along(point[None], way)[0]
-    normals = arc.seen_along(edges.normals, way)
+    direction, first = arc.direction_of(twist), math.inf
+    px, py = arc.seen_along(point[None], direction)[0]
+    normals = arc.seen_along(edges.normals, direction)
     straight, v = arc.is_straight(twist), arc.speed(twist)
     for number, (nx, ny) in enumerate(normals):
-        height = edges.offsets[number] + growth
-        low, high = (edges.ends + growth * edges.stretch)[:, number]
+        height = edges.offsets[number] + hull_growth
+        low, high = (edges.ends + hull_growth * edges.stretch)[:, number]
         if straight:
             if nx <= 0.0:
                 continue
@@ -152,21 +154,23 @@ def plain_polygon_contact(point, twist, edges, growth):
 
 @given(twists, st.lists(points, min_size=1, max_size=20), outlines, st.sampled_from([0.0, 0.05]))
 @settings(max_examples=200, deadline=None)
-def test_all_points_at_once_are_met_when_the_plain_formula_says(twist, several, outline, growth):
+def test_all_points_at_once_are_met_when_the_plain_formula_says(twist, several, outline, hull_growth):
     """Several twists that begin in one direction are checked in one call, as in the gate."""
-    together, way = np.array(several), arc.way(twist)
+    together, direction = np.array(several), arc.direction_of(twist)
     others = [twist._replace(w=w) for w in (0.7, -1.6) if any(twist[:2])]
     for hull in (Disc(RADIUS), Polygon(outline)):
-        outside = together[hull.gaps(together) > growth + 1e-6]
+        outside = together[hull.gaps(together) > hull_growth + 1e-6]
         if not len(outside):
             continue
         arcs = [twist, *others]
-        found = hull.contacts(arc.courses(arc.seen_along(outside, way), way, arcs), growth, 0.0)
+        found = hull.contacts(
+            arc.courses(arc.seen_along(outside, direction), direction, arcs), hull_growth, 0.0
+        )
         for one, contact in zip(arcs, found, strict=True):
             plain = [
-                plain_disc_contact(point, one, RADIUS + growth)
+                plain_disc_contact(point, one, RADIUS + hull_growth)
                 if isinstance(hull, Disc)
-                else plain_polygon_contact(point, one, hull.edges, growth)
+                else plain_polygon_contact(point, one, hull.edges, hull_growth)
                 for point in outside
             ]
             assert contact.until_s == pytest.approx(min(plain), abs=1e-6)
@@ -174,31 +178,31 @@ def test_all_points_at_once_are_met_when_the_plain_formula_says(twist, several, 
 
 @given(twists, points, outlines, st.sampled_from([0.0, 0.05]), st.sampled_from([0.0, 0.08]))
 @settings(max_examples=300, deadline=None)
-def test_one_point_alone_is_met_when_all_at_once_are(twist, point, outline, growth, reserve_m):
+def test_one_point_alone_is_met_when_all_at_once_are(twist, point, outline, hull_growth, reserve_m):
     assume(not arc.is_straight(twist))
-    way = arc.way(twist)
-    seen = arc.seen_along(point[None], way)
+    direction = arc.direction_of(twist)
+    seen = arc.seen_along(point[None], direction)
     x, y = seen[0].tolist()
     for hull in (Polygon(outline), Disc(RADIUS)):
-        if hull.gaps(point[None])[0] > growth + 1e-6:
-            together = hull.contacts(arc.courses(seen, way, [twist]), growth, reserve_m)[0]
-            alone_s = hull.meets_s(x, y, way, twist, growth, reserve_m)
-            assert alone_s == pytest.approx(together.until_s, abs=1e-9)
+        if hull.gaps(point[None])[0] > hull_growth + 1e-6:
+            together = hull.contacts(arc.courses(seen, direction, [twist]), hull_growth, reserve_m)[0]
+            alone_s = hull.meets_s(x, y, direction, twist, hull_growth, reserve_m)
+            assert alone_s == pytest.approx(together.until_s, abs=1e-8)
 
 
 @given(twists, st.lists(points, min_size=1, max_size=20), outlines, st.sampled_from([0.0, 0.08]))
 @settings(max_examples=200, deadline=None)
 def test_the_first_point_touched_is_reported(twist, several, outline, reserve_m):
-    together, way = np.array(several), arc.way(twist)
+    together, direction = np.array(several), arc.direction_of(twist)
     for hull in (Disc(RADIUS), Polygon(outline), Discs(((-0.15, 0.0, 0.25), (0.2, 0.1, 0.22)))):
-        each = hull.gaps(together) - 0.01  # one growth for each point
-        for growth in (float(each.min()), each):
-            courses = arc.courses(arc.seen_along(together, way), way, [twist])
-            first = hull.contacts(courses, growth, reserve_m)[0]
+        each = hull.gaps(together) - 0.01  # one hull_growth for each point
+        for hull_growth in (float(each.min()), each):
+            courses = arc.courses(arc.seen_along(together, direction), direction, [twist])
+            first = hull.contacts(courses, hull_growth, reserve_m)[0]
             alone = [
                 hull.contacts(
-                    arc.courses(arc.seen_along(together[[n]], way), way, [twist]),
-                    growth if isinstance(growth, float) else growth[[n]],
+                    arc.courses(arc.seen_along(together[[n]], direction), direction, [twist]),
+                    hull_growth if isinstance(hull_growth, float) else hull_growth[[n]],
                     reserve_m,
                 )[0].until_s
                 for n in range(len(together))

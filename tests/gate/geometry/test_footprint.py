@@ -40,12 +40,12 @@ hulls = st.sampled_from(sorted(HULLS))
 
 @given(twists, points, st.sampled_from([0.0, 0.03]))
 @settings(max_examples=200, deadline=None)
-def test_contact_of_discs_is_when_brute_force_says(twist, point, growth):
+def test_contact_of_discs_is_when_brute_force_says(twist, point, hull_growth):
     hull = HULLS["discs"]
-    assume(hull.gaps(point[None])[0] > growth + 1e-6)
+    assume(hull.gaps(point[None])[0] > hull_growth + 1e-6)
     time, path = path_in_base_frame(point, twist)
-    gaps = hull.gaps(path) - growth
-    contact = float(contact_times(hull, point[None], twist, growth)[0])
+    gaps = hull.gaps(path) - hull_growth
+    contact = float(contact_times(hull, point[None], twist, hull_growth)[0])
     check_against(gaps, time, contact, tolerance_m=0.008)
 
 
@@ -54,9 +54,9 @@ def test_contact_of_discs_is_when_brute_force_says(twist, point, growth):
 def test_one_disc_about_the_origin_is_a_disc(twist, cloud):
     one, disc = Discs(((0.0, 0.0, 0.3),)), Disc(0.3)
     np.testing.assert_allclose(one.gaps(cloud), disc.gaps(cloud))
-    growth = float(np.min(disc.gaps(cloud))) - 0.001
+    hull_growth = float(np.min(disc.gaps(cloud))) - 0.001
     np.testing.assert_allclose(
-        contact_times(one, cloud, twist, growth), contact_times(disc, cloud, twist, growth)
+        contact_times(one, cloud, twist, hull_growth), contact_times(disc, cloud, twist, hull_growth)
     )
     np.testing.assert_allclose(clearances_of(one, cloud, twist), clearances_of(disc, cloud, twist))
     assert one.reach(0.1) == disc.reach(0.1)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry.footprint import footprint_of
 from robots.bridge.gate.motion import braking
-from robots.bridge.gate.motion.safe_twist import restrain, way_out
+from robots.bridge.gate.motion.safe_twist import allowed_margin, restrain
 from robots.bridge.gate.values import Velocity
 from tests.gate import strategies
 from tests.gate.conftest import box_profile, tiago_profile
@@ -155,18 +155,18 @@ def test_a_box_turns_its_corner_out_of_a_wall_but_not_into_it(w):
     assert free == (w < 0.0)
 
 
-def test_the_way_out_needs_no_more_than_the_current_gap():
+def test_the_allowed_margin_is_at_most_the_current_gap():
     gaps = np.array([0.5, 0.01, 0.2])
-    np.testing.assert_allclose(way_out(gaps, 0.03, 1.0), [0.0099])
+    np.testing.assert_allclose(allowed_margin(gaps, 0.03, 1.0), [0.0099])
     inside = np.array([0.5, -0.02, 0.2])
-    np.testing.assert_allclose(way_out(inside, 0.03, 1.0), [0.0, -0.0201, 0.0])
-    np.testing.assert_allclose(way_out(np.array([0.5, 0.2]), 0.03, 1.0), [0.03])
-    np.testing.assert_allclose(way_out(np.array([0.5, 0.02]), 0.03, 0.5), [0.0099])
+    np.testing.assert_allclose(allowed_margin(inside, 0.03, 1.0), [0.0, -0.0201, 0.0])
+    np.testing.assert_allclose(allowed_margin(np.array([0.5, 0.2]), 0.03, 1.0), [0.03])
+    np.testing.assert_allclose(allowed_margin(np.array([0.5, 0.02]), 0.03, 0.5), [0.0099])
 
 
 @given(st.lists(st.floats(-0.3, 1.0), min_size=1).map(np.array), st.sampled_from([0.5, 1.0]))
-def test_grown_for_the_way_out_the_hull_holds_no_point(gaps, demanded_share):
-    assert (way_out(gaps, 0.03, demanded_share) < gaps).all()
+def test_grown_by_the_allowed_margin_the_hull_holds_no_point(gaps, demanded_share):
+    assert (allowed_margin(gaps, 0.03, demanded_share) < gaps).all()
 
 
 def test_nose_at_the_wall_the_whole_turn_is_given_back():

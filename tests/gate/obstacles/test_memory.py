@@ -21,7 +21,7 @@ from robots.bridge.gate.obstacles.point_memory import (
     PASSES,
     Layer,
     Memory,
-    grown,
+    moved_nearer,
 )
 from robots.bridge.gate.obstacles.sightings import sight
 from robots.bridge.gate.obstacles.sources import Laser
@@ -116,15 +116,15 @@ def test_doubt_grows_with_way_and_turns_only():
     memory.see(SPOT, HERE, 0.0)
     for step in range(1000):
         memory.follow(Pose(0.002 * (step % 2), 0.0, 0.004 * (step % 2)), 0.0)
-    np.testing.assert_array_equal(memory.doubts_m(np.arange(1)), [0.0])
+    np.testing.assert_array_equal(memory.errors_m(np.arange(1)), [0.0])
     memory.follow(Pose(0.5, 0.0, 0.0), 0.0)
-    np.testing.assert_array_equal(memory.doubts_m(np.arange(1)), [0.0])  # the first 0.5 m add no doubt
+    np.testing.assert_array_equal(memory.errors_m(np.arange(1)), [0.0])  # the first 0.5 m add no error
     memory.follow(Pose(1.0, 0.0, 0.0), 0.0)
-    np.testing.assert_allclose(memory.doubts_m(np.arange(1)), [0.015])
+    np.testing.assert_allclose(memory.errors_m(np.arange(1)), [0.015])
     memory.follow(Pose(1.0, 0.0, 2.0), 0.0)
-    np.testing.assert_allclose(memory.doubts_m(np.arange(1)), [0.045])
+    np.testing.assert_allclose(memory.errors_m(np.arange(1)), [0.045])
     memory.see(SPOT, Pose(1.0, 0.0, 2.0), 0.0)
-    np.testing.assert_array_equal(memory.doubts_m(np.arange(1)), [0.0])
+    np.testing.assert_array_equal(memory.errors_m(np.arange(1)), [0.0])
 
 
 @pytest.mark.parametrize("layer", [LASER_LAYER, DEPTH_LAYER], ids=["laser", "depth"])
@@ -135,7 +135,7 @@ def test_a_trembling_odometry_changes_no_memory(layer):
     for step in range(1800):  # 60 s at 30 Hz
         memory.follow(Pose(*random.normal(0.0, 0.002, 3)), step / 30.0)
     assert len(memory.points(60.0)) == 1
-    np.testing.assert_array_equal(memory.doubts_m(np.arange(1)), [0.0])
+    np.testing.assert_array_equal(memory.errors_m(np.arange(1)), [0.0])
 
 
 def test_slow_driving_forgets_with_a_trembling_odometry_too():
@@ -154,7 +154,7 @@ def test_slow_driving_forgets_with_a_trembling_odometry_too():
 
 def test_doubt_brings_a_point_nearer_but_not_to_the_hull():
     points = np.array([[1.0, 0.0], [0.0, -0.33], [-0.28, 0.0]])
-    nearer = grown(points, np.full(3, 0.05), Disc(0.27))
+    nearer = moved_nearer(points, np.full(3, 0.05), Disc(0.27))
     np.testing.assert_allclose(nearer, [[0.95, 0.0], [0.0, -0.30], [-0.28, 0.0]])
 
 
@@ -312,16 +312,16 @@ def at(distance_m, degrees):
 
 
 def seen_through(ranges, distance_m, degrees):
-    """Return (vouched for, seen through) for one place."""
+    """Return (judged, seen through) for one place."""
     answer = sight(sweep(ranges), at(distance_m, degrees))
-    return bool(answer.vouched[0]), bool(answer.through[0])
+    return bool(answer.judged[0]), bool(answer.through[0])
 
 
 def hall(distance_m=INF):
     return np.full(571, distance_m)
 
 
-def test_a_place_in_full_view_is_vouched_for_and_seen_through():
+def test_a_place_in_full_view_is_judged_and_seen_through():
     assert seen_through(hall(), 2.0, 30.0) == (True, True)
     assert seen_through(hall(4.0), 2.0, 30.0) == (True, True)
 
@@ -367,10 +367,10 @@ def test_a_laser_that_sees_all_round_sees_over_its_seam(beams_off, sign):
     ranges = np.full(720, 4.0)
     place = at(2.0, math.degrees(math.pi + beams_off * step))
     answer = sight(Sweep(ranges, -math.pi, sign * step, 0.05, 25.0), place)
-    assert answer.vouched[0] and answer.through[0]
+    assert answer.judged[0] and answer.through[0]
     ranges[[0, -1]] = 1.0
     answer = sight(Sweep(ranges, -math.pi, sign * step, 0.05, 25.0), place)
-    assert not answer.vouched[0] and not answer.through[0]
+    assert not answer.judged[0] and not answer.through[0]
 
 
 @given(
@@ -408,7 +408,7 @@ def test_sight_agrees_with_asking_beam_by_beam(bearing, start, sign, beams, shar
     through = min(ends) > 2.12
     trusted = seen and not any(scan.alone[number] for number in three) and min(ends) >= 1.9
     answer = sight(scan, place)
-    assert (bool(answer.vouched[0]), bool(answer.through[0])) == (through or trusted, through)
+    assert (bool(answer.judged[0]), bool(answer.through[0])) == (through or trusted, through)
 
 
 def test_smoothed_ranges_average_over_one_surface_only():

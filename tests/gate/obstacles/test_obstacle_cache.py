@@ -22,14 +22,14 @@ class Counting:
     def places(self, trail, now_s):
         return self._places
 
-    def as_near_as_may_be(self, points):
+    def moved_nearer(self, points):
         return points
 
 
 class Doubtful(Counting):
     """A source whose point may be 0.1 m nearer. A point behind the robot does not count."""
 
-    def as_near_as_may_be(self, points):
+    def moved_nearer(self, points):
         return points[points[:, 0] >= 0.0] - (0.1, 0.0)
 
 

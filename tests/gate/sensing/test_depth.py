@@ -470,7 +470,7 @@ def test_until_the_first_picture_speed_is_the_blind_one():
     assert verdict.velocity.vx == pytest.approx(0.3)
     assert (verdict.code, verdict.text) == (
         "depth_missing",
-        "held to 0.3 m/s: no picture of the depth camera has come yet",
+        "at most 0.3 m/s: no picture of the depth camera has come yet",
     )
     assert not looker.sensor().ok
 
@@ -483,7 +483,7 @@ def test_a_silent_camera_means_blind_speed_after_half_a_second():
     looker.stand(0.1, looks=False)
     verdict = looker.decide(1.0)
     assert (verdict.velocity.vx, verdict.code) == (pytest.approx(0.3), "depth_stale")
-    assert verdict.text == "held to 0.3 m/s: the depth camera’s picture is 0.6 s old"
+    assert verdict.text == "at most 0.3 m/s: the depth camera’s picture is 0.6 s old"
     assert looker.decide(-0.2).velocity.vx == pytest.approx(-0.2)
     assert looker.sensor().text == "nothing new for 0.6 s"
 
@@ -544,7 +544,7 @@ def test_pictures_that_the_odometry_cannot_place_do_not_count():
     assert looker.sensor().text == "its stamps do not match the odometry’s"
     looker.gate.observe_bad_depth("its pictures are 'rgb8'")
     assert looker.sensor().text == "its pictures are 'rgb8'"
-    why = "held to 0.3 m/s: no picture of the depth camera has come yet (its pictures are 'rgb8')"
+    why = "at most 0.3 m/s: no picture of the depth camera has come yet (its pictures are 'rgb8')"
     assert looker.decide(1.0).text == why
 
 
@@ -556,7 +556,7 @@ def test_a_head_that_is_turned_away_means_blind_speed(pan):
     verdict = looker.decide(1.0)
     assert verdict.velocity.vx == pytest.approx(0.3)
     assert verdict.code == "head_away"
-    assert verdict.text == "held to 0.3 m/s: the depth camera looks away from the way ahead"
+    assert verdict.text == "at most 0.3 m/s: the depth camera looks away from the way ahead"
 
 
 def test_in_reverse_the_head_need_not_look_there():

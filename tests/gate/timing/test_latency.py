@@ -244,7 +244,7 @@ def test_the_gate_uses_measured_latency_and_names_late_robots(tiago, delay_s):
         assert (verdict.code, verdict.limits) == ("free", ())
     else:
         assert verdict.code == "robot_late"
-        assert re.fullmatch("held to 0.9 m/s: the robot answers after 0.4[56] s", verdict.text)
+        assert re.fullmatch("at most 0.9 m/s: the robot answers after 0.4[56] s", verdict.text)
         assert verdict.limits == (SpeedLimit("robot_late", verdict.text, pytest.approx(verdict.velocity.vx)),)
     tiago.ahead_at(0.9)
     tiago.now_s += 0.05
@@ -281,7 +281,7 @@ def test_a_distant_operator_drives_slower_and_learns_why(tiago):
     tiago.gate.observe_operator(0.8)
     verdict = tiago.decide(1.0)
     assert (verdict.code, verdict.velocity.vx) == ("operator_late", pytest.approx(0.77, abs=0.01))
-    assert verdict.text == "held to 0.8 m/s: the page answers after 0.80 s"
+    assert verdict.text == "at most 0.8 m/s: the page answers after 0.80 s"
 
 
 def test_who_drives_by_an_old_camera_picture_drives_slower(tiago):

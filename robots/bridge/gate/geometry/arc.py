@@ -1,10 +1,12 @@
 """Compute the time until the hull first touches a point, if the twist stays constant (docs/gate.md, 1).
 
 A robot with a constant twist turns about the centre of rotation C = (-vy/w, vx/w). In its base frame each
-point of the world then moves on a circle about C in the opposite sense. `Line` and `Circle` hold these
-courses, seen along the twist's first direction: x in this direction, y to the left, so C = (0, v/w). Data of
-a twist, a disc or an edge are plain numbers, data of points are arrays (N,): a call of numpy costs more than
-the arithmetic. Contact times are in seconds; infinity means never. They are valid for points outside the
+point of the world then moves on a circle about C in the opposite sense: the course of the point. `Line` and
+`Circle` hold these courses. They are "seen along" the direction in which the twist begins: in coordinates with x
+in this direction and y to the left, so C = (0, v/w).
+
+Data of a twist, a disc or an edge are plain numbers, data of points are arrays (N,): a call of numpy costs more
+than the arithmetic. Contact times are in seconds; infinity means never. They are valid for points outside the
 hull.
 """
 
@@ -23,11 +25,11 @@ from robots.bridge.gate.geometry.planar import Points, from_columns
 from robots.bridge.gate.values import Velocity
 
 Metres = NDArray[np.float64]
-Growth = float | Metres  # how far the hull is grown, in metres: for all points, or for each (N,)
-Rows = NDArray[np.intp]
-Way = tuple[float, float]  # the first direction of a twist: its cosine and sine in the base frame
+OneOrEach = float | Metres  # one number for all points, or one for each (N,)
+Rows = NDArray[np.intp]  # numbers of points in an array
+Direction = tuple[float, float]  # of a twist at its start: cosine and sine in the base frame
 
-STRAIGHT_ON: Way = (1.0, 0.0)
+STRAIGHT_ON: Direction = (1.0, 0.0)
 STRAIGHT_PER_M = 0.001  # |w| <= 0.001 |v| counts as straight: a turning circle of more than a kilometre
 _HAIR_M = 1e-9  # added to both ends of an edge, so that no point passes between two edges
 
@@ -48,24 +50,24 @@ def centre(twist: Velocity) -> tuple[float, float]:
 
 
 def track(x: float, y: float, twist: Velocity) -> float:
-    """Return the track of a point (base frame): its distance to the left of a straight way, or from C."""
+    """Return the track of a point (base frame): its distance to the left of a straight path, or from C."""
     if is_straight(twist):
         return (twist.vx * y - twist.vy * x) / speed(twist)
     cx, cy = centre(twist)
     return math.hypot(x - cx, y - cy)
 
 
-def way(twist: Velocity) -> Way:
-    """Return the first direction of the twist; straight ahead for a turn on the spot."""
+def direction_of(twist: Velocity) -> Direction:
+    """Return the direction of the twist at its start; straight ahead for a turn on the spot."""
     v = speed(twist)
     return (twist.vx / v, twist.vy / v) if v > 0.0 else STRAIGHT_ON
 
 
-def seen_along(points: Points, way: Way) -> Points:
-    """Return points of the base frame in coordinates with x along the way and y to the left of it."""
-    if way == STRAIGHT_ON:
+def seen_along(points: Points, direction: Direction) -> Points:
+    """Return points of the base frame in coordinates with x along this direction and y to the left of it."""
+    if direction == STRAIGHT_ON:
         return points
-    (x, y), (cos, sin) = points.T, way
+    (x, y), (cos, sin) = points.T, direction
     return from_columns(cos * x + sin * y, cos * y - sin * x)
 
 
@@ -80,8 +82,9 @@ class Line(NamedTuple):
 class Circle(NamedTuple):
     """Points that move on circles about the C of one twist.
 
-    C is at the distance `rho` to the left (`sense` 1) or right (-1) of the way. From C, `x` is the coordinate
-    along the way and `radial` the one towards the base; `squares` are D^2, the squared distances from C.
+    C is at the distance `rho` to the left (`sense` 1) or right (-1) of the base. From C, `x` is the coordinate
+    along the direction, and `radial` the coordinate towards the base. `squares` are D^2, the squared distances
+    from C.
     `turning` is |w|.
     """
 
@@ -94,12 +97,12 @@ class Circle(NamedTuple):
 
 
 class Courses(NamedTuple):
-    """Courses of points past the base for several twists with the same speed and first direction.
+    """Courses of points past the base for several twists with the same speed and direction.
 
     `circles`: one for each twist; None for straight twists, which all share the one `line`.
     """
 
-    way: Way
+    direction: Direction
     v: float
     line: Line
     circles: list[Circle | None]
@@ -120,8 +123,8 @@ class Contact(NamedTuple):
 NEVER = Contact(math.inf, -1)
 
 
-def courses(points: Points, way: Way, twists: Sequence[Velocity]) -> Courses:
-    """Return the courses past the base of points that are seen along the way of the twists."""
+def courses(points: Points, direction: Direction, twists: Sequence[Velocity]) -> Courses:
+    """Return the courses of points past the base. The points are seen along the direction of the twists."""
     x, y = points.T
     v = speed(twists[0])
     circles: list[Circle | None] = []
@@ -138,24 +141,24 @@ def courses(points: Points, way: Way, twists: Sequence[Velocity]) -> Courses:
         squares = radial * radial
         squares += ahead
         circles.append(Circle(rho, sense, turning, x, radial, squares))
-    return Courses(way, v, Line(v, x, y), circles)
+    return Courses(direction, v, Line(v, x, y), circles)
 
 
-def _of(growth: Growth, rows: Rows) -> Growth:
-    """Return the growth for some of the points."""
-    return growth if isinstance(growth, float) else growth.take(rows)
+def _of(numbers: OneOrEach, rows: Rows) -> OneOrEach:
+    """Return the numbers of some of the points."""
+    return numbers if isinstance(numbers, float) else numbers.take(rows)
 
 
-def _first(rows: Rows, ways: Metres, rate: float) -> Contact:
-    """Return the contact with the shortest way (m or rad), at this rate."""
+def _first(rows: Rows, distances: Metres, rate: float) -> Contact:
+    """Return the contact after the shortest distance (m or rad), at this rate."""
     if not len(rows):
         return NEVER
-    first = int(ways.argmin())
-    return Contact(float(ways[first]) / rate, int(rows[first]))
+    first = int(distances.argmin())
+    return Contact(float(distances[first]) / rate, int(rows[first]))
 
 
-def disc_contacts(courses: Courses, x: float, y: float, radius: Growth, reserve_m: float) -> list[Contact]:
-    """Return each twist's first contact of a disc about (x, y), seen along the way, with a point.
+def disc_contacts(courses: Courses, x: float, y: float, radius: OneOrEach, reserve_m: float) -> list[Contact]:
+    """Return each twist's first contact of a disc about (x, y), seen along the direction, with a point.
 
     The reserve is left on the point's path.
     """
@@ -166,7 +169,7 @@ def disc_contacts(courses: Courses, x: float, y: float, radius: Growth, reserve_
     ]
 
 
-def _disc_straight(line: Line, x: float, y: float, radius: Growth, reserve_m: float) -> Contact:
+def _disc_straight(line: Line, x: float, y: float, radius: OneOrEach, reserve_m: float) -> Contact:
     """t = (x - sqrt(r^2 - y^2)) / v, with x and y relative to the disc's middle."""
     ahead, aside = line.x - x, np.abs(line.track - y)
     rows = ((aside < radius) & (ahead > 0.0)).nonzero()[0]
@@ -176,7 +179,7 @@ def _disc_straight(line: Line, x: float, y: float, radius: Growth, reserve_m: fl
     return _first(rows, np.maximum(ahead.take(rows) - half_chord, 0.0) - reserve_m, line.v)
 
 
-def _disc_turning(circle: Circle, x: float, y: float, radius: Growth, reserve_m: float) -> Contact:
+def _disc_turning(circle: Circle, x: float, y: float, radius: OneOrEach, reserve_m: float) -> Contact:
     """t = (phi - Delta) / |w|, Delta = arccos((D^2 + rho^2 - r^2) / (2 D rho)).
 
     rho and phi are those of the disc's middle.
@@ -197,15 +200,15 @@ def _disc_turning(circle: Circle, x: float, y: float, radius: Growth, reserve_m:
     cosines = squares + (rho * rho - r * r)
     cosines /= 2.0 * rho * d
     phi -= np.arccos(np.minimum(cosines, 1.0))
-    ways = np.maximum(phi, 0.0)
-    return _first(rows, ways - reserve_m / d if reserve_m else ways, circle.turning)
+    angles = np.maximum(phi, 0.0)
+    return _first(rows, angles - reserve_m / d if reserve_m else angles, circle.turning)
 
 
 def disc_meets_s(x: float, y: float, twist: Velocity, radius_m: float, reserve_m: float) -> float:
-    """Return the time until a twist that turns brings a disc about the origin to a point, seen along the way.
+    """Return the time until a twist that turns brings a disc about the origin to a point.
 
-    The reserve, on the base's path, is subtracted. Same as `disc_contacts`, in plain numbers. Infinity:
-    never, or the twist is straight or a turn on the spot.
+    The point is seen along the twist's direction. The reserve, on the base's path, is subtracted. Same as
+    `disc_contacts`, in plain numbers. Infinity: never, or the twist is straight or a turn on the spot.
     """
     v, turning = speed(twist), abs(twist.w)
     if v == 0.0 or turning <= STRAIGHT_PER_M * v:
@@ -270,7 +273,7 @@ class Edges:
 
 
 class _Side(NamedTuple):
-    """An edge seen along a way: n . p = offset, between the ends `low` and `high`, which grow with the hull.
+    """An edge seen along a direction: n . p = offset, between the ends `low` and `high`. It grows with the hull.
 
     `facing_left` and `facing_right`: the angle of n, seen from a C on the left or on the right.
     """
@@ -286,16 +289,18 @@ class _Side(NamedTuple):
     facing_right: float
 
 
-@lru_cache(maxsize=8)  # a base that cannot move sideways has two ways
-def _sides(edges: Edges, way: Way) -> tuple[_Side, ...]:
-    nx, ny = seen_along(edges.normals, way).T
+@lru_cache(maxsize=8)  # a base that cannot move sideways has two directions
+def _sides(edges: Edges, direction: Direction) -> tuple[_Side, ...]:
+    nx, ny = seen_along(edges.normals, direction).T
     facing = np.arctan2(nx, -ny), np.arctan2(nx, ny)
     columns = (nx, ny, edges.offsets, *edges.ends, *edges.stretch, *facing)
     sides = [_Side(*numbers) for numbers in np.array(columns).T.tolist()]
     return tuple(sorted(sides, reverse=True))  # front edges first: most points enter there
 
 
-def polygon_contacts(courses: Courses, edges: Edges, growth: Growth, reserve_m: float) -> list[Contact]:
+def polygon_contacts(
+    courses: Courses, edges: Edges, hull_growth: OneOrEach, reserve_m: float
+) -> list[Contact]:
     """Return each twist's first contact of a grown convex polygon with a point.
 
     The reserve is left along the point's path. A point enters through an edge if its track lies between the
@@ -303,41 +308,43 @@ def polygon_contacts(courses: Courses, edges: Edges, growth: Growth, reserve_m: 
     """
     straight = NEVER
     if None in courses.circles:
-        sides = _sides(edges, courses.way)
-        straight = min(_enter_straight(courses.line, side, growth, reserve_m) for side in sides)
-    turning = iter(_enter_turning(courses, edges, growth, reserve_m))
+        sides = _sides(edges, courses.direction)
+        straight = min(_enter_straight(courses.line, side, hull_growth, reserve_m) for side in sides)
+    turning = iter(_enter_turning(courses, edges, hull_growth, reserve_m))
     return [straight if circle is None else next(turning) for circle in courses.circles]
 
 
-def _enter_straight(line: Line, side: _Side, growth: Growth, reserve_m: float) -> Contact:
+def _enter_straight(line: Line, side: _Side, hull_growth: OneOrEach, reserve_m: float) -> Contact:
     """Return the first time at which a point, moving along -v, enters the grown hull through this edge."""
     if side.nx <= 0.0:
         return NEVER
-    height = side.offset + growth
-    rightmost = side.ny * height + side.nx * (side.low + growth * side.low_stretch)
-    leftmost = side.ny * height + side.nx * (side.high + growth * side.high_stretch)
+    height = side.offset + hull_growth
+    rightmost = side.ny * height + side.nx * (side.low + hull_growth * side.low_stretch)
+    leftmost = side.ny * height + side.nx * (side.high + hull_growth * side.high_stretch)
     rows = ((line.track >= rightmost) & (line.track <= leftmost)).nonzero()[0]
     if not len(rows):
         return NEVER
-    way = line.x.take(rows) - (_of(height, rows) - side.ny * line.track.take(rows)) / side.nx
-    return _first(rows, np.where(way >= 0.0, way, np.inf) - reserve_m, line.v)
+    left_m = line.x.take(rows) - (_of(height, rows) - side.ny * line.track.take(rows)) / side.nx
+    return _first(rows, np.where(left_m >= 0.0, left_m, np.inf) - reserve_m, line.v)
 
 
 def _entrances(
-    edges: Edges, way: Way, growth: Growth, rho: float, sense: float
-) -> list[tuple[Growth, Growth, Growth, float]]:
+    edges: Edges, direction: Direction, hull_growth: OneOrEach, rho: float, sense: float
+) -> list[tuple[OneOrEach, OneOrEach, OneOrEach, float]]:
     """Return the grown edges as seen from C, which is `rho` to the left (`sense` 1) or right (-1).
 
     For each edge: the distance of its line along its normal; the least and greatest D^2 of points that enter
-    through it; the angle of its normal. Plain numbers, if all points have the same growth.
+    through it; the angle of its normal. Plain numbers, if `hull_growth` is one number.
     """
     left = sense * rho
     entrances = []
-    for nx, ny, offset, low, high, low_stretch, high_stretch, facing_left, facing_right in _sides(edges, way):
-        height = offset + growth - ny * left
-        from_, to = low + growth * low_stretch - nx * left, high + growth * high_stretch - nx * left
+    for nx, ny, offset, low, high, low_stretch, high_stretch, facing_left, facing_right in _sides(
+        edges, direction
+    ):
+        height = offset + hull_growth - ny * left
+        from_, to = low + hull_growth * low_stretch - nx * left, high + hull_growth * high_stretch - nx * left
         begin, end, facing = (-to, -from_, facing_left) if sense > 0.0 else (from_, to, facing_right)
-        if isinstance(growth, float):
+        if isinstance(hull_growth, float):
             begin, end = begin if begin > 0.0 else 0.0, end if end > 0.0 else 0.0
         else:
             begin, end = np.maximum(begin, 0.0), np.maximum(end, 0.0)
@@ -346,7 +353,7 @@ def _entrances(
     return entrances
 
 
-def _enter_turning(courses: Courses, edges: Edges, growth: Growth, reserve_m: float) -> list[Contact]:
+def _enter_turning(courses: Courses, edges: Edges, hull_growth: OneOrEach, reserve_m: float) -> list[Contact]:
     """Return for each twist the first time at which a point, on its circle about C, enters the grown hull.
 
     The circle of radius D crosses an edge's line at angles of -+arccos(height / D) from the normal, and
@@ -361,7 +368,7 @@ def _enter_turning(courses: Courses, edges: Edges, growth: Growth, reserve_m: fl
     else:
         radial = np.array([circle.radial for circle in circles])
         all_squares = np.array([circle.squares for circle in circles])
-    each = [_entrances(edges, courses.way, growth, circle.rho, circle.sense) for circle in circles]
+    each = [_entrances(edges, courses.direction, hull_growth, circle.rho, circle.sense) for circle in circles]
     number, points = len(each[0]), len(courses.line.x)
     lines, nearest, farthest, facing = zip(*chain(*each), strict=True)
     shape, squares = (len(circles), number, -1), all_squares[:, None]
@@ -378,25 +385,31 @@ def _enter_turning(courses: Courses, edges: Edges, growth: Growth, reserve_m: fl
     onward = np.arctan2(courses.line.x.take(rows), radial.take(known))
     onward -= np.array(facing).take(through)
     onward += np.arccos(heights.take(through if heights.ndim == 1 else hits) / d)
-    ways = np.mod(onward, math.tau)
+    angles = np.mod(onward, math.tau)
     if reserve_m:
-        ways -= reserve_m / d
+        angles -= reserve_m / d
     if len(circles) == 1:
-        return [_first(rows, ways, circles[0].turning)]
+        return [_first(rows, angles, circles[0].turning)]
     begins = through.searchsorted([number * circle for circle in range(len(circles) + 1)]).tolist()
     return [
-        _first(rows[begin:end], ways[begin:end], circle.turning)
+        _first(rows[begin:end], angles[begin:end], circle.turning)
         for circle, begin, end in zip(circles, begins, begins[1:], strict=False)
     ]
 
 
 def polygon_meets_s(
-    x: float, y: float, way: Way, twist: Velocity, edges: Edges, growth_m: float, reserve_m: float
+    x: float,
+    y: float,
+    direction: Direction,
+    twist: Velocity,
+    edges: Edges,
+    hull_growth_m: float,
+    reserve_m: float,
 ) -> float:
-    """Return the time until a twist that turns brings the grown polygon to one point, seen along the way.
+    """Return the time until a twist that turns brings the grown polygon to one point.
 
-    The reserve is subtracted. Same as `polygon_contacts`, in plain numbers. Infinity: never, or the twist is
-    straight.
+    The point is seen along the twist's direction. The reserve is subtracted. Same as `polygon_contacts`, in
+    plain numbers. Infinity: never, or the twist is straight.
     """
     v = speed(twist)
     if abs(twist.w) <= STRAIGHT_PER_M * v:
@@ -405,7 +418,7 @@ def polygon_meets_s(
     radial = rho - sense * y
     squares = radial * radial + x * x
     d, bearing, onward = math.sqrt(squares), math.atan2(x, radial), math.inf
-    for height, nearest, farthest, facing in _entrances(edges, way, growth_m, rho, sense):
+    for height, nearest, farthest, facing in _entrances(edges, direction, hull_growth_m, rho, sense):
         if nearest < squares <= farthest:
             onward = min(onward, (bearing - facing + math.acos(height / d)) % math.tau)
     return (onward - reserve_m / d) / abs(twist.w) if d else math.inf

@@ -59,12 +59,12 @@ def discs_along(line: NDArray[np.float64], radius_m: float) -> tuple[Disc, ...]:
 
 def middles_along(lines: NDArray[np.float64], radius_m: float) -> NDArray[np.float64]:
     """Return places (M, 2) along lines of link origins (..., N, 2), close enough for `covering_m` discs."""
-    begin, way = lines[..., :-1, :], np.diff(lines, axis=-2)
+    begin, link = lines[..., :-1, :], np.diff(lines, axis=-2)
     pieces = max(
-        math.ceil(float(np.hypot(way[..., 0], way[..., 1]).max(initial=0.0)) / (SPACING * radius_m)), 1
+        math.ceil(float(np.hypot(link[..., 0], link[..., 1]).max(initial=0.0)) / (SPACING * radius_m)), 1
     )
     shares = np.arange(pieces)[:, None] / pieces
-    along = begin[..., None, :] + shares * way[..., None, :]
+    along = begin[..., None, :] + shares * link[..., None, :]
     return np.concatenate((along.reshape(-1, 2), lines[..., -1, :].reshape(-1, 2)))
 
 

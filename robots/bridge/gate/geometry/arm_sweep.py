@@ -31,7 +31,7 @@ class Motion(NamedTuple):
 
 
 class Intruder(NamedTuple):
-    """The obstacle in the arm's way: row of its source in `Obstacles.names`, distance to the base."""
+    """The obstacle in the arm's path: row of its source in `Obstacles.names`, distance to the base."""
 
     source: int
     gap_m: float

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.geometry import arc
-from robots.bridge.gate.geometry.arc import Contact, Courses, Growth, Metres, Way
+from robots.bridge.gate.geometry.arc import Contact, Courses, Direction, Metres, OneOrEach
 from robots.bridge.gate.geometry.planar import Path, Points, from_columns
 from robots.bridge.gate.values import GateProfile, Pose, Velocity
 
@@ -36,7 +36,7 @@ class Footprint(Protocol):
     """Interface of a hull. Points are (N, 2) in the base frame.
 
     * `demanded_share`: the part of a too narrow gap that must remain while the robot moves away.
-    * `pose_spacing_m`: way between two checked poses of a roll-out; between them gaps are hardly smaller.
+    * `pose_spacing_m`: distance between two checked poses of a roll-out; between them gaps are hardly smaller.
     * `turns_freely`: a turn on the spot touches no point.
     * `sharpness`: largest ratio of a point's distance to its gap; beyond corners, gaps count from edge lines.
     """
@@ -46,28 +46,37 @@ class Footprint(Protocol):
     turns_freely: bool
     sharpness: float
 
-    def reach(self, growth_m: float) -> float:
-        """Return the radius about the base origin that holds the hull grown by `growth_m`."""
+    def reach(self, hull_growth_m: float) -> float:
+        """Return the radius about the base origin that holds the hull grown by `hull_growth_m`."""
 
     def gaps(self, points: Points) -> Metres:
         """Return how far each point lies outside the hull; negative inside."""
 
     def gaps_about(self, there: Pose, spread: Spread, points: Points, near_m: float) -> Metres:
-        """Return lower bounds of the points' gaps for a base anywhere in this spread about `there`.
+        """Return the least possible gap of each point if the base may be anywhere in this spread about `there`.
 
-        Bounds above `near_m` may be rough.
+        Gaps above `near_m` may be too small.
         """
 
-    def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
+    def contacts(self, courses: Courses, hull_growth: OneOrEach, reserve_m: float) -> list[Contact]:
         """Return for each twist the first contact of the grown hull with one of the points outside.
 
-        The reserve is left on the path.
+        `reserve_m`: distance on the path that must be left; the time for it is subtracted.
         """
 
     def meets_s(
-        self, x: float, y: float, way: Way, twist: Velocity, growth_m: float, reserve_m: float
+        self,
+        x: float,
+        y: float,
+        direction: Direction,
+        twist: Velocity,
+        hull_growth_m: float,
+        reserve_m: float,
     ) -> float:
-        """Return the same for one point, seen along the way: the time (s). Infinity also if it is costly."""
+        """Return the time (s) until the grown hull touches one point, minus the reserve.
+
+        `x`, `y`: the point seen along the direction. Infinity: never, or the computation costs too much.
+        """
 
     def bands(self, twist: Velocity) -> list[Band]:
         """Return the tracks (`arc.track`) that the hull sweeps on this arc."""
@@ -92,8 +101,8 @@ class Disc:
             raise ValueError("The radius of a footprint must be above zero.")
         self.radius_m = radius_m
 
-    def reach(self, growth_m: float) -> float:
-        return self.radius_m + growth_m
+    def reach(self, hull_growth_m: float) -> float:
+        return self.radius_m + hull_growth_m
 
     def gaps(self, points: Points) -> Metres:
         x, y = points.T
@@ -103,18 +112,24 @@ class Disc:
     def gaps_about(self, there: Pose, spread: Spread, points: Points, near_m: float) -> Metres:
         return _disc_gaps_about(there, 0.0, 0.0, self.radius_m, spread, points, near_m)
 
-    def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
-        firsts = arc.disc_contacts(courses, 0.0, 0.0, self.radius_m + growth, 0.0)
-        # A turn brings a disc no nearer to a point: the reserve is on the base's path.
+    def contacts(self, courses: Courses, hull_growth: OneOrEach, reserve_m: float) -> list[Contact]:
+        firsts = arc.disc_contacts(courses, 0.0, 0.0, self.radius_m + hull_growth, 0.0)
+        # A turn on the spot brings a disc no nearer to a point: the reserve counts on the base's path.
         return [
             first if first is arc.NEVER else Contact(first.until_s - reserve_m / courses.v, first.row)
             for first in firsts
         ]
 
     def meets_s(
-        self, x: float, y: float, way: Way, twist: Velocity, growth_m: float, reserve_m: float
+        self,
+        x: float,
+        y: float,
+        direction: Direction,
+        twist: Velocity,
+        hull_growth_m: float,
+        reserve_m: float,
     ) -> float:
-        return arc.disc_meets_s(x, y, twist, self.radius_m + growth_m, reserve_m)
+        return arc.disc_meets_s(x, y, twist, self.radius_m + hull_growth_m, reserve_m)
 
     def bands(self, twist: Velocity) -> list[Band]:
         return [_disc_band(0.0, 0.0, self.radius_m, twist)]
@@ -141,8 +156,8 @@ class Discs:
         self._discs = [(x, y, Disc(radius_m)) for x, y, radius_m in discs]
         self._middles = np.array([(x, y) for x, y, _ in discs])
 
-    def reach(self, growth_m: float) -> float:
-        return max(math.hypot(x, y) + disc.reach(growth_m) for x, y, disc in self._discs)
+    def reach(self, hull_growth_m: float) -> float:
+        return max(math.hypot(x, y) + disc.reach(hull_growth_m) for x, y, disc in self._discs)
 
     def gaps(self, points: Points) -> Metres:
         return _least([disc.gaps(_from(points, x, y)) for x, y, disc in self._discs])
@@ -155,16 +170,22 @@ class Discs:
             each.append(_disc_gaps_about(there, x, y, disc.radius_m + swing_m, spread, points, near_m))
         return _least(each)
 
-    def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
-        middles = arc.seen_along(self._middles, courses.way).tolist()
+    def contacts(self, courses: Courses, hull_growth: OneOrEach, reserve_m: float) -> list[Contact]:
+        middles = arc.seen_along(self._middles, courses.direction).tolist()
         each = [
-            arc.disc_contacts(courses, x, y, disc.radius_m + growth, reserve_m)
+            arc.disc_contacts(courses, x, y, disc.radius_m + hull_growth, reserve_m)
             for (x, y), (_, _, disc) in zip(middles, self._discs, strict=True)
         ]
         return [min(firsts) for firsts in zip(*each, strict=True)]
 
     def meets_s(
-        self, x: float, y: float, way: Way, twist: Velocity, growth_m: float, reserve_m: float
+        self,
+        x: float,
+        y: float,
+        direction: Direction,
+        twist: Velocity,
+        hull_growth_m: float,
+        reserve_m: float,
     ) -> float:
         return math.inf
 
@@ -209,8 +230,8 @@ class Polygon:
         reaches = set(zip(distances, self.edges.corner_stretch.tolist(), strict=True))
         self._corner_reaches: list[tuple[float, float]] = sorted(reaches)  # equal corners have one entry
 
-    def reach(self, growth_m: float) -> float:
-        return max([distance + growth_m * stretch for distance, stretch in self._corner_reaches])
+    def reach(self, hull_growth_m: float) -> float:
+        return max([distance + hull_growth_m * stretch for distance, stretch in self._corner_reaches])
 
     def gaps(self, points: Points) -> Metres:
         return self.edges.gaps(points)
@@ -247,13 +268,19 @@ class Polygon:
         gaps: Metres = np.maximum.reduce(beyond)
         return gaps
 
-    def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
-        return arc.polygon_contacts(courses, self.edges, growth, reserve_m)
+    def contacts(self, courses: Courses, hull_growth: OneOrEach, reserve_m: float) -> list[Contact]:
+        return arc.polygon_contacts(courses, self.edges, hull_growth, reserve_m)
 
     def meets_s(
-        self, x: float, y: float, way: Way, twist: Velocity, growth_m: float, reserve_m: float
+        self,
+        x: float,
+        y: float,
+        direction: Direction,
+        twist: Velocity,
+        hull_growth_m: float,
+        reserve_m: float,
     ) -> float:
-        return arc.polygon_meets_s(x, y, way, twist, self.edges, growth_m, reserve_m)
+        return arc.polygon_meets_s(x, y, direction, twist, self.edges, hull_growth_m, reserve_m)
 
     def bands(self, twist: Velocity) -> list[Band]:
         if arc.is_straight(twist):

@@ -28,7 +28,7 @@ def braking_time(twist: Velocity, profile: GateProfile) -> float:
 
 
 def horizon(twist: Velocity, profile: GateProfile) -> float:
-    """Return the seconds of the unscaled twist for latency and braking: later contacts limit nothing."""
+    """Return the time (s) at the speed of the twist for latency and braking. Later contacts limit nothing."""
     return profile.parameters.latency_s + braking_time(twist, profile) / 2.0
 
 
@@ -60,8 +60,8 @@ def speed_before(
     return np.maximum(now, there_mps)
 
 
-def way_between(now_mps: float, there_mps: float, latency_s: float, deceleration_mps2: float) -> float:
-    """Return the distance in which the robot brakes from one speed to a lower one: v T + (v^2 - u^2) / 2a."""
+def braking_distance(now_mps: float, there_mps: float, latency_s: float, deceleration_mps2: float) -> float:
+    """Return the distance (m) for braking from `now_mps` to `there_mps`: v T + (v^2 - u^2) / 2a."""
     return now_mps * latency_s + (now_mps**2 - there_mps**2) / (2.0 * deceleration_mps2)
 
 
@@ -70,11 +70,11 @@ def speed_for(latency_s: float, full_mps: float, assumed_s: float, deceleration_
 
     v T + v^2 / 2a = V T_0 + V^2 / 2a with V = `full_mps` and T_0 = `assumed_s`; v is at most V.
     """
-    way_m = full_mps * assumed_s + full_mps**2 / (2.0 * deceleration_mps2)
-    return min(speed_within(way_m, latency_s, deceleration_mps2), full_mps)
+    distance_m = full_mps * assumed_s + full_mps**2 / (2.0 * deceleration_mps2)
+    return min(speed_within(distance_m, latency_s, deceleration_mps2), full_mps)
 
 
-def speed_within(way_m: float, latency_s: float, deceleration_mps2: float) -> float:
-    """Return the speed (m/s) from which a robot stops within `way_m`: v T + v^2 / 2a = way."""
+def speed_within(distance_m: float, latency_s: float, deceleration_mps2: float) -> float:
+    """Return the speed (m/s) from which a robot stops within `distance_m`: v T + v^2 / 2a = distance."""
     reaction = deceleration_mps2 * latency_s
-    return math.sqrt(reaction**2 + 2.0 * deceleration_mps2 * way_m) - reaction
+    return math.sqrt(reaction**2 + 2.0 * deceleration_mps2 * distance_m) - reaction

@@ -9,8 +9,8 @@ newest pose when odometry comes, and renews them with each scan, picture, echo o
 points are decided before: missing and stale data, posture, blind directions, depth camera, latency, the
 operator's delay, robot limits, and (before the second check) rate limits.
 
-A box lies about the base origin, x ahead along the way and y to the left. Let the wanted twist have vy = 0 and
-v = |vx|, and let radius(m) be the radius about the base origin that holds the hull with the arm, grown by m.
+A box lies about the base origin, with x in the direction of travel and y to the left. Let the wanted twist
+have vy = 0 and v = |vx|. Let radius(m) be the radius about the base origin that holds the hull, grown by m.
 
 *Braking* (first check). It follows arcs with the speed v and the turn rates wanted, measured and sent last.
 It changes nothing if on each arc the hull, grown by at most m_lat, touches nothing within T + T_b / 2, with
@@ -18,7 +18,7 @@ m_front left along the path of the point. With R = v / |w| and r = radius(m_lat)
 is at least R - r away from the centre of rotation, so this reserve is an angle of at most m_front / (R - r).
 In this time the base turns by at most theta = |w| (T + T_b / 2) + m_front / (R - r). It goes at most R theta
 ahead and, as 1 - cos t <= t^2 / 2, at most R theta^2 / 2 aside. It touches only points within r of this area.
-With theta <= pi / 2 it does not come back. On a straight way it goes v (T + T_b / 2) + m_front ahead and
+With theta <= pi / 2 it does not come back. On a straight path it goes v (T + T_b / 2) + m_front ahead and
 nothing aside. The largest |w| gives the largest box; its corners are rounded by r. In a turn on the spot
 (v = 0), the check considers only points within radius(m_lat) + m_front.
 
@@ -108,11 +108,11 @@ def _braked(v: float, w: float, footprint: Footprint, profile: GateProfile) -> B
     if tightest_m <= radius:
         return None
     reserve = profile.parameters.front_margin_m / (1.0 - radius / tightest_m)
-    way_m = v * braking.horizon(Velocity(v, 0.0, w), profile) + reserve
-    theta = way_m / tightest_m
+    ahead_m = v * braking.horizon(Velocity(v, 0.0, w), profile) + reserve
+    theta = ahead_m / tightest_m
     if theta > QUARTER_TURN:
         return None
-    return Box(way_m + radius, radius, way_m * theta / 2.0 + radius, radius)
+    return Box(ahead_m + radius, radius, ahead_m * theta / 2.0 + radius, radius)
 
 
 def _passed(v: float, w: float, footprint: Footprint, profile: GateProfile) -> Box | None:
@@ -122,7 +122,7 @@ def _passed(v: float, w: float, footprint: Footprint, profile: GateProfile) -> B
         return Box(0.0, 0.0, 0.0)
     linear, _ = braking.deceleration(profile)
     harmless = harmless_m(v, parameters)
-    slowing_m = braking.way_between(v, parameters.creep_mps, parameters.latency_s, linear)
+    slowing_m = braking.braking_distance(v, parameters.creep_mps, parameters.latency_s, linear)
     beside = footprint.reach(0.0) + harmless
     far = footprint.reach(slowing_m + harmless)
     return Box(far, 0.0, beside + far * far * w / (2.0 * v))

@@ -12,11 +12,11 @@ import numpy as np
 from robots.bridge.gate.geometry.arc import Metres
 from robots.bridge.gate.geometry.planar import Points
 
-GUESSES = 3  # a decision checks three boxes
+GUESSES = 3  # points to remember: a decision checks three boxes
 
 
 class Box(NamedTuple):
-    """A box about the base origin, along a way: metres ahead, behind, and to either side.
+    """A box about the base origin, along a direction of travel: metres ahead, behind, and to either side.
 
     `rounded`: the radius of its corners, no longer than any side.
     """
@@ -28,10 +28,10 @@ class Box(NamedTuple):
 
 
 class Corridors:
-    """The points (base frame) for checks of boxes ahead and back.
+    """Checks whether boxes about the robot are empty. Holds the points (base frame).
 
-    `guesses`: rows of points that were in earlier boxes. They are checked first, since most boxes hold the
-    same point as before. A wrong guess costs time only.
+    `guesses`: rows of points that were in earlier boxes. They are checked first, because a box mostly holds
+    the same point as before. A wrong guess costs time only.
     """
 
     def __init__(self, points: Points, guesses: Sequence[int] = ()) -> None:
@@ -54,7 +54,7 @@ class Corridors:
     def are_clear(self, box: Box, *, reverse: bool = False) -> bool:
         """Return whether no point is in the box or on its border. A NaN point is in no box.
 
-        `reverse`: the way of the box points backwards.
+        `reverse`: the box points backwards.
         """
         ahead, behind = (box.behind, box.ahead) if reverse else (box.ahead, box.behind)
         aside, rounded = box.aside, box.rounded

@@ -2,8 +2,8 @@
 
 Only a base without rate limits would follow the arcs of methods 1 to 5 exactly. A real base still executes
 earlier commands, and its speeds change at limited rates, which bends the arc. So the roll-out computes
-("plays") the motion: the commands on their way, one period of the candidate, then full braking. The functions
-are pure.
+("plays") the motion: the commands that are sent and not obeyed yet, one period of the candidate, then full
+braking. The functions are pure.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.geometry import arc
-from robots.bridge.gate.geometry.arc import Growth, Metres, Rows
+from robots.bridge.gate.geometry.arc import Metres, OneOrEach, Rows
 from robots.bridge.gate.geometry.footprint import Footprint, Spread
 from robots.bridge.gate.geometry.planar import Path, Points, chosen
 from robots.bridge.gate.motion import braking
-from robots.bridge.gate.motion.safe_twist import STANDING_MPS, way_out
+from robots.bridge.gate.motion.safe_twist import STANDING_MPS, allowed_margin
 from robots.bridge.gate.values import GateProfile, Pose, Velocity
 
-MOVER_MARGIN_M = 0.10  # margin of moving points, instead of m_hard: their future place is a guess
+MOVER_MARGIN_M = 0.10  # margin of moving points, instead of m_hard: their future place is uncertain
 SHARES = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1, 0.0)  # of the candidate; the largest clear share is taken
 PIECE_S = 0.05  # longest time step in which queued commands are played
 MOST_POSES = 60  # largest number of poses of one braking
-REMEMBERED_S = 1.0  # commands are kept for this time, which is longer than any latency
+REMEMBERED_S = 1.0  # commands are kept for this time, which is longer than any assumed latency
 LONGEST_STEP_S = 0.1  # a longer pause does not allow a larger step
 _EXACT_M = 0.0001  # more than the rounding error of the gaps: a roll-out computes them in 32 bits
 
@@ -84,7 +84,7 @@ class Commands:
             self._sent.popleft()
 
     def lately(self, now_s: float, latency_s: float) -> list[Sent]:
-        """Return the command in effect, if known, and all commands on their way, oldest first."""
+        """Return the command in effect, if known, and all later commands, oldest first."""
         queue: list[Sent] = []
         for sent_s, velocity in reversed(self._sent):
             age_s = now_s - sent_s
@@ -260,7 +260,7 @@ def _changed(speed: float, command: float, up: float, down: float) -> float:
 def _stopped(
     begun: Sequence[_State], rates: _Rates, footprint: Footprint, lead: Sequence[_State] = ()
 ) -> Path:
-    """Return a row for each state of `begun`: the states `lead` before it, then full braking to the end."""
+    """Return a row of poses for each state of `begun`: the states `lead`, then full braking to the end."""
     xs, ys, yaws, times_s, velocities = zip(*begun, strict=True)
     vxs, vys, ws = zip(*velocities, strict=True)
     poses = max([_poses_until_still(velocity, rates, footprint) for velocity in velocities])
@@ -269,20 +269,20 @@ def _stopped(
         path[:, :, : len(lead)] = np.array([state[:4] for state in lead]).T[:, None]
     x, y, yaw, time_s = _column(xs), _column(ys), _column(yaws), _column(times_s)
     still_s = _column([_still_s(velocity, rates) for velocity in velocities])
-    passed_s = still_s * _evenly_along_a_braked_way(poses)
+    passed_s = still_s * _evenly_along_a_braked_path(poses)
     forward, turned = _braked(passed_s, vxs, rates.linear_down), _braked(passed_s, ws, rates.angular_down)
     heading = yaw + (turned[:, 1:] + turned[:, :-1]) / 2.0
     cos, sin, ahead = np.cos(heading), np.sin(heading), forward[:, 1:] - forward[:, :-1]
-    places, ways = path[:2, :, len(lead) :], np.empty((2, *passed_s.shape))
-    ways[0, :, :1], ways[1, :, :1] = x, y
-    np.multiply(ahead, cos, out=ways[0, :, 1:])
-    np.multiply(ahead, sin, out=ways[1, :, 1:])
+    places, steps = path[:2, :, len(lead) :], np.empty((2, *passed_s.shape))
+    steps[0, :, :1], steps[1, :, :1] = x, y
+    np.multiply(ahead, cos, out=steps[0, :, 1:])
+    np.multiply(ahead, sin, out=steps[1, :, 1:])
     if any(vys):
         left = _braked(passed_s, vys, rates.linear_down)
         aside = left[:, 1:] - left[:, :-1]
-        ways[0, :, 1:] -= aside * sin
-        ways[1, :, 1:] += aside * cos
-    np.add.accumulate(ways, axis=2, out=places)
+        steps[0, :, 1:] -= aside * sin
+        steps[1, :, 1:] += aside * cos
+    np.add.accumulate(steps, axis=2, out=places)
     np.add(yaw, turned, out=path[2, :, len(lead) :])
     np.add(time_s, passed_s, out=path[3, :, len(lead) :])
     return Path(*path)
@@ -293,8 +293,8 @@ def _braked(passed_s: Metres, speeds: Sequence[float], rate: float) -> Metres:
     ends_s = _column([abs(speed) / rate for speed in speeds])
     half = _column([math.copysign(rate / 2.0, speed) for speed in speeds])
     braked_s = np.minimum(passed_s, ends_s)
-    way: Metres = braked_s * (_column(speeds) - half * braked_s)
-    return way
+    distance: Metres = braked_s * (_column(speeds) - half * braked_s)
+    return distance
 
 
 def _column(numbers: Sequence[float]) -> Metres | float:
@@ -317,7 +317,7 @@ def _poses_until_still(velocity: Velocity, rates: _Rates, footprint: Footprint) 
 
 
 @cache
-def _evenly_along_a_braked_way(poses: int) -> Metres:
+def _evenly_along_a_braked_path(poses: int) -> Metres:
     """Return shares of the braking time for poses at equal distances, (1, poses + 1): dense at high speed."""
     shares: Metres = 1.0 - np.sqrt(1.0 - np.linspace(0.0, 1.0, poses + 1))
     return shares[None]
@@ -419,16 +419,16 @@ def _margins(count: int, drift: Points | None, profile: GateProfile) -> Metres:
 
 def _demanded(
     unavoidable: Metres, drift: Points | None, profile: GateProfile, footprint: Footprint
-) -> Growth:
-    """Return the demanded distances: the margins, but at most what braking now would leave (method 4).
+) -> OneOrEach:
+    """Return the distances that the robot must keep: the margins, but at most what braking now would leave.
 
-    Standing and moving points are computed separately.
+    This is method 4. Standing and moving points are computed separately.
     """
     share = footprint.demanded_share
     hard = profile.parameters.hard_margin_m
     if drift is None or not (moving := _moving(drift)).any():
-        return way_out(unavoidable, hard, share)
+        return allowed_margin(unavoidable, hard, share)
     demanded = np.empty(len(drift))
-    demanded[~moving] = way_out(unavoidable[~moving], hard, share)
-    demanded[moving] = way_out(unavoidable[moving], MOVER_MARGIN_M, share)
+    demanded[~moving] = allowed_margin(unavoidable[~moving], hard, share)
+    demanded[moving] = allowed_margin(unavoidable[moving], MOVER_MARGIN_M, share)
     return demanded

@@ -1,4 +1,4 @@
-"""Compute the largest part of a wanted twist that is safe among known points (docs/gate.md, 1-5).
+"""Compute the largest part of a wanted twist that is safe near the known points (docs/gate.md, 1-5).
 
 The functions are pure.
 """
@@ -13,20 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.geometry import arc
-from robots.bridge.gate.geometry.arc import Courses, Growth, Metres, Rows, Way
+from robots.bridge.gate.geometry.arc import Courses, Direction, Metres, OneOrEach, Rows
 from robots.bridge.gate.geometry.footprint import Footprint, clearances
 from robots.bridge.gate.geometry.planar import Points, chosen
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.values import GateProfile, Parameters, Velocity
 
-WAY_OUT_M = 0.0001  # the demanded clearance is smaller than the real one by at least this
+# The gate asks for this much less room than the robot has now, so the robot can always drive out.
+ROOM_LEFT_M = 0.0001
 STANDING_MPS = 0.01  # a slower robot counts as standing: otherwise the last centimetre would take very long
 TURN_TOLERANCE_RADPS = 0.1  # turn rates that differ by less count as one arc: at 1 m/s, 5 cm apart after 1 m
-TURN_SHARES = (1.0, 0.7, 0.4)  # of the wanted turn, tried in this order when rotation is given back
-GUESSES = 2  # number of points that are kept because they may forbid the next turn, too
-NOTHING = 1e-6  # m/s or rad/s
-_WHOLE = 0.999
-_SURELY_NOT_WHOLE = 0.998  # the distance to `_WHOLE` is much larger than rounding errors
+TURN_SHARES = (1.0, 0.7, 0.4)  # parts of the wanted turn, tried in this order after the speed was reduced
+GUESSES = 2  # points to remember: they blocked this turn and will probably block the next
+NOTHING = 1e-6  # m/s or rad/s; less counts as zero
+_WHOLE = 0.999  # a larger share counts as the whole twist
+_SURELY_NOT_WHOLE = 0.998  # smaller than `_WHOLE` by much more than a rounding error
 
 OBSTACLE = "obstacle"
 NEAR_MISS = "near_miss"
@@ -55,26 +56,26 @@ class Cause(NamedTuple):
 class Surroundings(NamedTuple):
     """The points for the check of twists that have the same direction and speed, and different turn rates.
 
-    `points` are seen along the direction `way`. `gaps`: their distances from the hull. `growth`: how far the
-    hull is grown for them.
+    `points`: in coordinates that are turned so that x is the `direction` of travel. `gaps`: their distances
+    from the hull. `hull_growth`: how much larger the hull is made for them, metres.
     """
 
     points: Points
-    way: Way
+    direction: Direction
     gaps: Metres
-    growth: Growth
+    hull_growth: OneOrEach
     footprint: Footprint
     profile: GateProfile
 
-    def growth_of(self, rows: Rows) -> Growth:
-        """Return how far the hull is grown for some of the points."""
-        return self.growth if isinstance(self.growth, float) else self.growth.take(rows)
+    def hull_growth_of(self, rows: Rows) -> OneOrEach:
+        """Return the hull growth for some of the points."""
+        return self.hull_growth if isinstance(self.hull_growth, float) else self.hull_growth.take(rows)
 
 
 class Restraint(NamedTuple):
     """The safe twist, and the cause of its reduction.
 
-    `guesses`: rows of the points that forbade turns, the newest first. Mostly they forbid the next turn, too.
+    `guesses`: rows of the points that blocked turns, the newest first. They will probably block the next turn.
     """
 
     velocity: Velocity
@@ -94,24 +95,28 @@ def restrain(
 ) -> Restraint:
     """Return the safe part of `wanted`.
 
-    `turn_rates` (rad/s): the base has them now or soon. Until it turns as wanted, it follows their arcs at
-    the wanted speed, so these arcs must be clear, too. `expected` and `guesses` (of the last decision) change
-    only the computing time: if the safe share is smaller than `expected`, only the points near enough for
-    such a share are checked.
+    `turn_rates` (rad/s): those that the base has now, or was told to have. Until the base turns as wanted, it
+    follows their arcs at the wanted speed, so these arcs must be clear, too.
+
+    `expected` (a share) and `guesses` come from the last decision. They only save computing time; the result
+    is the same. The points that are near enough to matter for the expected share are checked first. Other
+    points are checked only if the safe share is not smaller than expected.
     """
     followed = (wanted._replace(w=w) for w in _differing(turn_rates, wanted.w))
     arcs = (wanted, *(twist for twist in followed if any(twist)))
     x, y = points.T
     squares = x * x + y * y
-    way = arc.way(wanted)
+    direction = arc.direction_of(wanted)
     for share in (expected, 1.0) if expected < 1.0 else (1.0,):
         near: Rows = (squares < _reach(share, arcs, footprint, profile) ** 2).nonzero()[0]
         if not len(near):
             continue
         some = chosen(points, near) if len(near) < len(points) else points
         gaps = footprint.gaps(some)
-        growth = way_out(gaps, profile.parameters.lateral_margin_m, footprint.demanded_share)
-        surroundings = Surroundings(arc.seen_along(some, way), way, gaps, growth, footprint, profile)
+        hull_growth = allowed_margin(gaps, profile.parameters.lateral_margin_m, footprint.demanded_share)
+        surroundings = Surroundings(
+            arc.seen_along(some, direction), direction, gaps, hull_growth, footprint, profile
+        )
         limit = _limit(arcs, surroundings)
         if limit.share < share:
             row = limit.row
@@ -124,23 +129,22 @@ def restrain(
     return Restraint(wanted)
 
 
-def way_out(gaps: Metres, lateral_margin_m: float, demanded_share: float) -> Growth:
-    """Return how far the hull is grown (m): by the lateral margin, but at most by the present clearance.
+def allowed_margin(gaps: Metres, margin_m: float, demanded_share: float) -> OneOrEach:
+    """Return the distance (m) to keep: the margin, but never more than the free room (method 4).
 
-    Beside a wall the growth is reduced equally for all points; otherwise the next metre of the wall would
-    stop the robot. If a point is inside the hull already, each point has its own growth: negative for the
-    points inside, zero for the others.
+    All points use the same value; otherwise the robot would stop at each new metre of a wall. Only if a point
+    is inside the hull already, each point has its own value: negative for points inside, zero for the others.
     """
     narrowest = float(np.minimum.reduce(gaps, initial=math.inf))
-    least = min(narrowest - WAY_OUT_M, demanded_share * narrowest - WAY_OUT_M, lateral_margin_m)
+    least = min(narrowest - ROOM_LEFT_M, demanded_share * narrowest - ROOM_LEFT_M, margin_m)
     if least >= 0.0:
         return least
-    return np.minimum(np.minimum(gaps, demanded_share * gaps) - WAY_OUT_M, 0.0)
+    return np.minimum(np.minimum(gaps, demanded_share * gaps) - ROOM_LEFT_M, 0.0)
 
 
 def _limit(arcs: Sequence[Velocity], surroundings: Surroundings) -> Share:
     """Return the largest share at which all of these twists are safe."""
-    courses = arc.courses(surroundings.points, surroundings.way, arcs)
+    courses = arc.courses(surroundings.points, surroundings.direction, arcs)
     limit = min(_braking_shares(arcs, courses, surroundings), key=_by_share)
     passed = _passed(arcs[0], surroundings, limit.share)
     if len(passed):
@@ -153,14 +157,14 @@ def _first_whole(
 ) -> tuple[Velocity | None, list[int]]:
     """Return the first of these twists that is completely safe (None: none is), and `rows` in a new order.
 
-    The twists differ only in their turn rates. `rows` are points that may forbid a turn, the likeliest first.
-    A point that forbids one turn mostly forbids the others, too, and a check of one point is quick. In the
-    returned rows the points that did forbid a turn come first.
+    The twists differ only in their turn rates. `rows` are points that may block a turn, the most probable
+    first. A point that blocks one turn mostly blocks the others, too, and a check of one point is quick. In
+    the returned rows, the points that did block a turn come first.
     """
     for twist in twists:
         met = next((row for row in rows if _is_stopped_by(row, twist, surroundings)), -1)
         if met < 0:
-            courses = arc.courses(surroundings.points, surroundings.way, [twist])
+            courses = arc.courses(surroundings.points, surroundings.direction, [twist])
             (braked,) = _braking_shares([twist], courses, surroundings)
             if braked.share > _WHOLE and _passes(twist, courses, surroundings):
                 return twist, rows
@@ -178,12 +182,12 @@ def _passes(twist: Velocity, courses: Courses, surroundings: Surroundings) -> bo
 
 def _is_stopped_by(row: int, twist: Velocity, surroundings: Surroundings) -> bool:
     """Return whether this point alone surely makes the complete twist unsafe; False in doubt."""
-    profile, growth = surroundings.profile, surroundings.growth
-    if not isinstance(growth, float):
+    profile, hull_growth = surroundings.profile, surroundings.hull_growth
+    if not isinstance(hull_growth, float):
         return False
     x, y = surroundings.points[row].tolist()
     until_s = surroundings.footprint.meets_s(
-        x, y, surroundings.way, twist, growth, profile.parameters.front_margin_m
+        x, y, surroundings.direction, twist, hull_growth, profile.parameters.front_margin_m
     )
     share = braking.scale(until_s, profile.parameters.latency_s, braking.braking_time(twist, profile))
     return share < _SURELY_NOT_WHOLE
@@ -194,10 +198,10 @@ def _by_share(limit: Share) -> float:
 
 
 def _braking_shares(twists: Sequence[Velocity], courses: Courses, surroundings: Surroundings) -> list[Share]:
-    """Return the share of each twist whose braking ends m_front before contact (methods 1 and 2)."""
+    """Return each twist's largest share that stops m_front before contact with a point (methods 1 and 2)."""
     profile = surroundings.profile
     margin_m, latency_s = profile.parameters.front_margin_m, profile.parameters.latency_s
-    contacts = surroundings.footprint.contacts(courses, surroundings.growth, margin_m)
+    contacts = surroundings.footprint.contacts(courses, surroundings.hull_growth, margin_m)
     shares = [
         braking.scale(contact.until_s, latency_s, braking.braking_time(twist, profile))
         for twist, contact in zip(twists, contacts, strict=True)
@@ -209,22 +213,22 @@ def _braking_shares(twists: Sequence[Velocity], courses: Courses, surroundings: 
 
 
 def _passed(twist: Velocity, surroundings: Surroundings, below: float) -> Rows:
-    """Return the rows of points ahead that may make `_passing_share` smaller than `below` on some arc.
+    """Return the rows of the points ahead that could reduce the share below `below`.
 
-    The other points are so far away that at the share `below` the robot need not slow down for them yet.
+    All others are too far away: at this share, the robot need not slow down for them yet.
     """
     v = below * arc.speed(twist)
     parameters = surroundings.profile.parameters
     if v <= parameters.creep_mps:
         return np.empty(0, dtype=np.intp)
     linear, _ = braking.deceleration(surroundings.profile)
-    slowing_m = braking.way_between(v, parameters.creep_mps, parameters.latency_s, linear)
+    slowing_m = braking.braking_distance(v, parameters.creep_mps, parameters.latency_s, linear)
     near = surroundings.gaps < slowing_m + harmless_m(v, parameters)
     return (near & (surroundings.points[:, 0] > 0.0)).nonzero()[0]
 
 
 def harmless_m(v: float, parameters: Parameters) -> float:
-    """Return the clearance (m) at which a near miss allows this speed (m/s)."""
+    """Return the clearance (m) with which the robot may pass a point at the speed `v` (m/s)."""
     return parameters.lateral_margin_m + (v - parameters.creep_mps) * parameters.near_miss_s
 
 
@@ -233,18 +237,18 @@ def _passing_share(
 ) -> Share:
     """Return the largest share at which every arc passes the `passed` points slowly enough (method 3).
 
-    Where the hull is nearest to a point: v <= v_creep + (clearance - m_lat) / c_lat. Before that place the
-    robot may be faster, if it can still brake to this speed: the gap shrinks at most as fast as the robot
-    moves, so at least the distance gap - clearance is left. A share that is not smaller than `below` may be
-    returned as 1.
+    Where the hull is nearest to a point: v <= v_creep + (clearance - m_lat) / c_lat. Farther from the point
+    the robot may be faster, if it can brake in time. For this it has at least the distance gap - clearance,
+    because the gap becomes smaller at most as fast as the robot moves. A share that is not smaller than
+    `below` may be returned as 1.
     """
     parameters, footprint = surroundings.profile.parameters, surroundings.footprint
     each = [
         clearances(courses.track(number, passed), twist, footprint) for number, twist in enumerate(twists)
     ]
     clear: Metres = np.array(each)
-    growth = surroundings.growth_of(passed)
-    near = ((clear < harmless_m(below * courses.v, parameters)) & (clear >= growth)).ravel().nonzero()[0]
+    hull_growth = surroundings.hull_growth_of(passed)
+    near = ((clear < harmless_m(below * courses.v, parameters)) & (clear >= hull_growth)).ravel().nonzero()[0]
     if not len(near):
         return FREE
     clear, rows = clear.take(near), passed.take(near % len(passed))
@@ -263,7 +267,7 @@ def _give_rotation_back(
 ) -> tuple[Velocity, list[int]]:
     """Return the scaled twist with the largest safe part of the wanted turn (method 5), and the next guesses.
 
-    So a robot with its nose at a wall still turns while the stick is held diagonally.
+    So a robot that stands directly before a wall still turns while the stick is held diagonally.
     """
     scaled = wanted.scaled(limit.share)
     if arc.speed(scaled) < STANDING_MPS:
@@ -287,12 +291,12 @@ def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:
 
 
 def _reach(share: float, arcs: Sequence[Velocity], footprint: Footprint, profile: GateProfile) -> float:
-    """Return the distance from the base origin beyond which no point makes this `share` of the twists unsafe.
+    """Return a distance (m) from the base origin. A point farther than this cannot change the result.
 
-    Braking: before a contact, the base can move at least the point's distance minus the grown hull and
-    m_front. If this is `share` times the stopping way of the whole twist or more, at least `share` is safe.
-    Passing: see `_passed`. A point beyond this distance changes neither the growth (`way_out`) nor the
-    rotation that is given back.
+    It cannot make this `share` of the twists unsafe. Braking: before a contact, the base can move at least
+    the point's distance minus the radius of the grown hull and m_front. At this share, the base stops within
+    `share` times the stopping distance of the whole twist, or less. Passing: see `_passed`. Such a point
+    changes neither the hull growth (`allowed_margin`) nor the turn that is given back.
     """
     parameters = profile.parameters
     widest = max(arcs, key=_turning)  # it takes the longest to brake
@@ -307,7 +311,7 @@ def _reach(share: float, arcs: Sequence[Velocity], footprint: Footprint, profile
     linear, _ = braking.deceleration(profile)
     slower = share * v
     passing_m = slower * (parameters.latency_s + slower / (2.0 * linear) + parameters.near_miss_s) + lateral_m
-    growing_m = (lateral_m + WAY_OUT_M) / footprint.demanded_share
+    growing_m = (lateral_m + ROOM_LEFT_M) / footprint.demanded_share
     return min(whole_m, max(braking_m, footprint.reach(max(passing_m, growing_m))))
 
 

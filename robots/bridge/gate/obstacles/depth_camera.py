@@ -4,6 +4,10 @@ A point is kept in memory until a later picture sees through its place: the edge
 at the lower border long before the robot is there. Memory ages only while the robot moves, because only then
 the odometry's error grows: a robot that stands at a table for minutes still remembers it.
 
+The *feet* of an obstacle are its parts at the height of the lasers: legs of a person or a table. An obstacle
+without feet *hangs*, such as the edge of a desk. If the feet are gone, the columns above them are gone, too,
+unless they are connected with an obstacle that hangs.
+
 The robot's own body and arm are left out.
 """
 
@@ -36,7 +40,7 @@ from robots.bridge.gate.obstacles.point_memory import (
     DEPTH_LAYER,
     PASSES,
     Memory,
-    grown,
+    moved_nearer,
     outside_robot,
 )
 from robots.bridge.gate.obstacles.sightings import BEHIND_M, SAME_M, Past, past, seen_free
@@ -68,13 +72,13 @@ EDGE_RAD = 0.24
 LOOKS_BACK = 3
 LOOK_EVERY_S = 0.33
 CAME_M = 2.0  # from the robot: farther objects are seen often enough before they are near
-FOOT_M = 0.1
-NEAR_CELLS = 2
+FOOT_M = 0.1  # a cell of the grid of feet
+NEAR_CELLS = 2  # cells this near to a hit count as near
 FEET_CELLS = 128  # 12.8 m, twice as far as the memory reaches
 PASSED_S = 2.0  # a walking person is remembered for this time, as in a laser's memory
 MET_M = 0.03  # a beam that ends farther behind a column did not hit it
-MISSES_COUNT = 3  # a miss weighs this many times as much as a hit
-HANGS = 3  # sightings without feet; with fewer the obstacle may have moved between scan and picture
+MISSES_COUNT = 3  # a beam that missed a column counts as this many beams that hit it
+HANGS = 3  # a column hangs after this many sightings without feet; in fewer it may have moved since the scan
 JOINED_M = 0.12  # nearer columns belong to one thing
 NEAR_HULL_M = 0.4  # places farther from the hull will be seen when the robot comes nearer
 LENS_AHEAD_M = 0.15  # distance of the lens from the axis about which the head turns
@@ -220,12 +224,12 @@ class DepthCamera:
                 free[below] &= seen_free(sweep, beside)
         met = np.flatnonzero(self._spans.is_met(remembered))
         behind = past(sweep, placed(remembered, relative_to(ORIGIN, sensor)))
-        tells = behind.likely > -SAME_M
+        judged = behind.likely > -SAME_M
         overruled = np.zeros(len(remembered), dtype=np.bool_)
-        overruled[met] = tells[met]
+        overruled[met] = judged[met]
         self._scans += self._spans.overrule(remembered, overruled, laser)
         free[met] |= behind.surely[met] > MET_M
-        gone = self._spans.pass_below(remembered, free, tells)
+        gone = self._spans.pass_below(remembered, free, judged)
         if gone.any():
             held = self._spans.hold_together(remembered, gone)
             held[met] = False
@@ -263,7 +267,7 @@ class DepthCamera:
         return self.freshness.within(DEPTH_STALE_S, now_s)
 
     def sight_m(self, direction: float, curvature: float) -> float:
-        """Return the visible length of a way in metres: infinite if all is visible, 0 if the camera looks elsewhere.
+        """Return how much of the way is visible (m): infinite if all of it is, 0 if the camera looks elsewhere.
 
         The way begins in `direction` (base frame) and bends by `curvature` (1/m, left positive).
         """
@@ -313,14 +317,14 @@ class DepthCamera:
             self._shown = self._seen, self._hidden, joined([self._seen, self._hidden])
         return self._shown[2]
 
-    def as_near_as_may_be(self, points: Points) -> Points:
+    def moved_nearer(self, points: Points) -> Points:
         return points
 
     def as_seen(self, trail: Trail, now_s: float) -> Points:
         return self._seen if len(self.places(trail, now_s)) else NO_POINTS
 
     def near_sides(self, trail: Trail) -> Points:
-        """Return places to which an unseen near side may reach, base frame of the newest odometry."""
+        """Return places where an unseen near side may be, base frame of the newest odometry."""
         self._forget_another_frame(trail)
         return placed(self._hidden, relative_to(ORIGIN, trail.newest)) if trail.newest else NO_POINTS
 
@@ -339,10 +343,10 @@ class DepthCamera:
                 counts &= ~self._spans.share_cells(remembered, self._cells[1])
             kept = counts.nonzero()[0]
             hidden = NO_POINTS if self.is_fresh(now_s) else self._hidden
-            known, doubts_m = joined([chosen(remembered, kept), hidden]), np.zeros(len(kept) + len(hidden))
+            known, errors_m = joined([chosen(remembered, kept), hidden]), np.zeros(len(kept) + len(hidden))
             hanging = self._spans.hangs(remembered).take(kept).nonzero()[0]
-            doubts_m[hanging] = self._memory.doubts_m(kept.take(hanging))
-            self._unseen = revision, known, doubts_m
+            errors_m[hanging] = self._memory.errors_m(kept.take(hanging))
+            self._unseen = revision, known, errors_m
         return self._unseen[1:]
 
     def seen_before(self, trail: Trail, now_s: float) -> Points:
@@ -368,14 +372,14 @@ class DepthMemory:
 
     def __init__(self, camera: DepthCamera) -> None:
         self._camera = camera
-        self._doubts_m: NDArray[np.float64] = np.empty(0)
+        self._errors_m: NDArray[np.float64] = np.empty(0)
 
     def places(self, trail: Trail, now_s: float) -> Points:
-        places, self._doubts_m = self._camera.unseen(trail, now_s)
+        places, self._errors_m = self._camera.unseen(trail, now_s)
         return places
 
-    def as_near_as_may_be(self, points: Points) -> Points:
-        return grown(points, self._doubts_m, self._camera.footprint)
+    def moved_nearer(self, points: Points) -> Points:
+        return moved_nearer(points, self._errors_m, self._camera.footprint)
 
     def as_seen(self, trail: Trail, now_s: float) -> Points:
         return outside_robot(self._camera.seen_before(trail, now_s), trail.newest, self._camera.footprint)
@@ -386,19 +390,19 @@ class DepthMemory:
 
 
 class _MotionClock:
-    """A clock that counts only seconds in which the robot moved, from one picture to the next."""
+    """A clock that counts only the time in which the robot moved, from one picture to the next."""
 
     def __init__(self) -> None:
         self.now_s = 0.0
         self._last: tuple[Pose, float] | None = None
 
     def pass_to(self, pose: Pose, now_s: float) -> float:
-        """Move the robot to `pose`; return all seconds so far."""
+        """Move the robot to `pose`; return all counted seconds so far."""
         if self._last is None:
             self._last = pose, now_s
         there, since_s = self._last
-        way = relative_to(pose, there)
-        if math.hypot(way.x, way.y) > MOVED_M or abs(way.yaw) > MOVED_RAD:
+        moved = relative_to(pose, there)
+        if math.hypot(moved.x, moved.y) > MOVED_M or abs(moved.yaw) > MOVED_RAD:
             self.now_s += min(max(now_s - since_s, 0.0), DEPTH_STALE_S)
             self._last = pose, now_s
         return self.now_s
@@ -434,7 +438,7 @@ class _Feet:
         return Past(surely, likely)
 
     def about(self, points: Points) -> Flags:
-        """Return whether a scan hit something within 0.3 to 0.4 m, the distance of a person's arms from the feet."""
+        """Return whether a scan hit something within 0.3 to 0.4 m: so far are a person's arms from the feet."""
         about: Flags = self._grids[1][self._cells(points)]
         return about
 
@@ -475,11 +479,13 @@ class _Spans:
         self._memory = memory
         self._low, self._high = np.zeros((2, CELLS * CELLS), dtype=np.float32)
         self._levels = np.zeros(CELLS * CELLS, dtype=np.uint16)
+        # whether a laser saw feet below the column, and whether the column moved there
         self._footed, self._came = np.zeros((2, CELLS * CELLS), dtype=np.bool_)
         self._overruled = np.zeros(CELLS * CELLS, dtype=np.uint8)  # a bit for each laser
+        # sightings without feet; beams that hit the column, less those that missed; scans in a row without feet
         self._hung, self._met, self._passes = np.zeros((3, CELLS * CELLS), dtype=np.int8)
-        self._first_s, self._last_s = np.zeros((2, CELLS * CELLS))
-        self._marked = np.zeros(CELLS * CELLS, dtype=np.bool_)
+        self._first_s, self._last_s = np.zeros((2, CELLS * CELLS))  # times of the first and last sighting
+        self._marked = np.zeros(CELLS * CELLS, dtype=np.bool_)  # working memory of `share_cells`
 
     def note(self, points: Points, shown: Columns, new: Flags) -> None:
         """Note that these columns are seen at `points` (odometry frame); reset the cells of `new` ones."""
@@ -576,11 +582,11 @@ class _Spans:
         overruled: Flags = self._overruled.take(self._memory.entries(points)) > 0
         return overruled
 
-    def pass_below(self, points: Points, free: Flags, tells: Flags) -> Flags:
-        """Note one scan, which can judge the points `tells`; `free` have no feet. Return which are gone."""
+    def pass_below(self, points: Points, free: Flags, judged: Flags) -> Flags:
+        """Note one scan, which can judge the points `judged`; `free` have no feet. Return which are gone."""
         entries = self._memory.entries(points)
         passes = self._passes[entries]
-        self._passes[entries] = np.where(free, passes + 1, np.where(tells, 0, passes))
+        self._passes[entries] = np.where(free, passes + 1, np.where(judged, 0, passes))
         gone: Flags = self._passes[entries] >= PASSES
         return gone
 

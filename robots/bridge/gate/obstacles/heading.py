@@ -23,8 +23,8 @@ from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import Pose
 
 LEAST_TURN_RAD = 0.26  # least reported turn between two scans that are compared
-MOST_TURN_RAD = 1.0  # after a larger turn they have too little in common
-MOST_WAY_M = 0.5  # the same for distance
+MOST_TURN_RAD = 1.0  # after a larger turn the scans have too little in common
+MOST_MOVED_M = 0.5  # the same for the distance between the scans
 ORDINARY_RAD, ORDINARY_SHARE = 0.026, 0.1  # smaller errors of the odometry are ignored
 MOST_OFF_SHARE = 0.6  # of the turn; a laser that repeats one scan would be wrong by the whole turn
 HELD_FOR = 12  # comparisons without a result, half a turn in all; then the wheels are trusted again
@@ -54,7 +54,7 @@ class Heading:
         self.laser = laser
         self._then: _PastScan | None = None
         self._share = 1.0  # real turn / reported turn, by the last comparison with a result
-        self._silent = 0  # comparisons without a result since
+        self._silent = 0  # comparisons without a result since then
 
     def correct(self, trail: Trail) -> None:
         """Use the laser's newest scan. A scan without a pose is ignored."""
@@ -66,20 +66,20 @@ class Heading:
         if then is None or then.resets != trail.resets or stamp_s <= then.stamp_s:
             self._share = trail.turn_share = 1.0
             return
-        way = relative_to(base, then.base)
-        reported = way.yaw / trail.turn_share
-        is_far = math.hypot(way.x, way.y) > MOST_WAY_M
+        moved = relative_to(base, then.base)
+        reported = moved.yaw / trail.turn_share
+        is_far = math.hypot(moved.x, moved.y) > MOST_MOVED_M
         if abs(reported) < LEAST_TURN_RAD:
             if is_far:  # the floor may have changed
                 self._share = trail.turn_share = 1.0
             else:
                 self._then = then
             return
-        off = None if is_far or abs(reported) > MOST_TURN_RAD else self._off(then.sweep, sweep, way)
+        off = None if is_far or abs(reported) > MOST_TURN_RAD else self._off(then.sweep, sweep, moved)
         if off is not None and (trail.turn_share != 1.0 or abs(off) > _ordinary(reported)):
             trail.turn(then.stamp_s, stamp_s, off)
             self._then = self._then._replace(base=trail.pose_at(stamp_s) or base)
-        self._learn(trail, None if off is None else (way.yaw + off) / reported)
+        self._learn(trail, None if off is None else (moved.yaw + off) / reported)
 
     def _learn(self, trail: Trail, share: float | None) -> None:
         """Learn real turn / reported turn from a comparison; None: it had no result."""
@@ -94,14 +94,14 @@ class Heading:
         trail.turn_share = 1.0 + least if slips else 1.0
         self._share, self._silent = share, 0
 
-    def _off(self, then: Sweep, now: Sweep, way: Pose) -> float | None:
-        """Return by how many radians more than `way` the base turned between the scans; None if that is unclear."""
+    def _off(self, then: Sweep, now: Sweep, moved: Pose) -> float | None:
+        """Return how much farther than `moved` the base turned between the scans (rad); None: unclear."""
         points = then.points()
         things = 1 + np.count_nonzero(np.hypot(*np.diff(points, axis=0).T) > APART_M)
         if len(points) < LEAST_POINTS and things < LEAST_THINGS:
             return None
         points = placed(points[:: math.ceil(len(points) / MOST_POINTS)], self.laser.pose)
-        ahead = _complex(points) - complex(way.x, way.y)
+        ahead = _complex(points) - complex(moved.x, moved.y)
         ends = np.concatenate(([-math.inf], now.ends, [-math.inf]))
         x, y, yaw = self.laser.pose
 
@@ -117,16 +117,16 @@ class Heading:
             means = (apart * known).sum(axis=1) / np.maximum(seen, 1)
             return np.where(seen >= len(points) / 2.0, means, SAME_M)
 
-        most = MOST_OFF_SHARE * abs(way.yaw)
+        most = MOST_OFF_SHARE * abs(moved.yaw)
         coarse = np.arange(-most, most + COARSE_RAD, COARSE_RAD)
-        about = coarse[np.argmin(apart_m(way.yaw + coarse))]
+        about = coarse[np.argmin(apart_m(moved.yaw + coarse))]
         fine = about + np.arange(-1.5 * COARSE_RAD, 1.5 * COARSE_RAD, FINE_RAD)
-        apart = apart_m(way.yaw + np.append(fine, 0.0))
+        apart = apart_m(moved.yaw + np.append(fine, 0.0))
         least = apart[:-1].min()
         off = float(fine[apart[:-1] < least + EVEN_M].mean())
         if least > FITS_M or abs(off) >= most:
             return None
-        return off if apart[-1] > BETTER * least or abs(off) < _ordinary(way.yaw) else None
+        return off if apart[-1] > BETTER * least or abs(off) < _ordinary(moved.yaw) else None
 
 
 def _ordinary(turn: float) -> float:

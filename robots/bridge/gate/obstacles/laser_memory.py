@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from robots.bridge.gate.geometry.planar import ORIGIN, Points, chosen, placed, relative_to
-from robots.bridge.gate.obstacles.point_memory import LASER_LAYER, Memory, grown, outside_robot
+from robots.bridge.gate.obstacles.point_memory import LASER_LAYER, Memory, moved_nearer, outside_robot
 from robots.bridge.gate.obstacles.sightings import sight
 from robots.bridge.gate.obstacles.sources import Carried, Laser
 from robots.bridge.gate.timing.trail import Trail
@@ -18,8 +18,8 @@ from robots.bridge.gate.values import Kind, SensorHealth
 class LaserMemory:
     """The memory of one laser.
 
-    It changes only with a new scan; without new scans, the gate stops the robot anyway. It returns only
-    points that the newest scan cannot judge.
+    The memory changes only with a new scan; without new scans, the gate stops the robot anyway. As a
+    source it returns only points that the newest scan cannot judge.
     """
 
     kind: Kind = "memory"
@@ -45,9 +45,9 @@ class LaserMemory:
         origin = relative_to(ORIGIN, base)
         remembered = self._memory.points(now_s)
         sighting = sight(sweep, placed(remembered, relative_to(origin, self._laser.pose)))
-        kept = np.flatnonzero(~sighting.vouched)
+        kept = np.flatnonzero(~sighting.judged)
         unseen = placed(chosen(remembered, kept), origin)
-        points = grown(unseen, self._memory.doubts_m(kept), self._laser.footprint)
+        points = moved_nearer(unseen, self._memory.errors_m(kept), self._laser.footprint)
         self._carried = Carried(points, stamp_s)
         self._as_seen = Carried(unseen, stamp_s)
         self._memory.pass_through(sighting.through)
@@ -60,7 +60,7 @@ class LaserMemory:
     def places(self, trail: Trail, now_s: float) -> Points:
         return self._carried.places(trail)
 
-    def as_near_as_may_be(self, points: Points) -> Points:
+    def moved_nearer(self, points: Points) -> Points:
         return points
 
     def as_seen(self, trail: Trail, now_s: float) -> Points:

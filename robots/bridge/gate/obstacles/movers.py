@@ -1,8 +1,8 @@
 """Moving obstacles (docs/gate.md, 10): points that stand where the scan of 0.4 s ago saw free space.
 
 If a place that was free is occupied now, something came. Changes by the robot's own motion, at edges and by
-occlusion prove nothing and are ignored. The speed is computed from the way between an object that vanished
-and the object that appeared. Everything is in the odometry frame; times are the robot's own stamps.
+occlusion prove nothing and are ignored. The speed is computed from the distance between an object that
+vanished and the object that appeared. Everything is in the odometry frame; times are the robot's own stamps.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MOVER = "mover"
 LOOK_BACK_S = 0.4
 OLDEST_LOOK_S = 0.6
 LEAST_POINTS = 3
-NEAR_M = 5.0  # an object farther from the sensor cannot arrive before the robot stands
+NEAR_M = 5.0  # an object farther from the sensor cannot reach the robot before it stands
 APART_M = 0.20  # between two neighbouring points of different objects
 LARGEST_M = 1.0  # a wider object is no person: only newly appeared parts count
 LEAST_MPS = 0.2
@@ -129,7 +129,7 @@ def _movers(then: _Look, now: _Look) -> Iterator[_Mover]:
     if np.count_nonzero(appeared) < LEAST_POINTS:
         return
     vanished = _seen_through(now, then, then.points)
-    hidden = ~sight(now.sweep, _seen_by(now.sensor, then.points)).vouched
+    hidden = ~sight(now.sweep, _seen_by(now.sensor, then.points)).judged
     gone, covered = list(_things(then.points, vanished)), list(_things(then.points, hidden))
     passed_s = now.stamp_s - then.stamp_s
     for thing in _things(now.points, appeared):

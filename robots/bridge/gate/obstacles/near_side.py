@@ -1,12 +1,14 @@
 """Places in a depth camera's blind range count as unseen, not as free.
 
-A camera such as the Xtion measures nothing within half a metre. If the robot was parked at a table, the
-camera shows only the far part of the table; no picture shows its near edge. So the gate assumes that an
-obstacle at the border of the blind range reaches to the robot, unless a picture from farther away showed its
-near edge. The assumption lasts while the obstacle is remembered and out of the picture, also when the robot
-turns or the pictures end.
+A camera such as the Xtion measures nothing within half a metre: its blind range. If the robot was parked at
+a table, the camera shows only the far part of the table; no picture shows its near edge.
 
-A *top* is a column of the picture that may be a part of such an obstacle: flat, and next to the blind range.
+If an obstacle reaches the edge of the blind range, the gate assumes that it goes on to the robot. The gate
+does not assume this if an earlier picture showed the near edge of the obstacle. The assumption lasts while the
+obstacle is remembered and out of the picture, also when the robot turns or the pictures end.
+
+A *flat point* is a column of the picture that may be a part of such an obstacle: flat, and next to the blind
+range. A *hidden place* is a place between a flat point and the robot that may be occupied.
 """
 
 from __future__ import annotations
@@ -30,12 +32,12 @@ from robots.bridge.gate.values import Pose
 
 Flags = NDArray[np.bool_]
 
-STEP_M = 2.0 * CELL_M  # at the place that is nearer by this, a picture would show whether the obstacle ends
+STEP_M = 2.0 * CELL_M  # one step nearer: if the camera can measure there, it shows whether the obstacle ends
 FLAT_M = 0.10  # a taller column is a vertical face: its near side was measured
-ASIDE_M = 1.5 * CELL_M  # an edge this near to the line from a top to the robot belongs to the same obstacle
+ASIDE_M = 1.5 * CELL_M  # an edge this near to the line from a flat point to the robot is of the same obstacle
 SAME_M = 0.06  # largest distance between an edge and its remembered place
-HULL_M = 0.02  # nearer places are assumed free: the robot would have touched the obstacle
-NEAR_M = 1.5  # from the base, largest distance of edges and hidden places: more than any blind range
+HULL_M = 0.02  # places nearer to the hull than this are free: otherwise the robot would touch the obstacle
+NEAR_M = 1.5  # largest distance of edges and hidden places from the base: more than any blind range
 
 
 class NearSide:
@@ -45,15 +47,14 @@ class NearSide:
         """`blind_m`: distance along the camera's axis; the camera measures nothing nearer."""
         self._blind_m = blind_m
         self._edges = Memory(DEPTH_LAYER)
-        self._tops = self._places = (
-            NO_POINTS  # tops that were seen, and places to which they may reach; odometry frame
-        )
-        self._top_of: NDArray[np.intp] = np.empty(0, dtype=np.intp)  # of each place, its row in `_tops`
+        self._flat_points = NO_POINTS  # odometry frame
+        self._places = NO_POINTS  # the hidden places, odometry frame
+        self._flat_rows: NDArray[np.intp] = np.empty(0, dtype=np.intp)  # for each place, its flat point
 
     def clear(self) -> None:
         """Forget edges and hidden places."""
         self._edges.clear()
-        self._keep(np.zeros(len(self._tops), dtype=np.bool_))
+        self._keep(np.zeros(len(self._flat_points), dtype=np.bool_))
 
     def hidden(
         self,
@@ -64,7 +65,7 @@ class NearSide:
         body: Footprint,
         now_s: float,
     ) -> Points:
-        """Return the places in the blind range of the camera that may be occupied, odometry frame.
+        """Return the hidden places in the blind range of the camera, odometry frame.
 
         `shown`: the columns of its picture (base frame), taken with the camera at `to_base` and the robot at
         `base`. `remembered`: the points kept from earlier pictures (odometry frame).
@@ -81,29 +82,29 @@ class NearSide:
         return self._places
 
     def _forget(self, shown: Points, remembered: Points, base: Pose, body: Footprint) -> None:
-        """Drop tops in the picture (they are judged again), tops that are gone, and places inside the robot."""
-        if not len(self._tops):
+        """Drop flat points that are in the picture (and checked again) or gone, and places inside the robot."""
+        if not len(self._flat_points):
             return
-        self._keep(_coincide(self._tops, remembered) & ~_coincide(self._tops, shown))
+        self._keep(_coincide(self._flat_points, remembered) & ~_coincide(self._flat_points, shown))
         outside = np.flatnonzero(body.gaps(placed(self._places, relative_to(ORIGIN, base))) >= 0.0)
-        self._places, self._top_of = chosen(self._places, outside), self._top_of[outside]
+        self._places, self._flat_rows = chosen(self._places, outside), self._flat_rows[outside]
 
-    def _keep(self, tops: Flags) -> None:
-        """Keep only these tops and their hidden places."""
-        places = np.flatnonzero(tops[self._top_of])
+    def _keep(self, kept: Flags) -> None:
+        """Keep only these flat points and their hidden places."""
+        places = np.flatnonzero(kept[self._flat_rows])
         self._places = chosen(self._places, places)
-        self._top_of = (np.cumsum(tops) - 1)[self._top_of[places]]
-        self._tops = chosen(self._tops, np.flatnonzero(tops))
+        self._flat_rows = (np.cumsum(kept) - 1)[self._flat_rows[places]]
+        self._flat_points = chosen(self._flat_points, np.flatnonzero(kept))
 
-    def _add(self, tops: Points, base: Pose, body: Footprint) -> None:
-        """Add tops (base frame) that may reach to the robot, and their hidden places."""
-        places, top_of = _filled(tops, body)
+    def _add(self, flat_points: Points, base: Pose, body: Footprint) -> None:
+        """Add flat points (base frame) of obstacles that may go on to the robot, and their hidden places."""
+        places, rows = _filled(flat_points, body)
         self._places = np.concatenate((self._places, placed(places, base)))
-        self._top_of = np.concatenate((self._top_of, len(self._tops) + top_of))
-        self._tops = np.concatenate((self._tops, placed(tops, base)))
+        self._flat_rows = np.concatenate((self._flat_rows, len(self._flat_points) + rows))
+        self._flat_points = np.concatenate((self._flat_points, placed(flat_points, base)))
 
     def _reaches_blind_range(self, shown: Columns, to_base: Transform) -> Flags:
-        """Return which columns are flat and may continue nearer, where the camera cannot measure."""
+        """Return which columns are flat, and may go on towards the robot, where the camera is blind."""
         x, y = shown.points.T
         far = np.maximum(np.hypot(x, y), STEP_M)
         x, y = x - STEP_M * x / far, y - STEP_M * y / far
@@ -126,22 +127,22 @@ def _coincide(points: Points, others: Points) -> Flags:
     return same
 
 
-def _without_edge(reaching: Points, edges: Points) -> Points:
-    """Return the points of `reaching` that have no known edge between them and the robot."""
-    far = np.maximum(np.hypot(*reaching.T), STEP_M)
-    along = reaching @ edges.T / far[:, None]
-    aside = np.abs(reaching[:, :1] * edges[:, 1] - reaching[:, 1:] * edges[:, 0]) / far[:, None]
+def _without_edge(flat_points: Points, edges: Points) -> Points:
+    """Return the flat points without a known edge between them and the robot."""
+    far = np.maximum(np.hypot(*flat_points.T), STEP_M)
+    along = flat_points @ edges.T / far[:, None]
+    aside = np.abs(flat_points[:, :1] * edges[:, 1] - flat_points[:, 1:] * edges[:, 0]) / far[:, None]
     has_edge = (along > 0.0) & (along < far[:, None] + CELL_M) & (aside < ASIDE_M)
-    return chosen(reaching, np.flatnonzero(~has_edge.any(axis=1)))
+    return chosen(flat_points, np.flatnonzero(~has_edge.any(axis=1)))
 
 
-def _filled(reaching: Points, body: Footprint) -> tuple[Points, NDArray[np.intp]]:
-    """Return the places on the lines from `reaching` to the hull, and for each place its row in `reaching`."""
-    far = np.hypot(*reaching.T)
+def _filled(flat_points: Points, body: Footprint) -> tuple[Points, NDArray[np.intp]]:
+    """Return the places on the lines from the flat points to the hull, and the row of the flat point of each."""
+    far = np.hypot(*flat_points.T)
     steps = np.arange(CELL_M, NEAR_M, CELL_M)
     share = 1.0 - steps[:, None] / far
-    x, y = (share * reaching[:, 0]).ravel(), (share * reaching[:, 1]).ravel()
+    x, y = (share * flat_points[:, 0]).ravel(), (share * flat_points[:, 1]).ravel()
     ahead = np.flatnonzero(share.ravel() > 0.0)
     places = chosen(from_columns(x, y), ahead)
     outside = np.flatnonzero(body.gaps(places) >= HULL_M)
-    return chosen(places, outside), ahead[outside] % max(len(reaching), 1)
+    return chosen(places, outside), ahead[outside] % max(len(flat_points), 1)

@@ -73,7 +73,7 @@ class ObstacleCache:
             count = len(places)
             part = points[begin : begin + count]
             if count:
-                nearer = source.as_near_as_may_be(part)
+                nearer = source.moved_nearer(part)
                 if nearer is not part and len(nearer) == count:
                     part[...] = nearer
                 elif nearer is not part:

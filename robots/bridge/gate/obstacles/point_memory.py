@@ -1,9 +1,10 @@
 """Memory of points that no sensor sees now (docs/gate.md, 7), in the odometry frame, for a limited time.
 
-Two limits end the life of a point: the seconds since it was last seen, and the way since then (metres; a turn
-counts as some metres), because the odometry drifts with the way. Until then a point is moved nearer by the
-possible drift. Points that were watched for long have a long life. Points that were seen in passing (a ghost,
-a person who walks by) have the shortest life. Two observations of free space in a row end every life.
+Two limits end the life of a point: the seconds since it was last seen, and the distance that the robot has
+driven since then (a turn counts as some metres). The odometry's error grows with this distance, so the point is
+moved nearer by the possible error. Points that were watched for long have a long life. Points that were seen
+only briefly (noise, a person who walks by) have the shortest life. Two observations of free space in a row end
+every life.
 """
 
 from __future__ import annotations
@@ -25,25 +26,25 @@ from robots.bridge.gate.geometry.planar import (
     relative_to,
 )
 from robots.bridge.gate.sensing.scan import INSIDE_HULL_M
-from robots.bridge.gate.timing.tremble import Way
+from robots.bridge.gate.timing.tremble import Odometer
 from robots.bridge.gate.values import Pose
 
 CELLS = 256  # along each side of the grid, a power of two: 6.4 m of 2.5 cm
 PASSES = 2  # a point is forgotten after this many observations of free space at its place
 GAP_S = 0.2  # of the time between two sightings of a cell, at most this counts as watched
-BRIEFLY_S = 0.6  # a point that was watched for no longer was seen in passing: shortest life
+BRIEFLY_S = 0.6  # a point that was watched for no longer has the shortest life
 LONG_S = 2.0  # a point that was watched for this time has the longest life
-TURN_M = 0.5  # a turn by one radian counts as this way
-SURE_M = 0.5  # way without odometry error: for points that leave the view next to the hull
-DOUBT_SHARE = 0.03  # odometry error for each metre of further way
-MOST_DOUBT_M = 0.10
-KEEP_OFF_M = 0.03  # drift moves no point nearer to the hull than this
-NEAR_LASTS = 2.0  # near points are kept for this many times as much way
+TURN_M = 0.5  # a turn by one radian counts as this distance
+SURE_M = 0.5  # driven distance without odometry error, for points that leave the view next to the hull
+ERROR_SHARE = 0.03  # odometry error for each further metre
+MOST_ERROR_M = 0.10
+KEEP_OFF_M = 0.03  # the error moves no point nearer to the hull than this
+NEAR_LASTS = 2.0  # near points are kept for this many times the distance
 NEWEST_SHARE = 0.2  # weight of the newest place in the mean of the places seen in a cell
 
 
 class Layer(NamedTuple):
-    """Duration and resolution of the memory of one kind of sensor.
+    """How long and how finely the memory keeps the points of one kind of sensor.
 
     A life counts from the last moment at which the point was seen, or near.
     """
@@ -51,36 +52,38 @@ class Layer(NamedTuple):
     shortest_life_s: float
     longest_life_s: float
     travel_m: float
-    near_m: float = 0.0  # from the robot's middle: nearer points are not forgotten by time, and later by way
+    near_m: float = (
+        0.0  # from the robot's middle: nearer points are not forgotten by time, and later by distance
+    )
     cell_m: float = 0.025
 
 
 LASER_LAYER = Layer(2.0, 30.0, 6.0)
-# The error of a remembered place grows with the way, not with time: a table behind the robot is still there.
+# A remembered place becomes wrong by driving, not by time: a table behind the robot is still there.
 DEPTH_LAYER = Layer(
     20.0, 90.0, 6.0, near_m=1.2
 )  # a table top is out of view for long before the robot is past it
 
 
-def grown(points: Points, doubts_m: NDArray[np.float64], footprint: Footprint) -> Points:
+def moved_nearer(points: Points, errors_m: NDArray[np.float64], footprint: Footprint) -> Points:
     """Return the points outside the hull (base frame), each nearer by its possible error, but not inside."""
     if not len(points):
         return points
     gaps = footprint.gaps(points)
     if not gaps.min() >= -INSIDE_HULL_M:
         outside = (gaps >= -INSIDE_HULL_M).nonzero()[0]
-        points, doubts_m, gaps = chosen(points, outside), doubts_m.take(outside), gaps.take(outside)
-    doubtful = doubts_m.nonzero()[0]
-    if not len(doubtful):
+        points, errors_m, gaps = chosen(points, outside), errors_m.take(outside), gaps.take(outside)
+    uncertain = errors_m.nonzero()[0]
+    if not len(uncertain):
         return points
     x, y = points.T
-    doubted_x, doubted_y = x.take(doubtful), y.take(doubtful)
-    nearer_m = np.minimum(doubts_m.take(doubtful), np.maximum(gaps.take(doubtful) - KEEP_OFF_M, 0.0))
-    nearer_m /= np.maximum(np.sqrt(doubted_x * doubted_x + doubted_y * doubted_y), KEEP_OFF_M)
+    uncertain_x, uncertain_y = x.take(uncertain), y.take(uncertain)
+    nearer_m = np.minimum(errors_m.take(uncertain), np.maximum(gaps.take(uncertain) - KEEP_OFF_M, 0.0))
+    nearer_m /= np.maximum(np.sqrt(uncertain_x * uncertain_x + uncertain_y * uncertain_y), KEEP_OFF_M)
     share = 1.0 - nearer_m
     nearer = points.T.copy()
-    nearer[0, doubtful] = share * doubted_x
-    nearer[1, doubtful] = share * doubted_y
+    nearer[0, uncertain] = share * uncertain_x
+    nearer[1, uncertain] = share * uncertain_y
     return nearer.T
 
 
@@ -112,7 +115,7 @@ class Memory:
         self._order = np.zeros(CELLS * CELLS, dtype=np.intp)
         # the entries that live, in order of `points`
         self._cells: NDArray[np.intp] = np.empty(0, dtype=np.intp)
-        self._way = Way()
+        self._odometer = Odometer()
         self._travelled_m = 0.0
         self._points: Points | None = None
         self._first_expiry_s = math.inf
@@ -132,11 +135,11 @@ class Memory:
             self._points = from_columns(self._x.take(self._cells), self._y.take(self._cells))
         return self._points
 
-    def doubts_m(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+    def errors_m(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return the possible error of some of `points` since they were last seen, metres."""
-        way_m = self._travelled_m + self._layer.travel_m - self._expires_m.take(self._cells.take(rows))
-        doubts_m: NDArray[np.float64] = DOUBT_SHARE * (way_m - SURE_M)  # np.clip costs more
-        return np.minimum(np.maximum(doubts_m, 0.0), MOST_DOUBT_M)
+        moved_m = self._travelled_m + self._layer.travel_m - self._expires_m.take(self._cells.take(rows))
+        errors_m: NDArray[np.float64] = ERROR_SHARE * (moved_m - SURE_M)  # np.clip costs more
+        return np.minimum(np.maximum(errors_m, 0.0), MOST_ERROR_M)
 
     def entries(self, points: Points) -> NDArray[np.intp]:
         """Return the entries of these places' cells; within the memory's reach each cell has its own."""
@@ -151,9 +154,9 @@ class Memory:
     # --- input ----------------------------------------------------------------------------------
 
     def follow(self, pose: Pose, now_s: float) -> None:
-        """Move the robot to `pose` (odometry frame): forget points by age, distance and way."""
-        self._way.follow(pose)
-        self._travelled_m = self._way.driven_m + TURN_M * self._way.turned_rad
+        """Move the robot to `pose` (odometry frame). Forget points by age, distance and driven distance."""
+        self._odometer.follow(pose)
+        self._travelled_m = self._odometer.driven_m + TURN_M * self._odometer.turned_rad
         cells = self._cells
         away = np.maximum(np.abs(self._x[cells] - pose.x), np.abs(self._y[cells] - pose.y))
         far, is_near = away > self.reach_m, away < self._layer.near_m
@@ -210,7 +213,7 @@ class Memory:
 
     def clear(self) -> None:
         """Forget everything: the odometry frame is a new one."""
-        self._way.jump()
+        self._odometer.jump()
         self._forget(np.ones(len(self._cells), dtype=np.bool_))
 
     # --- within -------------------------------------------------------------------------------

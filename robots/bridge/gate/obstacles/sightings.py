@@ -16,9 +16,9 @@ SAME_M = 0.10  # a beam that ends less than this before a place may have hit the
 
 
 class Sight(NamedTuple):
-    """For each place, whether this scan can judge it (`vouched`), and whether the scan saw through it."""
+    """For each place, whether this scan can judge it (`judged`), and whether the scan saw through it."""
 
-    vouched: NDArray[np.bool_]
+    judged: NDArray[np.bool_]
     through: NDArray[np.bool_]
 
 

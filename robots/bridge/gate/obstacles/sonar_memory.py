@@ -6,7 +6,7 @@ the way, and then the sonar gets no echo. So a missing echo alone does not prove
 * A later reading shows that places in the middle of its cone, well before its range, are free. Places at
   the cone's rim are kept: the cone may be narrower than described, or the obstacle may be too thin there.
 * If a sonar stands where it got an echo several times, and gets it no longer, the whole arc is free. Then the
-  places that the same obstacle left in memory on the way there are free, too.
+  places that the same obstacle left in memory earlier, while the robot drove there, are free, too.
 * Places that a depth picture sees through at all heights that sonars cover are free. A laser sees only one
   plane, below seats and drawers. It counts only if the robot has no depth camera, because the gate then
   relies on the laser for the whole way ahead anyway. Neither removes a place of a present echo: only the
@@ -40,7 +40,7 @@ from robots.bridge.gate.obstacles.sightings import seen_free
 from robots.bridge.gate.sensing.depth import Columns, seen_through
 from robots.bridge.gate.sensing.scan import INSIDE_HULL_M, Sweep
 from robots.bridge.gate.timing.trail import Trail
-from robots.bridge.gate.timing.tremble import Way
+from robots.bridge.gate.timing.tremble import Odometer
 from robots.bridge.gate.values import Kind, Pose, SensorHealth
 
 Flags = NDArray[np.bool_]
@@ -51,23 +51,27 @@ SURE_SHARE = 0.6  # of the cone about its axis: obstacles there surely give an e
 SAME_PLACE_M = 0.001  # a sensor that moved less stands; 5 mm may take a leg out of its cone
 SAME_PLACE_RAD = 0.002
 UNSTEADY_S = 20.0  # for this time after a sonar got a lost echo again, its evidence counts half
-SURELY_HEARD = 3  # after so many echoes at one place of the sonar, the obstacle is not at the cone's rim
-GONE = 6.0  # evidence, in a row, after which a free place is forgotten:
-FARTHER_COUNTS, NOTHING_COUNTS = 2.0, 1.5
+SURELY_HEARD = 3  # after this many echoes at one place of the sonar, the obstacle is not at the cone's rim
+GONE = 6.0  # a place is forgotten after this much evidence in a row that it is free
+FARTHER_COUNTS, NOTHING_COUNTS = 2.0, 1.5  # evidence of an echo from farther away, and of no echo
 SAME_THING_S = 1.0  # an echo within this time at a possible place is the same obstacle
 SAME_THING_M = 0.5  # places of one obstacle are no farther apart: a person's stride
 HEARD_BETWEEN_M = (0.15, 0.6)  # heights: sonars are mounted at knee height and detect little below and above
 GRAIN_M = 0.04  # places nearer to each other count as one
 REACH_M = 2.0  # from the robot; farther places are out of every sonar's reach
-TRAVEL_M = 4.0  # way after which a place is forgotten: the odometry's error is too large
+TRAVEL_M = 4.0  # driven distance after which a place is forgotten: the odometry's error is too large
 MOST = 300  # places; present echoes and the nearest places are kept
 
-# The rows of the table.
+# The rows of the table: place; sonar and its pose at the last echo; time and driven distance of this echo;
+# number of the obstacle; evidence in a row that the place is free; echoes in a row from this pose.
 X, Y, SONAR, FROM_X, FROM_Y, FROM_YAW, HEARD_S, HEARD_M, THING, PASSES, TIMES = range(11)
 
 
 class Reading(NamedTuple):
-    """One range of a sonar. `arc`: where the echo may come from (base frame); `free_m`: nothing is nearer than this."""
+    """One range of a sonar.
+
+    `arc`: places from which the echo may come (base frame). `free_m`: nothing is nearer than this.
+    """
 
     sonar: int
     mount: Pose  # base frame
@@ -89,7 +93,7 @@ class SonarMemory:
     def __init__(self, footprint: Footprint) -> None:
         self._footprint = footprint
         self._table: NDArray[np.float64] = np.empty((11, 0))
-        self._way = Way()
+        self._odometer = Odometer()
         self._here = ORIGIN
         self._now_s = -math.inf
         self._things = 0
@@ -108,7 +112,7 @@ class SonarMemory:
     def places(self, trail: Trail, now_s: float) -> Points:
         return self._remembered if self._is_known(trail) else NO_POINTS
 
-    def as_near_as_may_be(self, points: Points) -> Points:
+    def moved_nearer(self, points: Points) -> Points:
         return points
 
     def as_seen(self, trail: Trail, now_s: float) -> Points:
@@ -143,14 +147,14 @@ class SonarMemory:
     def take(self, reading: Reading, base: Pose, trail: Trail, now_s: float) -> None:
         """Take a reading that was made when the robot was at `base` (odometry frame)."""
         self._follow(base, trail, now_s)
-        eye = put(reading.mount, base)
-        distance, off = self._seen_from(eye)
+        sensor = put(reading.mount, base)
+        distance, off = self._seen_from(sensor)
         echo = len(reading.arc) > 0
         unsteady = now_s - self._unsteady_s.get(reading.sonar, -math.inf) < UNSTEADY_S
         counts = (FARTHER_COUNTS if echo else NOTHING_COUNTS) / (1.0 + unsteady)
-        self._clear(reading, distance, off, self._heard_from(reading.sonar, eye), counts)
+        self._clear(reading, distance, off, self._heard_from(reading.sonar, sensor), counts)
         if echo:
-            self._add(reading, eye, placed(reading.arc, base), now_s)
+            self._add(reading, sensor, placed(reading.arc, base), now_s)
         self._changed = True
 
     def look(self, frame: Frame, base: Pose, now_s: float) -> None:
@@ -178,7 +182,7 @@ class SonarMemory:
     def clear(self) -> None:
         """Forget everything."""
         self._keep(np.zeros(self._table.shape[1], dtype=np.bool_))
-        self._way.jump()
+        self._odometer.jump()
 
     # --- within -------------------------------------------------------------------------------
 
@@ -188,32 +192,32 @@ class SonarMemory:
             self._changed = True
 
     def _follow(self, base: Pose, trail: Trail, now_s: float) -> None:
-        """Move the robot to `base`: forget places that are far away, after too much way, or inside the hull."""
+        """Move the robot to `base`: forget places far away, inside the hull, or after too much driving."""
         if trail.resets != self._resets:
             self._resets = trail.resets
             self.clear()
         self._now_s = now_s
         self._here = trail.newest or base  # the stamps of several sonars are not in order
-        self._way.follow(self._here)
+        self._odometer.follow(self._here)
         if not self._table.shape[1]:
             return
         places = placed(self.all_places(), relative_to(ORIGIN, base))
         near = np.hypot(*places.T) < REACH_M
-        lasting = self._table[HEARD_M] > self._way.driven_m - TRAVEL_M
+        lasting = self._table[HEARD_M] > self._odometer.driven_m - TRAVEL_M
         outside = (self._footprint.gaps(places) >= -INSIDE_HULL_M) | self._lately()
         self._keep(near & lasting & outside)
 
-    def _seen_from(self, eye: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the distance of each place, and its angle from the sensor's axis."""
-        dx, dy = self._table[X] - eye.x, self._table[Y] - eye.y
-        off = np.abs(np.remainder(np.arctan2(dy, dx) - eye.yaw + math.pi, math.tau) - math.pi)
+    def _seen_from(self, sensor: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the distance of each place from the sensor, and its angle from the sensor's axis."""
+        dx, dy = self._table[X] - sensor.x, self._table[Y] - sensor.y
+        off = np.abs(np.remainder(np.arctan2(dy, dx) - sensor.yaw + math.pi, math.tau) - math.pi)
         return np.hypot(dx, dy), off
 
-    def _heard_from(self, sonar: int, eye: Pose) -> Flags:
+    def _heard_from(self, sonar: int, sensor: Pose) -> Flags:
         """Return which places are echoes that this sonar got at its present place."""
         table = self._table
-        turned = np.abs(np.remainder(table[FROM_YAW] - eye.yaw + math.pi, math.tau) - math.pi)
-        moved = np.hypot(table[FROM_X] - eye.x, table[FROM_Y] - eye.y)
+        turned = np.abs(np.remainder(table[FROM_YAW] - sensor.yaw + math.pi, math.tau) - math.pi)
+        moved = np.hypot(table[FROM_X] - sensor.x, table[FROM_Y] - sensor.y)
         same: Flags = (table[SONAR] == sonar) & (moved < SAME_PLACE_M) & (turned < SAME_PLACE_RAD)
         return same
 
@@ -244,7 +248,7 @@ class SonarMemory:
         self._keep(~gone)
 
     def _of_the_same_things(self, left: Flags) -> Flags:
-        """Return the earlier, nearby echoes of the obstacles at these places."""
+        """Return the places near these ones that the same obstacles left earlier."""
         table = self._table
         mates = self._belongs_to(left) & (table[HEARD_S] <= table[HEARD_S, left].max())
         near = np.hypot(table[X][:, None] - table[X, left], table[Y][:, None] - table[Y, left]) < SAME_THING_M
@@ -258,17 +262,17 @@ class SonarMemory:
             belongs |= self._table[THING] == thing
         return belongs
 
-    def _add(self, reading: Reading, eye: Pose, arc: Points, now_s: float) -> None:
+    def _add(self, reading: Reading, sensor: Pose, arc: Points, now_s: float) -> None:
         """Add the arc of an echo."""
         table = self._table
-        distance, off = self._seen_from(eye)
+        distance, off = self._seen_from(sensor)
         again = (np.abs(distance - reading.free_m) <= NOISE_M) & (off <= reading.fov / 2.0)
         again &= table[HEARD_S] > now_s - SAME_THING_S
         self._things += 1
         table[THING, self._belongs_to(again)] = self._things
-        times = np.where(self._heard_from(reading.sonar, eye), table[TIMES] + 1.0, 1.0)
-        where = eye.x, eye.y, eye.yaw
-        news = np.array((reading.sonar, *where, now_s, self._way.driven_m, self._things, 0.0, 1.0))
+        times = np.where(self._heard_from(reading.sonar, sensor), table[TIMES] + 1.0, 1.0)
+        where = sensor.x, sensor.y, sensor.yaw
+        news = np.array((reading.sonar, *where, now_s, self._odometer.driven_m, self._things, 0.0, 1.0))
         table[SONAR:, again] = news[:, None]
         table[TIMES, again] = times[again]
         rows = again.nonzero()[0]

@@ -32,8 +32,8 @@ class Source(Protocol):
     def places(self, trail: Trail, now_s: float) -> Points:
         """Return obstacles (N, 2) in the odometry frame: the same array as long as nothing has changed."""
 
-    def as_near_as_may_be(self, points: Points) -> Points:
-        """Return its `points` (base frame of the newest odometry), nearer by their possible error."""
+    def moved_nearer(self, points: Points) -> Points:
+        """Return its `points` (base frame of the newest odometry), each moved nearer by its possible error."""
 
     def as_seen(self, trail: Trail, now_s: float) -> Points:
         """Return its obstacles at their measured places, odometry frame."""
@@ -109,7 +109,7 @@ class Laser:
     def places(self, trail: Trail, now_s: float) -> Points:
         return self._carried.places(trail)
 
-    def as_near_as_may_be(self, points: Points) -> Points:
+    def moved_nearer(self, points: Points) -> Points:
         return points
 
     def as_seen(self, trail: Trail, now_s: float) -> Points:
@@ -175,8 +175,8 @@ class Sonar:
         if self._close_at is None or resets != self._resets:
             self._close_at, self._resets = base, resets
         there = self._close_at
-        way_m, turned = math.hypot(base.x - there.x, base.y - there.y), abs(wrapped(base.yaw - there.yaw))
-        if self.own_echo or way_m >= OWN_ECHO_M or turned >= OWN_ECHO_RAD:
+        moved_m, turned = math.hypot(base.x - there.x, base.y - there.y), abs(wrapped(base.yaw - there.yaw))
+        if self.own_echo or moved_m >= OWN_ECHO_M or turned >= OWN_ECHO_RAD:
             self.own_echo = (
                 f"{self.name} reports {figure(self._close_m)} m wherever the robot goes: "
                 "clean it, remove objects in front of it, or remove it from the profile"
@@ -198,7 +198,7 @@ class Sonar:
     def places(self, trail: Trail, now_s: float) -> Points:
         return self._memory.heard(self._number, trail)
 
-    def as_near_as_may_be(self, points: Points) -> Points:
+    def moved_nearer(self, points: Points) -> Points:
         return points
 
     def as_seen(self, trail: Trail, now_s: float) -> Points:

@@ -209,7 +209,7 @@ def _check_size(width: int, height: int) -> None:
 
 
 def _thinning(width: int, height: int) -> int:
-    """Return the side of the squares of which one pixel is kept; at least two squares fit each way."""
+    """Return the side of the squares of which one pixel is kept; at least two squares fit in each direction."""
     return max(min(width // COLUMNS, height // 2), 1)
 
 
@@ -343,14 +343,14 @@ class _Evidence(NamedTuple):
 
 
 def came_since(picture: Picture, to_base: Transform, columns: Columns) -> NDArray[np.bool_]:
-    """Return which columns (base frame of the picture) moved there: this earlier picture saw through."""
+    """Return which columns (base frame of the picture) came later: this earlier picture saw through them."""
     evidence = _evidence(picture, to_base, columns)
     came: NDArray[np.bool_] = ~evidence.denied & evidence.through.any(axis=0)
     return came
 
 
 def seen_through(picture: Picture, to_base: Transform, columns: Columns) -> NDArray[np.bool_]:
-    """Return which columns (base frame) are gone: the picture shows the floor, or a point well behind, at their place.
+    """Return which columns (base frame) are gone: at their place the picture shows the floor or a point behind.
 
     For one tall thing a free height between its ends is enough; otherwise each height must be free. If
     something is still measured at any height, the column is not gone. Heights out of view, unmeasured or
@@ -367,7 +367,7 @@ def seen_through(picture: Picture, to_base: Transform, columns: Columns) -> NDAr
 
 
 def _may_be_in_view(to_base: Transform, points: Points) -> NDArray[np.bool_]:
-    """Exclude, at low cost, most points next to and behind a camera; return which points may be in view."""
+    """Return which points may be in view. Quick: excludes most points next to and behind the camera."""
     x, y = points[:, 0] - to_base[0, 3], points[:, 1] - to_base[1, 3]
     level = math.hypot(to_base[0, 2], to_base[1, 2])
     ahead = to_base[0, 2] * x + to_base[1, 2] * y

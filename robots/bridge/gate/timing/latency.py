@@ -40,7 +40,7 @@ _STEP_S = 0.01
 _WINDOW_S = 1.2  # duration of the odometry that is compared
 _CHANGE = (0.12, 0.30)  # m/s, rad/s: the smallest change that is measured
 _RESPONSE = (0.03, 0.08)  # m/s, rad/s: a base that changed its speed by this has begun to obey
-_SURPRISE_S = 0.05  # an answer that takes longer than measured by this may take any time
+_SURPRISE_S = 0.05  # an answer that is later than expected by this may take any time
 # The next three are in units of `_RESPONSE`:
 _ASKED = 3.0  # smaller changes of the command need no answer
 _ASTRAY = 2.0  # a base that is farther from a command than before by more than this does something else
@@ -90,12 +90,12 @@ class Latency:
     def arrived(self, source: str, stamp_s: float, arrival_s: float) -> None:
         """Take the arrival of a new message of a source: odometry, or a laser."""
         self._backlogs.setdefault(source, Backlog()).arrived(stamp_s, arrival_s)
-        self._reckon_backlogs()
+        self._compare_backlogs()
 
     def acknowledged(self, took_s: float, now_s: float) -> None:
         """Take the round-trip time (s) of a twist and its acknowledgement by the robot's computer."""
         self._commands.took(took_s, now_s)
-        self._reckon_backlogs()
+        self._compare_backlogs()
 
     def sent(self, velocity: Velocity, now_s: float) -> None:
         """Take a published twist."""
@@ -159,11 +159,11 @@ class Latency:
         return max(self._from_measurements(now_s), self._answer_s)
 
     def lateness_s(self, now_s: float) -> float:
-        """Return by how much the robot's messages are later now than at best (s): zeros would be as late."""
+        """Return by how much the robot's messages are later now than at best (s). Zeros may be as late."""
         age_s = self._odometry.age_s(now_s)
         return max(self._later_s, age_s, BOTH_WAYS * age_s - HICCUP_S)
 
-    def _reckon_backlogs(self) -> None:
+    def _compare_backlogs(self) -> None:
         later_s = max(backlog.later_s for backlog in self._backlogs.values())
         self._later_s = max(BOTH_WAYS * later_s, self._commands.later_s)
 
@@ -298,8 +298,8 @@ class _Axis:
 
     def _least_asked(self, value: float) -> float:
         """Return the least speed, in the direction of `value`, of all commands that may be in effect."""
-        way = math.copysign(1.0, value)
-        return min(way * self._before, *(way * asked for _, asked in self._commands), math.inf)
+        sign = math.copysign(1.0, value)
+        return min(sign * self._before, *(sign * asked for _, asked in self._commands), math.inf)
 
     def waited_s(self, now_s: float) -> float:
         """Return the time since a command that the base has not obeyed yet; 0 if this lasts too long."""

@@ -17,8 +17,11 @@ STANDS_S = 0.5  # a robot whose resting pose did not move for this time stands
 CANCEL_SHARE = 0.75  # speeds cancel out if their mean is below this share of the mean of their amounts
 
 
-class Way:
-    """The way of a robot. Poses that tremble about one place add no way; nor do short ways there and back."""
+class Odometer:
+    """Counts the distance that the robot has driven and the angle that it has turned.
+
+    Poses that tremble about one place add nothing; nor do short moves there and back.
+    """
 
     def __init__(self) -> None:
         self.driven_m = 0.0
@@ -26,7 +29,7 @@ class Way:
         self._from: Pose | None = None
 
     def follow(self, pose: Pose) -> None:
-        """Add the way to `pose` if it is too long for noise."""
+        """Add the distance and turn to `pose` if they are too large for noise."""
         there = self._from or pose
         driven_m, turned = _apart_m(pose, there), abs(wrapped(pose.yaw - there.yaw))
         if self._from is None or driven_m > TREMBLES_M or turned > TREMBLES_RAD:
@@ -35,7 +38,7 @@ class Way:
             self._from = pose
 
     def jump(self) -> None:
-        """Note that the next pose is in another frame: it adds no way."""
+        """Note that the next pose is in another frame: it adds nothing."""
         self._from = None
 
 

@@ -36,11 +36,11 @@ from robots.bridge.server.flood_limits import TokenBucket
 log = logging.getLogger(__name__)
 
 DROPPED_S = 10.0  # until a publisher that was cut off is connected again
-# Pause until the next try to reach a publisher: first and longest. It doubles after each failure.
+# Wait before the next try to reach a publisher: at first 2 s, doubled after each failure, at most 30 s.
 AGAIN_S = (2.0, 30.0)
 CONNECT_S = 5.0
 MOST_DIALLING = 32  # connections in progress, of all topics
-CHECK_S = 1.0  # between checks whether a barred publisher may be tried again
+CHECK_S = 1.0  # between two checks whether a barred publisher may be tried again
 
 _length = struct.Struct("<I")
 _here = threading.local()
@@ -48,7 +48,7 @@ _pauses: dict[str, Callable[[], float]] = {}  # by topic
 
 
 def pause(topic: str, seconds: Callable[[], float]) -> None:
-    """Wait between reads of a topic's publishers: a thread that wakes for each message costs three times as much.
+    """Read a topic's publishers seldom: waking for every message costs three times the processor time.
 
     Messages that arrive during the pause wait in the socket, and one read takes them all; rospy keeps the
     newest `queue_size` of them. `seconds` is called before each read, on rospy's thread.
@@ -82,7 +82,7 @@ class Reading:
 
 
 class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
-    """A connection to one publisher, in place of rospy's TCPROSSub. Lives on its own thread."""
+    """A connection to one publisher, in place of rospy's TCPROSSub. Runs on its own thread."""
 
     get_header_fields = TCPROSSub.get_header_fields
 
@@ -101,8 +101,8 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
     def rest(self) -> None:
         """Pause before the next read, on rospy's thread. The pause ends when the publisher disconnects.
 
-        rospy makes no second connection to a publisher. If the publisher connects again at once, the closed
-        connection must already be removed.
+        rospy refuses a second connection to a publisher, so the old connection must be gone before the
+        publisher comes back.
         """
         seconds = _pauses.get(self.topic)
         if seconds is None:
@@ -147,7 +147,7 @@ def speaker() -> Listening | None:
 
 
 def _came(b: io.BytesIO) -> tuple[int, int]:
-    """Return the largest message's size (bytes), incomplete ones included, and the number of complete messages."""
+    """Return the largest message's size (bytes), also if incomplete, and the number of complete messages."""
     largest = messages = at = 0
     end = b.tell()
     with b.getbuffer() as came:
@@ -192,7 +192,7 @@ _lock = threading.Lock()
 
 
 def connect(manager: Any, topic: str, uri: str) -> None:
-    """Connect to one publisher, or give up. Replaces RegManager._connect_topic_thread; runs on a separate thread."""
+    """Connect to one publisher, or give up, on its own thread. Replaces RegManager._connect_topic_thread."""
     subscriber = get_topic_manager().get_subscriber_impl(topic)
     if subscriber is None or subscriber.has_connection(uri) or BOARD.barred(topic, uri):
         return
@@ -236,7 +236,7 @@ def receive(connection: Any, host: str, port: int, uri: str, take: Any, topic: s
 
 
 def _later(topic: str, uri: str) -> None:
-    """Try again later; the pause doubles each time."""
+    """Try the publisher again after a pause, which doubles after each failure."""
     with _lock:
         if len(_failures) >= 10 * MOST_DIALLING:
             _failures.clear()
@@ -254,11 +254,11 @@ class Manager(RegManager):  # type: ignore[misc]
     def _connect_topic_thread(self, topic: str, uri: str) -> None:
         try:
             connect(self, topic, uri)
-        except Exception:  # any fault of the publisher; the master's next update starts another try
+        except Exception:  # a fault of the publisher; the next update from the master starts another try
             log.exception("a publisher of %s cannot be listened to", topic)
 
     def publisher_update(self, topic: str, uris: list[Any]) -> None:
-        """Accept a limited number of a topic's publishers: any node can pretend to be the master."""
+        """Take only some of a topic's publishers: a false master could send thousands."""
         subscriber = get_topic_manager().get_subscriber_impl(topic)
         if subscriber is not None:
             most = 2 * kind_of(topic, subscriber.type).publishers
@@ -266,14 +266,14 @@ class Manager(RegManager):  # type: ignore[misc]
             super().publisher_update(topic, list(found)[:most])
 
     def _try_again(self) -> None:
-        """Ask the master again for the publishers of topics with publishers that are no longer barred."""
+        """Ask the master again for the publishers of a topic when one of them is no longer barred."""
         while not rospy.is_shutdown():
             time.sleep(CHECK_S)
             topics = BOARD.released(time.monotonic())
             if CALL_REFUSED.is_set():
                 CALL_REFUSED.clear()
                 topics |= {topic for topic, _ in get_topic_manager().get_subscriptions()}
-                # Refused calls of any host must not cause constant calls to the master.
+                # Any host can cause refused calls: they must not cause calls to the master all the time.
                 time.sleep(DROPPED_S / 2.0)
             for topic in topics:
                 subscriber = get_topic_manager().get_subscriber_impl(topic)

@@ -71,9 +71,9 @@ describe("the panel", () => {
   });
 
   test("lists the current speed limits, or None", () => {
-    const limits = [{ code: "arm_away", text: "held to 0.2 m/s: the arm is away", mps: 0.2 }];
+    const limits = [{ code: "arm_away", text: "at most 0.2 m/s: the arm is away", mps: 0.2 }];
     details.state = { ...STATE, verdict: { limits } };
-    expect(parts["all-limits"].textContent).toBe("held to 0.2 m/s: the arm is away");
+    expect(parts["all-limits"].textContent).toBe("at most 0.2 m/s: the arm is away");
     details.state = STATE;
     expect(parts["all-limits"].textContent).toBe("None");
   });

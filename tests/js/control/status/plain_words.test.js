@@ -26,22 +26,22 @@ describe("plain words", () => {
 
   it("stand in a bridge's sentence instead of technical names", () => {
     const text =
-      "held to 0.1 m/s in reverse: sonar silent (base_sonar_01_link, base_sonar_03_link)";
+      "at most 0.1 m/s in reverse: sonar silent (base_sonar_01_link, base_sonar_03_link)";
     expect(plain(text, namesOf(SONARS))).toBe(
-      "held to 0.1 m/s in reverse: distance sensor silent (rear right distance sensor, rear left distance sensor)",
+      "at most 0.1 m/s in reverse: distance sensor silent (rear right distance sensor, rear left distance sensor)",
     );
     expect(plain("between and above the sonars")).toBe("between and above the distance sensors");
   });
 
   it("leave out brackets with technical names only", () => {
-    expect(brief("held to 0.3 m/s: sonar silent (base_sonar_01_link)")).toBe(
-      "held to 0.3 m/s: distance sensor silent",
+    expect(brief("at most 0.3 m/s: sonar silent (base_sonar_01_link)")).toBe(
+      "at most 0.3 m/s: distance sensor silent",
     );
     expect(brief("its lens is not known (nothing comes on /camera/info). Look.")).toBe(
       "its lens is not known. Look.",
     );
     expect(brief("no picture yet (tf has invalid numbers)")).toBe("no picture yet");
-    const kept = "held to 0.1 m/s: sonar silent (base_sonar_03_link) (0.2 m/s, 640 x 480)";
+    const kept = "at most 0.1 m/s: sonar silent (base_sonar_03_link) (0.2 m/s, 640 x 480)";
     expect(brief(kept, namesOf(SONARS))).toContain(
       "(rear left distance sensor) (0.2 m/s, 640 x 480)",
     );

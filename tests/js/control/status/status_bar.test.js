@@ -69,7 +69,7 @@ describe("the status bar of the control page", () => {
   });
 
   it("shows no speed limit while the robot is silent", () => {
-    const text = "held to 0.3 m/s: the camera's picture is 1.2 s old";
+    const text = "at most 0.3 m/s: the camera's picture is 1.2 s old";
     const limits = [{ code: "depth_stale", text, mps: 0.3 }];
     const state = { ...STATE, verdict: { ...STATE.verdict, limits } };
     statusBar.show({ ...LIVE, state });

@@ -28,9 +28,9 @@ describe("the verdict in words", () => {
 
 describe("the speed limits", () => {
   const limits = [
-    { code: "arm_away", text: "held to 0.2 m/s: the arm is away from home", mps: 0.2 },
-    { code: "blind_direction", text: "held to 0.3 m/s to the left", mps: 0.3, way: "left" },
-    { code: "blind_direction", text: "held to 0.3 m/s to the right", mps: 0.3, way: "right" },
+    { code: "arm_away", text: "at most 0.2 m/s: the arm is away from home", mps: 0.2 },
+    { code: "blind_direction", text: "at most 0.3 m/s to the left", mps: 0.3, way: "left" },
+    { code: "blind_direction", text: "at most 0.3 m/s to the right", mps: 0.3, way: "right" },
   ];
   const holding = (verdict) =>
     limitsOf({ ...verdict, limits })

@@ -5,7 +5,7 @@ import { reverseIsBlind, TurnAndLook } from "../../../../static/js/drive/input/t
 const BLIND = {
   code: "blind_direction",
   way: "reverse",
-  text: "held to 0.1 m/s in reverse",
+  text: "at most 0.1 m/s in reverse",
   mps: 0.1,
 };
 const LEFT = { x: 0, y: 0, w: 1 };
