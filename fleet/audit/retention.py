@@ -24,7 +24,7 @@ from fleet.audit.kinds import KINDS
 from fleet.audit.models import Chain, Content, Record
 from fleet.audit.services import lock_chain, record
 
-# The least for all settings: verification accepts no checkpoint that removed younger records.
+# No setting can be lower: verification refuses a checkpoint that removed records younger than this.
 RECORDS_KEPT_AT_LEAST = timedelta(days=365)
 # The largest allowed difference of clocks: a record of a later day was made with a wrong clock.
 CLOCKS_DIFFER = timedelta(days=1)
@@ -59,8 +59,8 @@ def remove_expired(now: datetime) -> Iterator[None]:
 def clock_is_doubted(today: date) -> bool:
     """Return whether the clock may be wrong: the log had a gap over `SILENCE`, less than `SILENCE` ago.
 
-    With a clock that is years ahead, everything looks too old. After a time when the laboratory was closed,
-    the log looks the same. So nothing is removed until the log has continued for `SILENCE` (the doubt is
+    With a clock that is years ahead, everything looks too old. A laboratory that was closed for months leaves
+    the same gap. So nothing is removed until the log has continued for `SILENCE` (the doubt is
     recorded each day), or until somebody confirms the clock. Records are compared in the order of their
     numbers, so that records between two faults of a clock also count.
     """
@@ -187,9 +187,8 @@ def _merge(pages: int) -> bool:
 def empty_wal() -> Iterator[None]:
     """Empty SQLite's write-ahead log, which still contains deleted content.
 
-    Do not wait for other readers or writers.
-
-    If others use the database all the time, it is tried again the next day.
+    It never waits for readers or writers: if they use the database all the time, it is tried again the next
+    day.
     """
     for _ in range(WAL_TRIES):
         if connection.vendor != "sqlite" or connection.in_atomic_block or _wal_emptied():

@@ -236,7 +236,7 @@ class ControlHolder:
                 mine,
                 permit=rights.permit,
                 answered=self._report_control,
-                # The bridge decides: it has seen a higher fence, or another session with this fence.
+                # The bridge refused: it knows a higher fence, or another session with this fence.
                 refused=partial(self._end, EndReason.BRIDGE),
                 delay_s=self._delay_s,
                 camera_s=self._camera_s,

@@ -1,4 +1,4 @@
-"""Input and output values of the gate."""
+"""Inputs, outputs and parameters of the gate (`Parameters`: its margins)."""
 
 from __future__ import annotations
 

@@ -97,7 +97,8 @@ class ControlPage {
   #facts = null;
   #contact = new RobotContact();
   #moved = false; // the stick is not at rest
-  #needsNeutralSinceMs = 0; // the stick must return to the middle since then; now, while it need not
+  // Since when the stick has had to return to the middle; if it need not, the present time.
+  #needsNeutralSinceMs = 0;
   #timer;
   #endings = [];
   #listening = new AbortController();
@@ -399,7 +400,7 @@ class ControlPage {
     // The person waited in line and did not take control just now: control was handed over.
     if (!this.#requests.receive(control) && begins && asking)
       this.#notify("success", "control", gettext("Control was handed to you."));
-    // "away" and "elsewhere" may mean this tab itself, before the server gives its control back.
+    // After a reconnect the server may report our own old connection as "away" or "elsewhere": wait.
     if (this.#lostWithControl && ["free", "other"].includes(control.state))
       this.#notify("warning", "left", gettext("Control ended while the connection was lost."));
     this.#lostWithControl &&= ["away", "elsewhere"].includes(control.state);

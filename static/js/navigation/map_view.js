@@ -1,6 +1,7 @@
 /**
  * The map with the robot on it. Wheel, pinch and keys zoom and move the map; a drag chooses a point and a
- * heading; a press picks a place or a robot.
+ * heading; a press picks a place or a robot. It sends
+ * nothing: `map_panel.js` makes requests of its events.
  */
 
 import { Canvas } from "../lib/canvas.js";

@@ -32,11 +32,13 @@ from robots.bridge.gate.values import Pose
 
 Flags = NDArray[np.bool_]
 
-STEP_M = 2.0 * CELL_M  # one step nearer: if the camera can measure there, it shows whether the obstacle ends
+STEP_M = (
+    2.0 * CELL_M
+)  # one step nearer to the robot; if the camera can measure there, it shows the obstacle's end
 FLAT_M = 0.10  # a taller column is a vertical face: its near side was measured
 ASIDE_M = 1.5 * CELL_M  # an edge this near to the line from a flat point to the robot is of the same obstacle
 SAME_M = 0.06  # largest distance between an edge and its remembered place
-HULL_M = 0.02  # places nearer to the hull than this are free: otherwise the robot would touch the obstacle
+HULL_M = 0.02  # places nearer to the hull than this are free: an obstacle there would touch the robot
 NEAR_M = 1.5  # largest distance of edges and hidden places from the base: more than any blind range
 
 
