@@ -32,7 +32,7 @@ from fleet.server import limits
 log = logging.getLogger(__name__)
 
 AGAIN_S = 0.5  # pause before it is started again
-LAST_S = 6.0  # time for its end, which takes 5 s at most
+LAST_S = 6.0  # time for its end, which takes 5 s at most once it serves; then it is killed
 READY_S = 30.0  # the longest time that a request waits for a process that is just starting
 RETRY_S = 0.05
 MOST_KEPT = 50  # idle connections to the pages process

@@ -253,7 +253,7 @@ def check_invitation(invitation: Invitation | None, now: datetime) -> Refusal | 
     if now >= invitation.expires_at:
         return Refusal("invitation_expired", f"{_('This invitation has expired.')} {again}", "account")
     if invitation.uses >= invitation.most_uses:
-        text = _("This invitation is for %(people)d people, and %(people)d have joined.")
+        text = _("As many people have joined as this invitation is for: %(people)d.")
         figures = {"people": invitation.most_uses}
         return Refusal("invitation_used", f"{text % figures} {again}", "account", figures)
     if invitation.course.archived or invitation.course.ends_on < lab_date(now):

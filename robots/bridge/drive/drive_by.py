@@ -163,7 +163,7 @@ class DrivesBy:
             self.end("late", f"This computer is overloaded: the bridge was {passed_s:.1f} s late.", now_s)
             return STILL
         if now_s - confirmed_s > CONFIRMED_S:
-            text = f"The holder’s page or program sent nothing for {CONFIRMED_S:.0f} s."
+            text = f"Nothing came from the holder’s page or program for {CONFIRMED_S:.0f} s."
             self.end("control_lost", text, now_s)
             return STILL
         left = abs(request.goal) - request.progress

@@ -102,14 +102,15 @@ class MapFetcher:
                     self._logged, self._failed = "", False
                     self._keep(taken)
                 case NoMap(why=why):
+                    self._say(why)
                     self._fail(why, now_s)
         except (OSError, asyncio.TimeoutError, msgspec.MsgspecError) as error:
-            self._fail(f"the process that fetches it failed ({error!r})", now_s)
+            self._say(f"the process that fetches it failed ({error!r})")
+            self._fail("the console could not fetch it", now_s)
         finally:
             self._taking = None
 
     def _fail(self, why: str, now_s: float) -> None:
-        self._say(why)
         if self._failed:
             self._gone(why)
         elif self._watched:

@@ -310,7 +310,7 @@ class NavigationGoals(Goals[Target]):
     def end_if_unconfirmed(self, confirmed_s: float, now_s: float) -> None:
         """End the goal if its holder's client has been silent for `CONFIRMED_S`."""
         if now_s - confirmed_s > CONFIRMED_S:
-            text = f"The holder’s page or program sent nothing for {CONFIRMED_S:.0f} s."
+            text = f"Nothing came from the holder’s page or program for {CONFIRMED_S:.0f} s."
             self.end("control_lost", text, now_s, "dead_man")
 
     def withdraw(self, now_s: float) -> Refusal | None:

@@ -531,7 +531,7 @@ class RosBase:
         return [
             f"The robot calls itself {host}, which cannot be resolved here: give it a host alias."
             if host
-            else "A node of the robot has an address that cannot be read: check ROS_IP and ROS_HOSTNAME there."
+            else "A node of the robot has an address that cannot be read: check ROS_IP and ROS_HOSTNAME on the robot."
             for host in sorted(self._names.unknown({_host(uri) for uri in uris}))
         ]
 

@@ -49,8 +49,9 @@ export function jsonOf(pairs, kind) {
     // The console refuses a name without a group, and gives the reason.
     if (dot < 0) found[name] = read(value);
     else {
-      found[name.slice(0, dot)] ??= Object.create(null);
-      found[name.slice(0, dot)][name.slice(dot + 1)] = read(value);
+      const group = name.slice(0, dot);
+      if (!isObject(found[group])) found[group] = Object.create(null);
+      found[group][name.slice(dot + 1)] = read(value);
     }
   }
   return JSON.stringify(found, null, 2);

@@ -395,7 +395,7 @@ def test_a_console_that_no_longer_renews_control_ends_it(bench):
     bench.renews_s = math.inf
     end = bench.until_end(CONFIRMED_S + 0.2)
     assert end.outcome == "control_lost"
-    assert end.text == "The holder’s page or program sent nothing for 2 s."
+    assert end.text == "Nothing came from the holder’s page or program for 2 s."
 
 
 def test_a_page_that_the_console_does_not_hear_ends_it(bench):

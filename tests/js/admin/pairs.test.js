@@ -32,6 +32,14 @@ test.each([
   expect({}.lost ?? Object.lost).toBeUndefined();
 });
 
+test("a group takes the place of a value of its name, which the console would refuse", () => {
+  const rows = [
+    ["limits", "5"],
+    ["limits.x", "1"],
+  ];
+  expect(JSON.parse(jsonOf(rows, "grouped"))).toEqual({ limits: { x: 1 } });
+});
+
 test("what is no object stays a box to repair by hand", () => {
   for (const wrong of ["[1]", "{", '{"a": 1}']) expect(pairsOf(wrong, "text")).toBeNull();
 });

@@ -116,7 +116,7 @@ describe("the fleet map", () => {
     const failed = document.querySelector("[data-part=maps-failed]");
     await vi.waitFor(() => expect(failed.textContent).toBe("Not now."));
     tell({ one: { state: STATE } });
-    expect(text("one", "where")).toContain("knows no map of it");
+    expect(text("one", "where")).toContain("has no map of it");
   });
 });
 

@@ -42,5 +42,5 @@ class Command(BaseCommand):
                 actor=here(),
             )
         except TooManyTokens as error:
-            raise CommandError("This person has too many tokens: end one first.") from error
+            raise CommandError("This person has too many valid tokens: end one of them first.") from error
         self.stdout.write(text)

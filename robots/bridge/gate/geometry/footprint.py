@@ -53,9 +53,9 @@ class Footprint(Protocol):
         """Return how far each point lies outside the hull; negative inside."""
 
     def gaps_about(self, there: Pose, spread: Spread, points: Points, near_m: float) -> Metres:
-        """Return the least possible gap of each point if the base may be anywhere in this spread about `there`.
+        """Return a lower bound of each point's gap if the base may be anywhere in this spread about `there`.
 
-        Gaps above `near_m` may be too small.
+        Above `near_m`, the number only shows that the gap is larger than `near_m`.
         """
 
     def contacts(self, courses: Courses, hull_growth: OneOrEach, reserve_m: float) -> list[Contact]:

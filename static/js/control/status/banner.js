@@ -49,7 +49,7 @@ export function banner({
       level: "fault",
       title: gettext("No connection"),
       text: gettext(
-        "Connecting again by itself. Until then the robot does not move. If this lasts, check this device’s network.",
+        "Connecting again by itself. A robot that you drive stands still until then. If this lasts, check this device’s network.",
       ),
     };
   }

@@ -148,7 +148,7 @@ class MapsView(MapsBase):
     )
     def get(self, _request: Request, query: MapsQuery) -> MapList:
         """Of the robots that you may see, or of one: their present maps, and earlier ones that have a name or places.
-        Empty: the console knows no map yet. It reads a robot’s map while somebody has control."""
+        Empty: the console has no map yet. It reads a robot’s map while somebody has control."""
         robots: list[Robot] = self.robots() if query.robot is None else [self.robot(query.robot)]
         return MapList(self.described(maps_of(robots)))
 

@@ -34,7 +34,9 @@ Word = Annotated[str, Meta(min_length=1, max_length=80)]
 
 _BLANK = Refusal("invalid", "The name must not be blank.", "wire")
 _NAME_TAKEN = Refusal("name_taken", "There is a token with this name: choose another one.", "account")
-_TOO_MANY = Refusal("too_many", f"There are {MOST} tokens: end one first.", "account", {"most": MOST})
+_TOO_MANY = Refusal(
+    "too_many", f"There are {MOST} valid tokens: end one of them first.", "account", {"most": MOST}
+)
 _OVER = Refusal("invalid", "expires_at is in the past: choose a later time.", "wire")
 _NOT_FRESH = Refusal(
     "password_needed",
