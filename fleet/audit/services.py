@@ -86,7 +86,7 @@ def record(
 
 
 class RecordBody(NamedTuple):
-    """What one record says: these arguments are those of `record`."""
+    """The content of one record: the arguments of `record`."""
 
     parameters: dict[str, Any]
     text: str = ""

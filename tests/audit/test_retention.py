@@ -292,7 +292,7 @@ def housekeeping(at=TODAY) -> None:
 
 
 def test_by_a_clock_that_is_years_ahead_nothing_goes(spoken, ago, caplog):
-    """Nothing expires, neither before nor after a person caused a record with the wrong date."""
+    """No text expires, before or after a person causes a record with the wrong date."""
     spoken(4000, 3999)
     for _ in range(2):
         housekeeping()

@@ -1,4 +1,4 @@
-/** What a page last received about its robot, and how long ago. Times are in milliseconds of the page. */
+/** Keeps the newest message about the robot, and its age. Times are in milliseconds of the page. */
 
 import { isSilent, isStale, seenAt } from "./status/status_text.js";
 

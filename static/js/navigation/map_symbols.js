@@ -1,5 +1,5 @@
 /**
- * What a map view draws: the map's picture, paths, laser points, robots, goals and places. The pen's unit is
+ * Draws the parts of a map view: the map's picture, paths, laser points, robots, goals and places. The pen's unit is
  * the metre, with y up. `pixel` is the size of a pixel of the page in metres: symbols keep their size at each
  * zoom.
  *
