@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import shutil
 import socket
-import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -23,7 +21,8 @@ from robots import wire
 from robots.bridge.config import BridgeConfig, LinkAddress, ScanSource, SonarSource, Topic, Topics
 from robots.bridge.gate.values import GateProfile, Limits
 from robots.bridge.watchdog.config import lane_path, watchdog_config
-from tests.processes import PATIENCE_S, REPOSITORY, until
+from tests.forked import ForkedProgram
+from tests.processes import PATIENCE_S, until
 from tests.ros.support import Master, end
 
 SONARS = {
@@ -85,16 +84,10 @@ class RobotProcess:
 
     def __init__(self, master: Master, log: Path, module: str, *arguments: str) -> None:
         self.log = log
-        with log.open("ab") as output:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", module, *arguments],
-                cwd=REPOSITORY, env=master.environment(),
-                stdin=subprocess.PIPE, stdout=output, stderr=output,
-            )  # fmt: skip
+        self.process = ForkedProgram(module, *arguments, log=log, environment=master.environment())
 
     def cut_life_line(self) -> int:
         """Close the process's standard input, as if the supervisor died; return the exit code."""
-        assert self.process.stdin is not None
         self.process.stdin.close()
         return self.process.wait(PATIENCE_S)
 
@@ -105,7 +98,6 @@ class RobotProcess:
 
     def stop(self) -> None:
         end(self.process)
-        assert self.process.stdin is not None
         self.process.stdin.close()
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from std_msgs.msg import String
 
+from tests.forked import end_server
 from tests.ros.support import Master, RosClient, SimulatorProcess
 
 
@@ -18,6 +19,7 @@ def rosmaster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Master]:
     master = Master(tmp_path_factory.mktemp("ros")).start()
     yield master
     master.stop()
+    end_server()
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,6 @@ import os
 import queue
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -23,6 +22,7 @@ import rosgraph
 import rospy
 
 from robots.bridge.ros.tasks.publishing import immediate_publisher
+from tests.forked import ForkedProgram
 from tests.processes import PATIENCE_S, REPOSITORY, free_port, until
 
 ROSMASTER = "/usr/bin/rosmaster"
@@ -31,7 +31,7 @@ logging.getLogger("rospy").setLevel(logging.WARNING)
 LAST_TOPIC = "/scan"  # the last topic that a simulator advertises, for every base
 
 
-def end(process: subprocess.Popen[bytes], timeout_s: float = 5.0) -> int:
+def end(process: subprocess.Popen[bytes] | ForkedProgram, timeout_s: float = 5.0) -> int:
     """Terminate a process, kill it after `timeout_s`; return its exit code."""
     if process.poll() is None:
         process.send_signal(signal.SIGTERM)
@@ -49,7 +49,7 @@ class Master:
         self.port = port or free_port()
         self.uri = f"http://127.0.0.1:{self.port}/"
         self._folder = folder
-        self.process: subprocess.Popen[bytes] | None = None
+        self.process: ForkedProgram | None = None
 
     def environment(self) -> dict[str, str]:
         """Return the environment of processes that use this master."""
@@ -66,11 +66,8 @@ class Master:
     def start(self) -> Master:
         """Start the master and wait until it answers."""
         (self._folder / "log").mkdir(parents=True, exist_ok=True)
-        with open(self._folder / "rosmaster.log", "ab") as log:
-            self.process = subprocess.Popen(
-                [ROSMASTER, "--core", "-p", str(self.port)],
-                env=self.environment(), stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-            )  # fmt: skip
+        words, log = (ROSMASTER, "--core", "-p", str(self.port)), self._folder / "rosmaster.log"
+        self.process = ForkedProgram(*words, log=log, environment=self.environment())
         until(self.answers, f"rosmaster on port {self.port}")
         return self
 
@@ -108,12 +105,8 @@ class SimulatorProcess:
             f"--{key.replace('_', '-')}" + ("" if value is True else f"={value}")
             for key, value in options.items()
         ]
-        with open(log, "wb") as output:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", "robots.simulator", f"--name={name}", "--exit-with-parent", *flags],
-                cwd=REPOSITORY, env=master.environment() | (environment or {}),
-                stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT,
-            )  # fmt: skip
+        words = ("robots.simulator", f"--name={name}", "--exit-with-parent", *flags)
+        self.process = ForkedProgram(*words, log=log, environment=master.environment() | (environment or {}))
 
     def wait_ready(self) -> SimulatorProcess:
         """Wait until the simulator's topics are registered."""
@@ -123,7 +116,6 @@ class SimulatorProcess:
     def stop(self) -> int:
         """End it; return its exit code."""
         code = end(self.process)
-        assert self.process.stdin is not None
         self.process.stdin.close()
         return code
 

@@ -334,6 +334,5 @@ def test_only_the_owner_opens_the_socket(watchdog: WatchdogProcess, config: Brid
 
 
 def test_it_ends_with_its_life_line(watchdog: WatchdogProcess) -> None:
-    assert watchdog.process.stdin is not None
     watchdog.process.stdin.close()
     assert watchdog.process.wait(PATIENCE_S) == 0
