@@ -19,6 +19,8 @@ from tests.script.support import Family
 
 PROGRAMS = Path("/usr/lib/postgresql")
 OWNER = "postgres"  # the account of Debian's package: PostgreSQL does not run as root
+MEMORY = Path("/dev/shm")  # noqa: S108 - in a folder of its own
+ROOM_BYTES = 1 << 30
 STARTED_S = 30.0
 POSTGRESQL_END = signal.SIGQUIT  # an immediate end: with SIGTERM, PostgreSQL would wait for its clients
 
@@ -78,7 +80,9 @@ class Postgresql:
 @contextmanager
 def running_postgresql() -> Iterator[Postgresql]:
     """Run a PostgreSQL that a test can kill and start again."""
-    directory = Path(tempfile.mkdtemp(prefix="fleet-pg-"))
+    # In memory, if there is room: a database has hundreds of files, and tests make dozens of databases.
+    roomy = MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM_BYTES
+    directory = Path(tempfile.mkdtemp(prefix="fleet-pg-", dir=MEMORY if roomy else None))
     try:
         server = Postgresql(directory)
         try:

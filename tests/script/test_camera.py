@@ -7,30 +7,23 @@ import json
 import os
 import signal
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
-from dataclasses import replace
 from typing import Any
 
-import pytest
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed
 
 from benchmarks.parts.observer import Observer
 from script.stack.client import Driver, open_socket, sign_in
-from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
+from script.stack.processes import Child
+from script.stack.stack import PRACTICE_ROBOTS, Stack
 from tests.processes import PATIENCE_S
 from tests.script.support import Family
 
-ROBOT = replace(PRACTICE_ROBOTS[0], rear_camera=True)
+ROBOT = PRACTICE_ROBOTS[0]
 ENDS_S = 1.0  # from the loss of a right to the last picture
 SLACK_S = 1.0  # for a busy computer
-
-
-@pytest.fixture(scope="module")
-def stack() -> Iterator[Stack]:
-    with temporary_stack((ROBOT,)) as running:
-        yield running
 
 
 class Viewer:
@@ -182,19 +175,23 @@ async def test_a_viewer_who_never_acknowledges_slows_no_other(stack):
 
 
 async def test_pictures_end_within_a_second_of_the_right(stack):
+    def set_role(role: str) -> Child:
+        code = (
+            "from fleet.accounts.models import User; from robots.registry.models import Robot, Role;"
+            "from robots.access.services import role_set; from fleet.audit.command_line import here;"
+            f"role_set(robot=Robot.objects.get(slug='{ROBOT.slug}'),"
+            f" user=User.objects.get(username='observer'), role={role}, actor=here());"
+            "import time; print('at', time.monotonic())"
+        )
+        return stack.manage("role", "shell", "--no-imports", "-c", code)
+
     cookie = await asyncio.to_thread(sign_in, stack, "observer")
-    code = (
-        "from fleet.accounts.models import User; from robots.registry.models import Robot;"
-        "from robots.access.services import role_set; from fleet.audit.command_line import here;"
-        f"role_set(robot=Robot.objects.get(slug='{ROBOT.slug}'),"
-        " user=User.objects.get(username='observer'), role=None, actor=here());"
-        "import time; print('at', time.monotonic())"
-    )
     async with viewer(stack, cookie) as watching:
         await watching.watch("head")
         await watching.gets_pictures()
-        command = stack.manage("revoke", "shell", "-c", code)
+        command = set_role("None")
         await watching.until(lambda: watching.closed_s is not None)
         assert await asyncio.to_thread(command.wait, PATIENCE_S)
     revoked_s = float(command.last_lines().split("at ")[-1])
     assert watching.closed_s - revoked_s < ENDS_S + SLACK_S
+    assert await asyncio.to_thread(set_role("Role.OBSERVER").wait, PATIENCE_S)

@@ -8,23 +8,14 @@ import json
 import os
 import signal
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
-from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
+from script.stack.stack import PRACTICE_ROBOTS, Stack
 
 ROBOT = PRACTICE_ROBOTS[0].slug
 PATIENCE_S = 30.0
 STANDS_MPS = 0.01
-
-
-@pytest.fixture(scope="module")
-def stack() -> Iterator[Stack]:
-    with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
-        yield stack
 
 
 def motion_processes(stack: Stack) -> list[int]:
@@ -56,13 +47,22 @@ def post(
         connection.close()
 
 
+def test_no_form_of_a_stop_is_refused_by_the_real_server(stack: Stack) -> None:
+    cookie = sign_in(stack, "observer")
+    kinds = {"Accept": "application/xml"}, {"Content-Type": "text/plain; charset=none"}, {"Accept": ";;/"}
+    for path in ("/api/v1/stop", "/api/v1/stop/?format=xml", f"/api/v1/robots/{ROBOT}/stop"):
+        for headers in kinds:
+            status, result = post(stack, cookie, path, b"{", **headers)
+            assert (status, list(result["robots"])) == (200, [ROBOT]), (path, headers)  # type: ignore[call-overload]
+
+
 async def test_a_stop_of_a_frozen_robot_is_pending_then_holds(stack: Stack) -> None:
     driving, watching = sign_in(stack, "operator"), sign_in(stack, "observer")
     async with Driver(stack, ROBOT, driving) as driver:
         await driver.take()
         await driver.until(lambda: driver.state)
-        if driver.state and driver.state.stop.state != "clear":  # the other test has stopped it
-            await driver.clear()
+        await driver.until(lambda: driver.state.stop.state == "stopped")  # by the other test
+        await driver.clear()
         await driver.hold_stick(0.0, 0.5, until=lambda: driver.odometry and abs(driver.odometry.w) > 0.1)
         frozen = motion_processes(stack)
         assert len(frozen) >= 2
@@ -86,6 +86,8 @@ async def test_a_stop_of_a_frozen_robot_is_pending_then_holds(stack: Stack) -> N
                 await asyncio.sleep(0.1)
         finally:
             holding.cancel()
+        await driver.clear()
+        await driver.release()
 
 
 async def hold(driver: Driver) -> None:
@@ -93,12 +95,3 @@ async def hold(driver: Driver) -> None:
     while True:
         await driver.drive(0.0, 0.5)
         await asyncio.sleep(DRIVE_PERIOD_S)
-
-
-def test_no_form_of_a_stop_is_refused_by_the_real_server(stack: Stack) -> None:
-    cookie = sign_in(stack, "observer")
-    kinds = {"Accept": "application/xml"}, {"Content-Type": "text/plain; charset=none"}, {"Accept": ";;/"}
-    for path in ("/api/v1/stop", "/api/v1/stop/?format=xml", f"/api/v1/robots/{ROBOT}/stop"):
-        for headers in kinds:
-            status, result = post(stack, cookie, path, b"{", **headers)
-            assert (status, list(result["robots"])) == (200, [ROBOT]), (path, headers)  # type: ignore[call-overload]

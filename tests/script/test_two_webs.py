@@ -5,60 +5,21 @@ from __future__ import annotations
 import asyncio
 import json
 import signal
-import tempfile
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-
-import pytest
 
 from robots import wire
 from script.stack.client import Driver, sign_in
-from script.stack.processes import Child, ReservedPort
-from script.stack.stack import PRACTICE_ROBOTS, Stack, daphne
+from script.stack.stack import PRACTICE_ROBOTS
 from tests.processes import until
-from tests.script.servers import Redis, postgresql
-from tests.script.support import drive_forward, listens, token
+from tests.script.house import House
+from tests.script.support import drive_forward, token
 
-READY_S = 120.0
 NEWS_S = 15.0
 ZERO_S = 2.0  # s, from the kill of a web process until a page shows that the robot stands
 ROBOT = PRACTICE_ROBOTS[0].slug
-
-
-@dataclass
-class House:
-    """A console with a second web process."""
-
-    stack: Stack
-    redis: Redis
-    second: Child
-    second_port: int
-
-    def said(self, words: str) -> bool:
-        """Return whether a web process logged these words."""
-        return any(words in (self.stack.logs / f"{name}.log").read_text() for name in ("web", "web-2"))
-
-
-@pytest.fixture(scope="module")
-def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
-    port, directory = ReservedPort(), tmp_path_factory.mktemp("console")
-    with postgresql() as database, tempfile.TemporaryDirectory(prefix="fleet-redis-") as short:
-        redis = Redis(Path(short))
-        settings = {"FLEET_DATABASE_URL": database, "FLEET_REDIS_URL": redis.url}
-        try:
-            with Stack(directory / "var", robots=PRACTICE_ROBOTS[:1], settings=settings) as stack:
-                where = ["--bind", port.host, "--port", str(port.number)]
-                second = stack.start_child("web-2", [*daphne(), *where], stack.environment)
-                until(lambda: listens(port.number), "the second web process listens", READY_S)
-                yield House(stack, redis, second, port.number)
-        finally:
-            redis.kill()
-            port.close()
 
 
 def test_a_program_at_another_web_process_learns_the_remedy(house: House) -> None:

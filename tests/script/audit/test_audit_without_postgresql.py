@@ -6,29 +6,10 @@ import asyncio
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
 
-import pytest
-
-from script.stack.stack import PRACTICE_ROBOTS, Stack
 from tests.script.audit.database_away import stands_while
-from tests.script.servers import Postgresql, running_postgresql
-
-
-@dataclass
-class House:
-    stack: Stack
-    postgresql: Postgresql
-
-
-@pytest.fixture(scope="module")
-def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
-    directory: Path = tmp_path_factory.mktemp("console")
-    with running_postgresql() as postgresql:
-        settings = {"FLEET_DATABASE_URL": postgresql.url}
-        with Stack(directory / "var", robots=PRACTICE_ROBOTS[:1], settings=settings) as stack:
-            yield House(stack, postgresql)
+from tests.script.house import House
+from tests.script.servers import Postgresql
 
 
 def test_a_robot_stands_while_the_server_hangs(house: House) -> None:

@@ -13,15 +13,9 @@ from typing import Any
 import pytest
 
 from script.generate.messages import OPENAPI
-from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
+from script.stack.stack import Stack
 from tests.script.programs.test_programs import ROBOT
 from tests.script.support import token
-
-
-@pytest.fixture(scope="module")
-def stack() -> Iterator[Stack]:
-    with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
-        yield stack
 
 
 @pytest.fixture(scope="module")
@@ -67,8 +61,9 @@ def test_a_generated_client_does_a_days_work(stack: Stack, package: str) -> None
             tasks.append(done(call("control", "drive_by", ROBOT, body=models.DriveByRequest(**step))))
     words = models.SayRequest(text="The square is done.", language="en-GB")
     tasks.append(done(call("tasks", "speech_say", ROBOT, body=words)))
-    tasks.append(done(call("tasks", "motions_play", ROBOT, "wave")))
-    assert [task.outcome for task in tasks] == ["done"] * 9 + ["succeeded"]
+    for motion in ("wave", "home"):
+        tasks.append(done(call("tasks", "motions_play", ROBOT, motion)))
+    assert [task.outcome for task in tasks] == ["done"] * 9 + ["succeeded"] * 2
     call("control", "control_release", ROBOT)
     starts = datetime.now(timezone.utc).replace(microsecond=0) + timedelta(hours=2)
     slot = models.BookRequest(robot=ROBOT, starts_at=starts, ends_at=starts + timedelta(hours=1))

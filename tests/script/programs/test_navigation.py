@@ -4,21 +4,12 @@ from __future__ import annotations
 
 import math
 import urllib.request
-from collections.abc import Iterator
-
-import pytest
 
 from robots import wire
 from script.stack.client import Driver, sign_in
-from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
+from script.stack.stack import Stack
 from tests.script.programs.test_programs import ROBOT, Api
 from tests.script.support import token
-
-
-@pytest.fixture(scope="module")
-def stack() -> Iterator[Stack]:
-    with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
-        yield stack
 
 
 def test_a_program_sends_a_robot_to_a_place_and_back(stack: Stack) -> None:
@@ -121,7 +112,7 @@ for name, since, until in (("operator", now - hour, ends), ("supervisor", ends, 
 
 
 def test_the_end_of_the_slot_ends_the_drive(stack: Stack) -> None:
-    """The last test of this module: after this, another person has the robot's slot."""
+    """The last test of the shared console: after this, another person has the robot's slot."""
     api = Api(stack, token(stack, "operator", "read", "drive"))
     robot = f"/robots/{ROBOT}"
     assert api("POST", f"{robot}/control", {})[0] == 200

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import os
 import re
 import subprocess
@@ -11,7 +12,7 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
@@ -25,7 +26,7 @@ from websockets.sync.client import connect as websocket
 from script.generate.messages import OPENAPI
 from script.stack.client import Driver, sign_in
 from script.stack.places import REPOSITORY
-from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
+from script.stack.stack import PRACTICE_ROBOTS, Stack
 from tests.script.support import manage, token
 
 ROBOT = PRACTICE_ROBOTS[0].slug
@@ -33,12 +34,6 @@ ENDED_S = 3.0  # one second, and time for processes that start at the same time
 T = TypeVar("T")
 SCHEMA = json.loads(OPENAPI.read_text())
 SCOPES = ("read", "drive", "speak", "motions")  # the scopes that docs/api.md uses
-
-
-@pytest.fixture(scope="module")
-def stack() -> Iterator[Stack]:
-    with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
-        yield stack
 
 
 def require_documented(method: str, path: str, status: int, answer: Any) -> None:
@@ -92,12 +87,13 @@ def test_a_program_takes_control_drives_and_gives_it_back(stack: Stack) -> None:
     status, taken = api("POST", control, {})
     assert (status, taken["state"]) == (200, "yours"), taken
     assert taken["fence"] > 0
-    x = api("GET", f"/robots/{ROBOT}")[1]["state"]["odometry"]["x"]
+    began = api("GET", f"/robots/{ROBOT}")[1]["state"]["odometry"]
     for _ in range(4):
         status, driven = api("POST", f"/robots/{ROBOT}/velocity", {"forward_mps": 0.2, "seconds": 0.5})
         assert status == 200, driven
     robot = api("GET", f"/robots/{ROBOT}")[1]
-    assert robot["state"]["odometry"]["x"] - x > 0.2
+    ended = robot["state"]["odometry"]
+    assert math.dist((ended["x"], ended["y"]), (began["x"], began["y"])) > 0.2
     assert "(night-tests)" in robot["holder"]
     status, refused = api("POST", f"/robots/{ROBOT}/velocity", {"forward_mps": 4.0})
     assert (status, refused["code"]) == (400, "too_fast")
@@ -179,6 +175,8 @@ def test_ending_a_token_ends_its_control_and_streams(stack: Stack) -> None:
 
 async def test_a_token_streams_the_pages_drive_messages(stack: Stack) -> None:
     text = await asyncio.to_thread(token, stack, "operator", "read", "drive")
+    watcher = Api(stack, text)
+    began = (await asyncio.to_thread(watcher, "GET", f"/robots/{ROBOT}"))[1]["state"]["odometry"]
     address = f"ws://127.0.0.1:{stack.port}/ws/robots/{ROBOT}/"
     async with connect(address, additional_headers={"Authorization": f"Bearer {text}"}) as socket:
         await socket.send(json.dumps({"t": "hello", "tab": "night-tests-0123456789"}))
@@ -201,9 +199,13 @@ async def test_a_token_streams_the_pages_drive_messages(stack: Stack) -> None:
                 break
         assert heard["refusal"]["code"] == "scope_missing"
         await socket.send(json.dumps({"t": "release"}))
-    watcher = Api(stack, text)
-    turned = (await asyncio.to_thread(watcher, "GET", f"/robots/{ROBOT}"))[1]["state"]["odometry"]
-    assert turned["yaw"] != pytest.approx(0.0, abs=0.02)
+    ended = (await asyncio.to_thread(watcher, "GET", f"/robots/{ROBOT}"))[1]["state"]["odometry"]
+    assert turned_rad(began, ended) > 0.02
+
+
+def turned_rad(began: dict[str, float], ended: dict[str, float]) -> float:
+    """Return how far the robot has turned to the left, at most half a turn."""
+    return math.remainder(ended["yaw"] - began["yaw"], math.tau)
 
 
 def test_a_program_speaks_plays_and_reads_what_came_of_it(stack: Stack) -> None:
@@ -415,4 +417,4 @@ def test_the_programs_of_the_docs_run_as_they_are(stack: Stack, tmp_path: Path) 
     assert abs(ended["x"] - began["x"]) < 0.05
     assert abs(ended["y"] - began["y"]) < 0.05
     run_docs(stack, [sys.executable, "-"], stream)
-    assert staff("GET", f"/robots/{ROBOT}")[1]["state"]["odometry"]["yaw"] > ended["yaw"] + 0.1
+    assert turned_rad(ended, staff("GET", f"/robots/{ROBOT}")[1]["state"]["odometry"]) > 0.1
