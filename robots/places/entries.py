@@ -13,7 +13,6 @@ from collections.abc import Iterable
 
 from msgspec import Struct
 
-from robots.bridge.gate.geometry.planar import wrapped
 from robots.bridge.gate.values import Pose
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.phrases import shortened
@@ -83,7 +82,7 @@ def entry_of(name: str, x: float, y: float, heading: float) -> PlaceEntry:
             )
     if not abs(heading) <= math.tau:
         raise Problems([f"{heading} is not a valid heading: a number of radians between -6.28 and 6.28."])
-    heading = heading if abs(heading) <= _HALF_TURN else wrapped(heading)
+    heading = heading if abs(heading) <= _HALF_TURN else math.remainder(heading, math.tau)
     return PlaceEntry(name, *(round(part, _MILLIMETRES) for part in (x, y, heading)))
 
 

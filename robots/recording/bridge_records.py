@@ -30,7 +30,6 @@ from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.audit.models import Record
 from fleet.audit.services import record
-from robots.bridge.audit.drive_path import Sample
 from robots.bridge.audit.record_sink import (
     BadRecord,
     DriveSummary,
@@ -40,6 +39,7 @@ from robots.bridge.audit.record_sink import (
     Parameters,
     Position,
     RecordError,
+    Sample,
     TakenDescription,
     TakenMap,
 )

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
+from robots.bridge.audit.record_sink import Sample
 from robots.bridge.gate.values import Pose, Velocity
 
 SAMPLE_S = 0.5
@@ -19,16 +19,6 @@ TOLERANCE_M = 0.05
 # m: the error is measured this far in front of the robot's middle, so that turns on the spot are kept
 LEVER_M = 0.25
 MAX_SAMPLES = 600  # limit for a path, however long the drive is
-
-
-class Sample(NamedTuple):
-    """The robot's position in the odometry frame."""
-
-    t_s: float  # since the drive began
-    x: float  # metres
-    y: float
-    yaw: float  # rad, continuous beyond a full turn, so that values between samples can be interpolated
-    speed: float  # m/s
 
 
 def simplify(samples: Sequence[Sample], tolerance_m: float) -> list[Sample]:

@@ -7,11 +7,10 @@ committed. It raises `RecordError` if the record is not committed: then the acti
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 from msgspec import Struct
 
-from robots.bridge.audit.drive_path import Sample
 from robots.bridge.gate.values import Pose, Verdict
 from robots.wire import HealthLevel
 
@@ -40,6 +39,16 @@ class Position(Struct, frozen=True):
 
     pose: Pose | None = None  # in the odometry frame
     map_to_odom: Pose | None = None  # of the odometry frame in the map frame
+
+
+class Sample(NamedTuple):
+    """The robot's position in the odometry frame."""
+
+    t_s: float  # since the drive began
+    x: float  # metres
+    y: float
+    yaw: float  # rad, continuous beyond a full turn, so that values between samples can be interpolated
+    speed: float  # m/s
 
 
 DriveEnd = Literal["standstill", "halted", "control_changed", "bridge_ended"]

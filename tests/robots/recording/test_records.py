@@ -16,7 +16,6 @@ from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from fleet.audit.services import record
-from robots.bridge.audit.drive_path import Sample
 from robots.bridge.audit.record_sink import (
     BadRecord,
     DriveSummary,
@@ -25,6 +24,7 @@ from robots.bridge.audit.record_sink import (
     Holder,
     Position,
     RecordError,
+    Sample,
 )
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
 from robots.recording.bridge_records import AuditSink
