@@ -1,6 +1,6 @@
-{% autoescape off %}// Without a connection it shows the page that says so. It keeps no other page: what a robot does is never old news.
+{% autoescape off %}// Without a connection, show the offline page. No other page is kept, because an old state of a robot would mislead.
 const OFFLINE = [{% for file in files %}"{{ file|escapejs }}"{% if not forloop.last %}, {% endif %}{% endfor %}];
-const CACHE = OFFLINE.join(" "); // other files, other cache
+const CACHE = OFFLINE.join(" "); // changed files get a new cache
 {% endautoescape %}
 self.addEventListener("install", (event) => {
   self.skipWaiting();
@@ -20,7 +20,7 @@ self.addEventListener("activate", (event) => {
   );
 });
 
-// The network first, always. A form, and with it a stop, passes untouched.
+// Always ask the network first. Forms, such as a stop, are not touched.
 self.addEventListener("fetch", (event) => {
   const { request } = event;
   if (request.method !== "GET") return;

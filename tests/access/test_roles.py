@@ -193,4 +193,6 @@ def test_a_role_on_a_group_counts_on_each_of_its_robots(
     assert role_on(student, robot) is None
     changes = Record.objects.filter(kind="role.change").order_by("pk").values_list("parameters", flat=True)
     assert [(one["group"], one["to"]) for one in changes] == [("tiagos", "supervisor"), ("tiagos", None)]
-    assert client.post("/robot-groups/", {**give, "username": "nobody"}).status_code == 302
+    for wrong, said in (({"username": "nobody"}, "no open account"), ({"role": "staff"}, "no such role")):
+        assert said in client.post("/robot-groups/", {**give, **wrong}, follow=True).content.decode()
+    assert role_on(student, robot) is None

@@ -56,8 +56,11 @@ def _give(request: HttpRequest, group: RobotGroup, staff: User) -> None:
     """Give a person a role on the group's robots, or take the role away."""
     name, role = request.POST.get("username", "").strip(), request.POST.get("role", "")
     person = User.objects.filter(username=name, is_active=True).first()
-    if person is None or role not in ("", *ROLES):
+    if person is None:
         messages.error(request, _("There is no open account with this user name."))
+        return
+    if role not in ("", *ROLES):
+        messages.error(request, _("There is no such role. Choose one from the list."))
         return
     services.group_role_set(group=group, user=person, role=Role(role) if role else None, actor=staff)
     words = {"person": person.display_name, "group": group.name}
