@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
 import time
 from contextlib import ExitStack
@@ -9,7 +10,9 @@ from pathlib import Path
 
 from benchmarks.harness import Figure, progress
 from benchmarks.parts import process_stats
-from tests.ros.support import Master, SimulatorProcess
+from script.stack.processes import Child, end_all
+from tests.processes import until
+from tests.ros.support import Master, is_up
 
 ROBOTS = 3
 SETTLED_S = 3.0
@@ -43,6 +46,8 @@ def _started(stack: ExitStack, folder: Path, number: int) -> int:
     home.mkdir()
     master = Master(home).start()
     stack.callback(master.stop)
-    robot = SimulatorProcess(master, home / "robot.log", f"tiago-{number}", seed=number)
-    stack.callback(robot.stop)
-    return robot.wait_ready().process.pid
+    command = [sys.executable, "-m", "robots.simulator", f"--name=tiago-{number}", f"--seed={number}"]
+    robot = Child("simulator", command, env=master.environment(), log=home / "robot.log")
+    stack.callback(end_all, [robot])
+    until(lambda: is_up(master, f"/simulator_tiago_{number}"), f"simulator {number}")
+    return robot.pid

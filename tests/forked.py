@@ -1,21 +1,28 @@
-"""Starts Python programs without their imports: forks of a server process that has the modules loaded.
+"""Starts Python programs without importing their modules again: as forks of a process that has them loaded.
 
-A test process starts dozens of bridges, simulators and masters. Each would import rospy, numpy and MuJoCo again,
-which is most of its computing time. Memory and files are not shared: a fork has its own copies.
+A test process starts dozens of bridges, simulators and masters. Each would import rospy, numpy and MuJoCo, which
+takes most of its computing time. A fork has its own memory and files, like any other process. A missing import of a
+program shows only where its command is started: in `tests/script` and `tests/ros/test_run_fleet.py`.
 """
 
 from __future__ import annotations
 
+import atexit
+import ctypes
 import multiprocessing
 import os
 import runpy
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from pathlib import Path
+
+from tests.processes import REPOSITORY
 
 # Not "rosmaster": it keeps the arguments of the process that loads it.
 LOADED = (
@@ -25,6 +32,7 @@ LOADED = (
     "robots.simulator.ros.process",
     "robots.simulator.worlds",
 )
+SIGNAL_OF_PARENTS_DEATH = 1  # PR_SET_PDEATHSIG of prctl(2)
 _context = multiprocessing.get_context("forkserver")
 _context.set_forkserver_preload([*LOADED])
 
@@ -32,7 +40,8 @@ _context.set_forkserver_preload([*LOADED])
 class ForkedProgram:
     """A process that runs `program`, like `subprocess.Popen`: a module, or the path of a file.
 
-    `stdin` is the writing end of its standard input. Its output is appended to the file `log`.
+    `stdin` is the writing end of its standard input. Its output is appended to the file `log`. Its environment is
+    that of the tests, with changes.
     """
 
     def __init__(self, program: str, *arguments: str, log: Path, environment: Mapping[str, str]) -> None:
@@ -64,7 +73,8 @@ class ForkedProgram:
     def send_signal(self, number: int) -> None:
         """Send a signal, unless the process has ended."""
         if self.poll() is None:
-            os.kill(self.pid, number)
+            with suppress(ProcessLookupError):
+                os.kill(self.pid, number)
 
     def terminate(self) -> None:
         self.send_signal(signal.SIGTERM)
@@ -73,14 +83,20 @@ class ForkedProgram:
         self.send_signal(signal.SIGKILL)
 
 
-def end_server() -> None:
-    """End the server process, so that its computing time counts as this process's."""
+def end_forks() -> None:
+    """End all forks and the process that makes them. Then their computing time counts as this process's."""
+    for left in multiprocessing.active_children():
+        left.kill()
+        left.join()
     forkserver._forkserver._stop()  # type: ignore[attr-defined]
 
 
 def _run(args: list[str], log: str, environment: dict[str, str], stdin: Connection) -> None:
     """Become the program; this runs in the fork."""
-    os.environ.clear()
+    # The end of the tests ends the process that makes forks, which ends its forks. So none may hold its life line.
+    ctypes.CDLL(None).prctl(SIGNAL_OF_PARENTS_DEATH, signal.SIGKILL)
+    os.close(forkserver._forkserver._forkserver_alive_fd)  # type: ignore[attr-defined]
+    os.chdir(REPOSITORY)
     os.environ.update(environment)
     with open(log, "ab") as output:
         os.dup2(output.fileno(), 1)
@@ -88,7 +104,11 @@ def _run(args: list[str], log: str, environment: dict[str, str], stdin: Connecti
     os.dup2(stdin.fileno(), 0)
     stdin.close()
     sys.stdin, sys.argv = os.fdopen(0), args
-    if os.sep in args[0]:
-        runpy.run_path(args[0], run_name="__main__")
-    else:
-        runpy.run_module(args[0], run_name="__main__", alter_sys=True)
+    try:
+        if os.sep in args[0]:
+            runpy.run_path(args[0], run_name="__main__")
+        else:
+            runpy.run_module(args[0], run_name="__main__", alter_sys=True)
+    finally:  # as at the end of an interpreter, which multiprocessing leaves out
+        threading._shutdown()  # type: ignore[attr-defined]
+        atexit._run_exitfuncs()

@@ -16,8 +16,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import psycopg
-
 from benchmarks.audit import recording_cost
 from benchmarks.harness import Figure, progress
 from script.stack.places import REPOSITORY
@@ -96,10 +94,7 @@ def own_postgresql() -> Iterator[dict[str, str]]:
     The server writes every commit to the disk, as in production.
     """
     with ExitStack() as stack:
-        url = stack.enter_context(postgresql())
-        with psycopg.connect(url, autocommit=True) as server:
-            server.execute("ALTER SYSTEM SET fsync = on")
-            server.execute("SELECT pg_reload_conf()")
+        url = stack.enter_context(postgresql(durable=True))
         directory = stack.enter_context(tempfile.TemporaryDirectory(prefix="fleet-bench-"))
         environment = {**_environment(directory), "FLEET_DATABASE_URL": url}
         _migrate(environment)

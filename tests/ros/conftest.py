@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from std_msgs.msg import String
 
-from tests.forked import end_server
+from tests.forked import end_forks
 from tests.ros.support import Master, RosClient, SimulatorProcess
 
 
@@ -19,7 +19,7 @@ def rosmaster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Master]:
     master = Master(tmp_path_factory.mktemp("ros")).start()
     yield master
     master.stop()
-    end_server()
+    end_forks()
 
 
 @pytest.fixture(scope="session")

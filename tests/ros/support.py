@@ -124,8 +124,13 @@ class SimulatorProcess:
             raise AssertionError(
                 f"the simulator ended with {self.process.returncode}:\n{self.log.read_text()}"
             )
-        published, _, _ = rosgraph.Master("/test", self._master.uri).getSystemState()
-        return any(topic == LAST_TOPIC and self.node in nodes for topic, nodes in published)
+        return is_up(self._master, self.node)
+
+
+def is_up(master: Master, node: str) -> bool:
+    """Return whether this node of a simulator has registered all its topics."""
+    published, _, _ = rosgraph.Master("/test", master.uri).getSystemState()
+    return any(topic == LAST_TOPIC and node in nodes for topic, nodes in published)
 
 
 class Inbox:

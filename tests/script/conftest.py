@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,17 +12,16 @@ from xdist.scheduler import LoadFileScheduling
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 from tests.script.house import House, running_house
 
-FOLDER = Path(__file__).parent
-# In this order. Each file leaves its robot online, free, without a stop, and with space to drive a metre; only the
-# last file of a console may leave anything.
+# In this order. Each file leaves its robot online, without a stop and with space to drive a metre, and nobody else in
+# control. Only the last file of a console may leave anything.
 SHARING = {
-    "test_pending_stop.py": "stack",
-    "test_camera.py": "stack",
-    "test_programs.py": "stack",
-    "test_generated_client.py": "stack",
-    "test_navigation.py": "stack",
-    "test_audit_without_postgresql.py": "house",  # first: it compares the whole log with the robot
-    "test_two_webs.py": "house",
+    "tests/script/programs/test_programs.py": "stack",
+    "tests/script/programs/test_generated_client.py": "stack",
+    "tests/script/test_pending_stop.py": "stack",
+    "tests/script/test_camera.py": "stack",
+    "tests/script/programs/test_navigation.py": "stack",
+    "tests/script/audit/test_audit_without_postgresql.py": "house",  # first: it compares the log with the robot
+    "tests/script/test_two_webs.py": "house",
 }
 
 
@@ -31,21 +29,24 @@ class ByConsole(LoadFileScheduling):
     """Runs the tests of a file in one process, and all tests of a shared console too."""
 
     def _split_scope(self, nodeid: str) -> str:
-        file = nodeid.partition("::")[0]
-        return SHARING.get(Path(file).name, file)
+        return SHARING.get(_file(nodeid), _file(nodeid))
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByConsole:
-    """Distribute the tests."""
+    """Distribute the tests; this replaces `--dist`."""
     return ByConsole(config, log)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run the files of shared consoles at the end, in their order."""
     order = list(SHARING)
-    shared = [item for item in items if item.path.name in SHARING and FOLDER in item.path.parents]
-    shared.sort(key=lambda item: order.index(item.path.name))
+    shared = [item for item in items if _file(item.nodeid) in SHARING]
+    shared.sort(key=lambda item: order.index(_file(item.nodeid)))
     items[:] = [item for item in items if item not in shared] + shared
+
+
+def _file(nodeid: str) -> str:
+    return nodeid.partition("::")[0]
 
 
 @pytest.fixture(scope="session")

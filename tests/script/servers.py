@@ -19,7 +19,7 @@ from tests.script.support import Family
 
 PROGRAMS = Path("/usr/lib/postgresql")
 OWNER = "postgres"  # the account of Debian's package: PostgreSQL does not run as root
-MEMORY = Path("/dev/shm")  # noqa: S108 - in a folder of its own
+MEMORY = Path("/dev/shm")  # noqa: S108 - mkdtemp makes a new folder there
 ROOM_BYTES = 1 << 30
 STARTED_S = 30.0
 POSTGRESQL_END = signal.SIGQUIT  # an immediate end: with SIGTERM, PostgreSQL would wait for its clients
@@ -31,9 +31,10 @@ def postgresql_installed() -> bool:
 
 
 class Postgresql:
-    """A PostgreSQL server; `url` is its `FLEET_DATABASE_URL`. It runs without fsync."""
+    """A PostgreSQL server; `url` is its `FLEET_DATABASE_URL`. If it is not `durable`, it runs without fsync."""
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, durable: bool) -> None:
+        self._options = [] if durable else ["-c", "fsync=off", "-c", "max_wal_size=128MB"]
         self._programs = max(PROGRAMS.glob("*/bin"))
         self._directory = directory
         self._tie = ["/usr/bin/setpriv", f"--pdeathsig={POSTGRESQL_END.name.removeprefix('SIG')}"]
@@ -49,7 +50,7 @@ class Postgresql:
     def start(self) -> None:
         """Start the server and wait until it answers."""
         place = self._command("postgres", "-D", self._directory / "data", "-k", self._directory)
-        run = [*place, "-c", "listen_addresses=", "-c", "fsync=off"]
+        run = [*place, "-c", "listen_addresses=", *self._options]
         log = self._directory / "log"
         self._server = Child("postgresql", [*self._tie, *run], env=outside(), log=log)
         ready = self._command("pg_isready", "-q", "-h", self._directory)
@@ -78,13 +79,13 @@ class Postgresql:
 
 
 @contextmanager
-def running_postgresql() -> Iterator[Postgresql]:
-    """Run a PostgreSQL that a test can kill and start again."""
+def running_postgresql(*, durable: bool = False) -> Iterator[Postgresql]:
+    """Run a PostgreSQL that a test can kill and start again. Only if it is `durable`, its data are on the disk."""
     # In memory, if there is room: a database has hundreds of files, and tests make dozens of databases.
-    roomy = MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM_BYTES
-    directory = Path(tempfile.mkdtemp(prefix="fleet-pg-", dir=MEMORY if roomy else None))
+    in_memory = not durable and MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM_BYTES
+    directory = Path(tempfile.mkdtemp(prefix="fleet-pg-", dir=MEMORY if in_memory else None))
     try:
-        server = Postgresql(directory)
+        server = Postgresql(directory, durable)
         try:
             yield server
         finally:
@@ -94,9 +95,9 @@ def running_postgresql() -> Iterator[Postgresql]:
 
 
 @contextmanager
-def postgresql() -> Iterator[str]:
+def postgresql(*, durable: bool = False) -> Iterator[str]:
     """Run a PostgreSQL; yield its `FLEET_DATABASE_URL`."""
-    with running_postgresql() as server:
+    with running_postgresql(durable=durable) as server:
         yield server.url
 
 

@@ -194,4 +194,6 @@ async def test_pictures_end_within_a_second_of_the_right(stack):
         assert await asyncio.to_thread(command.wait, PATIENCE_S)
     revoked_s = float(command.last_lines().split("at ")[-1])
     assert watching.closed_s - revoked_s < ENDS_S + SLACK_S
-    assert await asyncio.to_thread(set_role("Role.OBSERVER").wait, PATIENCE_S)
+    given_back = set_role("Role.OBSERVER")
+    assert await asyncio.to_thread(given_back.wait, PATIENCE_S)
+    assert given_back.process.returncode == 0

@@ -54,6 +54,16 @@ def test_no_form_of_a_stop_is_refused_by_the_real_server(stack: Stack) -> None:
         for headers in kinds:
             status, result = post(stack, cookie, path, b"{", **headers)
             assert (status, list(result["robots"])) == (200, [ROBOT]), (path, headers)  # type: ignore[call-overload]
+    asyncio.run(clear_and_leave(stack))
+
+
+async def clear_and_leave(stack: Stack) -> None:
+    """Clear the stop for the other tests of the console."""
+    async with Driver(stack, ROBOT, await asyncio.to_thread(sign_in, stack, "operator")) as driver:
+        await driver.take()
+        await driver.until(lambda: driver.state and driver.state.stop.state == "stopped")
+        await driver.clear()
+        await driver.release()
 
 
 async def test_a_stop_of_a_frozen_robot_is_pending_then_holds(stack: Stack) -> None:
@@ -61,8 +71,6 @@ async def test_a_stop_of_a_frozen_robot_is_pending_then_holds(stack: Stack) -> N
     async with Driver(stack, ROBOT, driving) as driver:
         await driver.take()
         await driver.until(lambda: driver.state)
-        await driver.until(lambda: driver.state.stop.state == "stopped")  # by the other test
-        await driver.clear()
         await driver.hold_stick(0.0, 0.5, until=lambda: driver.odometry and abs(driver.odometry.w) > 0.1)
         frozen = motion_processes(stack)
         assert len(frozen) >= 2

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from msgspec import Struct
 
-if TYPE_CHECKING:  # the web process uses profiles too, but not numpy
+if TYPE_CHECKING:  # models of the console use profiles, too: they need no numpy
     import numpy as np
     from numpy.typing import NDArray
 

@@ -249,6 +249,7 @@ def test_a_motion_in_the_first_second_online_is_accepted(rosmaster, robot, tmp_p
             again = SimulatorProcess(rosmaster, tmp_path / "robot.log", f"again-{start}", pose="3.8,2.2,0")
             try:
                 until(lambda: hand.state.phase == "online", "a robot that is back")
+                again.wait_ready()  # until then, no node subscribes to motions
                 assert ask(hand, "home") is None
                 until(lambda: hand.state.motion, "a motion")
                 hand.send(wire.LinkCancel("motion", "Sue", seq=next(_numbers)))

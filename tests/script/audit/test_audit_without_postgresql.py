@@ -33,5 +33,7 @@ def hanging(server: Postgresql) -> Iterator[None]:
 @contextmanager
 def dead(server: Postgresql) -> Iterator[None]:
     server.kill()
-    yield
-    server.start()
+    try:
+        yield
+    finally:
+        server.start()

@@ -18,7 +18,7 @@ def test_a_program_sends_a_robot_to_a_place_and_back(stack: Stack) -> None:
     [known] = api("GET", "/maps")[1]["maps"]  # the demo's map
     assert api("POST", f"{robot}/control", {})[0] == 200
     here = api("GET", robot)[1]["state"]["location"]
-    place = {"x": here["x"] + 1.0, "y": here["y"], "heading": here["heading"]}
+    place = {"x": 3.0 if here["x"] < 2.5 else 2.0, "y": 1.8, "heading": 0.0}  # free, and 0.5 m away at least
 
     status, refused = api("POST", f"{robot}/go", {"x": 500.0, "y": 0.0})
     if status == 202:  # the map had not come yet: the task reports the refusal
