@@ -80,7 +80,7 @@ class Postgresql:
 
 @contextmanager
 def running_postgresql(*, durable: bool = False) -> Iterator[Postgresql]:
-    """Run a PostgreSQL that a test can kill and start again. Only if it is `durable`, its data are on the disk."""
+    """Run a PostgreSQL that a test can kill and start again. If it is `durable`, its data are on the disk."""
     # In memory, if there is room: a database has hundreds of files, and tests make dozens of databases.
     in_memory = not durable and MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM_BYTES
     directory = Path(tempfile.mkdtemp(prefix="fleet-pg-", dir=MEMORY if in_memory else None))
