@@ -2,7 +2,7 @@
 
 `definitions/` has one file for each of PAL's types. genpy generates Python from them once per change, in a
 folder named by a digest of its inputs, so that processes never see an incomplete or old folder. The first use of
-a generated class appends the folder to `sys.path`; from then on ``import play_motion_msgs.msg`` works.
+a generated class adds the folder to the last that Python searches; from then on ``import play_motion_msgs.msg`` works.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import atexit
 import hashlib
 import os
 import shutil
-import sys
 import tempfile
 from functools import cache
 from importlib import import_module
@@ -20,6 +19,7 @@ from typing import Any
 
 import genpy
 
+from robots.bridge.ros import last_finder
 from robots.bridge.ros.bounds.texts import NAME, cut
 
 DEFINITIONS = Path(__file__).with_name("definitions")
@@ -61,9 +61,9 @@ def _class(name: str, kind: str) -> type[Any]:
 
 @cache
 def make_ours_importable() -> Path:
-    """Generate our packages unless that was done before, and append their folder to `sys.path`."""
+    """Generate our packages unless that was done before, and let Python find them where ROS has none of the name."""
     folder = _generated()
-    sys.path.append(str(folder))
+    last_finder.folders.append(str(folder))
     return folder
 
 
