@@ -80,11 +80,13 @@ class DriveFound(Struct, frozen=True):
 
 
 class DescriptionFound(Struct, frozen=True):
-    """Parts of the arm that are missing in the robot's description. `error`: why this is unknown."""
+    """The robot's description, and the parts of the arm that it lacks. `error`: why this is unknown."""
 
     links: list[str] = []
     joints: list[str] = []
+    unplaced: list[str] = []  # links that it has, but whose places are not known
     error: str | None = None
+    text: str = ""
 
 
 class Findings(Struct, frozen=True):
@@ -95,4 +97,4 @@ class Findings(Struct, frozen=True):
     callback: CallbackFound | None = None
     topics: list[TopicFound] = []
     drive: DriveFound | None = None
-    description: DescriptionFound | None = None  # for a robot with an arm
+    description: DescriptionFound | None = None

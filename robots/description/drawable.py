@@ -6,25 +6,18 @@ and the page shows the rest. Pure: no files, no database.
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from robots.bridge.tasks.urdf import MAX_JOINTS, BadDescription, parsed
+from robots.bridge.urdf.document import FARTHEST_M, Misfit, name_of, numbers_of, origin_of, robot_in
+from robots.bridge.urdf.joints import MOVING, Joint, Numbers, joints_of
 
 MOST_SHAPES = 2_000
 MOST_PROBLEMS = 20
 MOST_MESHES = 500
-MOST_LOOSE = 100  # links without a joint
-FARTHEST_M = 1_000.0
-LARGEST_NUMBER = 1e6
-DEEPEST = 500  # joints from a link to the root, because a page reads the tree by recursion
-JOINT_KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
-_NAME = re.compile(r"[^\x00-\x1f\x7f\"'\\<>]{1,200}")  # a page puts names of links into selectors
-_NUMBERS: dict[str, tuple[str, int]] = {"box": ("size", 3), "sphere": ("radius", 1)}
+_SIZES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}}
 
 
 class Drawable(NamedTuple):
@@ -35,16 +28,9 @@ class Drawable(NamedTuple):
     problems: list[str]  # sentences about parts that are left out
 
 
-class _Misfit(ValueError):
-    """A part that cannot be drawn; the text says why."""
-
-
 def drawable(text: str) -> Drawable:
-    """Return the part of this description that a page draws. Raises `BadDescription` if it is no robot description."""
-    found = parsed(text)
-    if found.tag != "robot":
-        raise BadDescription("the robot’s description is no <robot>")
-    return _Reader(found).result()
+    """Return the part of this description that a page draws. Raises `BadDescription` if nothing of it can be drawn."""
+    return _Reader(robot_in(text)).result()
 
 
 class _Reader:
@@ -54,24 +40,21 @@ class _Reader:
         self._meshes: dict[str, None] = {}
         self._problems: list[str] = []
         self._shapes = 0
+        self._materials: dict[str, Element] = {}  # with a colour, by name
 
     def result(self) -> Drawable:
-        joints = list(self._joints())
-        self._check_tree(joints)
-        _drop_loose_mimics(joints)
+        tree = joints_of(self._found)
+        self._problems += tree.problems
         materials = self._found.findall("material")
         if len(materials) > MOST_SHAPES:
             self._problems.append(f"more than {MOST_SHAPES} materials")
         for material in materials[:MOST_SHAPES]:
-            self._add(self._robot, material, _material)
-        links = dict.fromkeys(name for joint in joints for name in (joint.parent, joint.child))
-        shapes = {link.get("name", ""): link.findall("visual") for link in self._found.findall("link")}
-        loose = [other for other in shapes if other not in links]
-        if len(loose) > MOST_LOOSE:
-            self._problems.append(f"{len(loose) - MOST_LOOSE} links that hang on no joint")
-        for name in [*links, *loose[:MOST_LOOSE]]:
-            self._link(name, shapes.get(name, []))
-        self._robot.extend(joint.element for joint in joints)
+            self._read(self._material, material)
+        visuals = self._visuals_by_link()
+        for name in dict.fromkeys([tree.root, *(end for joint in tree.joints for end in joint[2:4])]):
+            self._link(name, visuals.get(name, []))
+        self._robot.extend(self._joints(tree.joints))
+        self._add_materials()
         if len(self._problems) > MOST_PROBLEMS:
             more = len(self._problems) - MOST_PROBLEMS + 1
             self._problems[MOST_PROBLEMS - 1 :] = [f"and {more} more"]
@@ -79,171 +62,137 @@ class _Reader:
             ElementTree.tostring(self._robot, encoding="unicode"), list(self._meshes), self._problems
         )
 
-    def _joints(self) -> Iterator[_Joint]:
-        found = self._found.findall("joint")
-        if len(found) > MAX_JOINTS:
-            raise BadDescription(f"the robot’s description has more than {MAX_JOINTS} joints")
-        for joint in found:
-            try:
-                yield _joint(joint)
-            except _Misfit as misfit:
-                raise BadDescription(f"joint {joint.get('name', '')[:80]!r}: {misfit}") from misfit
+    def _read(self, read: Callable[[Element], Element], part: Element, where: str = "") -> list[Element]:
+        """Return what `read` makes of the part; nothing, but a problem, if it cannot be used."""
+        try:
+            return [read(part)]
+        except Misfit as misfit:
+            self._problems.append(f"{where}{misfit}")
+            return []
 
-    def _check_tree(self, joints: list[_Joint]) -> None:
-        above = {joint.child: joint.parent for joint in joints}
-        if len(above) < len(joints):
-            raise BadDescription("a link of the robot’s description hangs on two joints")
-        depths: dict[str, int] = {}
-        for link in above:
-            way = [link]
-            while way[-1] in above and way[-1] not in depths:
-                way.append(above[way[-1]])
-                if len(way) > DEEPEST:
-                    raise BadDescription(
-                        f"the robot’s description contains a cycle, or more than {DEEPEST} joints in a row"
-                    )
-            top = depths.get(way[-1], 0)
-            for steps, passed in enumerate(reversed(way)):
-                depths[passed] = top + steps
-        if max(depths.values(), default=0) > DEEPEST:
-            raise BadDescription(f"the robot’s description has more than {DEEPEST} joints in a row")
+    # --- links -----------------------------------------------------------------------------------------
+
+    def _visuals_by_link(self) -> dict[str, list[Element]]:
+        visuals: dict[str, list[Element]] = {}
+        for link in self._found.findall("link"):
+            name = link.get("name", "")
+            if name in visuals:
+                self._problems.append(f"another link has the name {name[:80]!r}: only the first is drawn")
+            visuals.setdefault(name, link.findall("visual"))
+        return visuals
 
     def _link(self, name: str, visuals: list[Element]) -> None:
-        if not _NAME.fullmatch(name):
-            self._problems.append(f"a link has the name {name[:80]!r}, with which it cannot be drawn")
-            return
         link = SubElement(self._robot, "link", name=name)
         for visual in visuals:
             self._shapes += 1
             if self._shapes == MOST_SHAPES + 1:
                 self._problems.append(f"more than {MOST_SHAPES} shapes")
             if self._shapes <= MOST_SHAPES:
-                self._add(link, visual, self._visual, f"link {name[:80]}: ")
-
-    def _add(self, to: Element, part: Element, read: object, where: str = "") -> None:
-        try:
-            to.append(read(part))  # type: ignore[operator]
-        except _Misfit as misfit:
-            self._problems.append(f"{where}{misfit}")
+                link.extend(self._read(self._visual, visual, f"link {name[:80]}: "))
 
     def _visual(self, visual: Element) -> Element:
         shown = Element("visual")
-        _origin(visual, shown)
+        shown.append(_origin(*origin_of(visual)))
         geometry = visual.find("geometry")
         shape = geometry[0] if geometry is not None and len(geometry) else None
         if shape is None:
-            raise _Misfit("a shape without geometry")
-        into = SubElement(shown, "geometry")
-        if shape.tag in _NUMBERS:
-            attribute, count = _NUMBERS[shape.tag]
-            SubElement(into, shape.tag, {attribute: _sizes(shape, attribute, count)})
-        elif shape.tag == "cylinder":
-            sizes = {"radius": _sizes(shape, "radius", 1), "length": _sizes(shape, "length", 1)}
-            SubElement(into, "cylinder", sizes)
-        elif shape.tag == "mesh":
-            name = shape.get("filename", "").strip()
-            if not name or len(name) > 500 or not name.isprintable():
-                raise _Misfit("a mesh without a usable address")
-            if name not in self._meshes and len(self._meshes) >= MOST_MESHES:
-                raise _Misfit(f"one of more than {MOST_MESHES} meshes")
-            self._meshes[name] = None
-            scale = {"scale": _numbers(shape, "scale", 3)} if shape.get("scale") else {}
-            SubElement(into, "mesh", {"filename": name, **scale})
-        else:
-            raise _Misfit(f"the shape {str(shape.tag)[:80]!r} is not known")
+            raise Misfit("a shape without geometry")
+        SubElement(shown, "geometry").append(self._shape(shape))
         material = visual.find("material")
         if material is not None:
-            self._add(shown, material, _material)
+            shown.extend(self._read(self._material, material))
+        return shown
+
+    def _shape(self, shape: Element) -> Element:
+        if shape.tag == "mesh":
+            return self._mesh(shape)
+        if shape.tag not in _SIZES:
+            raise Misfit(f"the shape {shape.tag[:80]!r} is not known")
+        sizes = {name: _size(shape, name, count) for name, count in _SIZES[shape.tag].items()}
+        return Element(shape.tag, sizes)
+
+    def _mesh(self, mesh: Element) -> Element:
+        name = mesh.get("filename", "").strip()
+        if not name or len(name) > 500 or not name.isprintable():
+            raise Misfit("a mesh without a usable address")
+        scale = numbers_of(mesh, "scale", 3, "1 1 1")
+        if not all(scale):
+            raise Misfit(f"the scale {_text(scale)!r} of a <mesh> makes it flat")
+        if name not in self._meshes and len(self._meshes) >= MOST_MESHES:
+            raise Misfit(f"one of more than {MOST_MESHES} meshes")
+        self._meshes[name] = None
+        return Element("mesh", filename=name, scale=_text(scale))
+
+    def _material(self, material: Element) -> Element:
+        """Return name and colour; a texture is left out. The first colour of a name holds wherever it is used."""
+        name = material.get("name", "")[:200]
+        shown = Element("material", name=name)
+        colour = material.find("color")
+        if colour is not None:
+            rgba = tuple(min(max(part, 0.0), 1.0) for part in numbers_of(colour, "rgba", 4))
+            SubElement(shown, "color", rgba=_text(rgba))
+            if name:
+                self._materials.setdefault(name, shown)
+        return shown
+
+    def _add_materials(self) -> None:
+        """Add the colours by name; where a name has none, the page chooses the colour."""
+        for visual in self._robot.iter("visual"):
+            for material in visual.findall("material"):
+                if len(material) == 0 and material.get("name") not in self._materials:
+                    visual.remove(material)
+        self._robot[:0] = self._materials.values()
+
+    # --- joints ----------------------------------------------------------------------------------------
+
+    def _joints(self, joints: list[Joint]) -> list[Element]:
+        leaders = {
+            joint.name for joint in joints if joint.kind in MOVING and joint.element.find("mimic") is None
+        }
+        return [self._joint(joint, leaders) for joint in joints]
+
+    def _joint(self, joint: Joint, leaders: set[str]) -> Element:
+        shown = Element("joint", name=joint.name, type=joint.kind)
+        SubElement(shown, "parent", link=joint.parent)
+        SubElement(shown, "child", link=joint.child)
+        shown.append(_origin(joint.xyz, joint.rpy))
+        if joint.kind in MOVING:
+            SubElement(shown, "axis", xyz=_text(joint.axis))
+            for tag, read in (("limit", _limit), ("mimic", lambda mimic: _mimic(mimic, leaders))):
+                part = joint.element.find(tag)
+                if part is not None:
+                    shown.extend(self._read(read, part, f"joint {joint.name!r}: "))
         return shown
 
 
-class _Joint(NamedTuple):
-    parent: str
-    child: str
-    element: Element
+def _limit(limit: Element) -> Element:
+    return Element("limit", {end: _text(numbers_of(limit, end, 1, "0")) for end in ("lower", "upper")})
 
 
-def _drop_loose_mimics(joints: list[_Joint]) -> None:
-    """Remove each mimic of a joint that is itself a mimic, or missing, so that a page cannot run into a cycle."""
-    leaders = {joint.element.get("name") for joint in joints if joint.element.find("mimic") is None}
-    for joint in joints:
-        mimic = joint.element.find("mimic")
-        if mimic is not None and mimic.get("joint") not in leaders:
-            joint.element.remove(mimic)
+def _mimic(mimic: Element, leaders: set[str]) -> Element:
+    """Return whom the joint follows. A joint that itself follows leads none: a page could run into a cycle."""
+    leader = name_of(mimic, "joint")
+    if leader not in leaders:
+        raise Misfit(
+            f"it cannot follow {leader[:80]!r}, which does not move, or follows another joint itself"
+        )
+    factors = {
+        "multiplier": numbers_of(mimic, "multiplier", 1, "1"),
+        "offset": numbers_of(mimic, "offset", 1, "0"),
+    }
+    return Element("mimic", {"joint": leader, **{name: _text(number) for name, number in factors.items()}})
 
 
-def _joint(joint: Element) -> _Joint:
-    name, kind = _name(joint), joint.get("type", "")
-    if kind not in JOINT_KINDS:
-        raise _Misfit(f"the type {kind[:80]!r} is not known")
-    shown = Element("joint", name=name, type=kind)
-    ends = []
-    for tag in ("parent", "child"):
-        end = joint.find(tag)
-        if end is None:
-            raise _Misfit(f"it has no {tag}")
-        ends.append(_name(end, "link"))
-        SubElement(shown, tag, link=ends[-1])
-    _origin(joint, shown)
-    axis, limit, mimic = joint.find("axis"), joint.find("limit"), joint.find("mimic")
-    if axis is not None:
-        xyz = _numbers(axis, "xyz", 3, "1 0 0")
-        if not any(map(float, xyz.split())):
-            raise _Misfit("its axis has no length")
-        SubElement(shown, "axis", xyz=xyz)
-    if limit is not None:
-        ranges = {end: _numbers(limit, end, 1, "0") for end in ("lower", "upper")}
-        SubElement(shown, "limit", ranges)
-    if mimic is not None:
-        factors = {
-            "multiplier": _numbers(mimic, "multiplier", 1, "1"),
-            "offset": _numbers(mimic, "offset", 1, "0"),
-        }
-        if _name(mimic, "joint") != name:
-            SubElement(shown, "mimic", {"joint": _name(mimic, "joint"), **factors})
-    return _Joint(ends[0], ends[1], shown)
+def _origin(xyz: Numbers, rpy: Numbers) -> Element:
+    return Element("origin", xyz=_text(xyz), rpy=_text(rpy))
 
 
-def _origin(of: Element, to: Element) -> None:
-    origin = of.find("origin")
-    if origin is not None:
-        xyz = _numbers(origin, "xyz", 3, "0 0 0", FARTHEST_M)
-        SubElement(to, "origin", xyz=xyz, rpy=_numbers(origin, "rpy", 3, "0 0 0"))
+def _size(shape: Element, name: str, count: int) -> str:
+    sizes = numbers_of(shape, name, count, most=FARTHEST_M)
+    if min(sizes) <= 0.0:
+        raise Misfit(f"the {name} {_text(sizes)!r} is not positive")
+    return _text(sizes)
 
 
-def _material(material: Element) -> Element:
-    """Return name and colour; a texture is left out."""
-    shown = Element("material", name=material.get("name", "")[:200])
-    colour = material.find("color")
-    if colour is not None:
-        rgba = [min(max(float(part), 0.0), 1.0) for part in _numbers(colour, "rgba", 4).split()]
-        SubElement(shown, "color", rgba=" ".join(f"{part:g}" for part in rgba))
-    return shown
-
-
-def _name(element: Element, attribute: str = "name") -> str:
-    name = element.get(attribute, "")
-    if not _NAME.fullmatch(name):
-        raise _Misfit(f"the name {name[:80]!r} cannot be used")
-    return name
-
-
-def _sizes(element: Element, attribute: str, count: int) -> str:
-    text = _numbers(element, attribute, count, most=FARTHEST_M)
-    if min(map(float, text.split())) <= 0.0:
-        raise _Misfit(f"the {attribute} {text!r} is not positive")
-    return text
-
-
-def _numbers(
-    element: Element, attribute: str, count: int, default: str = "", most: float = LARGEST_NUMBER
-) -> str:
-    """Return the attribute's `count` numbers as text, rounded. Raises `_Misfit`."""
-    text = element.get(attribute) or default
-    try:
-        numbers = [float(part) for part in text.split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count or not all(math.isfinite(number) and abs(number) <= most for number in numbers):
-        raise _Misfit(f"the {attribute} {text[:80]!r} of a <{str(element.tag)[:80]}> cannot be used")
+def _text(numbers: Numbers) -> str:
     return " ".join(f"{number:.6g}" for number in numbers)

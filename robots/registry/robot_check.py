@@ -31,6 +31,8 @@ from robots.bridge.probe_findings import (
     TopicFound,
     watchdog_name,
 )
+from robots.bridge.urdf.document import BadDescription
+from robots.description.drawable import drawable
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot
 from robots.registry.selectors import bridge_config
@@ -44,6 +46,7 @@ PROBE_TIMEOUT_S = 20.0
 NEEDED = ("odometry", "scan")  # required for motion
 STAMPED = ("sensor_msgs/BatteryState", "diagnostic_msgs/DiagnosticArray")
 QUIET = ("battery", "charging", "speech", "motions", "gripper", "torso")  # may be silent for a long time
+MOST_LEFT_OUT = 3  # parts of a description that a result names
 _findings = msgspec.json.Decoder(Findings)
 
 
@@ -157,6 +160,8 @@ def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
     for listened, topic in zip(_listened(config), findings.topics, strict=True):
         yield _topic(listened, topic)
     if findings.description is not None:
+        if config.topics.arm:
+            yield _arm(findings.description)
         yield _description(findings.description)
     if findings.drive is not None:
         yield from _drive(config, findings.drive)
@@ -273,14 +278,37 @@ _CLOSE = gettext_noop(
     "It holds reverse. If nothing stands there: clean the sensor, remove objects in front of it, "
     "or remove it from the profile."
 )
+_NOT_DRAWN = gettext_noop("The 3D view does not show these parts.")
 _SILENT = gettext_noop("Is the sensor switched on, and does its driver work (rostopic hz)?")
 
 
 def _description(found: DescriptionFound) -> Check:
+    name = _("description")
+    try:
+        if found.error is not None:
+            raise BadDescription(found.error)
+        problems = drawable(found.text).problems
+    except BadDescription as bad:
+        return Check(name, WARN, _("/robot_description cannot be used: %s.") % bad, _(_NOT_DRAWN))
+    if not problems:
+        return Check(name, OK, _("/robot_description can be used as a whole."))
+    more = (
+        [_("%d more (3D view: notes)") % (len(problems) - MOST_LEFT_OUT)]
+        if len(problems) > MOST_LEFT_OUT
+        else []
+    )
+    left_out = "; ".join([*problems[:MOST_LEFT_OUT], *more])
+    return Check(name, WARN, _("/robot_description is used, but: %s.") % left_out, _(_NOT_DRAWN))
+
+
+def _arm(found: DescriptionFound) -> Check:
     name = _("description of the arm")
     lacking = [*found.links, *found.joints]
     if found.error is not None:
         text = _("/robot_description cannot be used: %s.") % found.error
+        return Check(name, WARN, text, _("Without it the console does not know where the arm is."))
+    if found.unplaced:
+        text = _("/robot_description does not say where %s is.") % _and(found.unplaced)
         return Check(name, WARN, text, _("Without it the console does not know where the arm is."))
     if lacking:
         text = _("/robot_description lacks %s.") % _and(lacking)

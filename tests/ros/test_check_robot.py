@@ -156,6 +156,21 @@ def test_a_clock_an_hour_ahead_is_reported(robot: Robot, ros: RosClient) -> None
     assert "s ahead of the console’s clock" in answers["clock"]["text"]
 
 
+def test_a_part_of_the_description_that_is_left_out_is_named(robot: Robot, ros: RosClient) -> None:
+    joints = "".join(
+        f"<joint name='{name}' type='{kind}'><parent link='base'/><child link='{name}'/><axis xyz='0 0 0'/></joint>"
+        for name, kind in (("lid", "revolute"), ("plate", "fixed"))
+    )
+    rospy.set_param("/robot_description", f"<robot name='r'><link name='base'/>{joints}</robot>")
+    try:
+        answers = check(robot, ros.master)
+    finally:
+        rospy.delete_param("/robot_description")
+    assert answers["description"]["text"] == (
+        "/robot_description is used, but: joint 'lid': its axis has no length: lid is left out."
+    )
+
+
 def test_a_wrong_topic_type_is_reported_with_both_types(robot: Robot, ros: RosClient) -> None:
     with ros.speak("/scan_raw", String, listeners=0):
         answers = check(robot, ros.master)

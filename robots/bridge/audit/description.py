@@ -6,7 +6,7 @@ import hashlib
 import zlib
 
 from robots.bridge.audit.record_sink import TakenDescription
-from robots.bridge.tasks.urdf import LARGEST
+from robots.bridge.urdf.document import LARGEST
 
 
 def taken_description(found: object) -> TakenDescription:

@@ -11,7 +11,8 @@ from typing import NamedTuple
 from robots.bridge.config import ArmSource
 from robots.bridge.gate.geometry.arm_discs import AT_HOME, KNOWN_S, Disc, Posture, discs_along, is_home
 from robots.bridge.gate.geometry.arm_sweep import Motion, swept
-from robots.bridge.tasks.urdf import BadDescription, Tree
+from robots.bridge.tasks.urdf import Tree
+from robots.bridge.urdf.document import BadDescription
 
 log = logging.getLogger(__name__)
 
@@ -63,7 +64,7 @@ class ArmPosture:
         """Take the robot's description (URDF). If it is not usable, the profile's table of motions is used.
 
         Links of the profile that the description lacks are left out. A hand is then assumed at the last known
-        link.
+        link. Where a link is in the description, but its place is not known, the description is not usable.
         """
         model, drawn = None, frozenset[str]()
         if isinstance(description, str):
@@ -76,6 +77,8 @@ class ArmPosture:
         self._model, self._drawn = model, drawn
 
     def _modelled(self, tree: Tree) -> _Model:
+        if unplaced := tree.unplaced.intersection(self._arm.links):
+            raise BadDescription(f"the place of {min(unplaced)} is not known from the robot’s description")
         own = [link for link in self._arm.links if link in tree]
         lacking = [link for link in self._arm.links if link not in tree]
         moved = tree.moved_by(self._arm.home)

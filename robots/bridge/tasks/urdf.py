@@ -1,28 +1,22 @@
 """A robot's kinematic tree from its description (URDF): positions of its links for given joint positions.
 
-A joint's frame is its origin in the parent's frame, moved along or about its axis
-(wiki.ros.org/urdf/XML/joint). Metres and radians.
+Links whose places are not known are not in the tree. A joint's frame is its origin in the parent's frame, moved along
+or about its axis (wiki.ros.org/urdf/XML/joint). Metres and radians.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
 
-LARGEST = 8_000_000  # characters
-MAX_JOINTS = 2_000
+from robots.bridge.urdf.document import BadDescription, robot_in
+from robots.bridge.urdf.joints import Joint, joints_of
 
 Matrix = NDArray[np.float64]
 Position = float | Matrix  # of a joint: one value, or an array of values over time
-
-
-class BadDescription(ValueError):
-    """A description that cannot be used; the text says why."""
 
 
 class _Joint(NamedTuple):
@@ -30,36 +24,17 @@ class _Joint(NamedTuple):
     name: str
     kind: str
     origin: Matrix  # (4, 4)
-    axis: Matrix  # (3,)
-
-
-def parsed(text: str) -> Element:
-    """Return the root element of a description.
-
-    Raises BadDescription if it is not XML, too large, or contains declarations, which could do harm.
-    """
-    if len(text) > LARGEST or "<!" in text.replace("<!--", ""):
-        raise BadDescription("the robot’s description is too large or contains declarations")
-    try:
-        return ElementTree.fromstring(text)  # noqa: S314 - no declarations, see above
-    except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise BadDescription(f"the robot’s description cannot be parsed: {error}") from error
+    axis: Matrix  # (3,), of length 1
 
 
 class Tree:
     """Links and the joints between them."""
 
     def __init__(self, text: str) -> None:
-        """Parse `text`. Raises BadDescription if it is not a URDF."""
-        try:
-            elements = parsed(text).findall("joint")
-            if len(elements) > MAX_JOINTS:
-                raise BadDescription(f"the robot’s description has more than {MAX_JOINTS} joints")
-            self._above = dict(map(_joint, elements))
-        except BadDescription:
-            raise
-        except (KeyError, ValueError) as error:
-            raise BadDescription(f"the robot’s description cannot be parsed: {error}") from error
+        """Read `text` as far as it can be used. Raises BadDescription if nothing of it can."""
+        found = joints_of(robot_in(text))
+        self._above = {joint.child: _joint(joint) for joint in found.joints}
+        self.unplaced = found.unplaced  # links of the description whose places are not known
 
     def moving(self, links: Sequence[str]) -> set[str]:
         """Return the joints that move any of `links`. Raises BadDescription if a link has no parent."""
@@ -121,38 +96,16 @@ class Tree:
         while joint := self._above.get(link):
             chain.append(joint)
             link = joint.parent
-            if len(chain) > len(self._above):
-                raise BadDescription("the robot’s description contains a cycle")
         if not chain:
             raise BadDescription(f"the robot’s description has no link {link!r} with a parent")
         return chain
 
 
-def _joint(element: Element) -> tuple[str, _Joint]:
-    """Return the child link and its joint."""
-    found = {tag: element.find(tag) for tag in ("parent", "child", "origin", "axis")}
-    parent, child = found["parent"], found["child"]
-    if parent is None or child is None:
-        raise ValueError(f"joint {element.get('name')!r} lacks parent or child")
-    origin, axis = found["origin"], found["axis"]
-    pose = np.eye(4)
-    if origin is not None:
-        pose[:3, 3] = _numbers(origin.get("xyz", "0 0 0"))
-        pose[:3, :3] = _rotation(*_numbers(origin.get("rpy", "0 0 0")))
-    along = _numbers(axis.get("xyz", "1 0 0")) if axis is not None else np.array([1.0, 0.0, 0.0])
-    length = float(np.linalg.norm(along))
-    if length == 0.0:
-        raise ValueError(f"joint {element.get('name')!r} has an axis of no length")
-    return child.attrib["link"], _Joint(
-        parent.attrib["link"], element.attrib["name"], element.attrib["type"], pose, along / length
-    )
-
-
-def _numbers(text: str) -> Matrix:
-    numbers = np.array([float(word) for word in text.split()])
-    if numbers.shape != (3,) or not np.isfinite(numbers).all():
-        raise ValueError(f"{text!r} is not three numbers")
-    return numbers
+def _joint(joint: Joint) -> _Joint:
+    origin = np.eye(4)
+    origin[:3, 3] = joint.xyz
+    origin[:3, :3] = _rotation(*joint.rpy)
+    return _Joint(joint.parent, joint.name, joint.kind, origin, np.array(joint.axis))
 
 
 def _rotation(roll: float, pitch: float, yaw: float) -> Matrix:
@@ -173,6 +126,6 @@ def _motion(joint: _Joint, position: Position) -> Matrix:
     moved = np.broadcast_to(np.eye(4), (*np.shape(position), 4, 4)).copy()
     if joint.kind == "prismatic":
         moved[..., :3, 3] = np.multiply.outer(position, joint.axis)
-    elif joint.kind in ("revolute", "continuous"):
+    elif joint.kind != "fixed":
         moved[..., :3, :3] = _about(joint.axis, position)
     return moved

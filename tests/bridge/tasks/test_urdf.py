@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.tasks.urdf import BadDescription, Tree
+from robots.bridge.tasks.urdf import Tree
+from robots.bridge.urdf.document import BadDescription
 from robots.simulator.joints.frames import frames, place, urdf
 from robots.simulator.joints.joint_table import HOME
 from robots.simulator.sensors.body import BODIES
@@ -55,16 +56,36 @@ def test_many_moments_at_once_are_as_one_by_one():
     [
         ("no xml", "cannot be parsed"),
         ('<!DOCTYPE r [<!ENTITY a "a">]><robot/>', "contains declarations"),
-        (ARM.replace('xyz="0 0 2"', 'xyz="0 0 0"'), "axis of no length"),
-        (ARM.replace('xyz="0 0 1"', 'xyz="0 nan 1"', 1), "not three numbers"),
-        (ARM.replace('<parent link="base"/>', ""), "lacks parent or child"),
         (ARM.replace('link="base"', 'link="hand"'), "cycle"),
         ("<robot>" + "<x/>" * 2_000_001 + "</robot>", "too large"),
     ],
 )
 def test_a_description_that_makes_no_sense_is_refused_in_words(text, why):
     with pytest.raises(BadDescription, match=why):
-        Tree(text).moving(["hand"])
+        Tree(text)
+
+
+@pytest.mark.parametrize(
+    ("part", "bad"),
+    [
+        ('xyz="0 0 2"', 'xyz="0 0 0"'),
+        ('xyz="0 0 1"', 'xyz="0 nan 1"'),
+        ('type="prismatic"', 'type="magic"'),
+    ],
+)
+def test_the_place_of_what_hangs_on_a_bad_joint_is_unknown(part, bad):
+    tree = Tree(ARM.replace(part, bad, 1))
+    assert {"torso", "upper", "lower", "hand"} <= tree.unplaced
+    assert "hand" not in tree
+    with pytest.raises(BadDescription, match="'hand'"):
+        tree.moving(["hand"])
+
+
+def test_the_axis_of_a_fixed_joint_does_not_matter():
+    arm = ARM.replace('<origin xyz="0.4 0 0"/></joint>', '<origin xyz="0.4 0 0"/><axis xyz="0 0 0"/></joint>')
+    assert arm != ARM
+    positions = {"lift": 0.3, "shoulder": 0.0, "elbow": -math.pi / 2}
+    assert Tree(arm).places(["hand"], positions) == pytest.approx(Tree(ARM).places(["hand"], positions))
 
 
 def test_a_missing_link_is_named():

@@ -82,6 +82,7 @@ def test_a_sonar_with_a_close_echo_is_named_with_the_remedy(config: BridgeConfig
             "gripper_grasping_frame and arm_7_joint",
         ),
         (DescriptionFound(error="there is none"), "warn", "there is none"),
+        (DescriptionFound(unplaced=["arm_3_link"]), "warn", "does not say where arm_3_link is"),
     ],
 )
 def test_links_missing_in_the_description_are_named(
@@ -90,6 +91,26 @@ def test_links_missing_in_the_description_are_named(
     description = answer(config, msgspec.structs.replace(well, description=found), "description of the arm")
     assert description.level == level and says in description.text
     assert bool(description.advice) == (level != "ok")
+
+
+FREE_LINKS = "".join(f"<link name='free{number}'/>" for number in range(5))
+
+
+@pytest.mark.parametrize(
+    ("text", "level", "says"),
+    [
+        ("<robot><link name='base'/></robot>", "ok", "as a whole"),
+        (f"<robot><link name='base'/>{FREE_LINKS}</robot>", "warn", "link 'free0' hangs on no joint"),
+        (f"<robot><link name='base'/>{FREE_LINKS}</robot>", "warn", "; 2 more (3D view: notes)."),
+        ("<sdf/>", "warn", "is no <robot>"),
+    ],
+)
+def test_parts_of_a_description_that_are_left_out_are_named(
+    config: BridgeConfig, well: Findings, text: str, level: str, says: str
+) -> None:
+    found = msgspec.structs.replace(well, description=DescriptionFound(text=text))
+    description = answer(config, found, "description")
+    assert description.level == level and says in description.text
 
 
 def test_without_a_master_there_is_one_answer(config: BridgeConfig) -> None:

@@ -16,6 +16,7 @@ from robots.bridge.ros.inspector.definitions import (
     installed,
     parsed,
 )
+from robots.bridge.ros.message_types.classes import message_class
 
 HEADER, POSE = "std_msgs/Header", "geometry_msgs/Pose"
 LEVEL = "lab_msgs/Level"
@@ -67,6 +68,62 @@ def test_a_type_in_another_version_uses_its_publishers_words(tmp_path: Path) -> 
     assert not definition.known
     here = installed("std_msgs/String")
     assert here is not None and here.md5 != definition.md5
+
+
+SHORT = "# as rosjava\nHeader header\ngeometry_msgs/PoseStamped[] route\nStation next\nuint8 IDLE=0\n"
+STATION = f"{BREAK}lab_msgs/Station\nstring name\nstd_msgs/Header seen\n"
+WHOLE = (
+    SHORT
+    + STATION
+    + "".join(
+        f"{BREAK}{name}\n{found._full_text.split('=' * 80)[0]}"
+        for name, found in (
+            (kind, message_class(kind))
+            for kind in (HEADER, f"{POSE}Stamped", POSE, "geometry_msgs/Point", "geometry_msgs/Quaternion")
+        )
+    )
+)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        WHOLE,
+        SHORT + STATION,
+        (SHORT + STATION).replace("\n", "\r\n"),
+        (SHORT + STATION).replace("\n", "\r"),
+        SHORT.replace(" header", "\t header  # why") + "\n\n" + STATION.replace("=" * 80, "=" * 60 + " "),
+        SHORT + STATION.replace("MSG: lab_msgs/Station", "MSG:lab_msgs/Station ") + "\n  \n",
+    ],
+    ids=["whole", "short", "CRLF", "CR", "other blanks", "other break"],
+)
+def test_a_text_without_the_types_it_uses_is_completed(tmp_path: Path, text: str) -> None:
+    known = parsed(LEVEL, WHOLE)
+    header = {"type": LEVEL, "md5sum": known.md5, "message_definition": text}
+    found = Definitions(tmp_path).of_connection(header)
+    assert (found.fields, found.sums) == (known.fields, known.sums)
+    assert Definitions(tmp_path).of_type(LEVEL).md5 == known.md5  # it is kept as a whole
+
+
+def test_a_text_is_completed_by_what_another_publisher_sent(tmp_path: Path) -> None:
+    definitions = Definitions(tmp_path)
+    outer = "Level inner\n"
+    sum_ = parsed("lab_msgs/Outer", f"{outer}{BREAK}{LEVEL}\nfloat64 level\n").md5
+    short = {"type": "lab_msgs/Outer", "md5sum": sum_, "message_definition": outer}
+    with pytest.raises(Declined) as caught:
+        definitions.of_connection(short)
+    assert caught.value.refusal.code == "type_unknown"
+    assert "does not know lab_msgs/Level, which lab_msgs/Outer uses" in caught.value.refusal.text
+    definitions.of_connection(header_of(LEVEL, "float64 level\n"))
+    assert definitions.of_connection(short).md5 == sum_
+
+
+def test_a_text_that_ours_completes_to_another_sum_is_refused(tmp_path: Path) -> None:
+    theirs = header_of(LEVEL, f"Header header\n{BREAK}{HEADER}\ntime stamp\n")
+    with pytest.raises(Declined) as caught:
+        Definitions(tmp_path).of_connection(theirs | {"message_definition": "Header header\n"})
+    assert caught.value.refusal.code == "definition_differs"
+    assert "with the console’s own std_msgs/Header" in caught.value.refusal.text
 
 
 def test_every_message_within_a_definition_has_its_sum() -> None:

@@ -287,6 +287,23 @@ def test_a_definition_with_a_wrong_md5_sum_is_refused(inspector):
             assert inspector.shown("/look/mute", lambda s: s.fields).fields == {"level": 2.0}
 
 
+def test_a_publisher_in_java_is_read_by_installed_types(inspector):
+    """rosjava and rosnodejs send a type's text without the types inside it."""
+    pose = PoseStamped._full_text
+    whole = (
+        f"Header header\ngeometry_msgs/PoseStamped place\n{'=' * 80}\nMSG: geometry_msgs/PoseStamped\n{pose}"
+    )
+    place = generated("fleet_test_msgs/Place", whole)
+    short = type("Place", (place,), {"_full_text": "Header header\r\ngeometry_msgs/PoseStamped place\r\n"})
+    message = short()
+    message.place.pose.position.x = 1.5
+    with talking("/look/place", message):
+        inspector.subscribe(**{"look/place": 10.0})
+        shown = inspector.shown("/look/place", lambda s: s.number)
+    assert shown.refusal is None
+    assert shown.fields["place"]["pose"]["position"]["x"] == 1.5
+
+
 def test_bytes_that_do_not_fit_the_definition_are_reported(inspector):
     class Cut(Float64):  # its type is Float64, but it sends only half of the bytes
         __slots__ = ()
@@ -672,6 +689,14 @@ def test_a_velocity_is_one_whatever_its_type_is_called(inspector, text):
         refusal = inspector.done(lambda number: Check(number, order("/order", "lab_msgs/Order", {})))
     assert refusal.code == "not_allowed"
     assert "velocities" in refusal.text
+
+
+def test_a_velocity_within_a_text_that_omits_it_is_one(inspector):
+    whole = f"geometry_msgs/Twist how\n{'=' * 80}\nMSG: geometry_msgs/Twist\n{TWIST_TEXT}{VECTOR_TEXT}"
+    short = type("Order", (generated("lab_msgs/Order", whole),), {"_full_text": "geometry_msgs/Twist how\n"})
+    with talking("/order", short(), 1.0):
+        refusal = inspector.done(lambda number: Check(number, order("/order", "lab_msgs/Order", {})))
+    assert refusal.code == "not_allowed"
 
 
 def test_with_stdin_everything_ends(rosmaster, ros, tmp_path):

@@ -2,7 +2,8 @@
 
 A definition is accepted only if its text has the md5 sum that the publisher claims: else it describes other bytes than
 the publisher sends. Definitions of types that are not installed are kept on disk by (type, md5), for publishers that
-send no text.
+send no text. Publishers in Java and JavaScript send a text without the types that it uses: those are added from here,
+and the md5 sum says whether they are the publisher's.
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.message_types.classes import UnknownTypeError, message_class
 from robots.wire import Field
 
-EMBEDDED = re.compile(r"^={80}\nMSG: (\S+)\n", re.MULTILINE)  # before each type that a text embeds
+EMBEDDED = re.compile(
+    r"^={3,}[ \t]*\n\s*MSG:[ \t]*(\S+)[ \t]*$", re.MULTILINE
+)  # before each type that a text embeds
+_BREAK = "=" * 80
 LARGEST_TEXT = 256 * 1024  # characters of a definition
 MOST_FIELDS = 3000  # of a definition; a nested message counts at each place of its use
 MOST_WORDS = 512 * 1024  # characters of the fields' names, types and constants, counted in the same way
@@ -35,6 +39,7 @@ LONGEST_ARRAY = (
     100_000  # elements of an array of fixed length, times the lengths of the arrays that contain it
 )
 LONGEST_WORDS = 300  # characters of a publisher's text within a sentence of ours
+MOST_NAMED = 3  # types within a sentence
 MOST_KEPT = 1000  # definitions on disk
 MOST_FOUND = 200  # in memory
 
@@ -84,6 +89,16 @@ def _loaded(type_name: str, text: str) -> tuple[genmsg.MsgContext, genmsg.MsgSpe
     for name, words in zip(embedded[::2], embedded[1::2], strict=True):
         load_msg_from_string(context, words, name)
     return context, load_msg_from_string(context, own, type_name)
+
+
+def _types_used(type_name: str, text: str) -> list[str]:
+    """Return the message types of this text's own fields. Raises Declined if it is no definition."""
+    try:
+        spec = load_msg_from_string(genmsg.MsgContext.create_default(), text, type_name)
+    except (genmsg.InvalidMsgSpec, ValueError, IndexError) as error:
+        raise _bad(type_name, str(error)) from error
+    bare = (parse_type(used)[0] for used in spec.types)
+    return [HEADER if used == "Header" else used for used in bare if used == "Header" or not is_builtin(used)]
 
 
 def _types_within(fields: Iterable[Field]) -> set[str]:
@@ -164,8 +179,8 @@ class Definitions:
                 found = self._judged(*claimed)
             if len(self._found) >= MOST_FOUND:
                 self._found.clear()
-            if claimed[2] or isinstance(found, Definition):  # else another publisher may send the text later
-                self._found[key] = found
+            if isinstance(found, Definition) or found.refusal.code != "type_unknown":
+                self._found[key] = found  # an unknown type may be described by another publisher later
         if isinstance(found, Declined):
             raise found
         return found
@@ -200,11 +215,13 @@ class Definitions:
                 return kept
             if md5 != parsed(type_name, "").md5:  # an empty text is a valid definition
                 raise _unknown(type_name, md5)
-        definition = parsed(type_name, text)
+        whole, added = self._completed(type_name, _unix(text))
+        definition = parsed(type_name, whole)
         if definition.md5 != md5:
+            with_ours = f", with the console’s own {', '.join(added[:MOST_NAMED])}," if added else ""
             raise Declined(
                 "definition_differs",
-                f"The publisher’s definition of {type_name} is not the one of its md5 sum: "
+                f"The publisher’s definition of {type_name}{with_ours} is not the one of its md5 sum: "
                 "the console cannot decode its messages.",
                 type=type_name,
                 claimed_md5=md5,
@@ -212,6 +229,33 @@ class Definitions:
             )
         self._keep(definition)
         return definition
+
+    def _completed(self, type_name: str, text: str) -> tuple[str, list[str]]:
+        """Return the text followed by those of types that it lacks, and their names. Raises Declined."""
+        if len(text) > LARGEST_TEXT:
+            return text, []  # `parsed` refuses it
+        own, *embedded = EMBEDDED.split(text)
+        texts = {type_name: own, **dict(zip(embedded[::2], embedded[1::2], strict=True))}
+        added: list[str] = []
+        unread = list(texts)
+        while unread:
+            name = unread.pop()
+            for used in _types_used(name, texts[name]):
+                if used not in texts:
+                    texts[used] = self._own_text(used, type_name)
+                    added.append(used)
+                    unread.append(used)
+        return "".join([text, *(f"\n{_BREAK}\nMSG: {name}\n{texts[name]}" for name in added)]), added
+
+    def _own_text(self, type_name: str, user: str) -> str:
+        """Return the text of one type without those that it uses. Raises Declined."""
+        try:
+            found = self.of_type(type_name)
+        except Declined as error:
+            name = type_name[:LONGEST_WORDS]
+            why = f"The console does not know {name}, which {user} uses, and its publisher does not describe it."
+            raise Declined("type_unknown", why, type=name) from error
+        return EMBEDDED.split(found.text)[0]
 
     # --- on disk --------------------------------------------------------------------------------------
 
@@ -237,6 +281,11 @@ class Definitions:
         draft = file.with_suffix(".draft")
         draft.write_text(definition.text)
         draft.replace(file)
+
+
+def _unix(text: str) -> str:
+    """Return the text with line ends as on Unix."""
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _unknown(type_name: str, md5: str = "") -> Declined:

@@ -38,7 +38,8 @@ from robots.bridge.probe_findings import (
 from robots.bridge.ros.message_types.classes import UnknownTypeError, message_class
 from robots.bridge.ros.network.master import Master, MasterError, SystemState
 from robots.bridge.ros.network.tcpros import Conversation, first_response
-from robots.bridge.tasks.urdf import BadDescription, Tree
+from robots.bridge.tasks.urdf import Tree
+from robots.bridge.urdf.document import BadDescription
 
 CALLBACK_S = 2.0
 DESCRIPTION_S = 5.0  # a description has hundreds of kilobytes, and may come by radio
@@ -65,7 +66,7 @@ def probe(plan: Plan) -> Findings:
             callback=callback.result(),
             topics=topics,
             drive=_drive(plan, state),
-            description=_description(plan.arm, plan.master_uri) if plan.arm else None,
+            description=_description(plan.arm, plan.master_uri),
         )
 
 
@@ -76,7 +77,7 @@ def _drive(plan: Plan, state: SystemState) -> DriveFound:
     )
 
 
-def _description(arm: ArmSource, master_uri: str) -> DescriptionFound:
+def _description(arm: ArmSource | None, master_uri: str) -> DescriptionFound:
     try:
         description = Master(master_uri, CALLER, DESCRIPTION_S).parameter("/robot_description")
         if not isinstance(description, str):
@@ -84,9 +85,13 @@ def _description(arm: ArmSource, master_uri: str) -> DescriptionFound:
         tree = Tree(description)
     except (MasterError, BadDescription) as error:
         return DescriptionFound(error=str(error))
+    if arm is None:
+        return DescriptionFound(text=description)
     return DescriptionFound(
         links=[link for link in arm.links if link not in tree],
         joints=[joint for joint in arm.home if not tree.moved_by([joint])],
+        unplaced=sorted(tree.unplaced.intersection(arm.links)),
+        text=description,
     )
 
 

@@ -16,7 +16,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
-from robots.bridge.tasks.urdf import BadDescription
+from robots.bridge.urdf.document import BadDescription
 from robots.description.drawable import Drawable, drawable
 from robots.description.meshes import Mesh, NoMesh, mesh_at
 from robots.registry.models import Robot, RobotDescription

@@ -1,0 +1,117 @@
+"""A description as XML, and the values of its attributes.
+
+The reader of RViz (TinyXML) takes texts that a strict reader of XML refuses: a mark or line before the declaration of
+XML, any encoding in that declaration, ``--`` in a comment, a bare ``&``, a prefix without a namespace. This one takes
+them, too.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
+
+LARGEST = 8_000_000  # characters
+FARTHEST_M = 1_000.0
+LARGEST_NUMBER = 1e6
+LONGEST_NAME = 200
+
+_DECLARATION = re.compile(r"\A<\?xml\b[^>]*\?>")
+_BARE_AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#[0-9]{1,7}|#x[0-9a-fA-F]{1,6});)")
+_NAME = re.compile(rf'[^\x00-\x1f\x7f"\\]{{1,{LONGEST_NAME}}}')  # a page puts names of links into selectors
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+
+
+class BadDescription(ValueError):
+    """A description that cannot be used at all; the text says why."""
+
+
+class Misfit(ValueError):
+    """A part that cannot be used; the text says why."""
+
+
+def parsed(text: str) -> Element:
+    """Return the root element of a description. Entities are never expanded.
+
+    Raises BadDescription if it is not XML, too large, or contains declarations, which could do harm.
+    """
+    if len(text) > LARGEST:
+        raise BadDescription("the robot’s description is too large")
+    builder = TreeBuilder()
+    parser = expat.ParserCreate("utf-8")  # without namespaces: a prefix is part of a name
+    parser.StartDoctypeDeclHandler = _refuse_declarations
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    try:
+        parser.Parse(_tidied(text).encode(errors="replace"), True)
+        return builder.close()
+    except expat.ExpatError as error:
+        raise BadDescription(f"the robot’s description cannot be parsed: {error}") from error
+
+
+def robot_in(text: str) -> Element:
+    """Return the <robot> of a description. Raises BadDescription."""
+    found = parsed(text)
+    if found.tag != "robot":
+        raise BadDescription("the robot’s description is no <robot>")
+    return found
+
+
+def _refuse_declarations(_name: str, _system: str | None, _public: str | None, has_declarations: int) -> None:
+    if has_declarations:
+        raise BadDescription("the robot’s description contains declarations (DOCTYPE)")
+
+
+def _tidied(text: str) -> str:
+    """Return the text without marks, declaration of XML and comments; numbers of lines stay."""
+    text = _DECLARATION.sub("", text.strip("\ufeff\x00 \t\r\n"), count=1)
+    first, *rest = text.split("<!--")
+    kept = [first]
+    for part in rest:
+        comment, _, after = part.partition("-->")
+        kept += ["\n" * comment.count("\n"), after]
+    return _BARE_AMPERSAND.sub("&amp;", "".join(kept))
+
+
+def name_of(element: Element, attribute: str = "name") -> str:
+    """Return a name. Raises Misfit if it is missing, or if pages cannot use it."""
+    name = element.get(attribute, "")
+    if not _NAME.fullmatch(name):
+        raise Misfit(f"the name {name[:80]!r} cannot be used" if name else f"it has no {attribute}")
+    return name
+
+
+def is_name(name: str) -> bool:
+    """Return whether pages can use this name."""
+    return _NAME.fullmatch(name) is not None
+
+
+def numbers_of(
+    element: Element, attribute: str, count: int, default: str = "", most: float = LARGEST_NUMBER
+) -> tuple[float, ...]:
+    """Return the attribute's `count` numbers, between blanks of any kind. Raises Misfit."""
+    text = element.get(attribute, "").strip() or default
+    parts = text.split()
+    numbers = tuple(float(part) for part in parts if _NUMBER.fullmatch(part))
+    if not len(numbers) == len(parts) == count or not all(abs(number) <= most for number in numbers):
+        raise Misfit(f"the {attribute} {text[:80]!r} of a <{element.tag[:80]}> cannot be used")
+    return numbers
+
+
+def origin_of(element: Element) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return xyz (m) and rpy (rad) of the element's <origin>; what it lacks is zero. Raises Misfit."""
+    origin = element.find("origin")
+    if origin is None:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    return numbers_of(origin, "xyz", 3, "0 0 0", FARTHEST_M), numbers_of(origin, "rpy", 3, "0 0 0")
+
+
+def axis_of(joint: Element) -> tuple[float, ...]:
+    """Return the axis of a joint that moves, of length 1; x if it has none. Raises Misfit if its length is zero."""
+    axis = joint.find("axis")
+    xyz = (1.0, 0.0, 0.0) if axis is None else numbers_of(axis, "xyz", 3, "1 0 0")
+    length = math.hypot(*xyz)
+    if length < 1.0 / LARGEST_NUMBER:
+        raise Misfit("its axis has no length")
+    return tuple(part / length for part in xyz)
