@@ -14,6 +14,6 @@ class BookingsConfig(AppConfig):
         """Register the triggers and the receivers."""
         from fleet.audit.integrity import triggers
         from fleet.bookings import overlaps
-        from fleet.bookings.changes import lost_rights, policy_changes  # noqa: F401 - they receive signals
+        from fleet.bookings.changes import lost_rights, policy_changes, waiting_list  # noqa: F401 - they receive signals
 
         triggers.expect("sqlite", overlaps.TRIGGERS)

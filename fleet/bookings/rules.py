@@ -479,12 +479,22 @@ COURSE_QUOTAS: tuple[Rule, ...] = (
     within_common_quota,
     within_course_count,
 )
+# Who may use the rest of a slot that runs, and whose quotas must have room for it: the slot itself was allowed before.
+RIGHTS: tuple[Rule, ...] = (has_role, by_a_course, qualified)
+REST: tuple[Rule, ...] = (
+    *RIGHTS,
+    within_day_quota,
+    within_week_quota,
+    within_count,
+    *COURSE_QUOTAS,
+    within_robots_at_once,
+)
 # Nobody can override these rules. People who manage the robot may override others, with a recorded reason.
 BINDING: tuple[Rule, ...] = (in_order, not_in_past, ends_some_day, is_free)
 
 
-def refusals(wish: Wish, *, override: bool = False) -> list[Refusal]:
-    """Return all refusals of a wish.
+def refusals(wish: Wish, rules: Sequence[Rule] = RULES) -> list[Refusal]:
+    """Return all refusals of a wish by these rules. `BINDING`: for a person who overrides the policy.
 
     An impossible slot (backwards, too long, too far ahead) gets only this one refusal.
     """
@@ -495,7 +505,7 @@ def refusals(wish: Wish, *, override: bool = False) -> list[Refusal]:
         return [
             _no("too_far", f"{wish.local(wish.slot.ends_at)} is more than ten years ahead: look at the year.")
         ]
-    found = (rule(wish) for rule in (BINDING if override else RULES))
+    found = (rule(wish) for rule in rules)
     return [refusal for refusal in found if refusal is not None]
 
 

@@ -1,12 +1,13 @@
 """All changes of bookings. Each change and its audit record are one transaction.
 
 Every change first locks the robot's row, then checks, then writes. The database's own constraint (`overlaps`)
-finally refuses overlaps. A change that is not allowed raises `BookingRefused` with all its refusals.
+finally refuses overlaps. A change that is not allowed raises `BookingRefused` with all its refusals. Free time
+is offered to the people who wait for it (`settling`) before anybody else can book it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime, timedelta
 from typing import Any
@@ -25,7 +26,18 @@ from fleet.bookings import overlaps
 from fleet.bookings.messages.notifications import changed_by_another
 from fleet.bookings.models import Booking, State
 from fleet.bookings.permissions import may_book_for, may_learn_of, may_manage_booking
-from fleet.bookings.rules import LONGEST, Slot, Wish, check_cancel, refusals
+from fleet.bookings.rules import (
+    BINDING,
+    LONGEST,
+    REST,
+    RIGHTS,
+    RULES,
+    Rule,
+    Slot,
+    Wish,
+    check_cancel,
+    refusals,
+)
 from fleet.bookings.selectors import (
     NOT_YET,
     RobotFacts,
@@ -54,6 +66,9 @@ NOTED_AFTER = timedelta(hours=14)
 NOTED_UNTIL = timedelta(days=3)
 
 changed = Signal()  # sent after the commit of a change of a robot's bookings; argument: robot_id
+# Sent inside each transaction that locks a robot's bookings, before and after its change; arguments: robot, now.
+# Before: the clock, a policy or a right may have freed time. After: the change itself may have.
+settling = Signal()
 
 
 class BookingRefused(NotDone):
@@ -102,8 +117,10 @@ _FOR_ANOTHER = Refusal(
 
 
 @contextmanager
-def robot_locked(robot_id: UUID) -> Iterator[Robot]:
+def robot_locked(robot_id: UUID, now: datetime) -> Iterator[Robot]:
     """Open a transaction in which nobody else changes the robot's bookings. Return the robot.
+
+    The transaction also offers the robot's free time to the people who wait for it.
 
     Raises `BookingRefused` if the database's constraint finds an overlap.
     """
@@ -114,7 +131,9 @@ def robot_locked(robot_id: UUID) -> Iterator[Robot]:
                 .select_related("profile")
                 .get(pk=robot_id)
             )
+            settling.send(sender=Booking, robot=robot, now=now)
             yield robot
+            settling.send(sender=Booking, robot=robot, now=now)
             transaction.on_commit(lambda: changed.send(sender=Booking, robot_id=robot_id))
     except IntegrityError as error:
         if overlaps.NAME not in str(error):
@@ -204,7 +223,7 @@ def booking_make(
     }
     # First check without the lock: many people may be too late for a slot, and must not wait for each other.
     _check(robot, person, slot, now, **asked, facts=facts(robot, slot))
-    with robot_locked(robot.id) as robot:
+    with robot_locked(robot.id, now) as robot:
         free_unused(robot, slot, now)
         quotas_locked(robot, person, slot)
         course = _check(robot, person, slot, now, **asked)
@@ -216,7 +235,8 @@ def booking_make(
             held_until=slot.ends_at,
             state=state_for(actor, robot, course),
             purpose=purpose,
-            series=series,
+            # A slot with a series and a course is a lesson: another slot that counts for a course has no series.
+            series=series if lesson_of or course is None else None,
             course=lesson_of or course,
             made_at=now,
             overridden=bool(override) or None,
@@ -285,12 +305,20 @@ def booking_cancel(
 
 
 def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: datetime) -> Booking:
-    """Hand a booking to a colleague. The rules must allow it for the colleague. Raises `BookingRefused`."""
+    """Hand a booking to a colleague. The rules must allow it for the colleague. Raises `BookingRefused`.
+
+    Of a slot that runs, hand the rest, as a new booking.
+    """
     with _changeable(booking_id, actor, version, now) as booking:
         _require_accepted(booking)
         if to == booking.person:
             text = _("This is the booking of %(name)s already.") % {"name": to.display_name}
             raise BookingRefused([Refusal("invalid", text, "booking")])
+        if booking.state == State.BOOKED and now > booking.starts_at:
+            changed_by_another(booking, actor, _("handed to %(name)s") % {"name": to.display_name}, "", now)
+            booking = _hand_rest(booking, to, actor, now)
+            changed_by_another(booking, actor, _("handed to you"), "", now)
+            return booking
         slot = Slot(booking.starts_at, booking.ends_at)
         quotas_locked(booking.robot, to, slot)
         lesson = _is_lesson_of(to, booking)
@@ -348,28 +376,58 @@ def booking_lengthen_running(*, robot: Robot, person: User, now: datetime) -> No
 
 
 def booking_hand_running(*, robot: Robot, owner: UUID, to: User, actor: User, now: datetime) -> None:
-    """Hand the current slot of `owner`, if there is one, to the person who gets control from `owner`.
+    """Hand the rest of the current slot of `owner`, if there is one, to the person who gets control from `owner`.
 
-    Runs in the caller's transaction.
+    Runs in the caller's transaction, which has locked the robot. Raises `BookingRefused`.
     """
     running = _running(now).filter(robot=robot, person=owner).select_for_update(of=("self",))
     for booking in running.select_related("person", "robot"):
-        before = booking.person
-        courses = courses_for(robot, to, booking.starts_at)
-        stays = booking.course in courses
-        booking.person, booking.course = to, booking.course if stays else next(iter(courses), None)
-        save_booking(booking)
-        parameters = {"before": {"person": str(before.pk)}}
-        record_booking(
-            "booking.hand", booking, actor, parameters=parameters, private={"before": before.display_name}
-        )
+        _hand_rest(booking, to, actor, now)
+
+
+def _hand_rest(booking: Booking, to: User, actor: User, now: datetime) -> Booking:
+    """Hand the rest of a slot that runs to another person, as a new booking. Raises `BookingRefused`.
+
+    The time that has passed stays with the person who had it, and counts for that person's quotas. The
+    receiver's quotas must have room for the rest, also if the receiver had the slot before. The rest of a
+    lesson stays a lesson for people of its course: no quota counts it.
+    """
+    rest, before = Slot(now, booking.ends_at), booking.person
+    lesson = booking.series is not None and booking.course in courses_for(booking.robot, to, now)
+    quotas_locked(booking.robot, to, rest)
+    rules = RIGHTS if lesson else REST
+    asked: dict[str, Any] = {"actor": actor, "moved": booking, "lesson": lesson, "stays": True}
+    course = _check(booking.robot, to, rest, now, rules=rules, **asked)
+    handed = Booking(
+        robot=booking.robot,
+        person=to,
+        starts_at=now,
+        ends_at=rest.ends_at,
+        held_until=rest.ends_at,
+        purpose=booking.purpose,
+        series=booking.series if lesson else None,
+        course=booking.course if lesson else course,
+        made_at=now,
+    )
+    booking.held_until = now
+    if now > booking.starts_at:
+        booking.ends_at = now
+    else:  # nothing of it has passed
+        booking.state = State.CANCELLED
+    save_booking(booking)
+    handed.save(force_insert=True)
+    parameters = {"before": {"person": str(before.pk), "booking": str(booking.pk)}}
+    record_booking(
+        "booking.hand", handed, actor, parameters=parameters, private={"before": before.display_name}
+    )
+    return handed
 
 
 @contextmanager
 def _changeable(booking_id: UUID, actor: User, version: int, now: datetime) -> Iterator[Booking]:
     """Lock a booking's robot. Check that this person may change the booking and saw its latest version."""
     robot_id = Booking.objects.values_list("robot_id", flat=True).get(pk=booking_id)
-    with robot_locked(robot_id) as robot:
+    with robot_locked(robot_id, now) as robot:
         booking = Booking.objects.select_related("person", "robot", "course").get(pk=booking_id)
         booking.robot = robot
         if booking.person_id != actor.pk and not may_manage_booking(actor, booking):
@@ -424,6 +482,7 @@ def _check(
     facts: RobotFacts | None = None,
     also: Refusal | None = None,
     stays: bool = False,
+    rules: Sequence[Rule] = RULES,
 ) -> Course | None:
     """Check a wish. Return the course for which the slot counts, or raise `BookingRefused` with all refusals.
 
@@ -444,7 +503,7 @@ def _check(
     wish = wish_of(**asked, slot=slot, facts=facts)
     if moved is not None and moved.starts_at == slot.starts_at:
         wish = structs.replace(wish, start_kept=True)
-    found = refusals(wish, override=bool(override)) + ([also] if also else [])
+    found = refusals(wish, BINDING if override else rules) + ([also] if also else [])
     if actor.pk != person.pk:
         words = _("For %(name)s: %(text)s")
         found = [
@@ -454,6 +513,16 @@ def _check(
     if found:
         raise BookingRefused(found, None if stays else wish, asked)
     return wish.course
+
+
+def check_kept(booking: Booking, actor: User, now: datetime) -> Course | None:
+    """Check a booking against the rules of this moment. Return the course for which it counts.
+
+    Raises `BookingRefused`.
+    """
+    slot = Slot(booking.starts_at, booking.ends_at)
+    quotas_locked(booking.robot, booking.person, slot)
+    return _check(booking.robot, booking.person, slot, now, actor=actor, moved=booking, stays=True)
 
 
 def _valid_reason(override: str, actor: User, robot: Robot) -> str:
@@ -524,7 +593,7 @@ def store_no_shows(now: datetime) -> None:
         grace = grace_of(policy_of(booking.robot))
         if out_between(booking.robot, booking.starts_at, booking.starts_at + grace):
             continue
-        with robot_locked(booking.robot_id) as robot:
+        with robot_locked(booking.robot_id, now) as robot:
             mine = Booking.objects.filter(pk=booking.pk, version=booking.version, used_at=None)
             for unused in mine.select_related("person", "robot"):
                 _store_unused(unused, held_slot(unused, grace_of(policy_of(robot)), now).ends_at)

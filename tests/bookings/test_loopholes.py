@@ -181,7 +181,9 @@ def test_notice_is_asked_for_the_start_only(signed_in, robot, operator):
 def test_a_slot_in_use_is_handed_to_a_colleague_who_can_use_it(signed_in, robot, operator, second_operator):
     booking = stored(robot, operator, -60, 60, used_at=minutes(-60))
     assert change(signed_in(operator), booking, "hand", to=second_operator.username) == []
-    assert (booking.person, stage(booking)) == (second_operator, Stage.IN_USE)
+    rest = Booking.objects.get(person=second_operator)
+    assert (stage(rest), rest.ends_at) == (Stage.DUE, minutes(60))
+    assert (booking.person, stage(booking)) == (operator, Stage.OVER)  # the time that has passed
 
 
 # --- notice to cancel ------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from fleet.bookings.models import Policy
-from fleet.bookings.rules import Quota, Slot, Taken, Wish, check_cancel, refusals, to_utc
+from fleet.bookings.rules import BINDING, Quota, Slot, Taken, Wish, check_cancel, refusals, to_utc
 from robots.access.models import RobotGroup
 from robots.registry.models import Role
 from robots.wire import Refusal
@@ -76,7 +76,7 @@ def test_robots_at_once_count_where_they_overlap():
     together = (Taken(slot(0, 2), "Tiago 2"), Taken(slot(1.5), "Tiago 3"))
     assert codes(wish(robots_at_once=2, other_robots=together)) == ["robots_at_once"]
     assert codes(wish(other_robots=together, lesson=True)) == []
-    assert codes(wish(other_robots=together), override=True) == []
+    assert codes(wish(other_robots=together), rules=BINDING) == []
 
 
 def test_a_slot_ends_before_a_qualification_does():
@@ -96,7 +96,7 @@ def test_ten_thousand_years_ahead_is_one_plain_refusal():
 
 def test_a_reason_overrides_the_policy_but_no_booking():
     wanted = wish(slot(1, 9), missing=("induction",), taken=(Taken(slot(2), "Anna"),))
-    assert codes(wanted, override=True) == ["taken"]
+    assert codes(wanted, rules=BINDING) == ["taken"]
 
 
 def test_opening_hours_are_those_of_the_lab():

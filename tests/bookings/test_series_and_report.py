@@ -1,6 +1,7 @@
 """Weekly series and the report of hours, through their pages."""
 
 from datetime import date, datetime, timedelta, timezone
+from itertools import pairwise
 from uuid import uuid4
 from zoneinfo import ZoneInfo
 
@@ -38,6 +39,74 @@ def test_a_week_whose_time_is_skipped_is_a_refusal():
     [_, (_, skipped)] = weekly(first, 2, [], MADRID)
     assert isinstance(skipped, Refusal)
     assert skipped.code == "time_gap"
+
+
+@pytest.fixture
+def madrid(settings):
+    """The lab is in Madrid."""
+    settings.TIME_ZONE = "Europe/Madrid"
+
+
+def on_the_wall(slots):
+    return {
+        (f"{slot.starts_at.astimezone(MADRID):%H:%M}", f"{slot.ends_at.astimezone(MADRID):%H:%M}")
+        for slot in slots
+    }
+
+
+@pytest.mark.parametrize(
+    ("starts", "ends"),
+    [
+        ("2027-03-27T22:00", "2027-03-28T06:00"),  # the first night itself has 7 hours
+        ("2027-03-20T22:00", "2027-03-21T06:00"),
+        ("2027-10-23T22:00", "2027-10-24T06:00"),
+        ("2027-10-30T22:00", "2027-10-31T06:00"),  # 9 hours
+        ("2027-03-07T23:30", "2027-03-08T00:30"),
+        ("2027-03-14T00:00", "2027-03-15T00:00"),  # a whole day
+    ],
+)
+def test_begin_and_end_keep_their_times_of_day(madrid, starts, ends):
+    first = Slot(*(datetime.fromisoformat(time).replace(tzinfo=MADRID).astimezone(timezone.utc) for time in (starts, ends)))
+    slots = [slot for _, slot in weekly(first, 30, [])]
+    assert slots[0] == first
+    assert on_the_wall(slots) == {(starts[-5:], ends[-5:])}
+    assert {(b.starts_at - a.starts_at) % timedelta(days=7) for a, b in pairwise(slots)} <= {
+        timedelta(0),
+        timedelta(hours=1),
+        timedelta(days=7) - timedelta(hours=1),
+    }
+
+
+def test_an_end_that_the_clock_skips_is_a_refusal(madrid):
+    starts = datetime(2027, 3, 20, 21, tzinfo=timezone.utc)
+    slots = weekly(Slot(starts, starts + timedelta(hours=4.5)), 3, [])  # until 02:30
+    assert [getattr(slot, "code", None) for _, slot in slots] == [None, "time_gap", None]
+
+
+def test_of_an_end_that_the_clock_shows_twice_the_first_counts(madrid):
+    starts = datetime(2027, 10, 23, 20, tzinfo=timezone.utc)
+    [_, (_, slot)] = weekly(Slot(starts, starts + timedelta(hours=4.5)), 2, [])
+    assert slot.ends_at == datetime(2027, 10, 31, 0, 30, tzinfo=timezone.utc)
+
+
+def test_a_series_keeps_the_labs_clock_whoever_books(madrid, client, robot, supervisor):
+    Policy.objects.create(robot=robot, horizon_days=730, longest_min=600, robots_at_once=9)
+    supervisor.time_zone = "America/New_York"
+    supervisor.save()
+    client.force_login(supervisor)
+    fields = {
+        "robot": robot.slug,
+        "starts_at": "2027-03-27T17:00",
+        "ends_at": "2027-03-28T00:00",
+        "weeks": 4,
+        "purpose": "nights",
+    }
+    page = client.post(reverse("booking-series"), {**fields, "action": "preview"}).content.decode()
+    assert "Sat 27 Mar 2027, 17:00 – Sun 28 Mar 2027, 00:00" in page
+    assert "Sat 03 Apr 2027, 16:00 – Sun 04 Apr 2027, 00:00" in page
+    client.post(reverse("booking-series"), {**fields, "action": "book"})
+    made = Booking.objects.filter(person=supervisor)
+    assert (made.count(), on_the_wall(made)) == (4, {("22:00", "06:00")})
 
 
 def test_a_series_shows_conflicts_and_books_the_rest(client, robot, supervisor, operator):

@@ -78,7 +78,7 @@ def _free_if_lost(seen: Booking, now: datetime) -> bool:
     if _unlost(seen, now):
         return False
     try:
-        with robot_locked(seen.robot_id):
+        with robot_locked(seen.robot_id, now):
             booking = Booking.objects.select_related("person", "robot").get(pk=seen.pk)
             if booking.version != seen.version or _unlost(booking, now):
                 return False

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from datetime import datetime
 from functools import partial
 from typing import Any
@@ -21,7 +22,7 @@ from fleet.bookings.messages.notifications import changed_by_another
 from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.rules import FAR
 from fleet.bookings.selectors import SWITCHED_OFF, held_between
-from fleet.bookings.services import changed
+from fleet.bookings.services import changed, robot_locked, settling
 from robots.access.models import RobotGroup
 from robots.registry.models import Robot
 
@@ -48,6 +49,13 @@ def policy_set(
     *, robot: Robot | None = None, group: RobotGroup | None = None, values: Mapping[str, Any], actor: User
 ) -> Policy:
     """Set the booking policy of a robot, of a group, or of all robots. Raises `ValidationError`."""
+    with _robots_locked(robot, group, timezone.now()):
+        return _policy_set(robot, group, values, actor)
+
+
+def _policy_set(
+    robot: Robot | None, group: RobotGroup | None, values: Mapping[str, Any], actor: User
+) -> Policy:
     if robot is None and group is None:
         lock_chain(NO_ROBOT)  # two requests at the same time would make two policies for all robots
     stored = Policy.objects.select_for_update(of=("self",)).filter(robot=robot, group=group).first()
@@ -65,17 +73,18 @@ def policy_set(
         policy.save()
         parameters = {"changes": changes} | ({"group": group.slug} if group else {})
         record("policy.change", actor=actor, **_named(robot), parameters=parameters)
-        _tell(robot, group)
     return policy
 
 
 @transaction.atomic
 def policy_remove(*, robot: Robot | None = None, group: RobotGroup | None = None, actor: User) -> None:
     """Remove the policy of a robot or a group, which then follows the next policy (see `Policy`)."""
-    if (robot or group) and Policy.objects.filter(robot=robot, group=group).delete()[0]:
-        parameters = {"group": group.slug} if group else {}
-        record("policy.remove", actor=actor, **_named(robot), parameters=parameters)
-        _tell(robot, group)
+    if robot is None and group is None:
+        return
+    with _robots_locked(robot, group, timezone.now()):
+        if Policy.objects.filter(robot=robot, group=group).delete()[0]:
+            parameters = {"group": group.slug} if group else {}
+            record("policy.remove", actor=actor, **_named(robot), parameters=parameters)
 
 
 @transaction.atomic
@@ -110,7 +119,13 @@ def out_of_service_add(
 @transaction.atomic
 def out_of_service_end(*, period_id: UUID, actor: User, now: datetime) -> None:
     """End a period now; remove it if it has not begun. Notify the people of affected bookings."""
-    period = OutOfService.objects.select_related("robot").select_for_update(of=("self",)).get(pk=period_id)
+    robot_id = OutOfService.objects.values_list("robot_id", flat=True).get(pk=period_id)
+    with robot_locked(robot_id, now):
+        _out_of_service_end(period_id, actor, now)
+
+
+def _out_of_service_end(period_id: UUID, actor: User, now: datetime) -> None:
+    period = OutOfService.objects.select_related("robot").get(pk=period_id)
     if period.ends_at is not None and period.ends_at <= now:
         return  # it ended after the page was opened
     starts_at, ends_at = max(period.starts_at, now), period.ends_at or FAR
@@ -121,7 +136,6 @@ def out_of_service_end(*, period_id: UUID, actor: User, now: datetime) -> None:
         period.save()
     parameters = {"period": str(period_id)}
     record("robot.back_in_service", actor=actor, **_named(period.robot), parameters=parameters)
-    _tell(period.robot)
     for booking in held_between([period.robot], starts_at, ends_at):
         changed_by_another(booking, actor, _("the robot is back in service"), "", now)
 
@@ -137,6 +151,7 @@ def _robot_changed(*, instance: Robot, created: bool, update_fields: Any, **_opt
     now = timezone.now()
     for booking in held_between([instance], now, FAR) if not instance.enabled else ():
         changed_by_another(booking, None, _("the robot is out of service"), str(SWITCHED_OFF), now)
+    settling.send(sender=Booking, robot=instance, now=now)  # this change has locked the robot's row
     _tell(instance)
 
 
@@ -144,7 +159,18 @@ def _named(robot: Robot | None) -> dict[str, Any]:
     return {"robot_id": robot.id, "robot_name": robot.name} if robot else {}
 
 
-def _tell(robot: Robot | None, group: RobotGroup | None = None) -> None:
+def _tell(robot: Robot) -> None:
+    transaction.on_commit(partial(changed.send, sender=Booking, robot_id=robot.id))
+
+
+@contextmanager
+def _robots_locked(robot: Robot | None, group: RobotGroup | None, now: datetime) -> Iterator[None]:
+    """Lock a robot, the robots of a group, or all robots: a change of their policy may free time.
+
+    They are locked in one order, so that no two changes wait for each other.
+    """
     robots = [robot] if robot else group.robots.all() if group else Robot.objects.all()
-    for one in [each.id for each in robots]:
-        transaction.on_commit(partial(changed.send, sender=Booking, robot_id=one))
+    with ExitStack() as locks:
+        for key in sorted(one.pk for one in robots):
+            locks.enter_context(robot_locked(key, now))
+        yield

@@ -11,9 +11,10 @@ from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking
-from fleet.bookings.rules import Slot, refusals, to_utc
+from fleet.bookings.rules import BINDING, RULES, Slot, refusals, to_utc
 from fleet.bookings.selectors import wish_of
 from fleet.bookings.services import BookingRefused, booking_make
+from fleet.zones import zone_of
 from robots.access.models import Course
 from robots.registry.models import Robot
 from robots.wire import Refusal
@@ -33,21 +34,31 @@ class Week(Struct, frozen=True):
 
 
 def weekly(
-    first: Slot, weeks: int, without: Collection[date], zone: ZoneInfo
+    first: Slot, weeks: int, without: Collection[date], zone: ZoneInfo | None = None
 ) -> list[tuple[date, Slot | Refusal]]:
-    """Return one slot for each week, at the wall-clock time of the first, without the days in `without`.
+    """Return one slot for each week, without the days in `without`.
 
-    For a time that daylight saving skips, return a refusal in place of the slot.
+    Begin and end keep the wall-clock times of the first slot, in the lab's zone unless `zone` names another.
+    For a begin or end that daylight saving skips, return a refusal in place of the slot.
     """
-    starts, length = first.starts_at.astimezone(zone).replace(tzinfo=None), first.ends_at - first.starts_at
+    zone = zone or zone_of("")
+    starts, ends = (
+        moment.astimezone(zone).replace(tzinfo=None) for moment in (first.starts_at, first.ends_at)
+    )
     found: list[tuple[date, Slot | Refusal]] = []
     for number in range(min(weeks, MOST_WEEKS)):
-        local = starts + timedelta(weeks=number)
-        if local.date() in without:
-            continue
-        moment = to_utc(local, zone)
-        found.append((local.date(), moment if isinstance(moment, Refusal) else Slot(moment, moment + length)))
+        later = timedelta(weeks=number)
+        day = (starts + later).date()
+        if day not in without:
+            found.append((day, _on_the_wall(starts + later, ends + later, zone) if number else first))
     return found
+
+
+def _on_the_wall(starts: datetime, ends: datetime, zone: ZoneInfo) -> Slot | Refusal:
+    """Return the slot between two wall-clock times; a refusal if the clock skips one of them."""
+    moments = [to_utc(local, zone) for local in (starts, ends)]
+    skipped = next((one for one in moments if isinstance(one, Refusal)), None)
+    return skipped or Slot(*(one for one in moments if isinstance(one, datetime)))
 
 
 def preview(
@@ -71,7 +82,7 @@ def preview(
             continue
         wish = wish_of(robot=robot, person=person, slot=slot, now=now, lesson=lesson)
         wish = structs.replace(wish, own=wish.own + before, own_here=wish.own_here + before)
-        found = refusals(wish, override=override)
+        found = refusals(wish, BINDING if override else RULES)
         weeks.append(Week(day, slot, found))
         before += () if found else (slot,)
     return weeks

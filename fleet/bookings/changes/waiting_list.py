@@ -1,7 +1,9 @@
 """People in line for taken slots: join, leave, offer, accept. For control now: `teleop.control.line`.
 
-An offer is a booking in state "offered": it holds the slot until its deadline. Housekeeping makes offers, and
-ends offers whose deadline is over. Several housekeeping processes, or a pause without one, do no harm.
+An offer is a booking in state "offered": it holds the slot until its deadline. The transaction that frees the
+slot makes the offer; if the clock, a policy or a right freed it, the next transaction that locks the robot's
+bookings does so before its own change. So nobody books past the waiting list. Housekeeping ends offers whose
+deadline is over, and looks for free slots; several of these processes, or a pause without one, do no harm.
 """
 
 from __future__ import annotations
@@ -11,21 +13,23 @@ from typing import Any
 
 from django.db import transaction
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
+from django.dispatch import receiver
 from django.utils.translation import gettext as _
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
 from fleet.bookings.messages.notifications import in_words, notification_write
 from fleet.bookings.models import Booking, State, Waiting
-from fleet.bookings.rules import LONGEST, Slot, refusals
+from fleet.bookings.rules import LONGEST, Slot, Wish, refusals
 from fleet.bookings.selectors import wish_of
 from fleet.bookings.services import (
     BookingRefused,
+    check_kept,
     free_unused,
-    quotas_locked,
     record_booking,
     robot_locked,
     save_booking,
+    settling,
     state_for,
 )
 from fleet.zones import zone_of
@@ -83,14 +87,37 @@ def _facts(waiting: Waiting) -> dict[str, Any]:
 
 
 def keep_waiting_lists(now: datetime) -> None:
-    """End the offers whose deadline is over, and offer slots that became free."""
-    for booking in Booking.objects.filter(state=State.OFFERED, offer_until__lte=now).select_related("robot"):
-        with robot_locked(booking.robot_id):
+    """End the offers whose deadline is over, and offer slots that became free with time."""
+    for booking in Booking.objects.filter(state=State.OFFERED, offer_until__lte=now):
+        with robot_locked(booking.robot_id, now):
             lapsed = Booking.objects.select_related("robot", "person").get(pk=booking.pk)
             if lapsed.state == State.OFFERED and lapsed.offer_until and lapsed.offer_until <= now:
                 _end_offer(lapsed)
-    for waiting in _perhaps_free(now).select_related("robot", "person"):
-        _offer(waiting, now)
+    waiting = _perhaps_free(now).select_related("robot", "person")
+    for robot_id in {one.robot_id for one in waiting if _wish_if_free(one.robot, one, now)}:
+        with robot_locked(robot_id, now):
+            pass  # this makes the offers
+
+
+@receiver(settling)
+def _offer_free_time(*, robot: Robot, now: datetime, **_options: Any) -> None:
+    """Offer the robot's free time to the people who wait for it, the first who joined first.
+
+    The caller has locked the robot. The quotas of these people are not locked, because two transactions might
+    then wait for each other: `offer_accept` checks them again.
+    """
+    for waiting in _perhaps_free(now).filter(robot=robot).select_related("person"):
+        if (wish := _wish_if_free(robot, waiting, now)) is not None:
+            _offer(robot, waiting, wish, now)
+
+
+def _wish_if_free(robot: Robot, waiting: Waiting, now: datetime) -> Wish | None:
+    """Return the wish of a person who waits for a slot, if no rule refuses it now."""
+    if waiting.starts_at is None or waiting.ends_at is None:
+        return None
+    slot = Slot(waiting.starts_at, waiting.ends_at)
+    wish = wish_of(robot=robot, person=waiting.person, slot=slot, now=now)
+    return None if refusals(wish) else wish
 
 
 def _perhaps_free(now: datetime) -> QuerySet[Waiting]:
@@ -113,59 +140,48 @@ def forget_past(now: datetime) -> None:
 
 
 def offer_accept(*, booking_id: str, actor: User, now: datetime) -> Booking:
-    """Turn an offer into a booking."""
+    """Turn an offer into a booking, if the rules allow it still. Raises `BookingRefused`."""
     booking = Booking.objects.get(pk=booking_id)
-    with robot_locked(booking.robot_id):
-        offered = Booking.objects.select_related("robot", "person").get(pk=booking_id)
+    with robot_locked(booking.robot_id, now) as robot:
+        offered = Booking.objects.select_related("person", "course").get(pk=booking_id)
+        offered.robot = robot
         over = offered.offer_until is None or offered.offer_until <= now
         if offered.state != State.OFFERED or offered.person_id != actor.pk or over:
             raise BookingRefused([_NO_OFFER])
-        offered.state, offered.offer_until = state_for(actor, offered.robot, offered.course), None
+        offered.course = check_kept(offered, actor, now)
+        offered.state, offered.offer_until = state_for(actor, robot, offered.course), None
         offered.made_at = now
         save_booking(offered)
         record_booking("booking.accept", offered, actor, outcome=offered.state)
     return offered
 
 
-def _offer(waiting: Waiting, now: datetime) -> None:
-    """Offer a slot to the person who waits for it, if no rule refuses it now."""
-    if waiting.starts_at is None or waiting.ends_at is None:
-        return
-    slot = Slot(waiting.starts_at, waiting.ends_at)
-    if refusals(wish_of(robot=waiting.robot, person=waiting.person, slot=slot, now=now)):
-        return
-    try:
-        with robot_locked(waiting.robot_id) as robot:
-            if not Waiting.objects.filter(pk=waiting.pk).delete()[0]:
-                return  # another process was faster
-            free_unused(robot, slot, now)
-            quotas_locked(robot, waiting.person, slot)
-            wish = wish_of(robot=robot, person=waiting.person, slot=slot, now=now)
-            if found := refusals(wish):
-                raise BookingRefused(found)
-            until = now + min(max((slot.starts_at - now) / 2, SHORTEST_OFFER), LONGEST_OFFER)
-            offered = Booking.objects.create(
-                robot=robot,
-                person=waiting.person,
-                course=wish.course,
-                starts_at=slot.starts_at,
-                ends_at=slot.ends_at,
-                held_until=slot.ends_at,
-                state=State.OFFERED,
-                offer_until=until,
-                made_at=now,
-            )
-            record_booking("booking.offer", offered, None)
-            zone = zone_of(waiting.person.time_zone)
-            deadline = until.astimezone(zone)
-            text = _("%(booking)s is free now. Accept it under My bookings before %(time)s.") % {
-                "booking": in_words(offered, zone),
-                "time": f"{deadline:%a %d %b, %H:%M} ({zone.key})",
-            }
-            subject = _("%(robot)s: your turn") % {"robot": robot.name}
-            notification_write(to=waiting.person, subject=subject, text=text, now=now)
-    except BookingRefused:
-        return  # something has just changed: the transaction is undone, and the person still waits
+def _offer(robot: Robot, waiting: Waiting, wish: Wish, now: datetime) -> None:
+    """Turn a person's place in the waiting list into an offer. The robot is locked."""
+    slot = wish.slot
+    waiting.delete()
+    free_unused(robot, slot, now)
+    until = now + min(max((slot.starts_at - now) / 2, SHORTEST_OFFER), LONGEST_OFFER)
+    offered = Booking.objects.create(
+        robot=robot,
+        person=waiting.person,
+        course=wish.course,
+        starts_at=slot.starts_at,
+        ends_at=slot.ends_at,
+        held_until=slot.ends_at,
+        state=State.OFFERED,
+        offer_until=until,
+        made_at=now,
+    )
+    record_booking("booking.offer", offered, None)
+    zone = zone_of(waiting.person.time_zone)
+    deadline = until.astimezone(zone)
+    text = _("%(booking)s is free now. Accept it under My bookings before %(time)s.") % {
+        "booking": in_words(offered, zone),
+        "time": f"{deadline:%a %d %b, %H:%M} ({zone.key})",
+    }
+    subject = _("%(robot)s: your turn") % {"robot": robot.name}
+    notification_write(to=waiting.person, subject=subject, text=text, now=now)
 
 
 def _end_offer(booking: Booking) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from datetime import timedelta
 from uuid import UUID
+from zoneinfo import ZoneInfo
 
 from django.contrib import messages
 from django.core.exceptions import PermissionDenied
@@ -25,7 +26,8 @@ from fleet.bookings.models import OutOfService, Policy
 from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm, SeriesForm, typed_day
 from fleet.bookings.rules import Slot, day_of, shown
 from fleet.bookings.selectors import policies_of, policy_of
-from fleet.zones import viewers
+from fleet.zones import day_of as day_in
+from fleet.zones import viewers, zone_of
 from robots.access.models import RobotGroup
 from robots.access.selectors import (
     courses_managed_by,
@@ -153,7 +155,7 @@ def series(request: HttpRequest) -> HttpResponse:
         return _series_page(request, form, status=400 if form.errors else 200)
     values = form.cleaned_data
     first = Slot(values["starts_at"], values["ends_at"])
-    slots = weekly(first, values["weeks"], values["without"], viewers())
+    slots = weekly(first, values["weeks"], values["without"])
     override = values.get("override", "")
     common = {"robot": values["robot"], "person": person, "slots": slots, "now": now}
     if request.POST.get("action") != "book":
@@ -178,13 +180,20 @@ def _series_page(
     zone = viewers()
     rows = [
         {
-            "words": shown(week.slot.starts_at, zone) if week.slot else f"{week.day:%a %d %b %Y}",
+            "words": _from_to(week.slot, zone) if week.slot else f"{week.day:%a %d %b %Y}",
             "refusals": week.refusals,
         }
         for week in weeks or ()
     ]
-    context = {"form": form, "rows": rows, "zone": zone.key}
+    context = {"form": form, "rows": rows, "zone": zone.key, "lab": zone_of("").key}
     return render(request, "bookings/policies/series.html", context, status=status)
+
+
+def _from_to(slot: Slot, zone: ZoneInfo) -> str:
+    """Return begin and end of a slot as text; the end with its day if that is another day."""
+    same = day_in(slot.starts_at, zone) == day_in(slot.ends_at, zone)
+    ends = f"{slot.ends_at.astimezone(zone):%H:%M}" if same else shown(slot.ends_at, zone)
+    return f"{shown(slot.starts_at, zone)} – {ends}"
 
 
 @never_cache

@@ -75,9 +75,8 @@ def test_the_first_who_waits_gets_the_offer_and_accepts(robot, queue, operator, 
     second_operator.save()
     keep_waiting_lists(at(0.5))
     assert not Booking.objects.filter(state=State.OFFERED).exists()
-    cancel(queue, operator)
-    for _ in range(2):  # the second call has no effect
-        keep_waiting_lists(at(1))
+    cancel(queue, operator, at(1))
+    keep_waiting_lists(at(1))  # has no effect
     offer = offered()
     assert (offer.person, offer.offer_until) == (second_operator, at(2.5))
     notifications.send_notifications(at(1.1))
@@ -92,8 +91,7 @@ def test_the_first_who_waits_gets_the_offer_and_accepts(robot, queue, operator, 
 
 
 def test_a_lapsed_offer_goes_to_the_next(queue, operator, second_operator, supervisor):
-    cancel(queue, operator)
-    keep_waiting_lists(at(1))
+    cancel(queue, operator, at(1))
     late = offered()
     keep_waiting_lists(at(2.6))
     assert offered().person == supervisor
@@ -105,7 +103,6 @@ def test_a_lapsed_offer_goes_to_the_next(queue, operator, second_operator, super
 
 def test_only_its_person_accepts_an_offer(queue, operator, supervisor):
     cancel(queue, operator)
-    keep_waiting_lists(at(1))
     with pytest.raises(BookingRefused):
         offer_accept(booking_id=offered().pk, actor=supervisor, now=at(1))
 
@@ -122,7 +119,6 @@ def test_a_clock_that_jumped_ahead_and_back_loses_no_place(queue, operator, seco
     keep_waiting_lists(at(24))
     forget_past(at(24))
     cancel(queue, operator)
-    keep_waiting_lists(at(1))
     assert offered().person == second_operator
 
 

@@ -131,7 +131,10 @@ def test_handing_over_hands_the_rest_of_the_slot(robot, operator, second_operato
     request = line.line_join(**ask)
     take(robot, operator, at(1.1), services.lease_hand_over, request_id=request)
     assert lease_of(robot.id).user == second_operator.id
-    assert Booking.objects.get().person == second_operator
+    used, rest = Booking.objects.order_by("starts_at")
+    assert (used.person, used.held_until, used.ends_at) == (operator, at(1.1), at(1.1))
+    assert (rest.person, rest.starts_at, rest.ends_at) == (second_operator, at(1.1), at(60))
+    assert lease_of(robot.id).term_ends_at == at(60)
 
 
 def test_an_out_of_service_period_stops_all_but_supervisors(robot, operator, supervisor):

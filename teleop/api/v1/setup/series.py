@@ -14,7 +14,7 @@ from rest_framework.request import Request
 from fleet.accounts.tokens.models import Scope
 from fleet.bookings.changes.series import MOST_WEEKS, Week, preview, series_make, weekly
 from fleet.bookings.rules import Slot
-from fleet.zones import names, viewers, zone_of
+from fleet.zones import names, zone_of
 from robots.access.models import Course
 from robots.access.selectors import (
     courses_managed_by,
@@ -36,7 +36,10 @@ _BACKWARDS = Refusal("invalid", "The slot ends before it begins: exchange the tw
 
 
 class SeriesRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """The first slot, and how often it is repeated at the same time of day in `zone`. `preview`: book nothing."""
+    """The first slot, and how often it is repeated. `preview`: book nothing.
+
+    Begin and end keep their times of day in `zone`.
+    """
 
     robot: Annotated[str, Meta(min_length=1, max_length=100)]
     starts_at: Moment
@@ -44,7 +47,7 @@ class SeriesRequest(Struct, frozen=True, forbid_unknown_fields=True):
     weeks: Annotated[int, Meta(ge=1, le=MOST_WEEKS)]
     purpose: Annotated[str, Meta(min_length=1, max_length=120)]
     without: Annotated[list[date], Meta(max_length=MOST_WEEKS)] = []  # days that are left out
-    zone: Annotated[str, Meta(max_length=64)] | None = None  # null: your time zone
+    zone: Annotated[str, Meta(max_length=64)] | None = None  # null: the lab's time zone
     course: Annotated[str, Meta(max_length=100)] | None = None  # slug: the slots are lessons of this course
     override: Annotated[str, Meta(max_length=200)] = ""  # why against the policy, for managers of the robot
     preview: bool = False
@@ -102,7 +105,7 @@ class SeriesView(SetupView):
         first, now = Slot(utc(body.starts_at), utc(body.ends_at)), timezone.now()
         if first.ends_at <= first.starts_at:
             raise Problem(_BACKWARDS)
-        zone = viewers() if body.zone is None else zone_of(body.zone)
+        zone = zone_of(body.zone or "")
         slots = weekly(first, body.weeks, body.without, zone)
         if body.preview:
             valid = bool(body.override) and manages_robot(self.person, robot)

@@ -1,0 +1,182 @@
+"""Time that changes hands counts once: what has passed for the person who had it, the rest for the receiver."""
+
+from datetime import datetime, timedelta, timezone
+from uuid import uuid4
+
+import pytest
+
+from fleet.bookings.models import Booking, Policy
+from fleet.bookings.rules import Slot
+from fleet.bookings.services import BookingRefused, booking_hand, booking_make
+from robots.access.models import Course, Enrolment
+from robots.access.services import role_set
+from robots.registry.models import Role
+from teleop.control import line, services
+from teleop.control.lease_checks import Tab
+from teleop.models import Lease
+from tests.bookings.test_races import all_at_once
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+NOW = datetime(2026, 3, 2, 9, 0, tzinfo=timezone.utc)
+
+
+def at(minutes):
+    return NOW + timedelta(minutes=minutes)
+
+
+def book(robot, person, begins_min, minutes, now_min=0.0, **options):
+    slot = Slot(at(begins_min), at(begins_min + minutes))
+    return booking_make(robot=robot, person=person, slot=slot, now=at(now_min), **options)
+
+
+def tab(person):
+    return Tab(f"{person.username}-tab", f"{person.username}-sign-in", f"{person.username}-connection")
+
+
+def take(robot, person, now_min):
+    services.lease_take(
+        robot_id=robot.id, user_id=person.id, tab=tab(person), highest_fence=0, now=at(now_min)
+    )
+
+
+def hand_control(robot, giver, receiver, now_min):
+    """Hand control over, as the page does; return the code of the refusal, if any."""
+    Lease.objects.update(seen_at=at(now_min))
+    waits = {"robot_id": robot.id, "user_id": receiver.id, "tab": tab(receiver), "now": at(now_min)}
+    request = line.line_join(**waits)
+    held = {"robot_id": robot.id, "user_id": giver.id, "tab": tab(giver), "now": at(now_min)}
+    try:
+        services.lease_hand_over(request_id=request, highest_fence=0, **held)
+    except services.ControlRefused as error:
+        return error.refusal.code
+    return None
+
+
+def hand_booking(robot, giver, receiver, now_min):
+    """Hand the booking that runs, as *My bookings* does; return the code of the refusal, if any."""
+    booking = Booking.objects.get(robot=robot, person=giver, starts_at__lte=at(now_min), held_until__gt=at(now_min))
+    try:
+        booking_hand(
+            booking_id=booking.pk, version=booking.version, to=receiver, actor=giver, now=at(now_min)
+        )
+    except BookingRefused as error:
+        return error.refusal.code
+    return None
+
+
+def minutes_of(person):
+    times = Booking.objects.filter(person=person).values_list("starts_at", "held_until")
+    return sum((ends - starts).total_seconds() for starts, ends in times) / 60
+
+
+@pytest.mark.parametrize("hand", [hand_control, hand_booking], ids=["control", "booking"])
+def test_time_that_is_handed_back_needs_room_in_the_quota(hand, robot, operator, second_operator):
+    Policy.objects.create(robot=robot, day_min=60)
+    book(robot, operator, 0, 60)
+    take(robot, operator, 0)
+    assert hand(robot, operator, second_operator, 5) is None
+    with pytest.raises(BookingRefused) as caught:
+        book(robot, operator, 120, 60, 6)
+    assert caught.value.refusal.figures["left_min"] == 55
+    book(robot, operator, 120, 55, 6)
+    if hand is hand_booking:
+        take(robot, second_operator, 6)
+    assert hand(robot, second_operator, operator, 6) == "quota_day"
+    assert (minutes_of(operator), minutes_of(second_operator)) == (60, 55)
+
+
+def test_the_rest_of_a_slot_needs_room_in_the_receivers_quota(robot, operator, second_operator):
+    Policy.objects.create(robot=robot, day_min=60)
+    book(robot, second_operator, 120, 30)
+    book(robot, operator, 0, 60)
+    take(robot, operator, 0)
+    assert hand_control(robot, operator, second_operator, 5) == "quota_day"
+    assert hand_control(robot, operator, second_operator, 30) is None
+    assert (minutes_of(operator), minutes_of(second_operator)) == (30, 60)
+
+
+def test_control_that_goes_back_and_forth_counts_each_minute_once(robot, operator, second_operator):
+    Policy.objects.create(robot=robot, day_min=60)
+    book(robot, operator, 0, 60)
+    take(robot, operator, 0)
+    for number in range(6):
+        people = (operator, second_operator) if number % 2 == 0 else (second_operator, operator)
+        assert hand_control(robot, *people, 5 + number) is None
+    assert minutes_of(operator) + minutes_of(second_operator) == 60
+    assert not Booking.objects.filter(ends_at__lt=at(60), held_until=at(60)).exists()
+
+
+@pytest.mark.parametrize(
+    ("limits", "code"),
+    [
+        ({"at_once": 1}, "quota_open"),
+        ({"week_min": 60}, "quota_week"),
+        ({"robots_at_once": 1}, "robots_at_once"),
+    ],
+)
+def test_handing_back_is_no_way_around_any_count(
+    limits, code, robot, other_robot, operator, second_operator
+):
+    Policy.objects.create(**limits)
+    role_set(robot=other_robot, user=operator, role=Role.OPERATOR, actor=None)
+    book(robot, operator, 0, 60)
+    take(robot, operator, 0)
+    assert hand_control(robot, operator, second_operator, 5) is None
+    book(other_robot, operator, 10, 55, 6)
+    assert hand_control(robot, second_operator, operator, 7) == code
+
+
+@pytest.fixture
+def course(robot, stranger, staff, django_user_model):
+    """A course with quotas, and two of its people."""
+    made = Course.objects.create(
+        name="HRI",
+        slug="hri",
+        role=Role.OPERATOR,
+        starts_on=NOW.date(),
+        ends_on=NOW.date() + timedelta(days=3650),
+        day_min=60,
+        course_week_min=100,
+    )
+    made.robots.add(robot)
+    second = django_user_model.objects.create_user("student")
+    for person in (stranger, second):
+        Enrolment.objects.create(course=made, person=person)
+    return made, stranger, second
+
+
+def test_a_courses_quotas_hold_when_time_is_handed_on(robot, course):
+    hri, first, second = course
+    book(robot, first, 0, 60)
+    take(robot, first, 0)
+    book(robot, second, 120, 40)
+    assert hand_control(robot, first, second, 5) == "quota_course_day"
+    assert hand_control(robot, first, second, 45) is None
+    counted = Booking.objects.filter(course=hri, series=None)
+    assert sum((one.held_until - one.starts_at).total_seconds() for one in counted) == 100 * 60
+
+
+def test_the_rest_of_a_lesson_stays_a_lesson_for_its_people(robot, course, staff):
+    hri, first, _second = course
+    lesson = book(robot, staff, 0, 120, lesson_of=hri, series=uuid4())
+    take(robot, staff, 0)
+    assert hand_control(robot, staff, first, 5) is None
+    rest = Booking.objects.get(person=first)
+    assert (rest.course, rest.series) == (hri, lesson.series)
+    book(robot, first, 180, 60, 6)  # a lesson uses no quota of the course
+
+
+def test_a_slot_is_handed_back_while_its_receiver_books(robot, other_robot, operator, second_operator):
+    Policy.objects.create(day_min=60, robots_at_once=2)
+    role_set(robot=other_robot, user=operator, role=Role.OPERATOR, actor=None)
+    book(robot, operator, 0, 60)
+    take(robot, operator, 0)
+    assert hand_control(robot, operator, second_operator, 5) is None
+    steps = [
+        lambda: hand_control(robot, second_operator, operator, 6),
+        lambda: book(other_robot, operator, 120, 55, 6),
+    ]
+    errors = all_at_once(steps)
+    assert all(isinstance(error, BookingRefused) for error in errors), errors
+    assert minutes_of(operator) <= 60
