@@ -55,7 +55,9 @@ def hand_control(robot, giver, receiver, now_min):
 
 def hand_booking(robot, giver, receiver, now_min):
     """Hand the booking that runs, as *My bookings* does; return the code of the refusal, if any."""
-    booking = Booking.objects.get(robot=robot, person=giver, starts_at__lte=at(now_min), held_until__gt=at(now_min))
+    booking = Booking.objects.get(
+        robot=robot, person=giver, starts_at__lte=at(now_min), held_until__gt=at(now_min)
+    )
     try:
         booking_hand(
             booking_id=booking.pk, version=booking.version, to=receiver, actor=giver, now=at(now_min)
@@ -115,9 +117,7 @@ def test_control_that_goes_back_and_forth_counts_each_minute_once(robot, operato
         ({"robots_at_once": 1}, "robots_at_once"),
     ],
 )
-def test_handing_back_is_no_way_around_any_count(
-    limits, code, robot, other_robot, operator, second_operator
-):
+def test_handing_back_is_no_way_around_any_count(limits, code, robot, other_robot, operator, second_operator):
     Policy.objects.create(**limits)
     role_set(robot=other_robot, user=operator, role=Role.OPERATOR, actor=None)
     book(robot, operator, 0, 60)

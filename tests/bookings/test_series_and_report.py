@@ -66,7 +66,12 @@ def on_the_wall(slots):
     ],
 )
 def test_begin_and_end_keep_their_times_of_day(madrid, starts, ends):
-    first = Slot(*(datetime.fromisoformat(time).replace(tzinfo=MADRID).astimezone(timezone.utc) for time in (starts, ends)))
+    first = Slot(
+        *(
+            datetime.fromisoformat(time).replace(tzinfo=MADRID).astimezone(timezone.utc)
+            for time in (starts, ends)
+        )
+    )
     slots = [slot for _, slot in weekly(first, 30, [])]
     assert slots[0] == first
     assert on_the_wall(slots) == {(starts[-5:], ends[-5:])}
@@ -102,8 +107,8 @@ def test_a_series_keeps_the_labs_clock_whoever_books(madrid, client, robot, supe
         "purpose": "nights",
     }
     page = client.post(reverse("booking-series"), {**fields, "action": "preview"}).content.decode()
-    assert "Sat 27 Mar 2027, 17:00 – Sun 28 Mar 2027, 00:00" in page
-    assert "Sat 03 Apr 2027, 16:00 – Sun 04 Apr 2027, 00:00" in page
+    assert "Sat 27 Mar 2027, 17:00 to Sun 28 Mar 2027, 00:00" in page
+    assert "Sat 03 Apr 2027, 16:00 to Sun 04 Apr 2027, 00:00" in page
     client.post(reverse("booking-series"), {**fields, "action": "book"})
     made = Booking.objects.filter(person=supervisor)
     assert (made.count(), on_the_wall(made)) == (4, {("22:00", "06:00")})

@@ -193,7 +193,7 @@ def _from_to(slot: Slot, zone: ZoneInfo) -> str:
     """Return begin and end of a slot as text; the end with its day if that is another day."""
     same = day_in(slot.starts_at, zone) == day_in(slot.ends_at, zone)
     ends = f"{slot.ends_at.astimezone(zone):%H:%M}" if same else shown(slot.ends_at, zone)
-    return f"{shown(slot.starts_at, zone)} – {ends}"
+    return _("%(from)s to %(to)s") % {"from": shown(slot.starts_at, zone), "to": ends}
 
 
 @never_cache

@@ -1,4 +1,4 @@
-"""Nobody books past the waiting list, whatever frees the time. Runs on SQLite and, with FLEET_DATABASE_URL, PostgreSQL."""
+"""Nobody books past the waiting list, whatever frees the time. On SQLite, and on PostgreSQL with FLEET_DATABASE_URL."""
 
 import threading
 from datetime import timedelta
@@ -80,7 +80,9 @@ def declines(taken, api, **_people):
 
 
 @pytest.mark.parametrize(
-    "frees", [cancels, moves, shortens, loses_the_role, loses_the_account, declines], ids=lambda step: step.__name__
+    "frees",
+    [cancels, moves, shortens, loses_the_role, loses_the_account, declines],
+    ids=lambda step: step.__name__,
 )
 def test_the_offer_is_made_with_the_change_that_frees_the_time(
     frees, robot, operator, second_operator, program, jumpers
