@@ -20,7 +20,7 @@ from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.services import lock_chain, record
 from robots.access import welcome
 from robots.access.models import Course, Enrolment, Invitation
-from robots.access.people_lists import Listed, PeopleList, Wrong
+from robots.access.people_lists.reading import Listed, PeopleList, Wrong
 from robots.access.selectors import courses_managed_by, lab_date
 from robots.access.signals import publish_access_changed
 from robots.wire import NotDone, Refusal

@@ -32,6 +32,20 @@ def seen_in(response: Any) -> str:
     return re.search(r'name="seen" value="(\w+)"', response.content.decode())[1]
 
 
+def form_of(preview: Any) -> dict[str, Any]:
+    """Return the fields with which a browser would send a preview."""
+    form, columns = preview.context["form"], preview.context["columns"]
+    return {
+        "people": form["people"].value() or "",
+        "content": form["content"].value() or "",
+        "encoding": form["encoding"].value() or "",
+        "separator": preview.context["separator"],
+        "separator_before": preview.context["separator"],
+        "column": [column["role"] for column in columns],
+        "seen": seen_in(preview),
+    }
+
+
 @pytest.fixture
 def new_course(robot: Robot, other_robot: Robot, teacher: User) -> dict[str, Any]:
     group = RobotGroup.objects.create(name="Others", slug="others")
@@ -120,14 +134,50 @@ def test_a_supervisor_enrols_by_csv_after_a_preview(signed_in: SignIn, course: C
     preview = client.post("/courses/hri-2026/enrol/", {"file": file})
     words = shown(preview)
     assert "Left out: Nr." in words
-    assert "Line 3 Bob;8;bob : bob is no e-mail address." in words
+    assert "3 Left out: bob is no e-mail address. Bob 8 bob" in " ".join(words.split())
     assert Enrolment.objects.count() == 1
-    typed = re.search(r"<textarea[^>]*>\s?(.*?)</textarea>", preview.content.decode(), re.DOTALL)[1]
     for _twice in range(2):
-        done = client.post("/courses/hri-2026/enrol/", {"people": typed, "seen": seen_in(preview)})
+        done = client.post("/courses/hri-2026/enrol/", form_of(preview))
         assert done.status_code == 302
     assert User.objects.get(email="j@example.org").full_name == "Jürgen"
     assert Enrolment.objects.count() == 2
+
+
+def test_encoding_separator_and_columns_can_be_changed(
+    signed_in: SignIn, course: Course, teacher: User
+) -> None:
+    """Each line and column is shown as it will be stored, before anything is stored."""
+    client, address = signed_in(teacher), "/courses/hri-2026/enrol/"
+    lines = "Gruppe|Sukunimi|Etunimi|Osoite\nA, 1|Čapek|Zoé|z@example.org\nA, 1|Müller|Jörg|j@example.org"
+    file = SimpleUploadedFile("class.csv", lines.encode("cp1257"))
+    preview = client.post(address, {"file": file})
+    assert "The file does not say its encoding." in shown(preview)
+    assert [row.name for row in preview.context["rows"]] == ["Zoé Èapek", "Jörg Müller"]
+    assert [row.cells[0] for row in preview.context["rows"]] == ["A, 1", "A, 1"]
+    assert "Left out: Gruppe." in shown(preview)
+    again = client.post(address, {**form_of(preview), "encoding": "cp1257", "again": "1"})
+    assert [row.name for row in again.context["rows"]] == ["Zoé Čapek", "Jörg Müller"]
+    assert not User.objects.filter(email="z@example.org").exists()
+    chosen = {**form_of(again), "column": ["unused", "first", "last", "email"]}
+    changed = client.post(address, chosen)  # the list is another one: it is shown first
+    assert [row.name for row in changed.context["rows"]] == ["Čapek Zoé", "Müller Jörg"]
+    as_table = client.post(address, {**form_of(changed), "separator": ",", "again": "1"})
+    assert all("is no e-mail address" in row.fault for row in as_table.context["rows"])
+    wrong = client.post(address, {**form_of(again), "encoding": "shift_jis"})
+    assert "The file is not in Shift JIS (Japanese)" in shown(wrong)
+    assert client.post(address, form_of(again)).status_code == 302
+    assert User.objects.get(email="z@example.org").full_name == "Zoé Čapek"
+
+
+def test_a_spreadsheet_and_a_damaged_preview_are_refused(
+    signed_in: SignIn, course: Course, teacher: User
+) -> None:
+    client, address = signed_in(teacher), "/courses/hri-2026/enrol/"
+    book = SimpleUploadedFile("class.csv", b"PK\x03\x04 and so on")
+    assert "Save it there as CSV" in shown(client.post(address, {"file": book}))
+    for content in ("not base64!", "é", "AAA"):
+        assert "choose it again" in shown(client.post(address, {"content": content}))
+    assert client.post(address, {"people": "a@example.org", "column": ["emperor"]}).status_code == 400
 
 
 def test_a_supervisor_does_not_learn_who_has_an_account(
@@ -179,11 +229,10 @@ def test_5000_lines_are_enrolled_and_a_longer_file_is_refused(
         return client.post(address, {"file": SimpleUploadedFile("class.csv", content)})
 
     assert "at most 5000 are read. Divide it." in shown(sent([*lines, "1;a;a@example.org"]))
-    assert "larger than 2 MB" in shown(sent([line + "x" * 400 for line in lines]))
+    assert "larger than 1.5 MB" in shown(sent([line + "x" * 400 for line in lines]))
     preview = sent(lines)
     assert "5000 people will be enrolled" in shown(preview)
-    typed = re.search(r"<textarea[^>]*>\s?(.*?)</textarea>", preview.content.decode(), re.DOTALL)[1]
-    done = client.post(address, {"people": typed, "seen": seen_in(preview)})
+    done = client.post(address, form_of(preview))
     assert done.status_code == 302
     assert Enrolment.objects.count() == 5001
     assert User.objects.get(email="s4999@example.org").full_name.endswith("4999")

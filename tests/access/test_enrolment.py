@@ -31,7 +31,7 @@ from robots.access.enrolment import (
     unenrol,
 )
 from robots.access.models import Course, Enrolment
-from robots.access.people_lists import read_people
+from robots.access.people_lists.reading import read_people
 from robots.access.selectors import role_on
 from robots.registry.models import Robot, Role
 

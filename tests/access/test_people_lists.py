@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.access.people_lists import MOST_LINES, decoded, read_people
+from robots.access.people_lists.encodings import ENCODINGS, NotInEncodingError, decoded
+from robots.access.people_lists.reading import MOST_LINES, read_people
 
 ADA = ("Ada Lovelace", "ada@example.org")
 
@@ -42,6 +43,11 @@ def test_lists_of_many_forms_name_the_same_person(text: str) -> None:
         "Nombre;Apellido(s);Dirección de correo",
         "Prénom;Nom;Adresse de courriel",
         "Nome;Cognome;Indirizzo email",
+        "Etunimi;Sukunimi;Sähköposti",
+        "Imię;Nazwisko;Adres e-mail (uczelnia)*",
+        "Ad;Soyad;E-posta",
+        "Имя;Фамилия;Электронная почта",
+        "First name;Unknown title;Email",
     ],
 )
 def test_headers_in_other_languages_are_known(header: str) -> None:
@@ -55,7 +61,9 @@ def test_a_header_in_unknown_words_is_a_note_and_no_wrong_line() -> None:
     found = read_people("Nimi;Sähköposti\nAda Lovelace;ada@example.org")
     assert [(one.name, one.email) for one in found.people] == [ADA]
     assert not found.wrong
-    assert found.notes == ("Line 1 is no person but a header: Nimi;Sähköposti",)
+    assert found.notes == ("Name from: Nimi. E-mail address from: Sähköposti.",)
+    foreign = read_people("Foo;Bar;Baz\nAda;Lovelace;ada@example.org")
+    assert [(one.name, one.email) for one in foreign.people] == [ADA]
 
 
 def test_each_line_may_have_its_own_separator() -> None:
@@ -68,7 +76,7 @@ def test_each_line_may_have_its_own_separator() -> None:
 def test_other_columns_are_left_out_with_a_note() -> None:
     found = read_people("Name;Matr.-Nr.;E-Mail;Mark\nAda Lovelace;12;ada@example.org;1")
     assert [(one.name, one.email) for one in found.people] == [ADA]
-    assert found.notes == ("Left out: Matr.-Nr., Mark.",)
+    assert found.notes == ("Name from: Name. E-mail address from: E-Mail.", "Left out: Matr.-Nr., Mark.")
 
 
 def test_wrong_lines_are_named_by_number_and_reason() -> None:
@@ -81,10 +89,72 @@ def test_wrong_lines_are_named_by_number_and_reason() -> None:
     assert len(found.people) == 1
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
-def test_a_file_may_be_utf_8_or_latin_1(encoding: str) -> None:
-    text = decoded("Jürgen Größe;jg@example.org".encode(encoding))
-    assert people(text) == [("Jürgen Größe", "jg@example.org")]
+@pytest.mark.parametrize(
+    ("encoding", "name"),
+    [
+        ("utf-8", "Zoé D’Arc Œuvré"),
+        ("utf-8-sig", "王小明"),
+        ("utf-16", "Zoé D’Arc Œuvré"),
+        ("utf-16-le", "Zoé D’Arc Œuvré"),
+        ("utf-16-be", "Zoé D’Arc Œuvré"),
+        ("latin-1", "Jürgen Größe"),
+        ("cp1252", "Zoé D’Arc Œuvré … Š"),
+        ("iso8859_15", "Zoé Œuvré"),
+        ("mac_roman", "Zoé D’Arc Œuvré"),
+        ("cp850", "Jürgen Größe"),
+        ("cp1250", "Łukasz Świątek"),
+    ],
+)
+def test_the_encoding_of_a_file_is_found(encoding: str, name: str) -> None:
+    read = decoded(f"Name;E-Mail\r\n{name};jg@example.org".encode(encoding))
+    assert people(read.text) == [(name, "jg@example.org")]
+    assert read.certain is encoding.startswith("utf")
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_no_letter_is_replaced_in_any_encoding(encoding: str) -> None:
+    content = bytes(range(256))
+    try:
+        assert decoded(content, encoding).text.encode(encoding.replace("utf-16", "utf-16-le")) == content
+    except NotInEncodingError as error:
+        assert "choose another encoding" in str(error)
+
+
+def test_a_name_with_a_character_that_is_no_text_is_named() -> None:
+    found = read_people("Name;Mail\nAda\x84;a@example.org\nBo\x8f;b@example.org\nC\ufffd;c@example.org")
+    assert not found.people
+    assert {one.reason for one in found.wrong} == {
+        "It contains a character that is no text: choose another encoding, or save the file as CSV."
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Ada;Lovelace;ada@example.org", [ADA]),  # no header
+        ("Name;Vorname;E-Mail\nLovelace;Ada;ada@example.org", [ADA]),  # here "Name" is the last name
+        ("sep=;\nName;Mail\nAda Lovelace;ada@example.org", [ADA]),  # Excel
+        ('Name,Mail\n"Ada\nLovelace",ada@example.org', [ADA]),  # a cell of two lines
+        ("Kurs 2026\n\nNachname|Vorname|Mail\nLovelace|Ada|ada@example.org", [ADA]),
+        ("Ada Lovelace <ada@example.org>; Bo <b@example.org>", [ADA, ("Bo", "b@example.org")]),
+        ("ada@example.org, b@example.org", [("", "ada@example.org"), ("", "b@example.org")]),
+        (
+            '"Ada,ada@example.org\nBo,b@example.org\nCy,c@example.org',
+            [("Bo", "b@example.org"), ("Cy", "c@example.org")],
+        ),
+    ],
+)
+def test_no_line_and_no_name_is_lost(text: str, expected: list[tuple[str, str]]) -> None:
+    found = read_people(text)
+    assert [(one.name, one.email) for one in found.people] == expected
+    used = {one.line for one in (*found.people, *found.wrong)}
+    assert len(used) + 1 >= len([line for line in text.split("\n") if "@" in line])
+
+
+def test_each_line_that_is_left_out_is_named() -> None:
+    found = read_people("Name,Mail\nA,a@example.org\nB,A@example.org\nA <a@x.org> B <b@x.org>,c@example.org")
+    assert [(one.line, one.reason) for one in found.repeated] == [(3, "The address stands in line 2, too.")]
+    assert [one.line for one in found.wrong] == [4]
 
 
 def test_a_list_of_5000_lines_is_read_and_a_longer_one_refused() -> None:

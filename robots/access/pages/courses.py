@@ -31,6 +31,7 @@ from robots.access.pages.forms import (
     digest,
     end_of,
 )
+from robots.access.pages.list_preview import preview
 from robots.access.selectors import (
     courses_managed_by,
     demanded_in,
@@ -68,7 +69,7 @@ def course_new(request: HttpRequest) -> HttpResponse:
         return _course_form(request, form, 400)
     plan = enrolment.plan_of(form.people_list, None, staff)
     if _must_preview(request, form, plan):
-        return _course_form(request, CourseForm(_with_list(request, form)), plan=plan, form_digest=form)
+        return _course_form(request, CourseForm(_with_list(request, form)), plan=plan, read=form)
     made = services.course_save(course=form.instance, actor=staff, **_lists(form))
     _enrol(request, made, form)
     return redirect("course", slug=made.slug)
@@ -267,14 +268,18 @@ def _lists(form: CourseForm) -> dict[str, Any]:
 
 def _must_preview(request: HttpRequest, form: PeopleForm, plan: enrolment.Plan) -> bool:
     """Return whether a preview of the list must be shown first: there was none, or the list was changed since."""
-    empty = not (form.people_list.people or plan.wrong)
-    return not empty and request.POST.get("seen") != digest(form.people_list)
+    if not (form.people_list.people or plan.wrong):
+        return False
+    asked = "again" in request.POST or form.encoding_fault
+    return bool(asked) or request.POST.get("seen") != digest(form.people_list)
 
 
 def _with_list(request: HttpRequest, form: PeopleForm) -> Any:
-    """Return the form's data, with the list as text: the browser does not send the file a second time."""
+    """Return the form's data with the file and how it was read: the browser does not send the file a second time."""
     typed = request.POST.copy()
-    typed["people"] = form.people_list.as_text()
+    for name, value in form.reading.items():
+        typed[name] = value
+    typed.setlist("column", [column.role.value for column in form.people_list.columns])
     return typed
 
 
@@ -307,14 +312,9 @@ def _course_form(
     form: CourseForm,
     status: int = 200,
     plan: enrolment.Plan | None = None,
-    form_digest: PeopleForm | None = None,
+    read: PeopleForm | None = None,
 ) -> HttpResponse:
-    context = {
-        "form": form,
-        "course": form.instance if form.instance.pk else None,
-        "plan": plan,
-        "seen": digest(form_digest.people_list) if form_digest else "",
-    }
+    context = {"form": form, "course": form.instance if form.instance.pk else None, **preview(read, plan)}
     return render(request, "access/courses/course_form.html", context, status=status)
 
 
@@ -326,7 +326,7 @@ def _enrol_page(
     plan: enrolment.Plan | None = None,
     read: PeopleForm | None = None,
 ) -> HttpResponse:
-    context = {"form": form, "course": found, "plan": plan, "seen": digest(read.people_list) if read else ""}
+    context = {"form": form, "course": found, **preview(read, plan)}
     return render(request, "access/courses/enrol.html", context, status=status)
 
 

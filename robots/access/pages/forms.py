@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from base64 import b64decode, b64encode
 from datetime import date, datetime, time, timedelta
 from decimal import Decimal
 from typing import Any
@@ -21,11 +22,27 @@ from django.utils.translation import gettext_lazy
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
 from robots.access.models import Course, Qualification, RobotGroup
-from robots.access.people_lists import PeopleList, decoded, read_people
+from robots.access.people_lists.columns import Role
+from robots.access.people_lists.encodings import ENCODINGS, Decoded, NotInEncodingError, decoded
+from robots.access.people_lists.reading import PeopleList, read_people
 from robots.access.selectors import lab_date
 from robots.registry.models import Robot
 
-FILE_BYTES = 2 * 1024 * 1024
+FILE_BYTES = 1_500_000  # 5,000 lines of 300 letters; the preview repeats a file within Django's 2.5 MB
+ZIP_START = b"PK\x03\x04"  # .xlsx and .ods
+SEPARATORS = {
+    ",": gettext_lazy("comma"),
+    ";": gettext_lazy("semicolon"),
+    "\t": gettext_lazy("tab"),
+    "|": gettext_lazy("vertical bar"),
+}
+ROLES = [
+    (Role.NAME.value, gettext_lazy("whole name")),
+    (Role.FIRST_NAME.value, gettext_lazy("first name")),
+    (Role.LAST_NAME.value, gettext_lazy("last name")),
+    (Role.EMAIL.value, gettext_lazy("e-mail address")),
+    (Role.UNUSED.value, gettext_lazy("not used")),
+]
 HOURS = {"week_hours": "week_min", "day_hours": "day_min", "course_week_hours": "course_week_min"}
 _CHOICES = forms.CheckboxSelectMultiple
 
@@ -50,7 +67,11 @@ def free_slug(model: type[Model], name: str) -> str:
 
 
 class PeopleForm(forms.Form):
-    """A list of people, as text or as a file. `clean` reads the list into `people_list`."""
+    """A list of people, as text or as a file. `clean` reads the list into `people_list`.
+
+    The preview repeats a file in `content`, since a browser does not send it a second time, and asks in `encoding`,
+    `separator` and `column` (one value for each column) how to read it.
+    """
 
     people = forms.CharField(
         label=gettext_lazy("People"),
@@ -63,21 +84,80 @@ class PeopleForm(forms.Form):
     file = forms.FileField(
         label=gettext_lazy("or a CSV file with the columns name and e-mail"),
         required=False,
-        help_text=gettext_lazy("Comma or semicolon, UTF-8 or Latin-1. Other columns are left out."),
-        widget=forms.FileInput(attrs={"accept": ".csv,.txt,text/csv,text/plain"}),
+        help_text=gettext_lazy(
+            "You see how each line is read, and may change encoding, separator and columns."
+        ),
+        widget=forms.FileInput(attrs={"accept": ".csv,.tsv,.txt,text/csv,text/plain"}),
     )
+    content = forms.CharField(required=False, widget=forms.HiddenInput)
+    encoding = forms.ChoiceField(
+        label=gettext_lazy("Encoding"), required=False, choices=[("", ""), *ENCODINGS.items()]
+    )
+    separator = forms.ChoiceField(
+        label=gettext_lazy("Separator"),
+        required=False,
+        choices=[("", gettext_lazy("none")), *SEPARATORS.items()],
+    )
+    column = forms.TypedMultipleChoiceField(required=False, choices=ROLES, coerce=Role, empty_value=[])
 
     people_list = PeopleList()
+    decoded: Decoded | None = None  # None: the list was pasted
+    encoding_fault = ""  # why the chosen encoding was not used
+    content_again = ""
 
     def clean(self) -> dict[str, Any]:
         """Read the list."""
         values: dict[str, Any] = super().clean() or self.cleaned_data
+        file, content = values.get("file"), self._content(values)
+        text, how = values.get("people", ""), self._how(values)
+        if file is not None:
+            how = {}  # another file is read afresh
+        if content is not None:
+            try:
+                self.decoded = decoded(content, "" if file is not None else values.get("encoding", ""))
+            except NotInEncodingError as error:
+                self.encoding_fault = str(error)
+                self.decoded = decoded(content)
+            text = self.decoded.text
+        self.people_list = read_people(text, **how) if text.strip() else PeopleList()
+        return values
+
+    def _content(self, values: dict[str, Any]) -> bytes | None:
+        """Return the bytes of the file, new or of the preview; None: there is no file."""
         file = values.get("file")
         if file is not None and file.size > FILE_BYTES:
-            raise ValidationError(_("The file is larger than 2 MB: is it a list of people?"))
-        text = decoded(file.read()) if file is not None else values.get("people", "")
-        self.people_list = read_people(text) if text.strip() else PeopleList()
-        return values
+            raise ValidationError(_("The file is larger than 1.5 MB: is it a list of people?"))
+        content: bytes = file.read() if file is not None else b64decode(values.get("content") or "")
+        if content[:4] == ZIP_START:
+            raise ValidationError(
+                _("This is a file of a spreadsheet program. Save it there as CSV, and choose that file.")
+            )
+        self.content_again = b64encode(content).decode()
+        return content or None
+
+    def clean_content(self) -> str:
+        """Return the content; refuse one that the preview did not write."""
+        content: str = self.cleaned_data["content"]
+        try:
+            b64decode(content, validate=True)
+        except ValueError as error:
+            raise ValidationError(_("The file did not arrive whole: choose it again.")) from error
+        return content
+
+    def _how(self, values: dict[str, Any]) -> dict[str, Any]:
+        """Return how to read the list, as chosen in the preview; roles of columns count only for the same separator."""
+        separator = values.get("separator", "")
+        same = separator == self.data.get("separator_before")
+        return {"separator": separator, "roles": values.get("column", []) if same else []}
+
+    @property
+    def reading(self) -> dict[str, str]:
+        """Return how the list was read, for the fields of the preview."""
+        return {
+            "content": self.content_again if self.decoded else "",
+            "encoding": self.decoded.encoding if self.decoded else "",
+            "separator": self.people_list.separator,
+        }
 
 
 def digest(people: PeopleList) -> str:
@@ -141,7 +221,8 @@ class CourseForm(PeopleForm, forms.ModelForm):  # type: ignore[type-arg]
         if course.pk is None:
             self.initial.setdefault("starts_on", lab_date())
         else:
-            del self.fields["people"], self.fields["file"]
+            for name in PeopleForm.base_fields:
+                del self.fields[name]
             self.initial["supervisors"] = ", ".join(
                 course.supervisors.order_by("username").values_list("username", flat=True)
             )

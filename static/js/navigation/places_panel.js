@@ -220,7 +220,7 @@ export class PlacesPanel {
     const { files } = this.#parts["places-file"];
     if (files.length === 0) return;
     try {
-      const done = await importPlaces(this.#map, await files[0].text());
+      const done = await importPlaces(this.#map, await textOf(files[0]));
       const text = gettext("Places of the file: %s added, %s moved, %s already there.");
       this.#notify("success", interpolate(text, [done.added, done.changed, done.unchanged]));
     } catch (error) {
@@ -266,4 +266,14 @@ function fileLink(map) {
   link.href = exportAddress(map);
   link.download = "";
   return link;
+}
+
+/** Return the text of a file. `File.text()` would replace each letter of another encoding, without an error. */
+async function textOf(file) {
+  const bytes = await file.arrayBuffer();
+  try {
+    return new TextDecoder("utf-8", { fatal: true }).decode(bytes);
+  } catch {
+    throw new Error(gettext("This file is not UTF-8 text. Save it as CSV UTF-8."));
+  }
 }

@@ -18,7 +18,7 @@ from fleet.accounts.models import User
 from robots.access import enrolment, services
 from robots.access.models import Course, Qualification
 from robots.access.pages.forms import ActionForm, end_of, free_slug
-from robots.access.people_lists import read_people
+from robots.access.people_lists.reading import read_people
 from robots.access.selectors import courses_managed_by, demanded_in, grants_in, lab_date, robots_of
 from robots.registry.models import Robot
 from robots.wire import Refusal

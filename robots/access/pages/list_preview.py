@@ -1,0 +1,75 @@
+"""The preview of a list of people: each line and column as it was read, and as it will be stored."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.utils.translation import gettext as _
+from msgspec import Struct
+
+from robots.access.enrolment import Plan
+from robots.access.pages.forms import ROLES, PeopleForm, digest
+from robots.access.people_lists.columns import Column, Role
+from robots.access.people_lists.reading import PeopleList
+
+
+class Row(Struct, frozen=True):
+    """A line of the list. `fault`: why it is left out; then `name` and `email` are empty."""
+
+    line: int
+    cells: list[str]
+    name: str = ""
+    email: str = ""
+    effect: str = ""
+    fault: str = ""
+
+
+def preview(form: PeopleForm | None, plan: Plan | None) -> dict[str, Any]:
+    """Return the templates' context for the valid form of a list and its plan; without them there is no preview."""
+    if form is None or plan is None:
+        return {}
+    people = form.people_list
+    return {
+        "plan": plan,
+        "seen": digest(people),
+        "rows": _rows(people, plan),
+        "columns": [_with_choices(column) for column in people.columns],
+        "separator": people.separator,
+        "encoding_fault": form.encoding_fault,
+        "guessed": form.decoded if form.decoded and not form.decoded.certain else None,
+    }
+
+
+def _with_choices(column: Column) -> dict[str, Any]:
+    return {
+        "title": column.title,
+        "role": column.role.value,
+        "choices": ROLES,
+        "used": column.role is not Role.UNUSED,
+    }
+
+
+def _rows(people: PeopleList, plan: Plan) -> list[Row]:
+    width = len(people.columns)
+    effects = {one.email: _("new account") for one in plan.new}
+    stored = {account.email: account for account in (*plan.known, *plan.enrolled)}
+    inside = {account.email for account in plan.enrolled}
+    faults = {wrong.line: wrong.reason for wrong in plan.wrong}
+    rows = [
+        Row(each.line, _cells(each, width), fault=each.reason) for each in (*people.wrong, *people.repeated)
+    ]
+    for one in people.people:
+        if one.line in faults:
+            rows.append(Row(one.line, _cells(one, width), fault=faults[one.line]))
+            continue
+        account = stored.get(one.email.lower())
+        name = account.display_name if account else one.name
+        effect = effects.get(one.email, "")
+        if account:
+            effect = _("in the course already") if account.email in inside else _("has an account")
+        rows.append(Row(one.line, _cells(one, width), name, one.email.lower(), effect))
+    return sorted(rows, key=lambda row: row.line)
+
+
+def _cells(each: Any, width: int) -> list[str]:
+    return [*each.cells, *[""] * (width - len(each.cells))]

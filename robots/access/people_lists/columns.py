@@ -1,0 +1,128 @@
+"""Finds the columns of a list: by their titles in the languages of many learning platforms, else by their content."""
+
+from __future__ import annotations
+
+import enum
+import re
+import unicodedata
+from collections.abc import Sequence
+from itertools import zip_longest
+from pathlib import Path
+
+import yaml
+from msgspec import Struct
+
+
+class Role(enum.Enum):
+    """The use of a column."""
+
+    NAME = "name"
+    FIRST_NAME = "first"
+    LAST_NAME = "last"
+    EMAIL = "email"
+    UNUSED = "unused"
+
+
+class Column(Struct, frozen=True):
+    """A column of a list, in the order of the list. `title` is "" in a list without header."""
+
+    title: str
+    role: Role
+
+
+def _plain(title: str) -> str:
+    """Return a title in small letters without accents, brackets and signs: "E-Mail-Adresse (privat)*" is
+    "e mail adresse".
+    """
+    letters = unicodedata.normalize("NFKD", re.sub(r"[(\[].*?[)\]]", " ", title.casefold()))
+    letters = letters.translate({0x131: "i", 0x142: "l", 0xF8: "o"})
+    kept = "".join(letter for letter in letters if not unicodedata.combining(letter))
+    return " ".join(re.sub(r"[\W_]+", " ", kept).split())
+
+
+_ROLES = {
+    _plain(title): Role(role)
+    for role, titles in yaml.safe_load(Path(__file__).with_name("titles.yaml").read_text("utf-8")).items()
+    for title in titles
+}
+
+
+def role_of(title: str) -> Role:
+    """Return the role that a title names."""
+    plain = _plain(title)
+    if plain in _ROLES:
+        return _ROLES[plain]
+    return Role.EMAIL if "@" not in title and {"mail", "email"} & set(plain.split()) else Role.UNUSED
+
+
+def columns_of(header: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[Column, ...]:
+    """Return the columns of a list with this header (empty: it has none) and these rows.
+
+    A role that no title names is found by content: addresses have an @; names have letters and no digits.
+    """
+    width = max((len(row) for row in (header, *rows)), default=0)
+    titles = [*header, *[""] * (width - len(header))]
+    cells = [[cell for cell in column if cell] for column in zip_longest(*rows[:200], fillvalue="")]
+    cells += [[] for _ in range(width - len(cells))]
+    roles = _once(_last_names([_plain(title) for title in titles], [role_of(title) for title in titles]))
+    if Role.EMAIL not in roles:
+        addresses = [sum("@" in cell for cell in column) for column in cells]
+        if any(addresses):
+            roles[addresses.index(max(addresses))] = Role.EMAIL
+    _find_names(roles, [_are_names(column) for column in cells])
+    return tuple(Column(title, role) for title, role in zip(titles, roles, strict=True))
+
+
+def _last_names(titles: list[str], roles: list[Role]) -> list[Role]:
+    """Return the roles, with the last name for a general title beside a first name: "Name; Vorname", "Nom; Prénom".
+
+    "Nom" alone is the first name in Catalan, which has "Cognoms" for the last.
+    """
+    first = [
+        place
+        for place, role in enumerate(roles)
+        if role is Role.FIRST_NAME and (titles[place] != "nom" or "prenom" not in titles)
+    ]
+    if not first or Role.LAST_NAME in roles:
+        return roles
+    general = {Role.NAME, Role.FIRST_NAME}
+    return [
+        Role.LAST_NAME if role in general and place not in first else role for place, role in enumerate(roles)
+    ]
+
+
+def _once(roles: list[Role]) -> list[Role]:
+    """Return the roles, each at most once; first and last name make the whole name unnecessary."""
+    parts = {Role.FIRST_NAME, Role.LAST_NAME} <= set(roles)
+    once: list[Role] = []
+    for role in roles:
+        unnecessary = role in once or (role is Role.NAME and parts)
+        once.append(Role.UNUSED if unnecessary else role)
+    return once
+
+
+def _find_names(roles: list[Role], are_names: list[bool]) -> None:
+    """Give columns without a known title the roles of a name that are missing."""
+    free = [place for place, role in enumerate(roles) if role is Role.UNUSED and are_names[place]]
+    if Role.NAME in roles or {Role.FIRST_NAME, Role.LAST_NAME} <= set(roles):
+        return
+    for known, other in ((Role.FIRST_NAME, Role.LAST_NAME), (Role.LAST_NAME, Role.FIRST_NAME)):
+        if known in roles:
+            beside = [place for place in free if abs(place - roles.index(known)) == 1]
+            for place in beside[:1]:
+                roles[place] = other
+            return
+    if len(free) == 1:
+        roles[free[0]] = Role.NAME
+    for place, role in zip(
+        free[:2] if len(free) > 1 else (), (Role.FIRST_NAME, Role.LAST_NAME), strict=False
+    ):
+        roles[place] = role
+
+
+def _are_names(cells: Sequence[str]) -> bool:
+    """Return whether most of these cells could be parts of names."""
+    names = sum(
+        any(map(str.isalpha, cell)) and not any(map(str.isdigit, cell)) and "@" not in cell for cell in cells
+    )
+    return names > 0 and 2 * names > len(cells)

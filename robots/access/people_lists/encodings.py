@@ -1,0 +1,111 @@
+"""From the bytes of a file to its text. Most files do not say their encoding: it is a guess that people check."""
+
+from __future__ import annotations
+
+import codecs
+
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
+from msgspec import Struct
+
+# Python's names, in the order in which the preview offers them.
+ENCODINGS = {
+    "utf-8": gettext_lazy("UTF-8"),
+    "utf-16": gettext_lazy("UTF-16 (Excel: Unicode text)"),
+    "cp1252": gettext_lazy("Windows-1252 (Western Europe)"),
+    "iso8859_15": gettext_lazy("ISO 8859-15 (Western Europe)"),
+    "mac_roman": gettext_lazy("Mac Roman (old Macs)"),
+    "cp850": gettext_lazy("DOS 850 (Western Europe)"),
+    "cp1250": gettext_lazy("Windows-1250 (Central Europe)"),
+    "cp1257": gettext_lazy("Windows-1257 (Baltic)"),
+    "cp1254": gettext_lazy("Windows-1254 (Turkish)"),
+    "cp1253": gettext_lazy("Windows-1253 (Greek)"),
+    "cp1251": gettext_lazy("Windows-1251 (Cyrillic)"),
+    "koi8_r": gettext_lazy("KOI8-R (Cyrillic)"),
+    "cp1255": gettext_lazy("Windows-1255 (Hebrew)"),
+    "cp1256": gettext_lazy("Windows-1256 (Arabic)"),
+    "shift_jis": gettext_lazy("Shift JIS (Japanese)"),
+    "gb18030": gettext_lazy("GB 18030 (Chinese)"),
+    "big5": gettext_lazy("Big5 (Chinese)"),
+    "euc_kr": gettext_lazy("EUC-KR (Korean)"),
+}
+_MARKS = {
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+# Windows-1252 contains all letters of Latin-1. The next ones are taken where they fit better.
+_GUESSES = ("cp1252", "iso8859_15", "mac_roman", "cp850", "cp1250")
+_PUNCTUATION = "\u2018\u2019\u201c\u201d\u201e\u2013\u2014\u2026\u00ab\u00bb\u00b7\u00b4\u00ba\u00aa\u00a0"
+
+
+class Decoded(Struct, frozen=True):
+    """A file's text. `certain`: the bytes themselves prove the encoding."""
+
+    text: str
+    encoding: str
+    certain: bool = True
+
+
+class NotInEncodingError(ValueError):
+    """The bytes are no text in the chosen encoding. Its message is for the person."""
+
+
+def decoded(content: bytes, encoding: str = "") -> Decoded:
+    """Return the text of a file in `encoding`, a key of `ENCODINGS`; "": in the one that fits.
+
+    Raises `NotInEncodingError` if bytes have no meaning in the chosen encoding: no letter is replaced or lost.
+    """
+    if encoding:
+        try:
+            return Decoded(content.decode(_with_mark(content, encoding)), encoding)
+        except (UnicodeDecodeError, UnicodeError) as error:
+            text = _("The file is not in %(encoding)s: choose another encoding.")
+            raise NotInEncodingError(text % {"encoding": ENCODINGS[encoding]}) from error
+    for mark, codec in _MARKS.items():
+        if content.startswith(mark) and (found := _text(content, codec)) is not None:
+            return Decoded(found, codec.removesuffix("-sig"))
+    for codec in _utf_16_without_mark(content):
+        if (found := _text(content, codec)) is not None:
+            return Decoded(found, "utf-16")
+    if (found := _text(content, "utf-8")) is not None:
+        return Decoded(found, "utf-8")
+    texts = {codec: found for codec in _GUESSES if (found := _text(content, codec)) is not None}
+    best = min(texts, key=lambda codec: _oddities(texts[codec]))
+    return Decoded(texts[best], best, certain=False)
+
+
+def _with_mark(content: bytes, encoding: str) -> str:
+    """Return the codec that drops a byte order mark; UTF-16 without a mark is little-endian, as Windows writes it."""
+    if encoding == "utf-8":
+        return "utf-8-sig"
+    if encoding == "utf-16" and not content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return next(iter(_utf_16_without_mark(content)), "utf-16-le")
+    return encoding
+
+
+def _utf_16_without_mark(content: bytes) -> list[str]:
+    """Return the byte order in which every other byte of an address or a separator is zero."""
+    start = content[:400]
+    even, odd = start[::2].count(0), start[1::2].count(0)
+    if max(even, odd) <= len(start) // 8:
+        return []
+    return ["utf-16-le" if odd > even else "utf-16-be"]
+
+
+def _text(content: bytes, codec: str) -> str | None:
+    try:
+        return content.decode(codec)
+    except (UnicodeDecodeError, UnicodeError):
+        return None
+
+
+def _oddities(text: str) -> int:
+    """Return how many characters stand where names have none: symbols, or a capital within small letters."""
+    odd = 0
+    for before, letter, after in zip(" " + text, text, text[1:] + " ", strict=False):
+        if letter.isascii() or letter in _PUNCTUATION:
+            continue
+        amid = letter.isupper() and (before.islower() or (before.isalpha() and after.islower()))
+        odd += amid or not letter.isalpha()
+    return odd

@@ -1,0 +1,290 @@
+"""Reads lists of people: each line has a name and an e-mail address, in columns or as in a letter's address."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import unicodedata
+from collections.abc import Iterable, Sequence
+
+from django.core.exceptions import ValidationError
+from django.core.validators import validate_email
+from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
+from msgspec import Struct
+
+from robots.access.people_lists.columns import Column, Role, columns_of, role_of
+
+MOST_LINES = 5000
+MOST_COLUMNS = 100
+NAME_LENGTH = 150  # characters, as `User.full_name`
+ADDRESS_LENGTH = 254
+SEPARATORS = ",;\t|"
+LINES_OF_CELL = 5  # a cell in quotes may go on in the next lines; a forgotten quote must not swallow the list
+HEADER_WITHIN = 10  # lines: some exports begin with the name of the course
+
+IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*<(?P<email>[^<>]*)>\s*$")
+LINE_ENDS = re.compile(
+    r"\r\n|\r|\n"
+)  # `splitlines` also splits at characters that stand in names of broken files
+
+
+class Listed(Struct, frozen=True):
+    """A person of a list."""
+
+    line: int
+    name: str
+    email: str
+    cells: tuple[str, ...] = ()  # the line as it was read
+
+
+class Wrong(Struct, frozen=True):
+    """A line that cannot be used, and why."""
+
+    line: int
+    text: str
+    reason: str
+    cells: tuple[str, ...] = ()
+
+
+class PeopleList(Struct, frozen=True):
+    """The content of a list: people, lines that cannot be used, and notes on parts that were left out."""
+
+    people: tuple[Listed, ...] = ()
+    wrong: tuple[Wrong, ...] = ()
+    notes: tuple[str, ...] = ()
+    repeated: tuple[Wrong, ...] = ()  # lines with an address of an earlier line
+    columns: tuple[Column, ...] = ()
+    separator: str = ""  # "": the list has one column
+
+    def as_text(self) -> str:
+        """Return the people as a text from which `read_people` reads the same people."""
+        text = io.StringIO()
+        rows = csv.writer(text, delimiter=";", lineterminator="\n")
+        rows.writerows([("Name", "E-mail"), *((one.name, one.email) for one in self.people)])
+        return text.getvalue()
+
+
+class _Line(Struct, frozen=True):
+    number: int
+    text: str
+    cells: tuple[str, ...]
+
+
+def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> PeopleList:
+    """Read lines such as `Ada Lovelace <ada@example.org>`, `Ada Lovelace, ada@example.org` or an address alone.
+
+    `separator` is one of `SEPARATORS`, "" finds it. `roles` are the roles of the columns; without them, titles and
+    content decide. Each line is a person, wrong, repeated, or the header.
+    """
+    texts = LINE_ENDS.split(text.removeprefix("\ufeff"))
+    if len(texts) > MOST_LINES + 1 + (not texts[-1]):
+        reason = _("The list has %(lines)d lines; at most %(most)d are read. Divide it.")
+        return PeopleList(
+            wrong=(Wrong(MOST_LINES + 2, "", reason % {"lines": len(texts), "most": MOST_LINES}),)
+        )
+    usual = separator or _separator(texts)
+    lines = [line for line in _lines(texts, usual, fixed=bool(separator)) if any(line.cells)]
+    header, lines = _without_header(lines)
+    columns = columns_of(header.cells if header else (), [line.cells for line in lines])
+    if roles:
+        columns = tuple(
+            Column(column.title, role)
+            for column, role in zip(columns, [*roles, *_unused(columns, roles)], strict=False)
+        )
+    return _people(lines, columns, usual if len(columns) > 1 else "")
+
+
+def _unused(columns: Sequence[Column], roles: Sequence[Role]) -> list[Role]:
+    return [Role.UNUSED] * (len(columns) - len(roles))
+
+
+def _people(lines: Iterable[_Line], columns: tuple[Column, ...], separator: str) -> PeopleList:
+    people: list[Listed] = []
+    wrong: list[Wrong] = []
+    repeated: list[Wrong] = []
+    seen: dict[str, int] = {}
+    for line in lines:
+        for name, email in _persons(line.cells, columns):
+            text = line.text[:100]
+            if reason := _fault(name, email):
+                wrong.append(Wrong(line.number, text, reason, line.cells))
+                break  # a line is used as a whole or not at all
+            if (first := seen.setdefault(email.lower(), line.number)) != line.number:
+                reason = _("The address stands in line %(line)d, too.") % {"line": first}
+                repeated.append(Wrong(line.number, text, reason, line.cells))
+            else:
+                people.append(Listed(line.number, name, email, line.cells))
+    return PeopleList(
+        tuple(people), tuple(wrong), _notes(columns, people, repeated), tuple(repeated), columns, separator
+    )
+
+
+def _notes(columns: Sequence[Column], people: Sequence[Listed], repeated: Sequence[Wrong]) -> tuple[str, ...]:
+    """Return sentences about parts of the list that are not used."""
+    notes = []
+    titles = {each.role: each.title for each in columns if each.title}
+    if titles:
+        names = ", ".join(
+            titles[role] for role in (Role.NAME, Role.FIRST_NAME, Role.LAST_NAME) if role in titles
+        )
+        facts = {"names": names or "-", "email": titles.get(Role.EMAIL, "-")}
+        notes.append(_("Name from: %(names)s. E-mail address from: %(email)s.") % facts)
+    unused = [
+        column.title or _("column %(number)d") % {"number": number}
+        for number, column in enumerate(columns, start=1)
+        if column.role is Role.UNUSED and any(_is_lost(one, number - 1, column) for one in people)
+    ]
+    if unused:
+        notes.append(_("Left out: %(columns)s.") % {"columns": ", ".join(unused)[:300]})
+    if nameless := sum(not one.name for one in people):
+        text = ngettext(
+            "%(number)d person has no name in the list.",
+            "%(number)d people have no name in the list.",
+            nameless,
+        )
+        notes.append(text % {"number": nameless})
+    if repeated:
+        text = ngettext(
+            "%(number)d repeated address counts once.",
+            "%(number)d repeated addresses count once.",
+            len(repeated),
+        )
+        notes.append(text % {"number": len(repeated)})
+    return tuple(notes)
+
+
+def _is_lost(one: Listed, place: int, column: Column) -> bool:
+    """Return whether this person's cell is not used. Without titles, an address is a person of its own."""
+    cell = one.cells[place] if place < len(one.cells) else ""
+    return bool(cell) and (bool(column.title) or "@" not in cell)
+
+
+# --- lines and cells ------------------------------------------------------------------------------
+
+
+def _separator(texts: Sequence[str]) -> str:
+    first = next((text for text in texts if text.strip()), "")
+    if ">;" in first:  # addresses of a letter, in which a comma may be part of a name
+        return ";"
+    if first.lower().startswith("sep=") and len(first) == 5:  # Excel's own way to say it
+        return first[4]
+    # The first line may be a title, so the first lines with an address decide if it has none.
+    samples = [first, *[text for text in texts if "@" in text][:5]]
+    counts = {mark: [sample.count(mark) for sample in samples] for mark in SEPARATORS}
+    return max(SEPARATORS, key=lambda mark: (counts[mark][0], sum(counts[mark])))
+
+
+def _lines(texts: Sequence[str], separator: str, *, fixed: bool) -> Iterable[_Line]:
+    """Yield the lines with their cells. Unless the separator is fixed, a line without it may have its own."""
+    at = 0
+    while at < len(texts):
+        number, text = at + 1, texts[at]
+        own = separator if fixed or separator in text else _separator([text])
+        cells, count = _cells_of(texts[at : at + LINES_OF_CELL], own)
+        yield _Line(number, text, cells)
+        at += count
+
+
+def _cells_of(texts: Sequence[str], separator: str) -> tuple[tuple[str, ...], int]:
+    """Return the cells that begin with the first of these lines, and the number of lines that they take."""
+    for count in range(1, len(texts) + 1):
+        try:
+            return _cells("\n".join(texts[:count]), separator, strict=True), count
+        except csv.Error:
+            continue
+    try:
+        return _cells(texts[0], separator, strict=False), 1
+    except csv.Error:
+        return (texts[0],), 1
+
+
+def _cells(text: str, separator: str, *, strict: bool) -> tuple[str, ...]:
+    rows = csv.reader([text], delimiter=separator, skipinitialspace=True, strict=strict)
+    return tuple(" ".join(cell.split()) for cell in next(rows, []))
+
+
+def _without_header(lines: list[_Line]) -> tuple[_Line | None, list[_Line]]:
+    """Return the header, if there is one, and the other lines. Lines above it stay: they are named as wrong."""
+    if lines and lines[0].text.lower().startswith("sep="):
+        lines = lines[1:]
+    for place, line in enumerate(lines[:HEADER_WITHIN]):
+        if any("@" in cell for cell in line.cells):
+            break
+        if any(role_of(cell) is Role.EMAIL for cell in line.cells):
+            return line, lines[:place] + lines[place + 1 :]
+    if len(lines) > 1 and _is_header(lines[0], lines[1]):
+        return lines[0], lines[1:]
+    return None, lines
+
+
+def _is_header(line: _Line, following: _Line) -> bool:
+    """Return whether a line has titles that are not known here: it has as many cells as the next, and no address."""
+    addresses = [any("@" in cell for cell in each.cells) for each in (line, following)]
+    return addresses == [False, True] and len(line.cells) == len(following.cells) > 1
+
+
+# --- people ---------------------------------------------------------------------------------------
+
+
+def _persons(cells: Sequence[str], columns: Sequence[Column]) -> list[tuple[str, str]]:
+    """Return name and address of each person of a line: several only in a line of addresses, as in a letter's head."""
+    filled = [cell for cell in cells if cell]
+    if (
+        len(filled) > 1
+        and all("@" in cell for cell in filled)
+        and not any(column.title for column in columns)
+    ):
+        return [_as_address(cell) for cell in filled]
+    if any(IN_BRACKETS.match(cell) and "@" in cell for cell in cells):
+        return [_in_brackets(cells)]
+    return [_by_columns(cells, columns)]
+
+
+def _as_address(cell: str) -> tuple[str, str]:
+    found = IN_BRACKETS.match(cell)
+    return (found["name"].strip('" '), found["email"].strip()) if found else ("", cell)
+
+
+def _in_brackets(cells: Sequence[str]) -> tuple[str, str]:
+    """Return name and address of `Ada Lovelace <ada@example.org>` or `Lovelace, Ada <ada@example.org>`."""
+    place = next(place for place, cell in enumerate(cells) if IN_BRACKETS.match(cell) and "@" in cell)
+    name, email = _as_address(cells[place])
+    before = " ".join(filter(None, cells[:place]))
+    return f"{name} {before}".strip(), email
+
+
+def _by_columns(cells: Sequence[str], columns: Sequence[Column]) -> tuple[str, str]:
+    def of(role: Role) -> list[str]:
+        pairs = zip(columns, cells, strict=False)
+        return [cell for column, cell in pairs if cell and column.role is role]
+
+    email = " ".join(of(Role.EMAIL))
+    addresses = [cell for cell in cells if "@" in cell]
+    if "@" not in email and len(addresses) == 1 and not any(column.title for column in columns):
+        return " ".join(cell for cell in cells if cell and "@" not in cell), addresses[
+            0
+        ]  # an order of its own
+    return " ".join(of(Role.NAME) + of(Role.FIRST_NAME) + of(Role.LAST_NAME)), email
+
+
+def _fault(name: str, email: str) -> str:
+    """Return why a line cannot be used; "" if it can."""
+    if any(_is_no_text(letter) for letter in name + email):
+        return _("It contains a character that is no text: choose another encoding, or save the file as CSV.")
+    if re.search(r"\S@\S", name):
+        return _("There are two addresses: write one person in a line.")
+    if not email:
+        return _("There is no e-mail address.")
+    try:
+        validate_email(email)
+    except ValidationError:
+        return _("%(address)s is no e-mail address.") % {"address": email[:60]}
+    if len(email) > ADDRESS_LENGTH or len(name) > NAME_LENGTH:
+        return _("The name or the address is too long.")
+    return ""
+
+
+def _is_no_text(letter: str) -> bool:
+    return letter == "\ufffd" or unicodedata.category(letter) in {"Cc", "Cn", "Co", "Cs"}
