@@ -27,7 +27,8 @@ from robots.bridge.drive.input_filters import COMMAND_LIFE_S
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Posture
 from robots.bridge.gate.obstacles.depth_camera import Frame
-from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity, Verdict
+from robots.bridge.gate.values import BRIDGE_STARTED, STILL, Forgotten, LaserScan, Pose, Velocity, Verdict
+from robots.bridge.gate.words import forgotten
 from robots.bridge.health.battery_time import BatteryTime
 from robots.bridge.health.diagnostics import Diagnostics, Status
 from robots.bridge.health.health_log import HealthLog
@@ -151,6 +152,8 @@ class Core:
         self._ros = RosStatus("waiting", "The bridge is starting.")
         self._reported = Reported()
         self._run = 0  # number of the robot's run
+        # the last time at which memory was dropped, and when this was noticed: a new bridge knows nothing
+        self._forgotten: tuple[Forgotten, float | None] = BRIDGE_STARTED, None
         self._sonar_reach_m = {sonar.frame_id: sonar.max_range_m for sonar in config.topics.sonars}
         self.tasks = HolderTasks(config, base, gate, records, self, publisher, announce, saved.goal)
 
@@ -276,6 +279,7 @@ class Core:
         self._late.observe(late_s, now_s)
         self._console_late.observe(0.0, now_s)
         self._expire(now_s)
+        self._note_forgotten(now_s)
         took_s = self._base.acknowledged_s(now_s)
         if took_s is not None:
             self._gate.observe_acknowledgement(took_s, now_s)
@@ -361,7 +365,7 @@ class Core:
             return
         if run != self._run:
             self._run = run
-            self._gate.forget(restarted=True)
+            self._gate.forget(restarted=True, code="odometry_restarted")
         if self.tasks.navigation.driving_requester:
             # After a silence, messages arrive in a burst. The first are old: the robot only seems slow.
             self._miss_sensors(arrival_s)
@@ -479,6 +483,7 @@ class Core:
             tasks.routing.chosen,
             dict(tasks.routing.gone),
             tasks.publications.view,
+            self._forgotten[0],
         )
 
     @property
@@ -507,6 +512,7 @@ class Core:
             skew_s=report.skew_s,
             overload=self._late.report(now_s) or self._console_late.report(now_s),
             watchdog_missing=self.watchdog_missing,
+            forgotten=self._forgotten,
         )
         return state_view.state(inputs, self._gate, self.tasks, now_s, watchers, watchers_more)
 
@@ -663,6 +669,14 @@ class Core:
             if late_s and now_s - stick.taken_s - late_s < COMMAND_LIFE_S:
                 return "overloaded", f"this computer is overloaded: {part} was {late_s:.1f} s late"
         return "dead_man", f"no command came for {COMMAND_LIFE_S} s"
+
+    def _note_forgotten(self, now_s: float) -> None:
+        """Note when the gate dropped its memory, so that pages can say so."""
+        latest = self._gate.forgotten or BRIDGE_STARTED
+        before, noticed_s = self._forgotten
+        if noticed_s is None or latest != before:
+            self._forgotten = latest, now_s
+            log.info("%s", forgotten(latest.code))
 
     def _watch_records(self, now_s: float) -> None:
         """Stop motion and tasks while records cannot be written; no task may begin late."""

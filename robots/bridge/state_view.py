@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from robots import wire
 from robots.bridge.config import CLOCK_SKEW_S, SonarSource
+from robots.bridge.gate import words
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.values import Kind, Obstacles, Pose, SpeedLimit, Velocity, Verdict
+from robots.bridge.gate.values import Forgotten, Kind, Obstacles, Pose, SpeedLimit, Velocity, Verdict
 from robots.bridge.tasks.holder_tasks import HolderTasks
 from robots.wire import Grant, StopState
 
@@ -40,6 +41,7 @@ class StateInputs(NamedTuple):
     skew_s: float | None  # robot's clock minus ours
     overload: wire.Overload | None
     watchdog_missing: bool
+    forgotten: tuple[Forgotten, float | None]  # when it was noticed; None: not yet
 
 
 def state(
@@ -88,6 +90,7 @@ def state(
         watchdog_missing=inputs.watchdog_missing,
         health=inputs.health,
         battery_left_min=inputs.battery_left_min,
+        forgotten=_forgotten(*inputs.forgotten, now_s),
     )
 
 
@@ -143,6 +146,12 @@ def _centimetres(
 def _range_cm(gate: Gate, sonar: SonarSource, now_s: float) -> int | None:
     range_m = gate.sonar_range(sonar.frame_id, now_s)
     return None if range_m is None else round(range_m * 100)
+
+
+def _forgotten(event: Forgotten, noticed_s: float | None, now_s: float) -> wire.Forgotten | None:
+    if noticed_s is None:
+        return None
+    return wire.Forgotten(event.number, event.code, words.forgotten(event.code), round(now_s - noticed_s, 1))
 
 
 def _odometry(pose: Pose, velocity: Velocity) -> wire.Odometry:

@@ -164,6 +164,7 @@ from robots.wire.page import Welcome as Welcome
 from robots.wire.state import ChoiceEnd as ChoiceEnd
 from robots.wire.state import DriveByEnd as DriveByEnd
 from robots.wire.state import DriveByProgress as DriveByProgress
+from robots.wire.state import Forgotten as Forgotten
 from robots.wire.state import Motion as Motion
 from robots.wire.state import MotionEnd as MotionEnd
 from robots.wire.state import MotionOffer as MotionOffer

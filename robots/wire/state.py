@@ -180,6 +180,19 @@ class Publishing(Struct, frozen=True):
     rate_hz: float
 
 
+class Forgotten(Struct, frozen=True):
+    """The last time at which the robot forgot what it had seen. `number` grows with each; a new bridge begins at 0.
+
+    `code`: asked (a person asked for it), odometry_restarted (another publisher, or another run of the robot's
+    master), stamps_back (the robot's clock was set back), jump (of the odometry's pose), bridge_started.
+    """
+
+    number: int
+    code: str
+    text: str
+    ago_s: float
+
+
 # waiting: no master. connecting: a master, but no odometry or drive topic yet. online: all is there. refused: the
 # master does not have this bridge registered, or has another one.
 Phase = Literal["waiting", "connecting", "online", "refused"]
@@ -250,6 +263,7 @@ class State(Struct, frozen=True):
     battery_left_min: int | None = (
         None  # at the consumption of the last half hour; None: not known, or on the charger
     )
+    forgotten: Forgotten | None = None
 
 
 class MotionOffer(Struct, frozen=True):

@@ -33,6 +33,8 @@ from robots.bridge.gate.sensor_limits import Fault
 from robots.bridge.gate.timing.latency import Latency
 from robots.bridge.gate.values import (
     STILL,
+    ForgetCode,
+    Forgotten,
     GateProfile,
     Limits,
     Obstacles,
@@ -88,6 +90,7 @@ class OpenGate:
         self.velocity = STILL  # measured
         self.looks = True  # the depth camera looks ahead
         self.forgot: list[bool] = []  # calls of `forget`, each with `restarted`
+        self.forgotten: Forgotten | None = None
 
     def observe_lost_limb(self, limb: str | None) -> None:
         self.lost_limb = limb
@@ -99,8 +102,9 @@ class OpenGate:
 
     def unwatched(self, now_s: float) -> SpeedLimit | None: ...
 
-    def forget(self, restarted: bool = False) -> None:
+    def forget(self, restarted: bool = False, code: ForgetCode = "asked") -> None:
         self.forgot.append(restarted)
+        self.forgotten = Forgotten(len(self.forgot), code)
 
     def observe_camera_view(self, age_s):
         """Ignore it."""

@@ -729,3 +729,18 @@ def test_gate_is_reset_once_for_a_new_run_of_the_robot(bench):
         bench.stamp_s += 0.02
         bench.core.odometry(bench.stamp_s, bench.now_s, Pose(0.0, 0.0, 0.0), STILL, 50.0, run)
         assert bench.gate.forgot == forgot
+
+
+def test_state_says_why_memory_was_dropped_and_how_long_ago(bench):
+    def said():
+        bench.core.tick(bench.now_s)
+        return bench.core.state(bench.now_s + 2.0, []).forgotten
+
+    assert (said().number, said().code, said().ago_s) == (0, "bridge_started", 2.0)
+    before = bench.core.headline(bench.now_s)
+    bench.stamp_s += 0.02
+    bench.core.odometry(bench.stamp_s, bench.now_s, Pose(0.0, 0.0, 0.0), STILL, 50.0, run=1)
+    bench.now_s += 5.0
+    assert (said().number, said().code, said().ago_s) == (1, "odometry_restarted", 2.0)
+    assert said().text == "The robot forgot what it saw before: its odometry or its ROS master was restarted."
+    assert bench.core.headline(bench.now_s) != before, "pages are told at once"

@@ -72,7 +72,7 @@ class Feeder:
         return self.now_s + self.clock_offset_s
 
     def odometry(self) -> None:
-        """Feed odometry up to now, ten times a second: the gate treats a gap as a restart."""
+        """Feed odometry up to now, ten times a second: after a gap, places are uncertain."""
         began_s, pose = self._previous or (self.now_s, self.pose)
         steps = max(math.ceil((self.now_s - began_s) / 0.1 - 1e-6), 1)
         for step in range(1, steps + 1):

@@ -386,5 +386,11 @@ class TestMasterGone:
             ),
             "the gate to hold",
         )
+        time.sleep(0.4)  # a gap
         robot.process.send_signal(signal.SIGCONT)
+        hand.stick(0.0, 0.0)
+        state = hand.state_until(
+            lambda state: drivable(state) and not state.neutral_needed, "the robot after the gap"
+        )
+        assert state.forgotten.code == "bridge_started", "a gap is no restart"
         robot.stop()

@@ -7,7 +7,7 @@ A verdict's codes, in the order of the rules (the verdict names the last rule th
 
     idle              no motion is asked
     invalid           the asked twist is not finite: stop
-    odometry_anew     the odometry restarted, so memory is empty: stop, then neutral
+    odometry_anew     the odometry restarted or jumped, so memory is empty: stop, then neutral
     odometry_missing  no odometry has come yet: stop, then neutral
     odometry_stale    the newest odometry is older than 0.2 s: stop, then neutral
     scan_missing      a laser has sent nothing yet: stop, then neutral
@@ -47,6 +47,7 @@ from robots.bridge.gate.geometry import arm_discs
 from robots.bridge.gate.geometry.arc import speed
 from robots.bridge.gate.geometry.footprint import Discs, Footprint, footprint_of
 from robots.bridge.gate.geometry.planar import NO_POINTS, Points, placed, put
+from robots.bridge.gate.motion.braking import deceleration
 from robots.bridge.gate.motion.certificate import plays_clear, restrains_nothing
 from robots.bridge.gate.motion.corridors import Corridors
 from robots.bridge.gate.motion.rollout import LONGEST_STEP_S, Commands, Sent, safe_share, stepped_up
@@ -69,9 +70,12 @@ from robots.bridge.gate.obstacles.sources import Laser, Sonar, Source
 from robots.bridge.gate.sensor_limits import Fault, SensorLimits
 from robots.bridge.gate.timing.freshness import LASER_STALE_S, ODOMETRY_STALE_S, Freshness
 from robots.bridge.gate.timing.latency import Latency
-from robots.bridge.gate.timing.trail import Trail
+from robots.bridge.gate.timing.trail import LARGEST_HOLE_S, Trail
+from robots.bridge.gate.timing.unseen_motion import Doubt, UnseenMotion
 from robots.bridge.gate.values import (
     STILL,
+    ForgetCode,
+    Forgotten,
     GateProfile,
     Kind,
     LaserScan,
@@ -110,6 +114,8 @@ class Gate:
         self._restarted = False  # the odometry restarted, and since then the stick was not in the middle
         self._velocity = STILL
         self._commands = Commands()
+        self._unseen_motion = UnseenMotion(limits, deceleration(profile))
+        self.forgotten: Forgotten | None = None  # the last time at which memory was dropped
         self.latency = Latency(limits, profile.parameters.latency_s)
         self._profile_now = profile
         self._restrained_mps = math.inf  # speed to which obstacles limited the last decision
@@ -147,20 +153,46 @@ class Gate:
         silent_s = self._odometry.age_s(arrival_s) or 0.0
         if not self._odometry.advances(stamp_s, arrival_s):
             return False
-        if not self._trail.is_continuous(stamp_s, pose, silent_s):
-            self.forget(restarted=True)
+        self._follow(self._trail.missing_s(stamp_s, silent_s), pose, velocity, arrival_s)
         self._trail.add(stamp_s, pose, velocity)
         self._velocity = velocity
+        stands = self._trail.rest.stands(STANDSTILL_MPS, STANDSTILL_RADPS)
+        self._unseen_motion.moved(STILL if stands else velocity, arrival_s)
         self.latency.arrived("odometry", stamp_s, arrival_s)
         self.latency.moved(velocity, arrival_s)
         return True
 
-    def forget(self, restarted: bool = False) -> None:
-        """Drop all memory; keep only current sensor data.
+    def _follow(self, missing_s: float, pose: Pose, velocity: Velocity, arrival_s: float) -> None:
+        """Check whether odometry continues the last one, after `missing_s` without any.
+
+        After a gap the robot may be elsewhere than its odometry says. A motion that nothing explains makes the pose
+        doubtful; if it is large, the odometry jumped.
+        """
+        gap = missing_s > LARGEST_HOLE_S
+        doubt = self._unseen_motion.doubt(velocity, arrival_s, missing_s) if gap else None
+        if broken := self._trail.break_before(pose, missing_s, doubt):
+            self.forget(restarted=True, code=broken)
+        elif doubt:
+            shift, base = self._trail.shift(pose), self._trail.corrected(pose)
+            self._doubt(Doubt(max(doubt.metres, shift.metres), max(doubt.radians, shift.radians)), base)
+
+    def _doubt(self, doubt: Doubt, base: Pose) -> None:
+        """Keep all memory of a robot that is at `base`, or as far away as `doubt` says."""
+        for memory in self._memories.values():
+            memory.doubt(doubt, base)
+        self._echoes.doubt(doubt, base)
+        if self._depth:
+            self._depth.doubt(doubt, base)
+
+    def forget(self, restarted: bool = False, code: ForgetCode = "asked") -> None:
+        """Drop all memory, because of `code`; keep only current sensor data.
 
         `restarted`: the robot or its odometry restarted. Then poses, the arm's posture and the latency are unknown,
         too, and the stick must return to the middle.
         """
+        memories = (*self._memories.values(), self._echoes, *((self._depth,) if self._depth else ()))
+        if not all(memory.is_empty for memory in memories):
+            self.forgotten = Forgotten(self.forgotten.number + 1 if self.forgotten else 1, code)
         for parts in (self._memories, self._movers):
             for part in parts.values():
                 part.forget()
@@ -191,7 +223,8 @@ class Gate:
     ) -> None:
         """Take a sonar's range. `max_range_m` or more means free. Malformed or unknown ranges are ignored."""
         if sonar := self._sonars.get(source):
-            sonar.observe(stamp_s, arrival_s, range_m, max_range_m, self._trail)
+            is_placed = self._odometry.within(LARGEST_HOLE_S, arrival_s)
+            sonar.observe(stamp_s, arrival_s, range_m, max_range_m, self._trail, is_placed=is_placed)
 
     def observe_depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
         """Take a depth camera's picture."""
@@ -385,8 +418,10 @@ class Gate:
         sent = sent if is_finite(sent) else STILL
         self.latency.sent(sent, self._decided_s)
         self._commands.add(sent, now_s)
+        self._unseen_motion.sent(sent, now_s)
         verdict = self._decided(asked, sent, now_s)
         self._commands.add(verdict.velocity, now_s)
+        self._unseen_motion.sent(verdict.velocity, now_s)
         self._decided_s = now_s
         return verdict
 

@@ -160,6 +160,21 @@ class Verdict(NamedTuple):
     way: Way | None = None
 
 
+# Why memory was dropped: a person asked; another publisher of the odometry, or another run of the robot's master; its
+# stamps went back; its pose jumped; the bridge was started, so the gate is new.
+ForgetCode = Literal["asked", "odometry_restarted", "stamps_back", "jump", "bridge_started"]
+
+
+class Forgotten(NamedTuple):
+    """An event in which the gate dropped what it remembered; `number` grows with each."""
+
+    number: int
+    code: ForgetCode
+
+
+BRIDGE_STARTED = Forgotten(0, "bridge_started")
+
+
 class SensorHealth(NamedTuple):
     """State of a sensor. `age_s` None: no message yet. `text` is empty while `ok`."""
 

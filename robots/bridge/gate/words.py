@@ -29,6 +29,19 @@ NOT_SEEN_NOW = (
     "if nothing is there, press Forget what was seen"
 )
 
+FORGOTTEN = {
+    "asked": "a person asked for it",
+    "odometry_restarted": "its odometry or its ROS master was restarted",
+    "stamps_back": "its clock was set back",
+    "jump": "the pose of its odometry jumped",
+    "bridge_started": "its bridge was started",
+}
+
+
+def forgotten(code: str) -> str:
+    """Return a sentence that says why memory was dropped."""
+    return f"The robot forgot what it saw before: {FORGOTTEN[code]}."
+
 
 def side(bearing: float) -> Side:
     """Return the eighth of the full circle around the robot that contains a bearing (base frame, radians)."""

@@ -33,6 +33,7 @@ import { Drawers } from "./layout/drawers.js";
 import { Panels } from "./layout/panels.js";
 import { takeControlFirst } from "./lease.js";
 import { RobotContact } from "./robot_contact.js";
+import { ForgottenNotices } from "./status/forgotten.js";
 import { StatusBar } from "./status/status_bar.js";
 import { isHeld } from "./status/status_text.js";
 import { StopButton } from "./stop/stop_button.js";
@@ -81,6 +82,7 @@ class ControlPage {
   #chart;
   #statusBar;
   #notices;
+  #forgotten;
   #taskPanel;
   #tabs;
   #drawers;
@@ -127,6 +129,7 @@ class ControlPage {
     this.#chart = new SpeedChart(this.#parts.chart);
     this.#statusBar = new StatusBar(root, this.#parts, (notice) => this.#notices.add(notice));
     this.#notices = new Notices(this.#parts);
+    this.#forgotten = new ForgottenNotices((notice) => this.#notices.add(notice));
     this.#taskPanel = new TaskPanel(this.#parts, {
       addresses: root.dataset,
       send: (message) => this.#socket.send(message),
@@ -456,6 +459,7 @@ class ControlPage {
     this.#taskPanel.state = view.state;
     this.#turn.state = view.state;
     this.#followGate(view.state, before);
+    this.#forgotten.follow(view.state.forgotten ?? null, now);
     this.#update();
   }
 

@@ -13,6 +13,7 @@ from robots.bridge.gate.geometry.footprint import Disc
 from robots.bridge.gate.geometry.planar import placed, relative_to
 from robots.bridge.gate.sensing.scan import Sweep, cone_points, differences, has_neighbour, outside_hull
 from robots.bridge.gate.timing.trail import Trail
+from robots.bridge.gate.timing.unseen_motion import Doubt
 from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity
 from tests.gate.conftest import LASER, Feeder, tiago_profile
 
@@ -199,19 +200,28 @@ class TestTrail:
         assert self.trail().pose_at(4.9) is None
 
     @pytest.mark.parametrize(
-        ("stamp_s", "x", "silent_s"),
-        [(5.2, 4.0, 0.02), (2.0, 0.18, 0.02), (5.5, 0.2, 0.32), (15.2, 20.0, 10.0), (5.2, 2.0, 10.0)],
+        ("stamp_s", "x", "silent_s", "why"),
+        [(5.2, 4.0, 0.02, "jump"), (2.0, 0.18, 0.02, "stamps_back"), (5.2, 2.0, 10.0, "jump")],
     )
-    def test_a_jump_a_clock_set_back_or_a_hole_is_another_frame(self, stamp_s, x, silent_s):
+    def test_a_jump_or_a_clock_set_back_is_another_frame(self, stamp_s, x, silent_s, why):
         trail = self.trail()
-        assert not trail.is_continuous(stamp_s, Pose(x, 0.0, 0.0), silent_s)
+        assert trail.break_before(Pose(x, 0.0, 0.0), trail.missing_s(stamp_s, silent_s), None) == why
         trail.forget()
         trail.add(stamp_s, Pose(x, 0.0, 0.0), STILL)
         assert trail.pose_at(5.1) is None and trail.pose_at(stamp_s).x == x and trail.resets == 1
 
-    @pytest.mark.parametrize(("stamp_s", "silent_s"), [(5.2, 0.02), (5.45, 0.29), (3605.0, 0.02), (5.2, 3.0)])
+    @pytest.mark.parametrize(("stamp_s", "silent_s"), [(5.2, 0.02), (5.35, 0.19), (3605.0, 0.02), (5.2, 3.0)])
     def test_a_set_clock_or_a_burst_of_messages_is_continuous(self, stamp_s, silent_s):
-        assert self.trail().is_continuous(stamp_s, Pose(0.25, 0.0, 0.0), silent_s)
+        trail = self.trail()
+        missing_s = trail.missing_s(stamp_s, silent_s)
+        assert missing_s < 0.2, "no gap"
+        assert trail.break_before(Pose(0.25, 0.0, 0.0), missing_s, None) is None
+
+    @pytest.mark.parametrize(("x", "why"), [(0.18, None), (0.9, None), (1.2, "jump")])
+    def test_after_a_gap_the_motion_must_be_possible(self, x, why):
+        trail = self.trail()
+        assert trail.missing_s(6.2, 1.02) == pytest.approx(1.02)
+        assert trail.break_before(Pose(x, 0.0, 0.0), 1.02, Doubt(0.5, 0.1)) == why
 
     def test_a_hole_in_the_odometry_is_not_bridged(self):
         trail = self.trail()

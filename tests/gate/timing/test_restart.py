@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate.geometry.arm_discs import AT_HOME
-from robots.bridge.gate.values import STILL, Pose
-from tests.gate.conftest import SONARS, Feeder, tiago_profile
+from robots.bridge.gate.values import STILL, Forgotten, Pose
+from tests.gate.conftest import LASER, SONARS, Feeder, tiago_profile
 
 
 @pytest.fixture
@@ -37,29 +37,32 @@ def known(feeder: Feeder) -> dict[str, int]:
 
 
 @pytest.mark.parametrize(
-    ("silent_s", "clock_s", "x", "run"),
+    ("silent_s", "clock_s", "x", "run", "code"),
     [
-        (10.0, 0.0, 0.0, 0),  # a gap, and the robot did not move
-        (10.0, 0.0, 20.0, 0),
-        (0.4, 0.0, 0.0, 0),
-        (0.05, 0.0, 0.0, 1),  # another publisher, or a restarted master
-        (0.05, -2.0, 0.0, 0),  # stamps go back
-        (0.05, 0.0, 1.0, 0),  # the pose jumps
+        (10.0, 0.0, 20.0, 0, "jump"),
+        (0.05, 0.0, 0.0, 1, "odometry_restarted"),  # another publisher, or a restarted master
+        (2.0, 0.0, 0.0, 1, "odometry_restarted"),
+        (0.05, -2.0, 0.0, 0, "stamps_back"),
+        (3.0, -2.0, 0.0, 0, "stamps_back"),
+        (0.05, 0.0, 1.0, 0, "jump"),
+        (2.0, 0.0, 1.0, 0, "jump"),  # nothing moved it so far
     ],
 )
-def test_a_restart_of_odometry_clears_the_memory(haunted, silent_s, clock_s, x, run):
+def test_a_restart_of_odometry_clears_the_memory(haunted, silent_s, clock_s, x, run, code):
     gate = haunted.gate
     assert known(haunted)["/scan_raw, remembered"] > 10
+    assert gate.forgotten is None
     gate.latency._in_force_s = 0.6  # measured under load
     haunted.decide()
     haunted.now_s += silent_s
     pose = haunted.pose._replace(x=x)
     if run:
-        gate.forget(restarted=True)
-    gate.observe_odometry(haunted.now_s + clock_s, haunted.now_s, pose, STILL)
+        gate.forget(restarted=True, code="odometry_restarted")
+    gate.observe_odometry(haunted.now_s + clock_s - (10.0 if clock_s else 0.0), haunted.now_s, pose, STILL)
     assert known(haunted) == {}
+    assert gate.forgotten == Forgotten(1, code)
     assert gate.latency.in_force_s(haunted.now_s) == pytest.approx(0.2)
-    haunted.clock_offset_s = clock_s
+    haunted.clock_offset_s = clock_s - (10.0 if clock_s else 0.0)
     haunted.scan()
     verdict = haunted.decide(0.5)
     assert (verdict.velocity, verdict.code, verdict.neutral) == (STILL, "odometry_anew", True)
@@ -70,14 +73,35 @@ def test_a_restart_of_odometry_clears_the_memory(haunted, silent_s, clock_s, x, 
     assert haunted.decide(0.5).code == "free"
 
 
-@pytest.mark.parametrize(("silent_s", "clock_s"), [(0.29, 0.0), (0.05, 3600.0)])
-def test_a_short_silence_or_a_set_clock_forgets_nothing(haunted, silent_s, clock_s):
-    before = known(haunted)["/scan_raw, remembered"]
+@pytest.mark.parametrize(
+    ("silent_s", "clock_s"),
+    [
+        (0.29, 0.0),
+        (0.38, 0.0),
+        (5.0, 0.0),
+        (0.05, 3600.0),  # the clock is set forward
+        (2.0, 3600.0),
+        (60.0, -59.95),  # a paused simulator: its time goes on where it stopped
+    ],
+)
+def test_a_gap_a_pause_or_a_set_clock_forgets_nothing(haunted, silent_s, clock_s):
+    gate = haunted.gate
+    before = gate._memories[LASER]._memory.points(haunted.now_s)
     haunted.now_s += silent_s
-    haunted.gate.observe_odometry(haunted.now_s + clock_s, haunted.now_s, haunted.pose, STILL)
+    gate.observe_odometry(haunted.now_s + clock_s, haunted.now_s, haunted.pose, STILL)
+    haunted._previous = haunted.now_s, haunted.pose
+    assert gate.forgotten is None and gate._trail.resets == 0
+    kept = gate._memories[LASER]._memory._cells
+    assert len(kept) == len(before)
+    haunted.decide()
     haunted.clock_offset_s = clock_s
-    haunted.scan()
-    assert known(haunted)["/scan_raw, remembered"] == pytest.approx(before, abs=2)
+    haunted.all()
+    assert haunted.decide(0.1).code != "odometry_anew"
+
+
+def test_nothing_is_said_when_nothing_was_remembered(tiago):
+    tiago.gate.forget(restarted=True, code="odometry_restarted")
+    assert tiago.gate.forgotten is None
 
 
 def test_a_burst_after_a_delay_leaves_no_hole(haunted):

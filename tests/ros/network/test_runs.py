@@ -31,6 +31,8 @@ def test_a_rival_publisher_stops_the_robot_until_neutral(ros, rosmaster, simulat
             base.publish(message)
             state = hand.drive_until(0.2, lambda state: state.neutral_needed, "a stop")
             assert state.neutral_needed.code == "odometry_anew"
+            state = hand.state_until(lambda state: state.forgotten.number, "pages to be told")
+            assert state.forgotten.code == "odometry_restarted"
             hand.let_go()
             hand.state_until(lambda state: state.neutral_needed is None, "a stick in the middle")
             hand.drive_until(0.2, lambda state: state.odometry.vx > 0.05, "motion again")

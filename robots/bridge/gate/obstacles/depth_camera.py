@@ -43,7 +43,16 @@ from robots.bridge.gate.obstacles.point_memory import (
     moved_nearer,
     outside_robot,
 )
-from robots.bridge.gate.obstacles.sightings import BEHIND_M, SAME_M, Past, past, seen_free
+from robots.bridge.gate.obstacles.sightings import (
+    BEHIND_M,
+    SAME_M,
+    Past,
+    beside,
+    beyond,
+    past,
+    seen_free,
+    sight_of_doubtful,
+)
 from robots.bridge.gate.sensing.depth import (
     Columns,
     Picture,
@@ -58,6 +67,7 @@ from robots.bridge.gate.sensing.depth import (
 from robots.bridge.gate.sensing.scan import Sweep
 from robots.bridge.gate.timing.freshness import DEPTH_STALE_S, Freshness
 from robots.bridge.gate.timing.trail import Trail
+from robots.bridge.gate.timing.unseen_motion import Doubt
 from robots.bridge.gate.values import DepthView, Kind, Pose, SensorHealth
 
 Flags = NDArray[np.bool_]
@@ -130,6 +140,7 @@ class DepthCamera:
         self._looked_s = -math.inf
         self._clock = _MotionClock()
         self._resets = 0
+        self._is_doubtful = False  # a gap of the odometry came after the newest picture
         self.complaint = ""  # about the newest picture
         self._frames = 0
         self._scans = 0  # number of scans that changed which points are overruled
@@ -155,6 +166,7 @@ class DepthCamera:
         if not self.freshness.advances(stamp_s, arrival_s):
             return
         self.complaint = ""
+        self._is_doubtful = False
         self._frame = frame
         self._shows_tables = _shows_tables(frame)
         self._frames += 1
@@ -166,6 +178,16 @@ class DepthCamera:
     def complain(self, why: str) -> None:
         """Take the reason why a picture cannot be used."""
         self.complaint = why
+
+    @property
+    def is_empty(self) -> bool:
+        """Return whether nothing is remembered."""
+        return self._memory.is_empty
+
+    def doubt(self, doubt: Doubt, base: Pose) -> None:
+        """Take a gap of the odometry; the robot is at `base` now. The newest picture counts as memory, too."""
+        self._memory.doubt(doubt, base)
+        self._is_doubtful = True
 
     def forget(self) -> None:
         """Forget earlier pictures; keep the newest one."""
@@ -187,7 +209,7 @@ class DepthCamera:
         remembered = self._memory.points(moved_s)
         from_base = placed(remembered, relative_to(ORIGIN, base))
         columns = self._spans.columns(remembered, from_base)
-        self._memory.pass_through(seen_through(frame.picture, frame.to_base, columns))
+        self._memory.pass_through(all_seen_through(frame, columns, self._memory.doubts_m()))
         self._hidden = self._near_side.hidden(
             kept, frame.to_base, base, self._memory.points(moved_s), self.own_outline, moved_s
         )
@@ -223,12 +245,18 @@ class DepthCamera:
                 beside = from_columns(x - y / far * aside_m, y + x / far * aside_m)
                 free[below] &= seen_free(sweep, beside)
         met = np.flatnonzero(self._spans.is_met(remembered))
-        behind = past(sweep, placed(remembered, relative_to(ORIGIN, sensor)))
+        from_sensor = placed(remembered, relative_to(ORIGIN, sensor))
+        behind = past(sweep, from_sensor)
         judged = behind.likely > -SAME_M
+        doubts_m = self._memory.doubts_m()
+        if doubts_m.any():
+            sighting = sight_of_doubtful(sweep, from_sensor, doubts_m)
+            judged &= sighting.judged | (doubts_m == 0.0)
+            free &= sighting.through | (doubts_m == 0.0)
         overruled = np.zeros(len(remembered), dtype=np.bool_)
         overruled[met] = judged[met]
         self._scans += self._spans.overrule(remembered, overruled, laser)
-        free[met] |= behind.surely[met] > MET_M
+        free[met] |= (behind.surely[met] > MET_M) & (doubts_m[met] == 0.0)
         gone = self._spans.pass_below(remembered, free, judged)
         if gone.any():
             held = self._spans.hold_together(remembered, gone)
@@ -263,8 +291,8 @@ class DepthCamera:
     # --- state ----------------------------------------------------------------------------------
 
     def is_fresh(self, now_s: float) -> bool:
-        """Return whether a usable picture came within half a second."""
-        return self.freshness.within(DEPTH_STALE_S, now_s)
+        """Return whether a usable picture came within half a second, and no gap of the odometry since."""
+        return not self._is_doubtful and self.freshness.within(DEPTH_STALE_S, now_s)
 
     def sight_m(self, direction: float, curvature: float) -> float:
         """Return how much of the way is visible (m): infinite if all of it is, 0 if the camera looks elsewhere.
@@ -344,6 +372,7 @@ class DepthCamera:
             kept = counts.nonzero()[0]
             hidden = NO_POINTS if self.is_fresh(now_s) else self._hidden
             known, errors_m = joined([chosen(remembered, kept), hidden]), np.zeros(len(kept) + len(hidden))
+            errors_m[: len(kept)] = self._memory.doubts_m().take(kept)
             hanging = self._spans.hangs(remembered).take(kept).nonzero()[0]
             errors_m[hanging] = self._memory.errors_m(kept.take(hanging))
             self._unseen = revision, known, errors_m
@@ -606,6 +635,18 @@ class _Spans:
         shared: Flags = self._marked.take(self._memory.entries(points))
         self._marked[theirs] = False
         return shared
+
+
+def all_seen_through(frame: Frame, columns: Columns, doubts_m: NDArray[np.float64]) -> Flags:
+    """Return which columns (base frame) a picture sees through, wherever they are within their possible errors."""
+    gone = seen_through(frame.picture, frame.to_base, columns)
+    rows = np.flatnonzero(gone & (doubts_m > 0.0))
+    if not len(rows):
+        return gone
+    doubtful, doubts_m = columns.only(rows), doubts_m[rows]
+    for points in (*beside(doubtful.points, doubts_m), beyond(doubtful.points, doubts_m)):
+        gone[rows] &= seen_through(frame.picture, frame.to_base, doubtful._replace(points=points))
+    return gone
 
 
 def _shows_tables(frame: Frame) -> bool:

@@ -9,10 +9,11 @@ import numpy as np
 
 from robots.bridge.gate.geometry.planar import ORIGIN, Points, chosen, placed, relative_to
 from robots.bridge.gate.obstacles.point_memory import LASER_LAYER, Memory, moved_nearer, outside_robot
-from robots.bridge.gate.obstacles.sightings import sight
+from robots.bridge.gate.obstacles.sightings import sight_of_doubtful
 from robots.bridge.gate.obstacles.sources import Carried, Laser
 from robots.bridge.gate.timing.trail import Trail
-from robots.bridge.gate.values import Kind, SensorHealth
+from robots.bridge.gate.timing.unseen_motion import Doubt
+from robots.bridge.gate.values import Kind, Pose, SensorHealth
 
 
 class LaserMemory:
@@ -44,13 +45,23 @@ class LaserMemory:
         self._memory.see(placed(self._laser.seen, base), base, now_s)
         origin = relative_to(ORIGIN, base)
         remembered = self._memory.points(now_s)
-        sighting = sight(sweep, placed(remembered, relative_to(origin, self._laser.pose)))
+        there = placed(remembered, relative_to(origin, self._laser.pose))
+        sighting = sight_of_doubtful(sweep, there, self._memory.doubts_m())
         kept = np.flatnonzero(~sighting.judged)
         unseen = placed(chosen(remembered, kept), origin)
         points = moved_nearer(unseen, self._memory.errors_m(kept), self._laser.footprint)
         self._carried = Carried(points, stamp_s)
         self._as_seen = Carried(unseen, stamp_s)
         self._memory.pass_through(sighting.through)
+
+    @property
+    def is_empty(self) -> bool:
+        """Return whether nothing is remembered."""
+        return self._memory.is_empty
+
+    def doubt(self, doubt: Doubt, base: Pose) -> None:
+        """Take a gap of the odometry; the robot is at `base` now."""
+        self._memory.doubt(doubt, base)
 
     def forget(self) -> None:
         """Forget the points of earlier scans."""

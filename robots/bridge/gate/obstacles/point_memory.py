@@ -2,9 +2,9 @@
 
 Two limits end the life of a point: the seconds since it was last seen, and the distance that the robot has
 driven since then (a turn counts as some metres). The odometry's error grows with this distance, so the point is
-moved nearer by the possible error. Points that were watched for long have a long life. Points that were seen
-only briefly (noise, a person who walks by) have the shortest life. Two observations of free space in a row end
-every life.
+moved nearer by the possible error, and by the motion that a gap of the odometry may hide. Points that were watched
+for long have a long life. Points that were seen only briefly (noise, a person who walks by) have the shortest life.
+Two observations of free space in a row end every life.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from robots.bridge.gate.geometry.planar import (
 )
 from robots.bridge.gate.sensing.scan import INSIDE_HULL_M
 from robots.bridge.gate.timing.tremble import Odometer
+from robots.bridge.gate.timing.unseen_motion import Doubt
 from robots.bridge.gate.values import Pose
 
 CELLS = 256  # along each side of the grid, a power of two: 6.4 m of 2.5 cm
@@ -109,6 +110,9 @@ class Memory:
         self._x, self._y, self._watched_s, self._seen_s, self._expires_s, self._expires_m = np.zeros(
             (6, CELLS * CELLS)
         )
+        self._doubts_m = np.zeros(
+            CELLS * CELLS
+        )  # error by gaps of the odometry since the point was last seen
         self._passes = np.zeros(CELLS * CELLS, dtype=np.int8)
         self._lives = np.zeros(CELLS * CELLS, dtype=np.bool_)
         # working memory: which of several points in a cell is last
@@ -122,6 +126,11 @@ class Memory:
         self._revision = 0
 
     # --- state ----------------------------------------------------------------------------------
+
+    @property
+    def is_empty(self) -> bool:
+        """Return whether nothing is remembered."""
+        return not len(self._cells)
 
     def revision(self, now_s: float) -> int:
         """Return a number that changes whenever `points` change."""
@@ -137,9 +146,16 @@ class Memory:
 
     def errors_m(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return the possible error of some of `points` since they were last seen, metres."""
-        moved_m = self._travelled_m + self._layer.travel_m - self._expires_m.take(self._cells.take(rows))
+        cells = self._cells.take(rows)
+        moved_m = self._travelled_m + self._layer.travel_m - self._expires_m.take(cells)
         errors_m: NDArray[np.float64] = ERROR_SHARE * (moved_m - SURE_M)  # np.clip costs more
-        return np.minimum(np.maximum(errors_m, 0.0), MOST_ERROR_M)
+        errors_m = np.minimum(np.maximum(errors_m, 0.0), MOST_ERROR_M)
+        errors_m += self._doubts_m.take(cells)
+        return errors_m
+
+    def doubts_m(self) -> NDArray[np.float64]:
+        """Return the part of the possible error of `points` that comes from gaps of the odometry, metres."""
+        return self._doubts_m.take(self._cells)
 
     def entries(self, points: Points) -> NDArray[np.intp]:
         """Return the entries of these places' cells; within the memory's reach each cell has its own."""
@@ -189,9 +205,16 @@ class Memory:
         self._seen_s[cells] = now_s
         self._expires_s[cells] = now_s + self._life_s(watched_s)
         self._expires_m[cells] = self._travelled_m + self._layer.travel_m
+        self._doubts_m[cells] = 0.0
         self._passes[cells] = 0
         self._lives[cells] = True
         self._cells = np.concatenate((self._cells, cells[~known]))
+        self._changed()
+
+    def doubt(self, doubt: Doubt, pose: Pose) -> None:
+        """Take a gap of the odometry: the robot at `pose` may be elsewhere, and so may all points."""
+        cells = self._cells
+        self._doubts_m[cells] += doubt.at(np.hypot(self._x[cells] - pose.x, self._y[cells] - pose.y))
         self._changed()
 
     def knows(self, points: Points) -> NDArray[np.bool_]:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.planar import Points, wrapped
+from robots.bridge.gate.geometry.planar import Points, chosen, from_columns, wrapped
 from robots.bridge.gate.sensing.scan import Sweep
 
 BEHIND_M = 0.12  # beams that end this far behind a place passed through it
 SAME_M = 0.10  # a beam that ends less than this before a place may have hit the obstacle there
+
+SHARES = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # of an error: places that are checked, too
+NEAREST_M = 0.05  # least distance for which a direction is computed
 
 
 class Sight(NamedTuple):
@@ -44,6 +48,21 @@ def sight(sweep: Sweep, places: Points) -> Sight:
     return Sight(through | (likely >= -SAME_M), through)
 
 
+def sight_of_doubtful(sweep: Sweep, places: Points, doubts_m: NDArray[np.float64]) -> Sight:
+    """Return `sight` of places with possible errors: what holds for all places within the error."""
+    seen = sight(sweep, places)
+    rows = doubts_m.nonzero()[0]
+    if not len(rows):
+        return seen
+    doubtful, doubts_m = chosen(places, rows), doubts_m.take(rows)
+    seen.through[rows] &= seen_free(sweep, beyond(doubtful, doubts_m))
+    for aside in beside(doubtful, doubts_m):
+        there = sight(sweep, aside)
+        seen.judged[rows] &= there.judged
+        seen.through[rows] &= there.through
+    return seen
+
+
 def past(sweep: Sweep, places: Points) -> Past:
     """Return how far behind `places` (sensor's frame) the beams end."""
     beams, distances = _looked_at(sweep, places)
@@ -55,6 +74,26 @@ def seen_free(sweep: Sweep, places: Points) -> NDArray[np.bool_]:
     beams, distances = _looked_at(sweep, places)
     free: NDArray[np.bool_] = sweep.least_ends[beams] - distances > BEHIND_M
     return free
+
+
+def beside(places: Points, doubts_m: NDArray[np.float64]) -> Iterator[Points]:
+    """Return the same places, shifted by shares of their possible errors across the sensor's view.
+
+    `places` in the sensor's frame. A sensor judges a place whose error is known only if it judges these, too: the
+    obstacle may be outside its view.
+    """
+    x, y = places.T
+    far = np.maximum(np.sqrt(x * x + y * y), NEAREST_M)
+    for share in SHARES:
+        aside = share * doubts_m / far
+        yield from_columns(x - aside * y, y + aside * x)
+
+
+def beyond(places: Points, doubts_m: NDArray[np.float64]) -> Points:
+    """Return the places (sensor's frame), each farther away by its possible error."""
+    far = np.maximum(np.hypot(*places.T), NEAREST_M)
+    farther: Points = places * (1.0 + doubts_m / far)[:, None]
+    return farther
 
 
 def _looked_at(sweep: Sweep, places: Points) -> tuple[NDArray[np.intp], NDArray[np.float64]]:

@@ -35,12 +35,14 @@ from robots.bridge.gate.geometry.planar import (
     put,
     relative_to,
 )
-from robots.bridge.gate.obstacles.depth_camera import Frame
-from robots.bridge.gate.obstacles.sightings import seen_free
-from robots.bridge.gate.sensing.depth import Columns, seen_through
+from robots.bridge.gate.obstacles.depth_camera import Frame, all_seen_through
+from robots.bridge.gate.obstacles.point_memory import moved_nearer
+from robots.bridge.gate.obstacles.sightings import sight_of_doubtful
+from robots.bridge.gate.sensing.depth import Columns
 from robots.bridge.gate.sensing.scan import INSIDE_HULL_M, Sweep
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.timing.tremble import Odometer
+from robots.bridge.gate.timing.unseen_motion import Doubt
 from robots.bridge.gate.values import Kind, Pose, SensorHealth
 
 Flags = NDArray[np.bool_]
@@ -50,6 +52,7 @@ NOISE_M = 0.08  # ranges that differ by less may belong to one obstacle
 SURE_SHARE = 0.6  # of the cone about its axis: obstacles there surely give an echo
 SAME_PLACE_M = 0.001  # a sensor that moved less stands; 5 mm may take a leg out of its cone
 SAME_PLACE_RAD = 0.002
+STOOD = 0.01  # metres and radians: a base that may have moved less in a gap of the odometry stood
 UNSTEADY_S = 20.0  # for this time after a sonar got a lost echo again, its evidence counts half
 SURELY_HEARD = 3  # after this many echoes at one place of the sonar, the obstacle is not at the cone's rim
 GONE = 6.0  # a place is forgotten after this much evidence in a row that it is free
@@ -63,8 +66,9 @@ TRAVEL_M = 4.0  # driven distance after which a place is forgotten: the odometry
 MOST = 300  # places; present echoes and the nearest places are kept
 
 # The rows of the table: place; sonar and its pose at the last echo; time and driven distance of this echo;
-# number of the obstacle; evidence in a row that the place is free; echoes in a row from this pose.
-X, Y, SONAR, FROM_X, FROM_Y, FROM_YAW, HEARD_S, HEARD_M, THING, PASSES, TIMES = range(11)
+# number of the obstacle; evidence in a row that the place is free; echoes in a row from this pose; possible error
+# of the place by gaps of the odometry, metres.
+X, Y, SONAR, FROM_X, FROM_Y, FROM_YAW, HEARD_S, HEARD_M, THING, PASSES, TIMES, DOUBT_M = range(12)
 
 
 class Reading(NamedTuple):
@@ -92,7 +96,7 @@ class SonarMemory:
 
     def __init__(self, footprint: Footprint) -> None:
         self._footprint = footprint
-        self._table: NDArray[np.float64] = np.empty((11, 0))
+        self._table: NDArray[np.float64] = np.empty((12, 0))
         self._odometer = Odometer()
         self._here = ORIGIN
         self._now_s = -math.inf
@@ -102,6 +106,7 @@ class SonarMemory:
         self._changed = True  # whether places changed since they were divided into these two:
         self._heard: dict[int, Points] = {}  # present echoes of each sonar
         self._remembered = NO_POINTS
+        self._doubts_m: dict[int | None, NDArray[np.float64]] = {}  # of both; None: of the remembered places
 
     # --- state ----------------------------------------------------------------------------------
 
@@ -112,8 +117,10 @@ class SonarMemory:
     def places(self, trail: Trail, now_s: float) -> Points:
         return self._remembered if self._is_known(trail) else NO_POINTS
 
-    def moved_nearer(self, points: Points) -> Points:
-        return points
+    def moved_nearer(self, points: Points, sonar: int | None = None) -> Points:
+        """Return points of a sonar's present echo (None: the remembered ones), each nearer by its possible error."""
+        doubts_m = self._doubts_m.get(sonar)
+        return points if doubts_m is None else moved_nearer(points, doubts_m, self._footprint)
 
     def as_seen(self, trail: Trail, now_s: float) -> Points:
         return self.places(trail, now_s)
@@ -140,19 +147,36 @@ class SonarMemory:
                 for sonar in set(sonars[lately].tolist())
             }
             self._remembered = self._table[:2, ~lately].T
+            doubts_m = self._table[DOUBT_M]
+            self._doubts_m = {}
+            if doubts_m.any():
+                self._doubts_m = {sonar: doubts_m[lately & (sonars == sonar)] for sonar in self._heard}
+                self._doubts_m[None] = doubts_m[~lately]
         return trail.newest is not None and trail.resets == self._resets
 
     # --- input ----------------------------------------------------------------------------------
 
-    def take(self, reading: Reading, base: Pose, trail: Trail, now_s: float) -> None:
-        """Take a reading that was made when the robot was at `base` (odometry frame)."""
+    @property
+    def is_empty(self) -> bool:
+        """Return whether nothing is remembered."""
+        return bool(self._lately().all())
+
+    def take(
+        self, reading: Reading, base: Pose, trail: Trail, now_s: float, *, is_placed: bool = True
+    ) -> None:
+        """Take a reading that was made when the robot was at `base` (odometry frame).
+
+        Not `is_placed`: the robot may have moved since then, because its odometry is silent. Then the reading shows
+        no place free, but its echo counts.
+        """
         self._follow(base, trail, now_s)
         sensor = put(reading.mount, base)
         distance, off = self._seen_from(sensor)
         echo = len(reading.arc) > 0
         unsteady = now_s - self._unsteady_s.get(reading.sonar, -math.inf) < UNSTEADY_S
         counts = (FARTHER_COUNTS if echo else NOTHING_COUNTS) / (1.0 + unsteady)
-        self._clear(reading, distance, off, self._heard_from(reading.sonar, sensor), counts)
+        if is_placed:
+            self._clear(reading, distance, off, self._heard_from(reading.sonar, sensor), counts)
         if echo:
             self._add(reading, sensor, placed(reading.arc, base), now_s)
         self._changed = True
@@ -162,18 +186,30 @@ class SonarMemory:
         if self._table.shape[1]:
             places = placed(self.all_places(), relative_to(ORIGIN, base))
             low, high = (np.full(len(places), height_m, dtype=np.float32) for height_m in HEARD_BETWEEN_M)
-            self.pass_through(seen_through(frame.picture, frame.to_base, Columns(places, low, high)), now_s)
+            columns = Columns(places, low, high)
+            self.pass_through(all_seen_through(frame, columns, self._table[DOUBT_M]), now_s)
 
     def scan(self, sweep: Sweep, laser: Pose, base: Pose, now_s: float) -> None:
         """Take a scan; `laser` is the laser's pose on the robot, which was at `base`."""
         if self._table.shape[1]:
             there = placed(self.all_places(), relative_to(ORIGIN, put(laser, base)))
-            self.pass_through(seen_free(sweep, there), now_s)
+            self.pass_through(sight_of_doubtful(sweep, there, self._table[DOUBT_M]).through, now_s)
 
     def pass_through(self, free: Flags, now_s: float) -> None:
         """Take evidence of a sensor that these of `all_places` are free; present echoes are kept."""
         self._table[PASSES, free & (self._table[HEARD_S] < now_s - LIVE_S)] += FARTHER_COUNTS
         self._keep(self._table[PASSES] < GONE)
+
+    def doubt(self, doubt: Doubt, base: Pose) -> None:
+        """Take a gap of the odometry: the robot, at `base` now, may be elsewhere, and so may all places.
+
+        Unless the base surely stood, no sonar stands where it stood before the gap.
+        """
+        table = self._table
+        table[DOUBT_M] += doubt.at(np.hypot(table[X] - base.x, table[Y] - base.y))
+        if max(doubt) > STOOD:
+            table[FROM_X] = math.inf
+        self._changed = True
 
     def forget(self) -> None:
         """Forget places without a present echo."""
@@ -230,12 +266,14 @@ class SonarMemory:
         counts: float,
     ) -> None:
         """Forget places that this reading and earlier ones show free."""
-        table, half = self._table, reading.fov / 2.0
+        table, half, doubts_m = self._table, reading.fov / 2.0, self._table[DOUBT_M]
+        aside = doubts_m / np.maximum(distance, GRAIN_M)
         same_place &= table[TIMES] >= SURELY_HEARD
-        free = (distance < reading.free_m - NOISE_M) & (same_place | (off < SURE_SHARE * half))
+        in_the_middle = off + aside < SURE_SHARE * half
+        free = (distance + doubts_m < reading.free_m - NOISE_M) & (same_place | in_the_middle)
         table[PASSES, free] += counts
         if len(reading.arc):
-            heard = (np.abs(distance - reading.free_m) <= NOISE_M) & (off <= half)
+            heard = (np.abs(distance - reading.free_m) <= NOISE_M + doubts_m) & (off <= half + aside)
             if (table[PASSES, heard & same_place] > 0.0).any():
                 self._unsteady_s[reading.sonar] = self._now_s
             table[PASSES, heard] = 0.0
@@ -272,7 +310,7 @@ class SonarMemory:
         table[THING, self._belongs_to(again)] = self._things
         times = np.where(self._heard_from(reading.sonar, sensor), table[TIMES] + 1.0, 1.0)
         where = sensor.x, sensor.y, sensor.yaw
-        news = np.array((reading.sonar, *where, now_s, self._odometer.driven_m, self._things, 0.0, 1.0))
+        news = np.array((reading.sonar, *where, now_s, self._odometer.driven_m, self._things, 0.0, 1.0, 0.0))
         table[SONAR:, again] = news[:, None]
         table[TIMES, again] = times[again]
         rows = again.nonzero()[0]

@@ -145,9 +145,19 @@ class Sonar:
         )
 
     def observe(
-        self, stamp_s: float, arrival_s: float, range_m: float, max_range_m: float, trail: Trail
+        self,
+        stamp_s: float,
+        arrival_s: float,
+        range_m: float,
+        max_range_m: float,
+        trail: Trail,
+        *,
+        is_placed: bool,
     ) -> None:
-        """Take a range. A malformed range is ignored; `health` reports it."""
+        """Take a range. A malformed range is ignored; `health` reports it.
+
+        `is_placed`: the odometry is not silent, so it is known where the robot is.
+        """
         try:
             check_times(stamp_s, arrival_s)
             arc = scan.cone_points(range_m, max_range_m, self._pose, self._fov)
@@ -162,9 +172,8 @@ class Sonar:
         if base is not None:
             free_m = max(min(range_m, max_range_m), 0.0)
             self._follow_close(free_m if len(arc) else math.inf, base, trail.resets)
-            self._memory.take(
-                Reading(self._number, self._pose, self._fov, arc, free_m), base, trail, arrival_s
-            )
+            reading = Reading(self._number, self._pose, self._fov, arc, free_m)
+            self._memory.take(reading, base, trail, arrival_s, is_placed=is_placed)
 
     def _follow_close(self, range_m: float, base: Pose, resets: int) -> None:
         """Check whether a close echo moves with the robot: crosstalk, a cable in the cone, or the robot."""
@@ -199,7 +208,7 @@ class Sonar:
         return self._memory.heard(self._number, trail)
 
     def moved_nearer(self, points: Points) -> Points:
-        return points
+        return self._memory.moved_nearer(points, self._number)
 
     def as_seen(self, trail: Trail, now_s: float) -> Points:
         return self.places(trail, now_s)

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
+from typing import Literal
 
 from robots.bridge.gate.geometry.planar import ORIGIN, put, relative_to, wrapped
 from robots.bridge.gate.timing.tremble import Rest
+from robots.bridge.gate.timing.unseen_motion import Doubt, difference
 from robots.bridge.gate.values import Pose, Velocity
 
 KEPT = 200  # poses: 4 s at 50 Hz; no sensor's data are used for longer than 0.5 s
-LARGEST_HOLE_S = 0.2  # longest interpolation between two poses, and extrapolation beyond the newest
+# Longest interpolation between two poses, and extrapolation beyond the newest. A longer hole is a gap.
+LARGEST_HOLE_S = 0.2
 JUMP_M = 0.3  # if a pose is farther away than the base can move plus this, the odometry was reset
 JUMP_RAD = 0.5
-SILENT_S = 0.3  # as long as the dead-man's time: after a longer silence it may be another robot
+
+Break = Literal["stamps_back", "jump"]  # the next pose is in another frame
 
 
 class Trail:
@@ -39,7 +43,7 @@ class Trail:
 
     def add(self, stamp_s: float, pose: Pose, velocity: Velocity) -> None:
         """Take the newest pose, which continues the last one."""
-        corrected = self._corrected(pose)
+        corrected = self.corrected(pose)
         if self.turn_share != 1.0 and self._poses:
             off = (self.turn_share - 1.0) * wrapped(pose.yaw - self._reported_yaw)
             turned = corrected._replace(yaw=wrapped(corrected.yaw + off))
@@ -54,17 +58,33 @@ class Trail:
         if len(self._stamps) > 2 * KEPT:
             del self._stamps[:KEPT], self._poses[:KEPT]
 
-    def is_continuous(self, stamp_s: float, pose: Pose, silent_s: float = math.inf) -> bool:
-        """Return whether a pose that came `silent_s` after the last one is in the same frame.
+    def missing_s(self, stamp_s: float, silent_s: float) -> float:
+        """Return the seconds without odometry before a message that came `silent_s` after the last one.
 
-        It is not after a jump, a stamp that went back, or a hole. A hole counts only if stamps and arrivals
-        both show it: if a clock was set forward, there is no silence, and after a burst of late messages, no
-        hole in the stamps.
+        Stamps and arrivals both must show it: if a clock was set forward, there is no silence, and after a burst
+        of late messages, no hole in the stamps. Negative: the stamp went back.
+        """
+        return min(stamp_s - self._stamps[-1], silent_s) if self._stamps else 0.0
+
+    def break_before(self, pose: Pose, missing_s: float, doubt: Doubt | None) -> Break | None:
+        """Return why a pose is in another frame than the last one, if it is.
+
+        `missing_s`: as of the method of this name. `doubt`: how far the robot may have moved in a gap.
         """
         if not self._stamps:
-            return True
-        passed_s = min(stamp_s - self._stamps[-1], silent_s)
-        return 0.0 <= passed_s <= SILENT_S and not self._jumped(self._corrected(pose), passed_s)
+            return None
+        if missing_s < 0.0:
+            return "stamps_back"
+        moved = self.shift(pose)
+        most_m, most_rad = doubt or (
+            2.0 * self._fastest_mps * missing_s,
+            2.0 * self._fastest_radps * missing_s,
+        )
+        return "jump" if moved.metres > JUMP_M + most_m or moved.radians > JUMP_RAD + most_rad else None
+
+    def shift(self, pose: Pose) -> Doubt:
+        """Return how far the robot moved from the newest pose to the next one, `pose`."""
+        return difference(self.corrected(pose), self._poses[-1])
 
     def forget(self) -> None:
         """Begin a new frame: places in the old one are unknown now."""
@@ -125,17 +145,9 @@ class Trail:
             wrapped(pose.yaw + velocity.w * ahead_s),
         )
 
-    def _corrected(self, pose: Pose) -> Pose:
+    def corrected(self, pose: Pose) -> Pose:
+        """Return a reported pose in the frame of the corrected turns."""
         return pose if self._frame is ORIGIN else put(pose, self._frame)
-
-    def _jumped(self, pose: Pose, passed_s: float) -> bool:
-        last = self._poses[-1]
-        moved = math.hypot(pose.x - last.x, pose.y - last.y)
-        turned = abs(wrapped(pose.yaw - last.yaw))
-        return (
-            moved > JUMP_M + 2.0 * self._fastest_mps * passed_s
-            or turned > JUMP_RAD + 2.0 * self._fastest_radps * passed_s
-        )
 
 
 def between(first: Pose, second: Pose, share: float) -> Pose:
