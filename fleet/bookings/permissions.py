@@ -8,14 +8,17 @@ too.
 from __future__ import annotations
 
 from datetime import datetime
+from typing import Protocol
+from uuid import UUID
 
 from django.db.models import Q, QuerySet
 
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking, State
-from fleet.bookings.selectors import Stage, courses_for, grace_of, policies_of, stage_of
+from fleet.bookings.selectors import OPEN, Stage, courses_for, grace_of, policies_of, stage_of
 from robots.access.models import Course, Enrolment
 from robots.access.selectors import courses_managed_by, manages_robot, robots_managed_by, role_on
+from robots.access.who_sees import Reader
 from robots.registry.models import Robot
 
 
@@ -30,6 +33,22 @@ def bookings_managed_by(person: User, bookings: QuerySet[Booking]) -> QuerySet[B
     return bookings.filter(
         Q(robot__in=robots.values("pk").order_by()) | Q(course__in=courses.values("pk").order_by())
     )
+
+
+class Booked(Protocol):
+    """The columns of a booking that say whom it is about."""
+
+    @property
+    def robot_id(self) -> UUID: ...
+    @property
+    def person_id(self) -> UUID: ...
+    @property
+    def course_id(self) -> int | None: ...
+
+
+def shows_person(reader: Reader, booking: Booked, stage: Stage) -> bool:
+    """Return whether a booking in this stage shows its person and purpose; else only its times."""
+    return stage in OPEN or reader.sees_past(booking.robot_id, [booking.person_id], booking.course_id)
 
 
 def awaiting_approval(person: User, now: datetime) -> list[Booking]:

@@ -208,13 +208,15 @@ def ends_some_day(wish: Wish) -> Refusal | None:
 
 
 def is_free(wish: Wish) -> Refusal | None:
-    """Check that no other booking of the robot overlaps."""
-    if (
-        not wish.taken or wish.slot.ends_at <= wish.now
-    ):  # nobody can wait for a past slot, as the text proposes
+    """Check that no other booking of the robot overlaps.
+
+    Bookings that are over are left out: another rule refuses a past slot, and the text would name their people.
+    """
+    taken = [one for one in wish.taken if one.slot.ends_at > wish.now]
+    if not taken:
         return None
-    first = wish.taken[0]
-    until = max(one.slot.ends_at for one in wish.taken)
+    first = taken[0]
+    until = max(one.slot.ends_at for one in taken)
     if first.own:
         starts, ends = wish.local(first.slot.starts_at), wish.local(first.slot.ends_at)
         text = f"You have booked {wish.robot} from {starts} to {ends} already: change that booking, or choose another"

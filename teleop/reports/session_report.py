@@ -10,6 +10,7 @@ from uuid import UUID
 
 from django.db.models import Case, F, Q, QuerySet, When
 from django.utils import timezone
+from django.utils.translation import gettext as _
 from msgspec import Struct
 
 from fleet.accounts.models import User
@@ -17,12 +18,11 @@ from fleet.audit.models import Record
 from fleet.audit.reading import wording
 from fleet.audit.reading.listing import Row, Selection, Wanted, rows_of
 from fleet.bookings.models import Booking
-from robots.access.selectors import supervises
+from robots.access.who_sees import Reader, reader_of
 from teleop.models import ControlSession
 from teleop.reports.durations import duration_text
 from teleop.reports.path_plot import DrivePath, MapImage, Plot, plot_drives
 from teleop.reports.session_maps import maps_of
-from teleop.reports.today import supervised_by
 
 MOST_ENTRIES = 1000  # of a timeline; older ones are not shown
 _CHUNK = 250
@@ -79,18 +79,17 @@ class SessionReport(Struct, frozen=True):
 
 
 def session_visible_to(user: User, session_id: UUID) -> ControlSession | None:
-    """Return the control session if `user` was its holder, supervises the robot, or is staff; else None."""
+    """Return the control session if `user` reads this past (`robots.access.who_sees`); else None."""
     session = ControlSession.objects.select_related("robot", "user").filter(pk=session_id).first()
     if session is None:
         return None
-    concerned = session.user_id == user.pk or supervises(user, session.robot)
-    return session if concerned else None
+    return session if reader_of(user).sees_past(session.robot_id, [session.user_id]) else None
 
 
 def sessions_visible_to(user: User) -> QuerySet[ControlSession]:
     """Return the control sessions that `session_visible_to` would return to this person."""
-    sessions = ControlSession.objects.select_related("robot", "user")
-    return sessions if user.is_staff else sessions.filter(Q(user=user) | Q(robot__in=supervised_by(user)))
+    sessions, robots = ControlSession.objects.select_related("robot", "user"), reader_of(user).robots
+    return sessions if robots is None else sessions.filter(Q(user=user) | Q(robot__in=robots))
 
 
 def report_of(session: ControlSession) -> SessionReport:
@@ -132,8 +131,11 @@ def _with_robot_events(rows: list[Row], session: ControlSession) -> list[Row]:
 # --- booking and line -----------------------------------------------------------------------------
 
 
-def booking_life(session: ControlSession) -> BookingLife | None:
-    """Return the booking of a session, with its records and the records of its person's wait in line."""
+def booking_life(session: ControlSession, reader: Reader) -> BookingLife | None:
+    """Return the booking of a session, with its records and the records of its person's wait in line.
+
+    Of another person's booking, only those who read the past of others get the records, the person and the purpose.
+    """
     ended = session.ended_at or timezone.now()
     slots = Booking.objects.filter(
         robot=session.robot, starts_at__lt=ended, held_until__gt=session.started_at
@@ -150,7 +152,8 @@ def booking_life(session: ControlSession) -> BookingLife | None:
         at__range=(session.started_at - LINE_BEFORE, session.started_at),
     )
     found = [*line.order_by("-pk")[:_MOST_ROBOT_EVENTS]]
-    if booking is not None:
+    shown = booking is not None and reader.sees_past(booking.robot_id, [booking.person_id], booking.course_id)
+    if booking is not None and shown:
         of_booking = of_robot.filter(kind__startswith="booking.", parameters__booking=str(booking.pk))
         found += of_booking.order_by("-pk")[:_MOST_ROBOT_EVENTS]
     if not found and booking is None:
@@ -158,8 +161,15 @@ def booking_life(session: ControlSession) -> BookingLife | None:
     entries = [_entry(row, session) for row in rows_of(sorted(record.pk for record in found))]
     if booking is None:
         return BookingLife(None, None, None, "", "", entries)
-    person = "" if booking.person_id == session.user_id else booking.person.display_name
-    return BookingLife(booking.pk, booking.starts_at, booking.held_until, person, booking.purpose, entries)
+    person = booking.person.display_name if shown else _("another person")
+    return BookingLife(
+        booking.pk,
+        booking.starts_at,
+        booking.held_until,
+        "" if booking.person_id == session.user_id else person,
+        booking.purpose if shown else "",
+        entries,
+    )
 
 
 # --- timeline -------------------------------------------------------------------------------------

@@ -30,6 +30,7 @@ from fleet.audit.reading.addresses import number, session_url_of
 from fleet.audit.reading.listing import Row
 from fleet.bookings.permissions import awaiting_approval
 from robots.access.selectors import robot_visible_to, supervises
+from robots.access.who_sees import reader_of
 from teleop.control.selectors import end_notes
 from teleop.reports import own_data, path_plot, robot_report, session_report, today
 from teleop.reports.session_maps import maps_of
@@ -67,7 +68,7 @@ def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
     report = session_report.report_of(session)
     context = {
         "report": report,
-        "life": session_report.booking_life(session),
+        "life": session_report.booking_life(session, reader_of(person)),
         "session": session,
         "note": end_notes([session.pk]).get(session.pk, ""),
         "supervises": supervises(person, session.robot),

@@ -78,9 +78,34 @@ def _event(delivery: WebhookDelivery, at: datetime, data: dict[str, Any]) -> dic
 
 
 def data_of(record: Record, texts: bool) -> dict[str, Any]:
-    request = record.of
+    """Return what is sent of a record to people who read its past with names (`robots.access.who_sees`)."""
+    data = _data(record, _figures(record))
+    if record.real_actor is not None and record.real_actor_id != record.actor_id:
+        data["real_person"] = record.real_actor.name
+    if texts:
+        kept = [one.content_kept for one in (record, record.of) if one is not None]
+        data["text"] = next((content.text for content in kept if content and content.text), None)
+    return data
+
+
+def people_of(record: Record) -> set[UUID]:
+    """Return whom a record is about: who did it, and the people in its figures."""
+    return set(_identifiers([record.actor_id, record.real_actor_id, _figures(record)]))
+
+
+def data_without_names(record: Record) -> dict[str, Any]:
+    """Return what is sent of a record to everybody who sees the robot: no person."""
+    figures = {
+        name: value
+        for name, value in _figures(record).items()
+        if name == "booking" or not _identifiers(value)
+    }
+    return {**_data(record, figures), "person": None, "session": None}
+
+
+def _data(record: Record, figures: Mapping[str, Any]) -> dict[str, Any]:
     robot = Robot.objects.filter(pk=record.robot_id).first() if record.robot_id else None
-    data: dict[str, Any] = {
+    return {
         "record": record.pk,
         "robot": {"slug": robot.slug if robot else None, "name": record.robot_name}
         if record.robot_id
@@ -88,15 +113,13 @@ def data_of(record: Record, texts: bool) -> dict[str, Any]:
         "person": record.actor_name or None,
         "session": str(record.session_id) if record.session_id else None,
         "outcome": record.outcome or None,
-        # The request has for example the motion or the language, the outcome has the duration.
-        "figures": _with_names({**(request.parameters if request else {}), **record.parameters}),
+        "figures": _with_names(figures),
     }
-    if record.real_actor is not None and record.real_actor_id != record.actor_id:
-        data["real_person"] = record.real_actor.name
-    if texts:
-        kept = [one.content_kept for one in (record, request) if one is not None]
-        data["text"] = next((content.text for content in kept if content and content.text), None)
-    return data
+
+
+def _figures(record: Record) -> dict[str, Any]:
+    """Return the figures of a record and its request: only the request has for example the motion or the language."""
+    return {**(record.of.parameters if record.of else {}), **record.parameters}
 
 
 def _with_names(figures: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,13 +9,16 @@ from typing import Any
 
 from django.db import transaction
 from django.db.models import QuerySet
+from django.utils.translation import gettext as _
 from icalendar import Calendar, Event
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
 from fleet.bookings.models import Booking, FeedAddress, State
-from fleet.bookings.selectors import NOT_YET
+from fleet.bookings.permissions import shows_person
+from fleet.bookings.selectors import NOT_YET, grace_of, policies_of, stage_of
 from robots.access.selectors import robots_bookable_by
+from robots.access.who_sees import Reader, reader_of
 from robots.registry.models import Robot
 
 PAST = timedelta(days=31)  # how far a feed goes back
@@ -44,22 +47,27 @@ def feed_of(token: str, now: datetime) -> bytes | None:
     if address is None or not address.person.is_active:
         return None
     bookings = Booking.objects.filter(held_until__gt=now - PAST).exclude(state=State.CANCELLED)
+    reader = reader_of(address.person)
     if address.robot is None:
-        return _calendar(address.person.display_name, bookings.filter(person=address.person))
+        return _calendar(address.person.display_name, bookings.filter(person=address.person), reader, now)
     if not robots_bookable_by(address.person).filter(pk=address.robot.pk).exists():
         return None
-    return _calendar(address.robot.name, bookings.filter(robot=address.robot))
+    return _calendar(address.robot.name, bookings.filter(robot=address.robot), reader, now)
 
 
-def _calendar(name: str, bookings: QuerySet[Booking]) -> bytes:
+def _calendar(name: str, bookings: QuerySet[Booking], reader: Reader, now: datetime) -> bytes:
     calendar = Calendar()
     calendar.add("prodid", "-//Fleet console//bookings//EN")
     calendar.add("version", "2.0")
     calendar.add("x-wr-calname", name)
-    for booking in bookings.select_related("robot", "person"):
+    found = list(bookings.select_related("robot", "person"))
+    policies = policies_of({booking.robot for booking in found})
+    for booking in found:
+        stage = stage_of(booking, grace_of(policies[booking.robot_id]), now)
+        who = booking.person.display_name if shows_person(reader, booking, stage) else _("booked")
         event = Event()
         event.add("uid", f"{booking.pk}@fleet-console")
-        event.add("summary", f"{booking.robot.name}: {booking.person.display_name}")
+        event.add("summary", f"{booking.robot.name}: {who}")
         event.add("dtstart", booking.starts_at)
         event.add("dtend", booking.held_until)
         event.add("dtstamp", booking.made_at)

@@ -9,12 +9,14 @@ from typing import Any
 from uuid import UUID
 from zoneinfo import ZoneInfo
 
+from django.utils.translation import gettext as _
 from msgspec import UNSET, Struct, UnsetType
 
 from fleet import rows
 from fleet.accounts.models import User
 from fleet.bookings import rules
 from fleet.bookings.models import WEEKDAYS, OutOfService, Policy
+from fleet.bookings.permissions import shows_person
 from fleet.bookings.rules import day_of, opening_of
 from fleet.bookings.selectors import (
     OPEN,
@@ -26,7 +28,8 @@ from fleet.bookings.selectors import (
     stage_of,
 )
 from fleet.zones import viewers, zone_of
-from robots.access.selectors import courses_managed_by, robots_managed_by
+from robots.access.selectors import robots_managed_by
+from robots.access.who_sees import reader_of
 from robots.registry.models import Robot
 
 LONGEST = timedelta(days=45)  # the longest time that a view shows
@@ -34,8 +37,8 @@ LONGEST = timedelta(days=45)  # the longest time that a view shows
 # A week of ten robots has hundreds of bookings, and many begin at the same time. For speed, rows are not made
 # into models, and each time is parsed and formatted only once.
 _HELD = """
-SELECT b.id, r.slug, CAST(b.starts_at AS text), CAST(b.held_until AS text), CAST(b.used_at AS text), b.state, b.version,
-    b.person_id = %s, b.course_id, COALESCE(NULLIF(p.full_name, ''), p.username)
+SELECT b.id, b.robot_id, r.slug, b.person_id, b.course_id, CAST(b.starts_at AS text), CAST(b.held_until AS text),
+    CAST(b.used_at AS text), b.state, b.version, COALESCE(NULLIF(p.full_name, ''), p.username)
 FROM bookings_booking b JOIN robots_robot r ON r.id = b.robot_id JOIN accounts_user p ON p.id = b.person_id
 WHERE b.robot_id IN ({robots}) AND b.starts_at > %s AND b.starts_at < %s AND b.held_until > %s
     AND b.held_until > b.starts_at
@@ -59,8 +62,11 @@ class Event(Struct, kw_only=True, omit_defaults=True, rename="camel"):
 
 
 class _Row(Struct):
-    """The columns of a booking from which its held time and its stage are computed."""
+    """The columns of a booking that decide about its held time, its stage, and who reads its person."""
 
+    robot_id: UUID
+    person_id: UUID
+    course_id: int | None
     starts_at: datetime
     held_until: datetime
     used_at: datetime | None
@@ -70,7 +76,7 @@ class _Row(Struct):
 def calendar(person: User, robots: Iterable[Robot], first: date, last: date, now: datetime) -> dict[str, Any]:
     """Return robots and events from day `first` until day `last` (not included) in the viewer's zone.
 
-    Six queries for any number of robots.
+    Seven queries for any number of robots.
     """
     zone, robots, last = viewers(), list(robots), min(last, first + LONGEST)
     starts, ends = day_of(first, zone).starts_at, day_of(last, zone).starts_at
@@ -111,16 +117,16 @@ def _booked(
     if not robots:
         return []
     managed = set(robots_managed_by(person).values_list("slug", flat=True))
-    courses = set(courses_managed_by(person).values_list("pk", flat=True))
+    reader = reader_of(person)
     graces = {robot.slug: grace_of(policies[robot.id]) for robot in robots}
-    moment, written = cache(rows.moment), cache(partial(local, zone=zone))
+    moment, known, written = cache(rows.moment), cache(rows.key), cache(partial(local, zone=zone))
     query = _HELD.format(robots=rows.marks(robots))
-    asked = (person.pk, *(robot.id for robot in robots), starts - rules.LONGEST, ends, starts)
+    asked = (*(robot.id for robot in robots), starts - rules.LONGEST, ends, starts)
     events = []
-    for key, slug, starts_at, held_until, used_at, state, version, mine, course, name in rows.read(
-        query, asked
-    ):
-        row = _Row(moment(starts_at), moment(held_until), used_at and moment(used_at), state)
+    for key, robot, slug, owner, course, *times, state, version, name in rows.read(query, asked):
+        starts_at, held_until, used_at = (at and moment(at) for at in times)
+        row = _Row(known(robot), known(owner), course, starts_at, held_until, used_at, state)
+        mine = row.person_id == person.pk
         held = held_slot(row, graces[slug], now)
         stage = stage_of(row, graces[slug], now)
         event = Event(
@@ -128,10 +134,10 @@ def _booked(
             resource_ids=(slug,),
             start=written(held.starts_at),
             end=written(held.ends_at),
-            title=name,
+            title=name if shows_person(reader, row, stage) else _("Booked"),
             class_names=("mine" if mine else "other", f"stage-{stage.name.lower()}"),
         )
-        if stage in OPEN and (mine or slug in managed or course in courses):
+        if stage in OPEN and (mine or slug in managed or course in reader.courses):
             event.editable = True
             event.start_editable = stage in (Stage.AWAITING, Stage.BOOKED)
             event.extended_props = {"version": version}

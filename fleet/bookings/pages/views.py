@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
@@ -29,7 +29,7 @@ from fleet.bookings.messages.ical import address_make, address_revoke, feed_of
 from fleet.bookings.models import Booking, FeedAddress, State, Waiting
 from fleet.bookings.pages.calendar import calendar, local
 from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm, typed_day
-from fleet.bookings.permissions import awaiting_approval, may_manage_booking
+from fleet.bookings.permissions import awaiting_approval, may_manage_booking, shows_person
 from fleet.bookings.rules import Slot, shown
 from fleet.bookings.selectors import (
     OPEN,
@@ -57,6 +57,7 @@ from robots.access.selectors import (
     supervises,
     visible_to,
 )
+from robots.access.who_sees import reader_of
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
 
@@ -80,13 +81,13 @@ def bookings(request: HttpRequest) -> HttpResponse:
         "day": day,
         "previous": day - timedelta(days=1),
         "next": day + timedelta(days=1),
-        "rows": _rows(held, robots, now),
+        "rows": _rows(held, robots, person_of(request), now),
         "zone": zone.key,
         "only": request.GET.get("robot", ""),
         "manages": robots_managed_by(person_of(request)).exists(),
         "kinds": _kinds(robots),
         "form": SlotForm(**options),
-        "awaiting": _rows(awaiting, {one.robot for one in awaiting}, now),
+        "awaiting": _rows(awaiting, {one.robot for one in awaiting}, person_of(request), now),
     }
     return render(request, "bookings/calendar.html", context)
 
@@ -176,7 +177,7 @@ def bookings_mine(request: HttpRequest) -> HttpResponse:
     """List one's own bookings: first the future ones, then the past ones."""
     now = timezone.now()
     found = list(bookings_of(person_of(request))[:LISTED])
-    rows = _rows(found, {one.robot for one in found}, now)
+    rows = _rows(found, {one.robot for one in found}, person_of(request), now)
     opens, _role = visible_to(person_of(request))  # not all booked robots: a course may begin later
     to_come = [row for row in rows if row["stage"] in OPEN]
     past = [row for row in rows if row["stage"] not in OPEN]
@@ -204,7 +205,7 @@ def bookings_of_course(request: HttpRequest, slug: str) -> HttpResponse:
     found = list(
         Booking.objects.filter(course=course).select_related("robot", "person").order_by("-starts_at")[:MOST]
     )
-    rows = _rows(found, {one.robot for one in found}, now)
+    rows = _rows(found, {one.robot for one in found}, person_of(request), now)
     context = {
         "course": course,
         "to_come": [row for row in rows if row["stage"] in OPEN][::-1],
@@ -294,7 +295,7 @@ def _kept(typed: datetime, old: datetime) -> datetime:
 def _booking_page(request: HttpRequest, found: Booking, error: BookingRefused | None = None) -> HttpResponse:
     person = person_of(request)
     now = timezone.now()
-    [row] = _rows([found], [found.robot], now)
+    [row] = _rows([found], [found.robot], person, now)
     manages = may_manage_booking(person, found)
     typed, chosen = request.POST, request.GET  # after a refused move, people need not type it again
     initial = {
@@ -337,17 +338,15 @@ def _sessions_of(booking: Booking, viewer: User) -> Any:
 # --- helpers --------------------------------------------------------------------------------------
 
 
-def _rows(found: Any, robots: Any, now: datetime) -> list[dict[str, Any]]:
-    policies = policies_of(list(robots))
-    return [
-        {
-            "booking": one,
-            "stage": stage_of(one, grace_of(policies[one.robot_id]), now),
-            "words": _in_words(one),
-            "begun": one.starts_at <= now,
-        }
-        for one in found
-    ]
+def _rows(found: Iterable[Booking], robots: Any, viewer: User, now: datetime) -> list[dict[str, Any]]:
+    """Return the rows of a list. The person of a row is None where the viewer may not read it."""
+    policies, reader = policies_of(list(robots)), reader_of(viewer)
+    rows = []
+    for one in found:
+        stage = stage_of(one, grace_of(policies[one.robot_id]), now)
+        row = {"booking": one, "stage": stage, "words": _in_words(one), "begun": one.starts_at <= now}
+        rows.append({**row, "person": one.person if shows_person(reader, one, stage) else None})
+    return rows
 
 
 def _in_words(booking: Booking) -> str:

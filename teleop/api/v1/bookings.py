@@ -24,13 +24,14 @@ from fleet.accounts.tokens.models import Scope
 from fleet.bookings import services
 from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, waiting_leave
 from fleet.bookings.models import Booking, Waiting
-from fleet.bookings.permissions import bookings_managed_by
+from fleet.bookings.permissions import bookings_managed_by, shows_person
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import ALTERNATIVES, OPEN, free_on_any, grace_of, policies_of, stage_of
 from fleet.bookings.services import BookingRefused
 from fleet.bookings.shared_facts import in_turn
 from robots.access.models import Course
 from robots.access.selectors import courses_managed_by, robots_bookable_by
+from robots.access.who_sees import reader_of
 from robots.registry.models import Robot
 from teleop.api.v1.framework.cursors import page_by_time
 from teleop.api.v1.framework.operation import ApiView, operation
@@ -62,7 +63,7 @@ class BookingEntry(Struct, frozen=True):
     id: UUID
     version: int
     robot: str
-    person: str  # name
+    person: str | None  # name; null: the booking is over, and of another person
     username: str | None  # of your own bookings, and of those that you manage
     yours: bool
     may_change: bool  # you may move, cancel and hand it over now
@@ -71,7 +72,7 @@ class BookingEntry(Struct, frozen=True):
     ends_at: Time
     held_until: Time  # others can book from this time on
     stage: StageName
-    purpose: str
+    purpose: str  # empty where `person` is null
     offer_until: Time | None
     series: UUID | None
     made_at: Time
@@ -214,7 +215,7 @@ class BookingsBase(ApiView):
     def entries(self, found: list[Booking]) -> list[BookingEntry]:
         """Return bookings as they are shown to this person."""
         now, person = timezone.now(), self.person
-        policies = policies_of({booking.robot for booking in found})
+        policies, reader = policies_of({booking.robot for booking in found}), reader_of(person)
         listed = Booking.objects.filter(pk__in=[booking.pk for booking in found])
         managed = set(bookings_managed_by(person, listed).values_list("pk", flat=True))
         entries = []
@@ -222,12 +223,13 @@ class BookingsBase(ApiView):
             stage = stage_of(booking, grace_of(policies[booking.robot_id]), now)
             yours = booking.person_id == person.pk
             knows = yours or booking.pk in managed
+            shown = shows_person(reader, booking, stage)
             entries.append(
                 BookingEntry(
                     id=booking.pk,
                     version=booking.version,
                     robot=booking.robot.slug,
-                    person=booking.person.display_name,
+                    person=booking.person.display_name if shown else None,
                     username=booking.person.username if knows else None,
                     yours=yours,
                     may_change=knows and stage in OPEN,
@@ -236,7 +238,7 @@ class BookingsBase(ApiView):
                     ends_at=booking.ends_at,
                     held_until=booking.held_until,
                     stage=_STAGES[_STAGES.index(stage.name.lower())],
-                    purpose=booking.purpose,
+                    purpose=booking.purpose if shown else "",
                     offer_until=booking.offer_until,
                     series=booking.series,
                     made_at=booking.made_at,
@@ -267,8 +269,8 @@ class BookingsView(BookingsBase):
     @_read("bookings_list", "List bookings", query=BookingsAsked, answer=BookingList)
     def get(self, _request: Request, query: BookingsAsked) -> BookingList:
         """Bookings of all robots that you may see, as in the calendar. `from` and `to`: those that overlap this
-        time, also cancelled ones.
-        """
+        time, also cancelled ones. Of other people's bookings that are over, only supervisors of the robot or the course
+        and staff read the person."""
         found = self.seen()
         if query.robot is not None:
             found = found.filter(robot=self.robot(query.robot))

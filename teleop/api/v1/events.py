@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Collection
+from collections.abc import AsyncIterator
+from datetime import timedelta
 from typing import Annotated
 from uuid import UUID
 
 from django.http import HttpResponse, StreamingHttpResponse
 from django.http.response import HttpResponseBase
+from django.utils import timezone
 from msgspec import Meta, Struct
 from rest_framework.renderers import BaseRenderer, JSONRenderer
 from rest_framework.request import Request
@@ -19,18 +21,29 @@ from fleet.accounts.selectors import signed_in
 from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import key_of
 from fleet.audit.models import Record
+from robots.access import who_sees
 from robots.access.selectors import robots_visible_to
 from robots.wire import Refusal
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import Problem
 from teleop.background.database import in_database
 from teleop.webhooks.event_reader import lines_after, newest_record
-from teleop.webhooks.events import EVENT_CATEGORIES, data_of, is_event, rfc3339
+from teleop.webhooks.events import (
+    EVENT_CATEGORIES,
+    data_of,
+    data_without_names,
+    is_event,
+    people_of,
+    rfc3339,
+)
 
 CHECK_S = 0.7  # between two reads of the log: a stream ends within a second after its token ends
 REST_S = 0.1  # between two reads while older records remain to be read
 QUIET_S = 15.0  # after this time without events, a comment shows that the stream is alive
 LONGEST_S = 600.0  # then the stream ends and the client connects again: unread bytes are not kept for ever
+RECENT = timedelta(
+    minutes=15
+)  # events of others that come to those who do not read their past; for a new connection
 MOST_STREAMS = 50  # of this process
 MOST_OF_PERSON = 10
 
@@ -53,6 +66,13 @@ class Reader(Struct, frozen=True):
     key: str  # of the token, or of the session
     robots: frozenset[UUID]  # empty: all that they may see
     slug: str | None
+
+
+class Seen(Struct, frozen=True):
+    """The robots that a reader may see now, and of which of them they read the past of others."""
+
+    robots: set[UUID]
+    past: who_sees.Reader
 
 
 class EventsAsked(Struct, frozen=True, forbid_unknown_fields=True):
@@ -82,7 +102,8 @@ class EventsView(ApiView):
     def get(self, request: Request, query: EventsAsked) -> HttpResponseBase:
         """Server-sent events: bookings, control, stops, ends of motions and speech, as webhooks have them. Each has the
         number of its record as id; with Last-Event-ID nothing is missed. Events of a robot that the person may no
-        longer see do not come. The stream ends after ten minutes, or when the token ends: connect again."""
+        longer see do not come. What others do comes without names, and at most 15 minutes late, to people who do not
+        supervise the robot. The stream ends after ten minutes, or when the token ends: connect again."""
         if len(_open) >= MOST_STREAMS:
             raise Problem(_FULL)
         if list(_open.values()).count(self.person.pk) >= MOST_OF_PERSON:
@@ -119,11 +140,11 @@ async def _stream(reader: Reader, start: int) -> AsyncIterator[bytes]:
         loop = asyncio.get_running_loop()
         began_s = said_s = loop.time()
         while loop.time() - began_s < LONGEST_S:
-            robots = await in_database(_robots_of, reader)
-            if robots is None:
+            seen = await in_database(_seen_by, reader)
+            if seen is None:
                 return
             before = start
-            start, events = await in_database(_events, robots, start)
+            start, events = await in_database(_events, seen, start)
             if events:
                 yield b"".join(events)
                 said_s = loop.time()
@@ -135,8 +156,8 @@ async def _stream(reader: Reader, start: int) -> AsyncIterator[bytes]:
         del _open[place]
 
 
-def _robots_of(reader: Reader) -> set[UUID] | None:
-    """Return the robots that the reader may see now; None: the reader is no longer signed in."""
+def _seen_by(reader: Reader) -> Seen | None:
+    """Return what the reader may see now; None: the reader is no longer signed in."""
     person = (reader.user.pk, reader.key)
     user = signed_in([person]).get(person)
     if user is None:
@@ -145,23 +166,28 @@ def _robots_of(reader: Reader) -> set[UUID] | None:
     if reader.slug is not None:
         robots = robots.filter(slug=reader.slug)
     found = set(robots.values_list("pk", flat=True))
-    return found & reader.robots if reader.robots else found
+    return Seen(found & reader.robots if reader.robots else found, who_sees.reader_of(user))
 
 
-def _events(robots: Collection[UUID], start: int) -> tuple[int, list[bytes]]:
-    """Read records after `start`. Return the number of the last record read, and the events of the robots."""
+def _events(seen: Seen, start: int) -> tuple[int, list[bytes]]:
+    """Read records after `start`. Return the number of the last record read, and the events that are seen."""
     lines = lines_after(start)
     chosen = [
         line.pk
         for line in lines
-        if line.robot in robots and is_event(line.kind, line.of, list(EVENT_CATEGORIES))
+        if line.robot in seen.robots and is_event(line.kind, line.of, list(EVENT_CATEGORIES))
     ]
     records = Record.objects.select_related("actor", "real_actor", "content", "of__content").in_bulk(chosen)
-    events = [_event(records[number]) for number in chosen if number in records]
-    return lines[-1].pk if lines else start, events
+    events = [_event(records[number], seen.past) for number in chosen if number in records]
+    return lines[-1].pk if lines else start, [event for event in events if event]
 
 
-def _event(record: Record) -> bytes:
-    data = {"timestamp": rfc3339(record.at), **data_of(record, texts=False)}
+def _event(record: Record, reader: who_sees.Reader) -> bytes:
+    """Return the event as this person reads it; nothing if it is the past of others."""
+    named = reader.sees_past(record.robot_id, people_of(record))
+    if not named and timezone.now() - record.at > RECENT:
+        return b""
+    data = data_of(record, texts=False) if named else data_without_names(record)
+    data = {"timestamp": rfc3339(record.at), **data}
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
     return f"id: {record.pk}\nevent: {record.kind}\ndata: {text}\n\n".encode()
