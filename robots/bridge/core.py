@@ -37,6 +37,7 @@ from robots.bridge.lease.state_store import SavedState
 from robots.bridge.lease.stop_latch import StopLatch
 from robots.bridge.navigation.goal_map import GoalMap
 from robots.bridge.overload import LoopLateness
+from robots.bridge.steady_view import SteadyLimits, SteadyVerdict
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.tasks.holder_tasks import HolderTasks, TaskPerformer, holder_of
 from robots.bridge.tasks.publishing import Publisher
@@ -149,6 +150,7 @@ class Core:
         # an input whose last command expired, and when this was noticed
         self._silent: tuple[DriveInput, float] | None = None
         self._verdict = _IDLE
+        self._steady_verdict, self._steady_limits = SteadyVerdict(), SteadyLimits()
         self._ros = RosStatus("waiting", "The bridge is starting.")
         self._reported = Reported()
         self._run = 0  # number of the robot's run
@@ -235,7 +237,7 @@ class Core:
         finally:  # also if this zero fails: the same press is not handled again
             self._cancel_all(now_s)
             self.tasks.stopped(by, now_s)
-        self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
+        self._tell(Verdict(STILL, STILL, "stopped", f"Stopped by {by}."), now_s)
         if is_first:
             grant, stop = self.lease.current, self.stop_state
             self._records.record_stop(
@@ -268,7 +270,7 @@ class Core:
             return refusal
         self.halt("stop_cleared", "the stop was cleared", now_s)
         self._cancel_all(now_s)
-        self._verdict = _IDLE
+        self._tell(_IDLE, now_s)
         return None
 
     def tick(self, now_s: float, late_s: float = 0.0) -> None:
@@ -502,7 +504,9 @@ class Core:
             seq=self._inputs.stick.seq,
             neutral_needed=self._neutral_needed,
             foreign=self._ros.foreign,
-            verdict=self._verdict,
+            verdict=self._steady_verdict.shown or self._verdict,
+            # Speed limits concern the driver only; some sensors are subscribed only while somebody drives.
+            limits=self._steady_limits.of(self._gate.limits(now_s), now_s) if self.lease.current else (),
             refused=self.refused,
             odometry=report.odometry,
             battery_percent=report.battery_percent,
@@ -591,7 +595,7 @@ class Core:
         if self.tasks.navigation.holds_for_sensor:
             verdict = self._verdict  # it gives the reason why the base is held
         if not self._latch.latched:
-            self._verdict = verdict
+            self._tell(verdict, now_s)
         if (
             self._passed == STILL
             and self.tasks.navigation.driving_requester
@@ -652,7 +656,7 @@ class Core:
 
     def _brake_navigation(self, verdict: Verdict, now_s: float) -> None:
         """Brake a robot that drives itself. Its drive ends, unless the cause may soon end by itself."""
-        self._verdict = verdict
+        self._tell(verdict, now_s)
         if not self.tasks.navigation.hold_for_sensor(verdict, now_s):
             self.tasks.navigation.end_by_gate(verdict, now_s)
             verdict = verdict._replace(neutral=True)  # so that it gets its own record
@@ -669,6 +673,11 @@ class Core:
             if late_s and now_s - stick.taken_s - late_s < COMMAND_LIFE_S:
                 return "overloaded", f"this computer is overloaded: {part} was {late_s:.1f} s late"
         return "dead_man", f"no command came for {COMMAND_LIFE_S} s"
+
+    def _tell(self, verdict: Verdict, now_s: float) -> None:
+        """Take the newest verdict for pages."""
+        self._verdict = verdict
+        self._steady_verdict.take(verdict, now_s)
 
     def _note_forgotten(self, now_s: float) -> None:
         """Note when the gate dropped its memory, so that pages can say so."""

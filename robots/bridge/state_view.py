@@ -32,6 +32,7 @@ class StateInputs(NamedTuple):
     neutral_needed: wire.NeutralNeeded | None
     foreign: list[str]  # other nodes that publish to the drive topic
     verdict: Verdict
+    limits: Sequence[SpeedLimit]
     refused: Counter[str]
     odometry: tuple[float, Pose, Velocity] | None  # arrival time, pose, velocity
     battery_percent: float | None
@@ -53,8 +54,7 @@ def state(
         phase=inputs.phase,
         text=inputs.text,
         stop=inputs.stop,
-        # Speed limits concern the driver only; some sensors are subscribed only while somebody drives.
-        verdict=_verdict(inputs.verdict, gate.limits(now_s) if grant else ()),
+        verdict=_verdict(inputs.verdict, inputs.limits),
         odometry=_odometry(*inputs.odometry[1:]) if inputs.odometry else None,
         unseen_s=round(now_s - inputs.odometry[0], 1) if inputs.odometry else None,
         sensors=[wire.Sensor(*health) for health in gate.sensor_health(now_s)],
