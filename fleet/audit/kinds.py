@@ -84,6 +84,7 @@ KINDS: dict[str, Kind] = {
     "stop.press": Kind(_("stop pressed")),
     "stop.latch": Kind(_("robot stopped")),
     "stop.clear": Kind(_("stop cleared")),
+    "stop.moves": Kind(_("robot moved although it was stopped")),
     "fault": Kind(_("fault")),
     "health.worse": Kind(_("part of the robot got worse")),
     "health.better": Kind(_("part of the robot got better")),

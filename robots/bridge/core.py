@@ -33,6 +33,7 @@ from robots.bridge.health.battery_time import BatteryTime
 from robots.bridge.health.diagnostics import Diagnostics, Status
 from robots.bridge.health.health_log import HealthLog
 from robots.bridge.lease.lease_guard import LeaseGuard
+from robots.bridge.lease.motion_after_stop import MotionAfterStop
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.lease.stop_latch import StopLatch
 from robots.bridge.navigation.goal_map import GoalMap
@@ -74,6 +75,9 @@ class Base(TaskPerformer, Protocol):
     def acknowledged_s(self, now_s: float) -> float | None:
         """Return the time until the robot's computer acknowledged a twist (s); None: no new measurement."""
 
+    def joint(self, name: str) -> float | None:
+        """Return the position of a joint (rad or m); None if it was not reported lately."""
+
     @property
     def listeners(self) -> int:
         """Number of nodes that subscribe to the drive topic."""
@@ -84,8 +88,9 @@ class RosStatus(Struct, frozen=True):
 
     phase: Literal["waiting", "refused", "connecting"]
     text: str
-    foreign: list[str] = []
+    foreign: list[str] = []  # other nodes that publish to the drive topic
     problems: list[str] = []
+    velocities: dict[str, list[str]] = {}  # nodes that publish velocities for the base, by topic
 
 
 class Reported(Struct):
@@ -135,6 +140,7 @@ class Core:
         self._diagnostics = Diagnostics()
         self._health_log = HealthLog(self._diagnostics, records)
         self._battery_time = BatteryTime()
+        self._after_stop = MotionAfterStop(config, records, base.joint)
         self._page_gone_s: float | None = None
         self._unrecorded: Refusal | None = None  # set while records cannot be written: nothing may move
         self._asking: DriveInput | None = None  # the input that asks for motion
@@ -163,6 +169,10 @@ class Core:
     def stop_state(self) -> StopState:
         """The present stop."""
         return self._latch.state
+
+    def moves_although_stopped(self, now_s: float) -> wire.MovesAlthoughStopped | None:
+        """Return how the stopped robot moves; None: it obeys, or is not stopped."""
+        return self._after_stop.view(self._ros.velocities, now_s)
 
     # --- control ---------------------------------------------------------------------------------
 
@@ -269,6 +279,7 @@ class Core:
         if refusal := self._latch.clear(number, presses):
             return refusal
         self.halt("stop_cleared", "the stop was cleared", now_s)
+        self._watch_stopped(now_s)
         self._cancel_all(now_s)
         self._tell(_IDLE, now_s)
         return None
@@ -296,6 +307,7 @@ class Core:
         self.tasks.tick(self._sent, self._page_gone_s, now_s)
         if self._reported.odometry:
             self._latch.observe(still, self._reported.odometry[0])
+        self._watch_stopped(now_s)
         self._repeat_cancel(now_s)
         self._health_log.tick(self._phase(now_s)[0] == "online", now_s)
 
@@ -338,6 +350,7 @@ class Core:
     def close(self, now_s: float) -> None:
         """End control and tasks: the bridge process ends."""
         self.tasks.close(now_s)
+        self._after_stop.close(now_s)
         self._drives.end("bridge_ended", "the bridge ended", now_s)
         self.lease.end()
 
@@ -481,6 +494,7 @@ class Core:
             (goal := tasks.navigation.view(now_s)) and (goal.number, goal.ending),
             tasks.navigation.last,
             tasks.navigation.hold.why,
+            *self._after_stop.headline,
             *tasks.limbs.headline,
             tasks.routing.chosen,
             dict(tasks.routing.gone),
@@ -517,6 +531,8 @@ class Core:
             overload=self._late.report(now_s) or self._console_late.report(now_s),
             watchdog_missing=self.watchdog_missing,
             forgotten=self._forgotten,
+            stands=self._stands(now_s),
+            moves_although_stopped=self.moves_although_stopped(now_s),
         )
         return state_view.state(inputs, self._gate, self.tasks, now_s, watchers, watchers_more)
 
@@ -740,6 +756,20 @@ class Core:
         self.halt("control_ended", reason, now_s)
         self.tasks.control_ended(reason, now_s)
         self._announce(Ended(ended.fence))
+
+    def _watch_stopped(self, now_s: float) -> None:
+        """Notice a robot that moves although it is stopped."""
+        stands, odometry = self._stands(now_s), self._reported.odometry
+        velocity = odometry[2] if odometry and stands is not None else None
+        latency_s = self._gate.latency.in_force_s(now_s)
+        self._after_stop.tick(self.stop_state, stands, velocity, latency_s, self._ros.velocities, now_s)
+
+    def _stands(self, now_s: float) -> bool | None:
+        """Return whether the robot stands by its last odometry; None if that is too old."""
+        odometry = self._reported.odometry
+        if odometry is None or now_s - odometry[0] > ODOMETRY_ONLINE_S:
+            return None
+        return self._gate.standstill(odometry[0])
 
     def _repeat_cancel(self, now_s: float) -> None:
         """Repeat the cancel of all goals while the stop is latched.

@@ -97,7 +97,7 @@ class LinkHandler:
             case wire.LinkClear():
                 refusal = self._core.clear(message.number, now_s, message.presses)
                 if refusal is None:
-                    self._latch_changed(link, message.seq)
+                    self._latch_changed(link, message.seq, None, now_s)
                     log.info("stop %d was cleared by %s", message.number, message.by)
                 else:
                     link.report(wire.Refused("link_clear", refusal, message.seq))
@@ -172,11 +172,12 @@ class LinkHandler:
             link.report(wire.Refused(_STOP, OTHER_ROBOT, stop.seq))
             return
         self._core.stop(stop.by, stop.reason, now_s, stop.press, waited=stop.waited)
-        self._latch_changed(link, stop.seq, stop.press)
+        self._latch_changed(link, stop.seq, stop.press, now_s)
 
-    def _latch_changed(self, link: Link, seq: int, press: UUID | None = None) -> None:
+    def _latch_changed(self, link: Link, seq: int, press: UUID | None, now_s: float) -> None:
         self._lease_orders.save_latch()
-        link.report(wire.Stopped(self._core.stop_state, seq, press))
+        moves = self._core.moves_although_stopped(now_s)
+        link.report(wire.Stopped(self._core.stop_state, seq, press, moves))
 
     def _greet(self, link: Link, hello: wire.LinkHello, now_s: float) -> None:
         link.name = hello.web

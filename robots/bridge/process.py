@@ -208,6 +208,7 @@ class Bridge:
             reason=stop.reason,
             drive=self._core.tasks.routing.topic("drive"),
             drives_itself=self._core.drives_itself,
+            moves_although_stopped=self._core.moves_although_stopped(now_s),
         )
         self._watchdog.beat(beat, now_s)
         self._core.watchdog_missing = self._watchdog.missing(now_s)

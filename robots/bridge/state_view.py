@@ -43,6 +43,8 @@ class StateInputs(NamedTuple):
     overload: wire.Overload | None
     watchdog_missing: bool
     forgotten: tuple[Forgotten, float | None]  # when it was noticed; None: not yet
+    stands: bool | None
+    moves_although_stopped: wire.MovesAlthoughStopped | None
 
 
 def state(
@@ -91,6 +93,8 @@ def state(
         health=inputs.health,
         battery_left_min=inputs.battery_left_min,
         forgotten=_forgotten(*inputs.forgotten, now_s),
+        stands=inputs.stands,
+        moves_although_stopped=inputs.moves_although_stopped,
     )
 
 

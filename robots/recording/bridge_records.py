@@ -71,6 +71,7 @@ ENDS = {
     "head.look_ahead": ("head.look_ahead", "unknown"),
     "head.turn": ("head.turn", "unknown"),
     "memory.forget": ("memory.forget", "unknown"),
+    "stop.moves": ("stop.moves", "unknown"),
 }
 _EXPIRING = (
     "fields",

@@ -168,11 +168,13 @@ from robots.wire.state import Forgotten as Forgotten
 from robots.wire.state import Motion as Motion
 from robots.wire.state import MotionEnd as MotionEnd
 from robots.wire.state import MotionOffer as MotionOffer
+from robots.wire.state import MovesAlthoughStopped as MovesAlthoughStopped
 from robots.wire.state import NeutralNeeded as NeutralNeeded
 from robots.wire.state import Odometry as Odometry
 from robots.wire.state import Offers as Offers
 from robots.wire.state import Overload as Overload
 from robots.wire.state import OverloadedPart as OverloadedPart
+from robots.wire.state import Part as Part
 from robots.wire.state import Phase as Phase
 from robots.wire.state import Publishing as Publishing
 from robots.wire.state import Scan as Scan

@@ -10,7 +10,7 @@ from msgspec import Meta, Struct
 
 from robots.wire.base import Fence, Refusal, SampleRate, Seq, Share, ShortText, TopicName
 from robots.wire.page import Drive, Refresh
-from robots.wire.state import State, StopState
+from robots.wire.state import MovesAlthoughStopped, State, StopState
 from robots.wire.tasks import TaskRequest
 from robots.wire.topics import TopicQuery
 
@@ -203,6 +203,7 @@ class Stopped(Struct, frozen=True, tag_field="t", tag="stopped", omit_defaults=T
     stop: StopState
     seq: int = 0
     press: UUID | None = None
+    moves_although_stopped: MovesAlthoughStopped | None = None  # at another press
 
 
 class LinkAnswer(Struct, frozen=True, tag_field="t", tag="inspected"):

@@ -79,6 +79,25 @@ class StopState(Struct, frozen=True):
     was_standing: bool = False  # the robot stood at the press, and until standstill was confirmed
 
 
+Part = Literal["base", "arm", "torso", "head", "gripper"]
+
+
+class MovesAlthoughStopped(Struct, frozen=True):
+    """A stopped robot moves: other software commands it past the console, somebody pushes it, or it rolls.
+
+    The console cannot stop it: press the red button.
+    """
+
+    since_s: float  # since the console noticed it, after the robot's braking time
+    parts: list[Part]  # that move
+    speed_mps: float | None  # of the base, by odometry; None: odometry is silent, and nobody knows
+    turn_radps: float | None
+    publishers: dict[
+        str, list[str]
+    ]  # nodes that publish velocities for the base, without the console's, by topic
+    text: str  # the motion and its possible cause, in words
+
+
 class Motion(Struct, frozen=True):
     """A recorded motion that this console started, from its request on."""
 
@@ -260,6 +279,8 @@ class State(Struct, frozen=True):
         False  # the watchdog is missing for 5 s or more: only the bridge can stop the robot
     )
     health: Health | None = None  # None: no node of the robot reports its health
+    stands: bool | None = None  # by odometry; None: odometry is silent, and nobody knows
+    moves_although_stopped: MovesAlthoughStopped | None = None
     battery_left_min: int | None = (
         None  # at the consumption of the last half hour; None: not known, or on the charger
     )

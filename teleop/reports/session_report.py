@@ -29,7 +29,7 @@ _CHUNK = 250
 LINE_BEFORE = timedelta(hours=1)  # the wait for control that is shown with a session
 _MOST_ROBOT_EVENTS = 50  # of each group of `_ROBOT_EVENTS`
 # Events of the robot that do not depend on control and may name no control session.
-_ROBOT_EVENTS = (("fault", "stop.press", "stop.latch"), ("health.worse", "health.better"))
+_ROBOT_EVENTS = (("fault", "stop.press", "stop.latch", "stop.moves"), ("health.worse", "health.better"))
 
 
 class TimelineEntry(Struct, frozen=True):

@@ -29,8 +29,8 @@ from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid, token_of
 from robots.access.selectors import robot_visible_to, robots_visible_to
 from robots.registry.models import Robot
-from robots.stop.presses import Pending
-from robots.wire import Refusal
+from robots.stop.presses import Pending, Result
+from robots.wire import Refusal, Stopped
 from teleop.recording import refusals
 from teleop.recording.refusals import RefusedRequest
 from teleop.stop import emergency_stop
@@ -183,8 +183,18 @@ def _text(outcomes: emergency_stop.Outcomes) -> str:
             "Use the red button on the robot."
         )
         texts.append(words % pending)
+    moving = [robot.name for robot, result in outcomes.items() if _moves(result)]
+    if moving:
+        words = _(
+            "Moves although it is stopped: %s. The console cannot stop it: press the red button on the robot."
+        )
+        texts.append(words % ", ".join(moving))
     done = _("Stopped.") if outcomes else _("There is no robot in service that you may stop.")
     return " ".join(texts) or done
+
+
+def _moves(result: Result) -> bool:
+    return isinstance(result, Stopped) and result.moves_although_stopped is not None
 
 
 def _names(outcomes: emergency_stop.Outcomes, kind: type) -> str:

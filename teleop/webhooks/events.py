@@ -39,7 +39,7 @@ EVENT_CATEGORIES = {
         _("control"),
         frozenset({"control.take", "control.take_over", "control.hand_over", "control.end"}),
     ),
-    "stops": EventCategory(_("stops"), frozenset({"stop.press", "stop.latch", "stop.clear"})),
+    "stops": EventCategory(_("stops"), frozenset({"stop.press", "stop.latch", "stop.clear", "stop.moves"})),
     "motions": EventCategory(_("ends of motions"), frozenset({"motion.end", "drive.by", "go.end"})),
     "speech": EventCategory(_("ends of speech"), frozenset({"speech.end"})),
 }

@@ -160,6 +160,7 @@ class MemoryBase:
     sweeps: dict[str, tuple[Disc, ...]] = field(default_factory=dict)
     asked: list[Callable[[], None]] | None = None  # if a list: the robot's answers about motions wait in it
     lies: tuple[Disc, ...] | None = None  # discs of the arm, by joint states
+    arm_trouble: str = ""  # why the arm's position is unknown
     echo_s: float | None = None  # delay of its acknowledgement of a twist
     played: list[tuple[str, str]] = field(default_factory=list)
     cancelled_goals: list[str] = field(default_factory=list)
@@ -169,6 +170,7 @@ class MemoryBase:
     poses: list[Pose] = field(default_factory=list)  # estimates that were set for localisation
     transform: tuple[float, Pose] | None = None  # of localisation
     limbs: dict[str, float] = field(default_factory=dict)  # positions, m
+    joints: dict[str, float] = field(default_factory=dict)  # positions by name, rad or m
     limbs_heard: bool = True
     moves: list[tuple[str, str, float, float]] = field(default_factory=list)
     attended: list[tuple[str, frozenset[str]]] = field(default_factory=list)
@@ -179,6 +181,9 @@ class MemoryBase:
 
     def publish(self, velocity: Velocity) -> None:
         self.sent.append(velocity)
+
+    def joint(self, name: str) -> float | None:
+        return self.joints.get(name)
 
     def acknowledged_s(self, now_s: float) -> float | None:
         return self.echo_s
@@ -200,6 +205,9 @@ class MemoryBase:
 
     def arm(self) -> tuple[Disc, ...] | None:
         return self.lies
+
+    def arm_problem(self) -> str:
+        return self.arm_trouble
 
     def read_motions(self) -> None:
         self.readings += 1

@@ -5,6 +5,7 @@ unknown  publish a message type that is not installed on /weather
 twists   print the forward speed of each twist that the console sends, in m/s
 hear     print the messages on /fleet_demo/place
 faults   set the simulated robot's faults by lines of stdin ("motor_hot,part_broken")
+rogue    turn the base by its controller's own topic, past the mux, whatever is cancelled
 person   place people in the simulated world by lines of stdin ("person 1.0 2.0"), print the robot's contacts
 """
 
@@ -59,6 +60,16 @@ def be_the_world() -> None:
         publisher.publish(String(line.strip()))
 
 
+def turn_past_the_mux() -> None:
+    """Turn the base, as a navigation that ignores cancels and zeros."""
+    publisher, twist = rospy.Publisher("/mobile_base_controller/cmd_vel", Twist, queue_size=1), Twist()
+    twist.angular.z = 0.4
+    pace = rospy.Rate(100)
+    while not rospy.is_shutdown():
+        publisher.publish(twist)
+        pace.sleep()
+
+
 def publish_unknown() -> None:
     """Publish a message of a package that the console lacks."""
     text = "uint8 SUN=0\nuint8 RAIN=1\nuint8 sky\nfloat32 celsius\nstring words\n"
@@ -104,6 +115,7 @@ if __name__ == "__main__":
     roles = {
         "keys": drive_by_keys,
         "person": be_the_world,
+        "rogue": turn_past_the_mux,
         "unknown": publish_unknown,
         "hear": hear_places,
         "twists": hear_twists,

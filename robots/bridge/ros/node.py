@@ -40,6 +40,7 @@ from robots.bridge.ros.network.acknowledgements import Acknowledgements
 from robots.bridge.ros.network.host_names import HostNames
 from robots.bridge.ros.network.master import Master, MasterError, SystemState, is_own, why_silent
 from robots.bridge.ros.network.master_monitor import MasterMonitor
+from robots.bridge.ros.network.velocity_sources import velocity_sources
 from robots.bridge.ros.on_demand_topics import OnDemandTopics
 from robots.bridge.ros.robot_runs import RunMonitor
 from robots.bridge.ros.ros_worker import RateLimit, RosWorker
@@ -74,7 +75,7 @@ JOINED_GAP_S = (
     5.0  # between two reads of the motions: a read takes up to 0.2 s, and a server may connect often
 )
 SONAR_ROUNDS = 3  # readings of each sonar in its topic's queue
-REACH_M = 0.9  # of an arm without a description, around the middle of the base
+REACH_M = 1.3  # of an arm that the profile does not describe, around the middle of the base
 SEND_PATIENCE_S = 0.02  # if a listener's buffer is full for longer, the listener does not read
 ODOMETRY_WAITS = 20  # messages in the queue: the gate pairs scans with all of them
 DIAGNOSTICS_WAIT = 20  # some nodes send one message for each part
@@ -133,6 +134,10 @@ class RosBase:
 
     # --- called by Core ----------------------------------------------------------------------------
 
+    def joint(self, name: str) -> float | None:
+        """Return the position of a joint (rad or m); None if it was not reported lately."""
+        return self._joints.joint(name, time.monotonic()) if self._joints else None
+
     def publish(self, velocity: Velocity) -> None:
         """Publish a twist if the drive topic is connected."""
         if self._drive is not None:
@@ -170,18 +175,14 @@ class RosBase:
     def head_at(self) -> tuple[float, float] | None:
         """Return the head's pan and tilt; None without joint states."""
         head = self._config.topics.head
-        if head is None or self._joints is None:
+        if head is None:
             return None
-        now_s = time.monotonic()
-        pan, tilt = (self._joints.joint(name, now_s) for name in (head.pan_joint, head.tilt_joint))
+        pan, tilt = self.joint(head.pan_joint), self.joint(head.tilt_joint)
         return None if pan is None or tilt is None else (pan, tilt)
 
     def limb_at(self, limb: Limb) -> float | None:
         """Return a limb's position (m) from joint states; None if unknown."""
-        if self._joints is None:
-            return None
-        now_s = time.monotonic()
-        places = [self._joints.joint(name, now_s) for name in self._config.topics.limbs[limb].joints]
+        places = [self.joint(name) for name in self._config.topics.limbs[limb].joints]
         known = [place for place in places if place is not None]
         return sum(known) if len(known) == len(places) else None
 
@@ -229,6 +230,10 @@ class RosBase:
     def arm(self) -> tuple[Disc, ...] | None:
         """Return the discs that the arm covers now, by its joints; None if joints are unknown."""
         return None if self._arm is None else self._arm.arm(time.monotonic())
+
+    def arm_problem(self) -> str:
+        """Return in words why the arm's position is unknown now, but should be known; empty: it is known."""
+        return "" if self._arm is None else self._arm.problem(time.monotonic())
 
     def read_motions(self) -> None:
         """Read the list of motions from the robot."""
@@ -407,6 +412,8 @@ class RosBase:
         """Handle a restart of the master, and maybe of the robot."""
         self._runs.begin()
         self._described, self._description = False, None
+        if self._joints:
+            self._joints.awaits_description = True
         self._describe()
         self._post(lambda: self._core.restarted(time.monotonic()))
 
@@ -458,6 +465,8 @@ class RosBase:
         master = Master(self._config.master_uri, BRIDGE, DESCRIPTION_S)
         try:
             description = master.parameter("/robot_description")
+            if self._joints:
+                self._joints.awaits_description = False
         except MasterError:
             description = None  # the next survey asks again, unless one is known and somebody drives
         known, drives = self._description is not None, self._core.needs_fresh_sensors
@@ -523,7 +532,8 @@ class RosBase:
         problems += self._unresolved(system.publishers.get(topics.odometry.name, []))
         problems.append(self._unconnected(drive, system.subscribers.get(drive.name, [])))
         texts = [cut(problem, SENTENCE) for problem in problems if problem]
-        return RosStatus("connecting", "", foreign, texts[:MOST_PROBLEMS])
+        velocities = velocity_sources(system, drive.name, topics.odometry.name)
+        return RosStatus("connecting", "", foreign, texts[:MOST_PROBLEMS], velocities)
 
     def _unresolved(self, nodes: Collection[str]) -> list[str]:
         """Return a sentence for each host name of the robot that this computer cannot resolve."""

@@ -141,15 +141,16 @@ class Watchdog:
                 self._zero_s + PERIOD_S, now_s - PERIOD_S
             )  # keep the pace; missed zeros are not sent later
             if self._robot.zero():
-                self._answer()
+                self._answer(now_s)
         if self._rules.cancel(now_s) and now_s - self._cancelled_s >= CANCEL_AGAIN_S:
             self._cancelled_s = now_s
             self._robot.cancel()
 
-    def _answer(self) -> None:
+    def _answer(self, now_s: float) -> None:
+        moves = self._rules.moves_although_stopped(now_s)
         for connection, stop in self._unanswered:
             state = StopState("stopping", stop.by, stop.reason)
-            self._lane.send(connection, wire.encode(Stopped(state, stop.seq, stop.press)))
+            self._lane.send(connection, wire.encode(Stopped(state, stop.seq, stop.press, moves)))
         self._unanswered.clear()
 
 

@@ -11,6 +11,8 @@ from uuid import UUID
 
 from msgspec import Struct, structs
 
+from robots.wire import MovesAlthoughStopped
+
 SILENT_S = 0.15  # s, three heartbeats: the bridge is dead, frozen, or its loop is blocked
 LOST_S = (
     1.0  # s: a bridge that hangs for this time cannot watch navigation; zeros are sent from `SILENT_S` on
@@ -28,6 +30,7 @@ class Heartbeat(Struct, frozen=True, tag_field="t", tag="beat"):
     heard: int = 0  # number of the last `StopPress` that the bridge latched and wrote to its state file
     drive: str = ""  # the present drive topic
     drives_itself: bool = False  # the robot's navigation drives, and the bridge watches the drive
+    moves_although_stopped: MovesAlthoughStopped | None = None
 
 
 class StopPress(Struct, frozen=True, tag_field="t", tag="press"):
@@ -67,6 +70,11 @@ class StopRules:
     def drive(self) -> str:
         """The bridge's last drive topic; empty: unknown."""
         return self._beat.drive
+
+    def moves_although_stopped(self, now_s: float) -> MovesAlthoughStopped | None:
+        """Return how the stopped robot moves, if a bridge has just seen it."""
+        is_fresh = self._bridge_lives and now_s - self._beat_s < LOST_S
+        return self._beat.moves_although_stopped if is_fresh else None
 
     def press(self, by: str, reason: str, press: UUID | None = None, at_s: float | None = None) -> StopPress:
         """Take a stop. Return the message for the bridge."""

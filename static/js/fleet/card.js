@@ -11,6 +11,8 @@ import { bookingWords } from "./card_words.js";
 export function showRobot({ card, own }, shown, robot) {
   mark(card, "level", shown.level);
   mark(card, "stopped", shown.stopped);
+  mark(card, "alarm", shown.alarm !== "");
+  setText(own.alarm, shown.alarm); // read at once by a screen reader, once
   mark(own.status, "level", shown.level);
   setText(own.status, shown.status);
   setText(own.doing, shown.doing);

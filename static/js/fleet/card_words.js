@@ -4,6 +4,7 @@ import { minutesText } from "../control/lease.js";
 import { brief } from "../control/status/plain_words.js";
 import {
   isSeen,
+  movesTitle,
   pendingText,
   phaseTitle,
   seenAt,
@@ -37,29 +38,39 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
       stop: pending ? gettext("Pending") : unknown,
       stopped: false,
       stopWhy: pendingText(pending),
+      alarm: "",
     };
   }
   const online = state.phase === "online";
   const { stop } = state;
   const latched = stop.state !== "clear";
-  const unknown = isSeen(state) ? "" : unknownText(seenAt(state));
-  const standstill = unknown
-    ? interpolate(gettext("Standstill: %s"), [unknown])
-    : standstillText(stop);
+  const silent = latched && state.stands === null;
+  const unknown = isSeen(state) && !silent ? "" : unknownText(seenAt(state));
+  const alarm = movesTitle(state);
+  const standstill = alarm
+    ? ""
+    : unknown
+      ? interpolate(gettext("Standstill: %s"), [unknown])
+      : standstillText(stop);
   return {
-    level: online && !state.watchdog_missing ? "ok" : "warn",
+    level: alarm ? "fail" : online && !state.watchdog_missing ? "ok" : "warn",
     status: phaseTitle(state.phase),
-    why: [online ? "" : state.text, state.watchdog_missing ? watchdogMissing() : ""]
+    why: [
+      alarm && state.moves_although_stopped.text,
+      online ? "" : state.text,
+      state.watchdog_missing ? watchdogMissing() : "",
+    ]
       .filter(Boolean)
       .join(" "),
-    doing: unknown || doingText(state),
+    doing: alarm || unknown || doingText(state),
     driver: state.holder ?? gettext("Nobody"),
     battery: unknown ? "–" : batteryText(state),
     health: unknown ? "–" : cardHealth(state.health ?? null, Date.now()),
     healthLevel: unknown ? "ok" : MARKS[state.health?.level ?? "ok"],
     gate: unknown || brief(verdictText(state.verdict)) || gettext("Nothing slows it down"),
-    stop: stopWord(stop.state, unknown),
+    stop: alarm ? gettext("Stopped, but it moves") : stopWord(stop.state, unknown),
     stopped: latched,
+    alarm,
     stopWhy: latched
       ? [stop.by && interpolate(gettext("by %s"), [stop.by]), standstill].filter(Boolean).join(". ")
       : "",
@@ -96,6 +107,8 @@ function stopWord(state, unknown) {
 
 /** Return the words for the robot's current action. Pure. @param {object} state of the robot */
 export function doingText(state) {
+  const alarm = movesTitle(state);
+  if (alarm) return alarm;
   const { stop, motion, speech, drive_by: driveBy, going, holder, charging } = state;
   if (stop.state === "stopping") return gettext("Is being stopped");
   if (stop.state === "stopped") return gettext("Stopped");

@@ -181,6 +181,8 @@ export class PlanPage {
     const shown = cardOf(robot);
     const why = whyNowhere(map, robot);
     mark(row, "level", shown.level);
+    mark(row, "alarm", shown.alarm !== "");
+    setText(own.alarm, shown.alarm); // read at once by a screen reader, once
     mark(own.status, "level", shown.level);
     setText(own.status, shown.status);
     setText(own.doing, shown.doing);

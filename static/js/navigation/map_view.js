@@ -18,6 +18,7 @@ const COLOURS = [
   "path-body",
   "hold",
   "place",
+  "stop",
 ];
 const ZOOM_STEP = 1.4;
 const PAN_STEP = 60; // pixels
@@ -337,7 +338,7 @@ export class MapView extends EventTarget {
   }
 
   /** Draw a robot of a fleet, its name, and a straight line to its goal: only its own page gets the path. */
-  #drawOneOfMany(brush, { name, location, going }) {
+  #drawOneOfMany(brush, { name, location, going, moves_although_stopped: moves }) {
     const { pen, colour, pixel } = brush;
     if (going) {
       pen.setLineDash([6 * pixel, 5 * pixel]);
@@ -347,7 +348,7 @@ export class MapView extends EventTarget {
       drawGoal(brush, going, colour.path);
     }
     drawRobot(brush, location);
-    this.#write(brush, name, location, -18, colour.laser);
+    this.#write(brush, name, location, -18, moves ? colour.stop : colour.laser);
   }
 
   /**

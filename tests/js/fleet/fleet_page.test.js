@@ -37,6 +37,22 @@ describe("a card", () => {
     );
   });
 
+  it("says that a stopped robot moves", () => {
+    const stop = { ...state.stop, state: "stopped", by: "Ann" };
+    const moves = { parts: ["base"], speed_mps: 0.3, text: "It drives at 0.3 m/s." };
+    const alarm = "The robot moves although it is stopped: press its red button";
+    expect(
+      cardOf({ state: { ...state, stop, stands: false, moves_although_stopped: moves } }),
+    ).toMatchObject({ level: "fail", alarm, doing: alarm, why: "It drives at 0.3 m/s." });
+  });
+
+  it("does not say of a stop with silent odometry that the robot stands", () => {
+    const stop = { ...state.stop, state: "stopped", by: "Ann", standstill_ms: 300 };
+    const shown = cardOf({ state: { ...state, stop, stands: null, unseen_s: 1.5 } });
+    expect(shown.doing).toContain("unknown");
+    expect(shown.stopWhy).not.toContain("confirmed");
+  });
+
   it("says how the robot is", () => {
     expect(cardOf({ state, refusal: null })).toMatchObject({
       level: "ok",
@@ -154,7 +170,7 @@ describe("the fleet page", () => {
   const card = (slug, name) => `
     <article data-robot="${slug}">
       <h2 data-part="name">${name}</h2><a href="/robots/${slug}/" id="open-${slug}"></a><span data-part="status"></span><p data-part="why"></p>
-      <b data-part="doing"></b><b data-part="battery"></b><b data-part="health"></b><b data-part="driver"></b><b data-part="booking"></b><b data-part="gate"></b>
+      <b data-part="doing"></b><b data-part="alarm"></b><b data-part="battery"></b><b data-part="health"></b><b data-part="driver"></b><b data-part="booking"></b><b data-part="gate"></b>
       <b data-part="stop-state"></b><b data-part="stop-why"></b>
       <form data-part="stop" action="/robots/${slug}/stop/"><button></button></form>
     </article>`;

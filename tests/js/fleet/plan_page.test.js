@@ -25,7 +25,7 @@ const STATE = {
   location: LOCATION,
 };
 const PEN = new Proxy({}, { get: () => () => {}, set: () => true });
-const ROW = `<h3><a href="/robots/x/">Robot</a><span data-part="status"></span></h3><p data-part="doing"></p>
+const ROW = `<h3><a href="/robots/x/">Robot</a><span data-part="status"></span></h3><p data-part="doing"></p><p data-part="alarm"></p>
   <p data-part="where"></p><b data-part="driver"></b><b data-part="battery"></b>`;
 
 describe("the fleet map", () => {

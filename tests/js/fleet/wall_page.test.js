@@ -5,6 +5,7 @@ import { FakeSocket, made } from "../fake_socket.js";
 const NAMES = [
   "status",
   "doing",
+  "alarm",
   "why",
   "battery",
   "health",

@@ -3,6 +3,8 @@
 import {
   isSeen,
   isStale,
+  movesText,
+  movesTitle,
   overloadText,
   pendingText,
   phaseTitle,
@@ -24,7 +26,7 @@ import {
  * @param {number} now.sinceViewMs age of that state
  * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first;
  *   shown if nothing else keeps the robot from driving
- * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop,
+ * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: alarm, fault, stop,
  *   warning, console, watchdog, info
  */
 export function banner({
@@ -44,12 +46,16 @@ export function banner({
       text: gettext("Reload it."),
     };
   }
+  const moved = movedText(state);
   if (!connected) {
     return {
       level: "fault",
       title: gettext("No connection"),
-      text: gettext(
-        "Connecting again by itself. A robot that you drive stands still until then. If this lasts, check this device’s network.",
+      text: sentences(
+        moved,
+        gettext(
+          "Connecting again by itself. A robot that you drive stands still until then. If this lasts, check this device’s network.",
+        ),
       ),
     };
   }
@@ -57,7 +63,7 @@ export function banner({
     return {
       level: "fault",
       title: gettext("No link to the robot"),
-      text: sentences(pendingText(pending), gone.text, lastSeen(seen), waits()),
+      text: sentences(moved, pendingText(pending), gone.text, lastSeen(seen), waits()),
     };
   }
   if (!state) return { level: "info", title: gettext("Looking for the robot"), text: "" };
@@ -66,8 +72,15 @@ export function banner({
     return {
       level: "warning",
       title: interpolate(gettext("No news for %s s"), [seconds]),
-      text: `${gettext("The picture is old, and the robot may not receive your commands.")} ${waits()}`,
+      text: sentences(
+        moved,
+        gettext("The picture is old, and the robot may not receive your commands."),
+        waits(),
+      ),
     };
+  }
+  if (state.moves_although_stopped) {
+    return { level: "alarm", title: movesTitle(state), text: movesText(state), clear: true };
   }
   if (state.stop.state !== "clear") return stopBanner(state);
   if (state.phase !== "online") {
@@ -107,9 +120,8 @@ export function banner({
 
 function stopBanner(state) {
   const { stop } = state;
-  const standstill = isSeen(state)
-    ? standstillText(stop)
-    : interpolate(gettext("Standstill: %s."), [unknownText(seenAt(state))]);
+  if (!isSeen(state) || state.stands === null) return unknownBanner(state);
+  const standstill = standstillText(stop);
   const isStopping = stop.state === "stopping";
   const anonymous = isStopping ? gettext("Stopping, pressed") : gettext("Stopped");
   const signed = isStopping ? gettext("Stopping, pressed by %s") : gettext("Stopped by %s");
@@ -119,6 +131,24 @@ function stopBanner(state) {
     text: [stop.reason, standstill].filter(Boolean).join(" "),
     clear: true,
   };
+}
+
+/** The robot is stopped, but its odometry is silent. */
+function unknownBanner(state) {
+  const { stop } = state;
+  const title = stop.by
+    ? interpolate(gettext("Stop by %s: nobody knows whether the robot stands"), [stop.by])
+    : gettext("Stop: nobody knows whether the robot stands");
+  const standstill = interpolate(gettext("Standstill: %s."), [unknownText(seenAt(state))]);
+  const advice = gettext("If it moves, press its red button.");
+  return { level: "stop", title, text: sentences(stop.reason, standstill, advice), clear: true };
+}
+
+/** Return a warning while the page has no news: the robot moved although it was stopped. */
+function movedText(state) {
+  return state?.moves_although_stopped
+    ? gettext("The robot moved although it is stopped: press its red button.")
+    : "";
 }
 
 function sentences(...texts) {

@@ -15,11 +15,13 @@ export class StatusBar {
   #parts;
   #details;
   #health;
+  #notify;
   #announcer;
   #reasons = new Reasons();
   #names = new Map(); // plain names of sensors, by technical names
   #bannerTitle = "";
   #stopSaid = { text: "", untilMs: 0 };
+  #alarm = "";
 
   /**
    * @param {HTMLElement} root gets the state of the robot's stop for the style sheet
@@ -30,6 +32,7 @@ export class StatusBar {
     this.#parts = parts;
     this.#details = new Details(parts);
     this.#health = new HealthPanel(parts, notify);
+    this.#notify = notify;
     this.#announcer = new Announcer(parts.live);
   }
 
@@ -65,7 +68,14 @@ export class StatusBar {
     this.#announcer.close();
   }
 
+  /** Show the banner. A screen reader reads an alarm at once, and again if its title changes. */
   #showBanner(shown, mayClear) {
+    const alarm = shown?.level === "alarm" ? shown.title : "";
+    if (alarm && alarm !== this.#alarm) {
+      const text = `${shown.title}. ${shown.text}`;
+      this.#notify({ level: "error", code: "moves_although_stopped", text, quiet: true });
+    }
+    this.#alarm = alarm;
     const { banner: box, "banner-title": title, "banner-text": text, clear } = this.#parts;
     show(box, shown !== null);
     if (!shown) this.#announcer.forget(this.#bannerTitle);
@@ -75,6 +85,7 @@ export class StatusBar {
     setText(title, shown.title);
     setText(text, shown.text);
     show(clear, Boolean(shown.clear && mayClear));
+    if (shown.level === "alarm") return; // read at once
     this.#announcer.announce(`${shown.title}. ${shown.text}`, shown.title);
   }
 

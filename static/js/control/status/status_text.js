@@ -49,6 +49,22 @@ export function seenAt({ unseen_s: unseenS }, nowMs = Date.now()) {
   return unseenS === null || unseenS === undefined ? null : nowMs / 1000 - unseenS;
 }
 
+/** Return a warning about a robot that moves although it is stopped; empty if there is none. */
+export function movesTitle({ moves_although_stopped: moves = null }) {
+  if (!moves) return "";
+  return moves.parts.includes("base") && moves.speed_mps === null
+    ? gettext(
+        "The robot moved although it is stopped, and nobody knows whether it still moves: press its red button",
+      )
+    : gettext("The robot moves although it is stopped: press its red button");
+}
+
+/** Return the same with the causes that the console knows. */
+export function movesText({ moves_although_stopped: moves, stop }) {
+  const by = stop.by ? interpolate(gettext("Stopped by %s."), [stop.by]) : "";
+  return [moves.text, by, gettext("The console cannot stop it.")].filter(Boolean).join(" ");
+}
+
 /** Return a text about the standstill, from the bridge's report. */
 export function standstillText(stop) {
   if (stop.state === "stopping")
@@ -64,7 +80,8 @@ export function standstillText(stop) {
 export function stopText(state) {
   const { stop } = state;
   if (stop.state === "clear") return "";
-  if (!isSeen(state)) return gettext("Pressed");
+  if (state.moves_although_stopped) return gettext("It moves: red button");
+  if (!isSeen(state) || state.stands === null) return gettext("Pressed");
   if (stop.state === "stopping") return gettext("Stopping");
   if (stop.was_standing) return gettext("Stopped, was standing");
   if (!standstillText(stop)) return gettext("Stopped");

@@ -45,6 +45,47 @@ describe("the banner", () => {
     expect(banner({ ...WELL, state: { ...state, stop } }).title).toBe("Stopped by Bo");
   });
 
+  it("says loudest of all that a stopped robot moves, who may drive it, and what to press", () => {
+    const moves = {
+      parts: ["base"],
+      speed_mps: 0.3,
+      text: "It drives at 0.3 m/s. Velocities for its base come from /rogue on /cmd_vel.",
+    };
+    const stop = { ...CLEAR, state: "stopped", by: "Bo", standstill_ms: 400 };
+    const state = { ...ONLINE, stop, stands: false, moves_although_stopped: moves };
+    expect(banner({ ...WELL, state, asksNeutral: true })).toEqual({
+      level: "alarm",
+      title: "The robot moves although it is stopped: press its red button",
+      text: `${moves.text} Stopped by Bo. The console cannot stop it.`,
+      clear: true,
+    });
+    expect(stopText(state)).toBe("It moves: red button");
+    const told = "The robot moved although it is stopped: press its red button.";
+    for (const cut of [{ connected: false }, { gone: { text: "No." } }, { sinceViewMs: 2400 }])
+      expect(banner({ ...WELL, ...cut, state }).text).toContain(told);
+    const unknown = {
+      ...state,
+      stands: null,
+      moves_although_stopped: { ...moves, speed_mps: null },
+    };
+    expect(banner({ ...WELL, state: unknown }).title).toContain("nobody knows");
+    const arm = { ...moves, parts: ["arm"], speed_mps: null };
+    expect(banner({ ...WELL, state: { ...state, moves_although_stopped: arm } }).title).toContain(
+      "The robot moves",
+    );
+  });
+
+  it("says of a stop with silent odometry that nobody knows", () => {
+    const stop = { ...CLEAR, state: "stopped", by: "Bo", standstill_ms: 400 };
+    const state = { ...ONLINE, stop, stands: null, unseen_s: 1.5 };
+    expect(banner({ ...WELL, state }).title).toBe(
+      "Stop by Bo: nobody knows whether the robot stands",
+    );
+    expect(banner({ ...WELL, state }).text).toContain("If it moves, press its red button.");
+    expect(stopText(state)).toBe("Pressed");
+    expect(banner({ ...WELL, state: { ...state, stands: true } }).title).toBe("Stopped by Bo");
+  });
+
   it("is hidden when all is well", () => {
     expect(banner(WELL)).toBeNull();
   });

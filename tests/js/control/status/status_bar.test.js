@@ -24,14 +24,34 @@ describe("the status bar of the control page", () => {
     },
   });
   let statusBar;
+  let notify;
 
   beforeEach(() => {
     vi.useFakeTimers();
-    statusBar = new StatusBar(document.createElement("main"), parts);
+    notify = vi.fn();
+    statusBar = new StatusBar(document.createElement("main"), parts, notify);
   });
   afterEach(() => {
     statusBar.close();
     vi.useRealTimers();
+  });
+
+  it("has an alarm read at once, and once", () => {
+    const moves = { parts: ["base"], speed_mps: 0.3, text: "It drives at 0.3 m/s." };
+    const state = { ...STOPPED, stands: false, moves_although_stopped: moves };
+    statusBar.show({ ...LIVE, state });
+    statusBar.show({
+      ...LIVE,
+      state: { ...state, moves_although_stopped: { ...moves, text: "…" } },
+    });
+    expect(parts.banner.dataset.level).toBe("alarm");
+    expect(notify.mock.calls).toEqual([
+      [expect.objectContaining({ level: "error", code: "moves_although_stopped", quiet: true })],
+    ]);
+    expect(notify.mock.calls[0][0].text).toContain("It drives at 0.3 m/s.");
+    statusBar.show({ ...LIVE, state: STOPPED });
+    statusBar.show({ ...LIVE, state });
+    expect(notify).toHaveBeenCalledTimes(2);
   });
 
   it("announces a lost connection each time", () => {
