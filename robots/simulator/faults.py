@@ -32,6 +32,7 @@ class Faults:
     camera_info_wrong: bool = False  # in turn: zeros, another size, nan
     motion_fails: bool = False  # motions are aborted half-way
     joints_stuck: bool = False  # joints stay where they are, whatever their controllers do
+    joints_dead: bool = False  # no joint states
     controllers_silent: bool = False  # trajectory controllers take goals and never answer
     navigation_blind: bool = False  # drives straight to the goal and ignores obstacles
     navigation_backs: bool = False  # with navigation_blind: drives backwards at the same speed

@@ -39,7 +39,7 @@ LOOKS_S = 4.0  # from the request until the depth camera looks ahead: the head t
 BEGIN_TIMEOUT_S = 5.0  # after control begins, map and localisation may arrive within this time
 MOVES_MPS, MOVES_RADPS = 0.02, 0.05
 # Refusals whose cause may end by itself in the first seconds of control.
-_MAY_COME = frozenset({"no_map", "localisation_missing", "localisation_old", "depth_stale"})
+_MAY_COME = frozenset({"no_map", "localisation_missing", "localisation_old", "depth_stale", "not_watched"})
 
 NO_NAVIGATION = Refusal(
     "no_navigation", "This robot has no navigation of its own that the console knows.", "robot"
@@ -151,6 +151,9 @@ class NavigationGoals(Goals[Target]):
         if self._has_arm and now_s - self._at_home_s > KNOWN_S:
             text = "The robot’s arm is not at home, or its position is unknown: bring it home first."
             return Refusal("arm_away", text, "robot")
+        if fault := self._gate.fault(now_s):
+            text = f"Obstacles around the robot are unknown: {fault.text}."
+            return Refusal("not_watched", text, "gate", {"sensor": fault.sensor})
         if (lost := navigation_watch.depth_lost(self._gate, now_s)) is not None:
             return Refusal("depth_stale", f"The gate does not see table tops: {lost}.", "gate")
         if (spare_m := navigation_watch.spare_m(self._gate, now_s)) < LEAST_SPARE_M:

@@ -6,6 +6,7 @@ sees it. So a depth point counts as an obstacle only if the joint positions show
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Collection, Sequence
 from typing import Protocol
@@ -37,6 +38,9 @@ class ArmModel(Protocol):
     def arm(self) -> tuple[Disc, ...] | None:
         """Return the discs that the arm covers now; None if joint states or the robot's description are missing."""
 
+    def arm_problem(self) -> str:
+        """Return in words why the arm's position is unknown now, but should be known; empty: it is known."""
+
 
 class ArmClearance:
     """The free space around one robot's arm. While a motion runs, call `refuse` every tick."""
@@ -46,23 +50,24 @@ class ArmClearance:
         self._arm = arm
         # where the arm was recently, while it moves
         self._lately: deque[tuple[float, tuple[Disc, ...] | None]] = deque()
-        # when its position was last known; None: unknown at the motion's start
-        self._known_s: float | None = None
+        self._known_s = -math.inf  # when nothing was wrong with the arm's position
 
     def refuse(self, space: Sequence[Disc], now_s: float, *, running: bool = False) -> Refusal | None:
         """Return why the arm may not sweep `space`, or not continue: an obstacle is there, or a sensor is missing."""
+        problem = self._arm.arm_problem()
         if not running:
             self._lately.clear()
-            self._known_s = None if self._arm.arm() is None else now_s
+        if not running or not problem:
+            self._known_s = now_s
         if not space:
             return None
+        if problem and (not running or now_s - self._known_s > LATELY_S):
+            why = f"Obstacles around the arm are unknown: {problem}."
+            return Refusal("not_watched", why, "gate", {"sensor": "arm"})
         obstacles = self._gate.obstacles(now_s)
         if not running:
             return self._unwatched(WATCH, now_s) or self._in_the_way(space, obstacles)
         self._follow_arm(now_s)
-        if self._known_s is not None and now_s - self._known_s > LATELY_S:
-            why = "Obstacles around the arm are unknown: its joint states ended."
-            return Refusal("not_watched", why, "gate", {"sensor": "arm"})
         return self._unwatched(WATCH_ARM, now_s) or self._in_the_way(space, self._but_for_arm(obstacles))
 
     def _unwatched(self, kinds: Collection[Kind], now_s: float) -> Refusal | None:
@@ -86,10 +91,7 @@ class ArmClearance:
         return Refusal("motion_blocked", text, "gate", {"sensor": sensor, "distance_m": gap_m, "side": side})
 
     def _follow_arm(self, now_s: float) -> None:
-        discs = self._arm.arm()
-        if discs is not None and self._known_s is not None:
-            self._known_s = now_s
-        self._lately.append((now_s, discs))
+        self._lately.append((now_s, self._arm.arm()))
         while now_s - self._lately[0][0] > LATELY_S:
             self._lately.popleft()
 

@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from robots.bridge.config import ArmSource
+from robots.bridge.gate import words
 from robots.bridge.gate.geometry.arm_discs import AT_HOME, KNOWN_S, Disc, Posture, discs_along, is_home
 from robots.bridge.gate.geometry.arm_sweep import Motion, swept
 from robots.bridge.tasks.urdf import Tree
@@ -22,6 +23,7 @@ MOST_DRAWN = 200  # joints whose positions are sent to pages
 MOVED = 0.02  # rad or m: smaller changes are noise
 END_M = 0.10  # fingers and the object that they hold reach this far beyond the last link's origin
 HAND_M = 0.25  # assumed reach of a hand that is missing in the description
+SHOULDER_M = 0.3  # a shoulder at an unknown place is assumed to be this far from the middle of the base
 
 
 class _Model(NamedTuple):
@@ -51,6 +53,7 @@ class ArmPosture:
 
     def __init__(self, arm: ArmSource | None) -> None:
         """`arm` None: there is no arm, and only `joint` and `shown` may be called."""
+        self.awaits_description = True  # whether the robot has one is not known yet
         self._has_arm = arm is not None
         self._arm = arm or ArmSource({}, [])
         self._model: _Model | None = None
@@ -157,7 +160,10 @@ class ArmPosture:
             self._after = newest[1] if succeeded else None
 
     def sweep(self, motion: Motion | None, now_s: float) -> tuple[Disc, ...]:
-        """Return the space of a motion from the present posture; if this is unknown, the whole reach."""
+        """Return the space of a motion from the present posture; if this is unknown, the whole reach.
+
+        The whole reach contains the space of every motion.
+        """
         model, positions = self._model, self._positions(now_s)
         moving = set(self._arm.home) | (model.tree.moving(model.own) if model else set())
         if motion is not None and moving.isdisjoint(motion.joints):
@@ -171,18 +177,38 @@ class ArmPosture:
                 return swept(motion, positions, lambda at: tree.places(links, at), arm_m, ends, hand_m)
             except KeyError as joint:
                 log.warning("no node reports %s: a motion is taken to sweep all within reach", joint)
-        return (self._reach(positions),)
+        return (self._whole_reach(positions),)
 
-    def _reach(self, positions: Mapping[str, float], beyond_m: float = 0.0) -> Disc:
-        """Return a disc of the arm's reach and `beyond_m` around its shoulder.
+    def problem(self, now_s: float) -> str:
+        """Return in words why the arm's position is unknown although the robot reports joints; empty: it is known."""
+        if self.awaits_description:
+            return "the robot’s description has not been read yet"
+        arrivals_s = [self._joints.get(name, (0.0, -math.inf))[1] for name in self._arm.home]
+        age_s = now_s - min(arrivals_s, default=now_s)
+        if age_s <= KNOWN_S:
+            return ""
+        return (
+            f"its joint states are {words.age(age_s)} old"
+            if math.isfinite(age_s)
+            else "no joint states have come yet"
+        )
 
-        If the shoulder's position is unknown, the disc is around the base.
-        """
-        x = y = 0.0
+    def _whole_reach(self, positions: Mapping[str, float]) -> Disc:
+        """Return a disc that contains every place of the arm, from above."""
+        around = self._arm.radius_m + self._end_m + (SHOULDER_M if self._shoulder(positions) is None else 0.0)
+        return self._reach(positions, around)
+
+    def _reach(self, positions: Mapping[str, float], beyond_m: float) -> Disc:
+        """Return a disc of the arm's reach and `beyond_m` around its shoulder; if that is unknown, around the base."""
+        return *(self._shoulder(positions) or (0.0, 0.0)), self._arm.reach_m + beyond_m
+
+    def _shoulder(self, positions: Mapping[str, float]) -> tuple[float, float] | None:
+        """Return the place of the shoulder (m); None if it is unknown."""
         if (model := self._model) is not None:
             with suppress(KeyError):
                 x, y, _ = map(float, model.tree.places(model.own[:1], positions)[0])
-        return x, y, self._arm.reach_m + beyond_m
+                return x, y
+        return None
 
     def arm(self, now_s: float) -> tuple[Disc, ...] | None:
         """Return the discs that the arm covers, also at home; None if joints or description are missing."""

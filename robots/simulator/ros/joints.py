@@ -28,7 +28,8 @@ class JointTopics:
 
     def publish(self, stamp: rospy.Time) -> None:
         """Publish the joints."""
-        if self._states is not None and self._states.get_num_connections():
+        dead = self._robot.faults.joints_dead
+        if self._states is not None and self._states.get_num_connections() and not dead:
             self._states.publish(self._message(stamp))
         if self._movable and self._tf.get_num_connections():
             positions = self._robot.player.positions

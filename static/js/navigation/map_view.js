@@ -18,7 +18,7 @@ const COLOURS = [
   "path-body",
   "hold",
   "place",
-  "stop",
+  "alarm",
 ];
 const ZOOM_STEP = 1.4;
 const PAN_STEP = 60; // pixels
@@ -348,7 +348,7 @@ export class MapView extends EventTarget {
       drawGoal(brush, going, colour.path);
     }
     drawRobot(brush, location);
-    this.#write(brush, name, location, -18, moves ? colour.stop : colour.laser);
+    this.#write(brush, name, location, -18, moves ? colour.alarm : colour.laser);
   }
 
   /**

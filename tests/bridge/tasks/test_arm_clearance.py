@@ -20,6 +20,7 @@ class Scene:
     def __init__(self):
         self.now_s = 100.0
         self.lies = (HAND,)
+        self.problem = ""
         self.seen = {}
         gate = SimpleNamespace(
             obstacles=self.obstacles,
@@ -27,7 +28,9 @@ class Scene:
             footprint=Disc(0.27),
             arm_discs=(),
         )
-        self.room = ArmClearance(gate, SimpleNamespace(arm=lambda: self.lies))
+        self.room = ArmClearance(
+            gate, SimpleNamespace(arm=lambda: self.lies, arm_problem=lambda: self.problem)
+        )
 
     def obstacles(self, _now_s):
         points = [point for kind in KINDS for point in self.seen.get(kind, [])]
@@ -118,7 +121,16 @@ def test_motion_starts_from_the_arms_present_place(scene):
 
 def test_a_motion_is_cancelled_when_joint_states_end(scene):
     assert scene.why_not(running=False) is None
+    scene.problem = "its joint states are 0.6 s old"
     scene.moves(None, LATELY_S)
     assert scene.why_not() is None
     scene.moves(None, 0.1)
     assert scene.why_not() == "arm"
+
+
+def test_no_motion_begins_while_joint_states_are_missing(scene):
+    scene.problem = "its joint states are 0.6 s old"
+    assert scene.why_not(running=False) == "arm"
+    assert scene.room.refuse((), scene.now_s) is None  # the motion does not move the arm
+    scene.problem = ""
+    assert scene.why_not(running=False) is None

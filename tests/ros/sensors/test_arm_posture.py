@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 from actionlib_msgs.msg import GoalStatus
 from sensor_msgs.msg import JointState
 
@@ -16,12 +17,15 @@ from robots.bridge.gate.geometry.arm_discs import AT_HOME, UNKNOWN, Posture
 from robots.bridge.gate.geometry.arm_sweep import Motion
 from robots.bridge.ros.sensors import posture_topics
 from robots.bridge.ros.sensors.posture_topics import PostureTopics
-from robots.bridge.tasks.arm_posture import END_M, HAND_M, MOST_LINKS, ArmPosture
+from robots.bridge.tasks.arm_posture import END_M, HAND_M, MOST_LINKS, SHOULDER_M, ArmPosture
+from robots.bridge.tasks.motions import recorded
 from robots.bridge.tasks.urdf import Tree
 from robots.simulator.joints.joint_table import HOME, JOINTS
+from tests.processes import REPOSITORY
 from tests.ros import tiago_arm
 from tests.ros.tiago_arm import HAND, without_hand
 
+MOTIONS = REPOSITORY / "robots/simulator/joints/motions.yaml"
 ARM = ArmSource(
     home={"shoulder": 0.0, "elbow": 2.5},
     links=["upper", "lower", "hand"],
@@ -35,6 +39,43 @@ DESCRIPTION = """<robot name="r">
     <axis xyz="0 0 1"/></joint>
   <joint name="wrist" type="fixed"><parent link="lower"/><child link="hand"/><origin xyz="0.4 0 0"/></joint>
 </robot>"""
+
+
+def covers(disc, other):
+    """Return whether a disc covers another one."""
+    (x, y, radius), (other_x, other_y, other_radius) = disc, other
+    return math.hypot(x - other_x, y - other_y) + other_radius <= radius
+
+
+@pytest.mark.parametrize("description", [tiago_arm.DESCRIPTION, without_hand(), None])
+@pytest.mark.parametrize("starved", [{}, dict.fromkeys(HOME, 0.0)])
+def test_starved_of_joints_a_motion_needs_more_space_not_less(description, starved):
+    motions = recorded(yaml.safe_load(MOTIONS.read_text()))
+    fresh, hungry = ArmPosture(tiago_arm.ARM), ArmPosture(tiago_arm.ARM)
+    fresh.describe(tiago_arm.DESCRIPTION)
+    hungry.describe(description)
+    fresh.update(HOME.items(), 10.0)
+    hungry.update(starved.items(), 9.0)  # older than they may be
+    for name, motion in motions.items():
+        for known in (motion, None):  # its points may be unknown, too
+            space = hungry.sweep(known, 10.0)
+            needed = fresh.sweep(motion, 10.0)
+            assert all(any(covers(disc, one) for disc in space) for one in needed), name
+
+
+def test_why_the_arms_position_is_unknown():
+    posture = ArmPosture(tiago_arm.ARM)
+    posture.update(HOME.items(), 10.0)
+    assert posture.problem(10.0) == "the robot’s description has not been read yet"
+    posture.awaits_description = False
+    assert posture.problem(10.4) == ""
+    arm_first = next(iter(tiago_arm.ARM.home))
+    stale = ArmPosture(tiago_arm.ARM)
+    stale.awaits_description = False
+    assert stale.problem(10.0) == "no joint states have come yet"
+    stale.update(HOME.items(), 10.0)
+    stale.update([(name, place) for name, place in HOME.items() if name != arm_first], 10.8)
+    assert stale.problem(10.8) == "its joint states are 0.8 s old"
 
 
 class Listener:
@@ -94,7 +135,8 @@ def test_a_joint_that_is_nowhere_leaves_the_arm_unknown(arm, position, described
     assert arm.after(shoulder=0.0, elbow=2.5) == AT_HOME
     assert arm.after(1.0, shoulder=position, elbow=2.5) == NOWHERE
     wave = Motion(("shoulder",), ((1.0,),))
-    assert arm.posture.sweep(wave, arm.now_s) == ((0.0, 0.0, ARM.reach_m),)
+    whole_m = ARM.reach_m + ARM.radius_m + END_M + SHOULDER_M
+    assert arm.posture.sweep(wave, arm.now_s) == (pytest.approx((0.0, 0.0, whole_m)),)
 
 
 def test_a_finished_motion_leaves_the_arm_as_its_table_says(arm):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
+import signal
+import time
 from contextlib import contextmanager
 
 import pytest
@@ -23,6 +25,7 @@ from tests.ros.tiago_arm import ARM, JOINT_STATES
 
 IN_THE_OPEN = Pose2D(3.8, 2.2, 0.0)
 BEFORE_WALL = Pose2D(7.6, 0.75, -math.pi / 2.0)  # the wall's face is at y = 0
+FAR_FROM_WALL = Pose2D(7.6, 1.0, -math.pi / 2.0)  # farther than `reach_m`, within reach of `reach_max`
 TRIES = 20  # for late scans on a busy machine
 _numbers = itertools.count(1)
 FAR_AWAY, BEFORE_THE_ROBOT = "person 8.8 1.0", "person 4.5 2.2"
@@ -137,6 +140,36 @@ def test_before_a_wall_it_is_refused_with_figures(ros, rosmaster, tmp_path):
         assert refusal.figures["side"].startswith("ahead")
         until(lambda: "motion_blocked" in process.recorded()[-1], "why it was not begun on record")
         assert process.recorded()[-2:] == ["motion.start offer /play_motion", "motion.end motion_blocked"]
+
+
+def test_without_joint_states_it_is_refused(ros, rosmaster, tmp_path, fault):
+    with at(ros, FAR_FROM_WALL), bridge(rosmaster, tmp_path) as (hand, _):
+        refusal = ask(hand, "reach_max")
+        assert refusal.code == "motion_blocked", refusal
+        fault("joints_dead")
+        hand.state_until(lambda state: any(limit.code == "arm_away" for limit in state.verdict.limits), "it")
+        refusal = asked(hand, "reach_max")
+        assert (refusal.code, refusal.figures["sensor"]) == ("not_watched", "arm"), refusal
+        fault("none")
+        refusal = ask(hand, "reach_max")
+        assert refusal.code == "motion_blocked", refusal
+
+
+def test_a_starved_bridge_accepts_no_motion_before_a_wall(ros, rosmaster, tmp_path):
+    with at(ros, FAR_FROM_WALL), bridge(rosmaster, tmp_path) as (hand, process):
+        for _ in range(4):
+            process.process.send_signal(signal.SIGSTOP)
+            hand.send(wire.Play(1, "reach_max", number := next(_numbers)))
+            time.sleep(1.2)  # longer than any sensor may be silent
+            process.process.send_signal(signal.SIGCONT)
+            answer = hand.until(
+                lambda report, number=number: (
+                    isinstance(report, wire.Accepted | wire.Refused) and report.seq == number
+                ),
+                "an answer",
+            )
+            assert isinstance(answer, wire.Refused), answer
+            hand.state_until(drivable, "a robot that sees")
 
 
 def test_an_intruder_cancels_it(ros, rosmaster, tmp_path):
