@@ -262,7 +262,6 @@ SILENCED_SYSTEM_CHECKS = [f"security.W{number}" for number in ("004", "005", "00
 NPM_DISTRIBUTIONS = [
     ("vendor/event-calendar", BASE_DIR / "node_modules/@event-calendar/build/dist"),
     ("vendor/scene", BASE_DIR / "node_modules/.scene"),  # made by npm: see script/scene_library.js
-    ("vendor/nipplejs", BASE_DIR / "node_modules/nipplejs/dist"),
     ("vendor/swagger-ui", BASE_DIR / "node_modules/swagger-ui-dist"),
     ("vendor/uplot", BASE_DIR / "node_modules/uplot/dist"),
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import subprocess
@@ -23,6 +24,7 @@ from script.stack.stack import PracticeRobot, SimulatedRobot, Stack
 PATIENCE_S = 30.0
 expect.set_options(timeout=1000.0 * PATIENCE_S)
 POLL_MS = 50
+SIGN_S = 1.0  # a held key repeats; much slower than real keys, so that a test may keep one down for seconds
 # Mark the hints for newcomers as read: this person has used the console before.
 HINTS_SEEN = """if (location.protocol.startsWith("http")) {
   const kept = JSON.parse(localStorage.getItem("fleet-console") ?? "{}");
@@ -194,6 +196,11 @@ class Person:
         drive = self.drives[-1]
         return drive["x"], drive["y"], drive["w"]
 
+    @property
+    def rests(self) -> bool:
+        """Whether the page's stick is in the middle."""
+        return bool(self.drives) and self.last_drive == (0, 0, 0)
+
     def middle_of(self, name: str) -> tuple[float, float]:
         """Return the middle of an element, in pixels of the window."""
         box = self.part(name).bounding_box()
@@ -221,19 +228,26 @@ class Person:
     def push(self, *keys: str, until: Callable[[], Any], what: str) -> None:
         """Hold these keys until a condition is true, and keep them down.
 
-        On a busy computer a scan can be late, and the gate asks for a neutral stick: then release and press the keys.
+        On a busy computer a scan can be late, and the gate asks for a neutral stick, or the page itself stood still and
+        let go: then release and press the keys. The last key repeats, as at a real keyboard: a key that is silent for
+        too long counts as released.
         """
+        sign_s = 0.0
 
         def there() -> bool:
-            if self.state["neutral_needed"]:
+            if self.state["neutral_needed"] or (time.monotonic() > sign_s and self.rests):
                 self.let_go(*keys)
                 self.until(lambda: self.state["neutral_needed"] is None, "a free stick")
                 press()
+            elif time.monotonic() > sign_s:
+                press(keys[-1])
             return bool(until())
 
-        def press() -> None:
-            for key in keys:
+        def press(*pressed: str) -> None:
+            nonlocal sign_s
+            for key in pressed or keys:
                 self.page.keyboard.down(key)
+            sign_s = time.monotonic() + SIGN_S
 
         press()
         self.until(there, what)
@@ -365,15 +379,23 @@ class Fingers:
         """Move a finger to this place until a condition is true, and keep it there.
 
         On a busy computer odometry can be late, and the gate asks for a neutral stick: then move by way of the middle.
+        The finger trembles, as real ones do: one that is silent for too long counts as lifted.
         """
         person = self._person
         middle = person.middle_of("zone")
+        tremble = itertools.cycle((0, 1))
+        pressed_s = time.monotonic()
 
         def there() -> bool:
+            nonlocal pressed_s
+            if person.rests and time.monotonic() > pressed_s + SIGN_S:  # the page stood still, and let go
+                self.lift(finger)
+                self.put(finger, middle)
+                pressed_s = time.monotonic()
             if person.state["neutral_needed"]:
                 self.move(finger, middle)
                 person.until(lambda: person.state["neutral_needed"] is None, "a free stick")
-                self.move(finger, place)
+            self.move(finger, (place[0], place[1] + next(tremble)))
             return bool(until())
 
         self.move(finger, place)

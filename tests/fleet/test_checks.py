@@ -6,9 +6,9 @@ from fleet import checks
 def test_missing_npm_packages_are_named_with_the_command(settings, tmp_path):
     there = tmp_path / "there"
     there.mkdir()
-    settings.NPM_DISTRIBUTIONS = [("vendor/there", there), ("vendor/nipplejs", tmp_path / "nipplejs/dist")]
+    settings.NPM_DISTRIBUTIONS = [("vendor/there", there), ("vendor/uplot", tmp_path / "uplot/dist")]
     (warning,) = checks.npm_packages_installed()
-    assert "vendor/nipplejs" in warning.msg
+    assert "vendor/uplot" in warning.msg
     assert "script/setup web" in warning.hint
 
 

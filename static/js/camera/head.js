@@ -3,6 +3,7 @@
  */
 
 import { takeControlFirst } from "../control/lease.js";
+import { PointerHold } from "../hand/pointer_hold.js";
 import { dim, mark, show } from "../lib/dom.js";
 import { fitInto } from "./frame.js";
 
@@ -58,7 +59,8 @@ export class Head {
   #header;
   #moves = false;
   #may = false;
-  #pointer = null; // {id, x, y, startX, startY, isDrag}
+  #finger;
+  #drag = null; // {x, y, startX, startY, isDrag} while the finger is down
   #pendingTurn = { pan: 0, tilt: 0 };
   #waiting = 0; // requests without an answer
   #late = 0; // how many of them got no answer in time
@@ -80,11 +82,13 @@ export class Head {
     this.#request = request;
     this.#header = header;
     const { signal } = this.#listening;
-    const on = (type, act) => area.addEventListener(type, act, { signal });
-    on("pointerdown", (event) => this.#down(event));
-    on("pointermove", (event) => this.#move(event));
-    on("pointerup", (event) => this.#up(event));
-    on("pointercancel", (event) => this.#leave(event));
+    this.#finger = new PointerHold(area, {
+      begin: (event) => this.#down(event),
+      move: (event) => this.#move(event),
+      end: (lost, event) => this.#up(lost, event),
+      patienceMs: Infinity, // a finger that rests turns nothing
+      hasMenu: true,
+    });
     keys.addEventListener("click", ({ target }) => this.#press(target.closest("[data-turn]")), {
       signal,
     });
@@ -109,6 +113,7 @@ export class Head {
   close() {
     this.#listening.abort();
     this.#end();
+    this.#finger.close();
   }
 
   #follow() {
@@ -118,40 +123,39 @@ export class Head {
   }
 
   #end() {
-    this.#pointer = null;
+    this.#finger.drop("ended");
     this.#setPending(0, 0);
     clearTimeout(this.#click?.timer);
     this.#click = null;
   }
 
-  #down(event) {
-    if (!this.#moves || !this.#may || event.button || this.#pointer || !this.#header()) return;
-    const { pointerId: id, clientX: x, clientY: y } = event;
-    this.#area.setPointerCapture?.(id);
-    this.#pointer = { id, x, y, startX: x, startY: y, isDrag: false };
+  #down({ clientX: x, clientY: y }) {
+    if (!this.#moves || !this.#may || !this.#header()) return false;
+    this.#drag = { x, y, startX: x, startY: y, isDrag: false };
     this.#waiting = this.#late = 0;
+    return true;
   }
 
-  #move({ pointerId, clientX, clientY }) {
-    const pointer = this.#pointer;
-    if (pointer?.id !== pointerId) return;
-    const gone = Math.hypot(clientX - pointer.startX, clientY - pointer.startY);
-    if (!pointer.isDrag && gone < DRAG_PX) return;
-    pointer.isDrag = true;
+  #move({ clientX, clientY }) {
+    const drag = this.#drag;
+    const gone = Math.hypot(clientX - drag.startX, clientY - drag.startY);
+    if (!drag.isDrag && gone < DRAG_PX) return;
+    drag.isDrag = true;
     const { header, scale } = this.#pictureOnPage();
-    const right = (clientX - pointer.x) / scale;
-    const down = (clientY - pointer.y) / scale;
-    pointer.x = clientX;
-    pointer.y = clientY;
+    const right = (clientX - drag.x) / scale;
+    const down = (clientY - drag.y) / scale;
+    drag.x = clientX;
+    drag.y = clientY;
     const { pan, tilt } = turnByDrag(right, down, header);
     this.#pendingTurn = { pan: this.#pendingTurn.pan + pan, tilt: this.#pendingTurn.tilt + tilt };
     this.#sendSoon();
   }
 
-  #up(event) {
-    const isClick = this.#pointer?.id === event.pointerId && !this.#pointer.isDrag;
-    this.#leave(event);
-    if (!isClick) return;
+  #up(lost, event) {
+    const { isDrag } = this.#drag;
+    this.#drag = null;
+    if (lost) return this.#setPending(0, 0);
+    if (isDrag) return;
     if (this.#click) {
       clearTimeout(this.#click.timer);
       this.#click = null;
@@ -164,10 +168,6 @@ export class Head {
       this.#look(turn);
     }, DOUBLE_MS);
     this.#click = { timer };
-  }
-
-  #leave({ pointerId }) {
-    if (this.#pointer?.id === pointerId) this.#pointer = null;
   }
 
   #turnTo(clientX, clientY) {

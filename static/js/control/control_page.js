@@ -6,7 +6,7 @@ import { DelayEchoes, RoundTrips } from "../connection/round_trips.js";
 import { CLOSED_FOR_GOOD, LiveSocket, socketUrl } from "../connection/socket.js";
 import { DriveSender } from "../drive/drive_sender.js";
 import { DrivingOptions } from "../drive/driving_options.js";
-import { listenToGamepad } from "../drive/input/gamepad.js";
+import { listenToGamepads } from "../drive/input/gamepad.js";
 import { Joystick } from "../drive/input/joystick.js";
 import { listenToKeys } from "../drive/input/keyboard.js";
 import { keysHelp } from "../drive/input/keys_help.js";
@@ -15,6 +15,8 @@ import { TurnAndLook } from "../drive/input/turn.js";
 import { PlanView } from "../drive/plan_view.js";
 import { SpeedChart } from "../drive/speed_chart.js";
 import { screenLock } from "../drive/wake_lock.js";
+import { hand } from "../hand/watch.js";
+import { lostText, soonText } from "../hand/words.js";
 import { mark, parts } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 import { tabClock, tabToken } from "../lib/tab.js";
@@ -99,6 +101,7 @@ class ControlPage {
   #facts = null;
   #contact = new RobotContact();
   #moved = false; // the stick is not at rest
+  #needsSign = false; // what a hand holds lets go soon, unless the hand moves
   // Since when the stick has had to return to the middle; if it need not, the present time.
   #needsNeutralSinceMs = 0;
   #timer;
@@ -253,17 +256,15 @@ class ControlPage {
       this.#joystick.sticky = sticky;
     });
     on(this.#tabs, "change", ({ tab, before }) => this.#changed(tab, before));
-    on(this.#joystick, "released", ({ reason }) => this.#stickReleased(reason));
-    on(this.#stick, "change", ({ axes, input }) => this.#stickMoved(axes, input));
+    on(this.#stick, "change", ({ input }) => this.#stickMoved(input));
     on(this.#parts.clear, "click", () => {
       this.#stopAsked = this.#contact.state?.stop.number ?? 0;
       this.#clear.ask();
     });
-    on(document, "visibilitychange", () => {
-      this.#contact.hide(performance.now());
-      if (document.hidden) this.#zero("hidden");
-    });
-    on(window, "blur", () => this.#zero("blurred"));
+    on(document, "visibilitychange", () => this.#contact.hide(performance.now()));
+    on(hand, "interrupted", ({ reason }) => this.#zero(reason));
+    on(hand, "lost", (lost) => this.#handLost(lost));
+    on(hand, "soon", (soon) => this.#handSoon(soon));
 
     const host = {
       stick: this.#stick,
@@ -286,7 +287,7 @@ class ControlPage {
       opener.addEventListener("click", shut, { signal, capture: true });
     this.#endings.push(
       listenToKeys(host),
-      listenToGamepad(host),
+      listenToGamepads(host),
       keysHelp(this.#parts["keys-dialog"], this.#parts["keys-open"]),
     );
     this.#timer = setInterval(() => this.#update(), UPDATE_MS);
@@ -308,8 +309,8 @@ class ControlPage {
     if (!this.#outdated) this.#taskPanel.tab = tab;
   }
 
-  #stickMoved(axes, input) {
-    this.#statusBar.hint(this.#reverseHint(axes));
+  #stickMoved(input) {
+    this.#showHint();
     if (input && input !== "turn") this.#drawers.close(); // the button for "turn" is in a drawer
     const wasMoved = this.#moved;
     this.#moved = Boolean(input);
@@ -508,20 +509,25 @@ class ControlPage {
     });
   }
 
-  #reverseHint({ x }) {
-    if (x >= 0) return "";
+  #showHint() {
+    this.#statusBar.hint(this.#needsSign ? soonText() : this.#reverseHint());
+  }
+
+  #reverseHint() {
+    if (this.#stick.axes.x >= 0) return "";
     return this.#facts?.reverse_steering === "car"
       ? gettext("Reversing: steers like a car.")
       : gettext("Reversing: stick left still turns left.");
   }
 
-  #stickReleased(reason) {
-    if (reason !== "untouched") return;
-    this.#notify(
-      "info",
-      "sticky",
-      gettext("The stick returned to the middle: nobody touched it for 30 s."),
-    );
+  #handLost(lost) {
+    const text = lostText(lost);
+    if (text) this.#notify("info", "hand", text);
+  }
+
+  #handSoon(soon) {
+    this.#needsSign = soon;
+    this.#showHint();
   }
 
   #notify(level, code, text) {

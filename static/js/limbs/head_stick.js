@@ -7,8 +7,11 @@
  */
 
 import { takeControlFirst } from "../control/lease.js";
-import { isEditing } from "../drive/input/keyboard.js";
+import { HeldKeys } from "../hand/held_keys.js";
+import { PointerHold } from "../hand/pointer_hold.js";
+import { isModified } from "../hand/watch.js";
 import { dim, mark, show } from "../lib/dom.js";
+import { isEditing } from "../lib/editing.js";
 
 const PERIOD_MS = 150;
 const FASTEST_RADPS = 0.9;
@@ -30,8 +33,8 @@ export class HeadStick {
   #request;
   #may = false;
   #hasHead = false;
-  #pointer = null; // its id
-  #held = new Set(); // keys
+  #finger;
+  #keys;
   #way = { pan: 0, tilt: 0 }; // -1 to 1; positive: left, up
   #waiting = 0;
   #timer = null;
@@ -52,16 +55,14 @@ export class HeadStick {
     const on = (target, type, act) => target.addEventListener(type, act, { signal });
     on(parts["head-open"], "click", () => this.#open(parts["head-box"].hidden));
     on(parts["head-ahead"], "click", () => this.#ahead());
-    on(this.#pad, "pointerdown", (event) => this.#down(event));
-    on(this.#pad, "pointermove", (event) => event.pointerId === this.#pointer && this.#drag(event));
-    for (const type of ["pointerup", "pointercancel", "lostpointercapture"])
-      on(this.#pad, type, ({ pointerId }) => pointerId === this.#pointer && this.release());
-    on(this.#pad, "contextmenu", (event) => event.preventDefault());
-    on(window, "blur", () => this.release());
-    on(document, "visibilitychange", () => this.release());
     on(window, "keydown", (event) => steers() && this.#key(event));
-    on(window, "keyup", ({ code }) => this.#held.delete(code) && this.#byKeys());
-    on(document, "focusin", ({ target }) => isEditing(target) && this.release());
+    this.#finger = new PointerHold(this.#pad, {
+      begin: () => this.#begin(),
+      move: (event) => this.#drag(event),
+      end: () => this.#turn(0, 0),
+    });
+    const may = () => steers() && this.#may && this.#hasHead && !this.#finger.isHeld;
+    this.#keys = new HeldKeys(window, Object.keys(KEYS), may, (held) => this.#byKeys(held));
     this.mayAct = false;
   }
 
@@ -81,13 +82,13 @@ export class HeadStick {
 
   /** End input now, also if a finger or a key is still held. */
   release() {
-    this.#pointer = null;
-    this.#held.clear();
-    this.#turn(0, 0);
+    this.#finger.drop("released");
+    this.#keys.drop("released");
   }
 
   close() {
-    this.release();
+    this.#finger.close();
+    this.#keys.close();
     this.#listening.abort();
   }
 
@@ -102,13 +103,9 @@ export class HeadStick {
     this.#request({ t: "look_ahead" });
   }
 
-  #down(event) {
-    if (!this.#may || event.button || this.#pointer !== null) return;
-    event.preventDefault();
-    this.#pad.setPointerCapture?.(event.pointerId);
-    this.#held.clear();
-    this.#pointer = event.pointerId;
-    this.#drag(event);
+  #begin() {
+    if (this.#may) this.#keys.drop("input-changed");
+    return this.#may;
   }
 
   #drag({ clientX, clientY }) {
@@ -121,20 +118,13 @@ export class HeadStick {
   }
 
   #key(event) {
-    if (isEditing(event.target) || event.ctrlKey || event.altKey || event.metaKey) return;
-    if (!this.#hasHead) return;
-    if (event.code === AHEAD && !event.repeat && this.#may) this.#ahead();
-    if (!(event.code in KEYS) || !this.#may || this.#pointer !== null) return;
-    event.preventDefault();
-    // The key was held when input ended: it must be pressed again.
-    if (event.repeat && !this.#held.has(event.code)) return;
-    this.#held.add(event.code);
-    this.#byKeys();
+    if (isEditing(event.target) || isModified(event) || event.repeat) return;
+    if (event.code === AHEAD && this.#hasHead && this.#may) this.#ahead();
   }
 
-  #byKeys() {
+  #byKeys(held) {
     const sum = [0, 0];
-    for (const code of this.#held) for (const axis of [0, 1]) sum[axis] += KEYS[code][axis];
+    for (const code of held) for (const axis of [0, 1]) sum[axis] += KEYS[code][axis];
     this.#turn(0.8 * sum[0], 0.8 * sum[1]);
   }
 

@@ -4,6 +4,7 @@
  */
 
 import { takeControlFirst } from "../control/lease.js";
+import { hand } from "../hand/watch.js";
 import { dim, setText, show } from "../lib/dom.js";
 import { centimetres, endNotice } from "./words.js";
 
@@ -19,6 +20,7 @@ export class LimbPanel {
   #pressed = new Set(); // limbs whose slider is under a finger
   #limbs = {}; // as the robot last reported
   #held = new Set(); // limbs whose slider is under a finger or moved by arrow keys
+  #left = new Set(); // limbs whose slider was under a finger when the page was left: its end counts no more
   #timers = {};
   #ended = null; // ends that are known, by limb; null before the first state
   #listening = new AbortController();
@@ -37,15 +39,19 @@ export class LimbPanel {
     on("gripper-open", "click", () => this.#move("gripper", this.#ranges.gripper.most_m));
     on("gripper-close", "click", () => this.#move("gripper", this.#ranges.gripper.least_m));
     for (const limb of ["gripper", "torso"]) {
-      on(`${limb}-to`, "pointerdown", () => {
+      on(`${limb}-to`, "pointerdown", ({ button }) => {
+        if (button !== 0) return;
+        this.#left.delete(limb);
         this.#pressed.add(limb);
         this.#held.add(limb);
       });
+      on(`${limb}-to`, "keydown", () => this.#left.delete(limb));
       on(`${limb}-to`, "input", () => this.#slid(limb));
       on(`${limb}-to`, "change", (event) => this.#released(limb, event.target));
       for (const type of ["pointerup", "pointercancel"])
         on(`${limb}-to`, type, () => setTimeout(() => this.#letGo(limb)));
     }
+    hand.addEventListener("interrupted", () => this.#leave(), { signal });
     this.mayAct = false;
   }
 
@@ -118,6 +124,7 @@ export class LimbPanel {
   #released(limb, slider) {
     const to = Number(slider.value);
     clearTimeout(this.#timers[limb]);
+    if (this.#left.delete(limb)) return this.#follow(limb);
     if (this.#pressed.has(limb)) {
       slider.blur(); // keys drive the base again
       this.#move(limb, to);
@@ -125,6 +132,16 @@ export class LimbPanel {
     }
     this.#held.add(limb);
     this.#timers[limb] = setTimeout(() => this.#move(limb, to), KEYS_REST_MS);
+  }
+
+  /** The page was left while a slider was held: the limb stays where it is. */
+  #leave() {
+    for (const limb of this.#pressed) this.#left.add(limb);
+    for (const limb of [...this.#held]) {
+      clearTimeout(this.#timers[limb]);
+      this.#letGo(limb);
+      this.#follow(limb);
+    }
   }
 
   async #move(limb, to) {

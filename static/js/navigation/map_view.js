@@ -4,6 +4,7 @@
  * nothing: `map_panel.js` makes requests of its events.
  */
 
+import { hand } from "../hand/watch.js";
 import { Canvas } from "../lib/canvas.js";
 import { corners, headingOf, panned, toPixels, toPoint, whole, zoomed } from "./map_frame.js";
 import { drawGoal, drawLaser, drawPath, drawPicture, drawPlace, drawRobot } from "./map_symbols.js";
@@ -28,6 +29,7 @@ const RIM = 4; // pixels
 const FONT = "600 13px system-ui, sans-serif";
 const REST_PX = 8; // a finger that moves less is a press, and does not move the map
 const REACH_PX = 22; // half the size of a target for a finger
+const PRIMARY = 1; // in `buttons`: the main button alone
 const LETTER_PX = 3; // half the width of a letter of a name
 
 /**
@@ -52,6 +54,7 @@ export class MapView extends EventTarget {
   #pointers = new Map();
   #from = null; // pixel where the choice began
   #pressedAt = null; // pixel of a finger that has not moved yet
+  #hold = { lose: () => this.#drop() }; // a finger that chooses
   #listening = new AbortController();
 
   /** @param {HTMLCanvasElement} element its colours are custom properties named --view-... */
@@ -115,7 +118,7 @@ export class MapView extends EventTarget {
   /** Whether a press chooses a point; if not, a drag moves the map. */
   set chooses(chooses) {
     this.#chooses = chooses;
-    this.#chosen = this.#from = null;
+    this.#forget();
     this.#heading = this.#robot?.heading ?? 0;
     this.#canvas.redraw();
   }
@@ -131,6 +134,7 @@ export class MapView extends EventTarget {
   }
 
   close() {
+    this.#forget();
     this.#listening.abort();
     this.#canvas.close();
   }
@@ -170,21 +174,23 @@ export class MapView extends EventTarget {
   }
 
   #pressed(event) {
-    if (event.button > 0) return; // a press for the context menu chooses no point
+    if (event.button !== 0 || event.buttons !== PRIMARY) return; // a press for the menu chooses no point
     this.#element.setPointerCapture?.(event.pointerId);
     this.#pointers.set(event.pointerId, this.#pixel(event));
     this.#pressedAt = !this.#chooses && this.#pointers.size === 1 ? this.#pixel(event) : null;
     if (this.#chooses && this.#pointers.size === 1) {
       this.#from = this.#pixel(event);
       this.#choose(this.#from);
+      hand.begin(this.#hold, Infinity); // a finger that rests sends nothing to the robot
     } else {
-      this.#from = this.#chosen = null; // a second finger zooms
+      this.#forget(); // a second finger zooms
     }
   }
 
   #dragged(event) {
     const before = this.#pointers.get(event.pointerId);
     if (!before) return;
+    if (event.buttons !== PRIMARY) return this.#dropped(event); // the page did not hear of the release
     const now = this.#pixel(event);
     if (this.#pressedAt && apart(now, this.#pressedAt) < REST_PX) return;
     this.#pressedAt = null;
@@ -251,13 +257,26 @@ export class MapView extends EventTarget {
 
   #dropped(event) {
     this.#pointers.delete(event.pointerId);
-    this.#from = this.#chosen = this.#pressedAt = null;
+    this.#pressedAt = null;
+    this.#forget();
     this.#canvas.redraw();
+  }
+
+  /** The hand may be gone: choose nothing. */
+  #drop() {
+    this.#pointers.clear();
+    this.#forget();
+    this.#canvas.redraw();
+  }
+
+  #forget() {
+    hand.end(this.#hold);
+    this.#from = this.#chosen = null;
   }
 
   #send() {
     const detail = this.#chosen;
-    this.#from = this.#chosen = null;
+    this.#forget();
     this.#canvas.redraw();
     if (detail) this.dispatchEvent(new CustomEvent("choose", { detail }));
   }

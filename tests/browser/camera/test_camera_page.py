@@ -114,8 +114,9 @@ def test_a_picture_that_stands_still_is_grey_and_slows_the_robot(
         found = [limit for limit in limits if limit["code"] == "camera_late"]
         return float(re.search(r"at most ([\d.]+) m/s", found[0]["text"])[1]) if found else None  # type: ignore[index]
 
-    operator.push("w", until=held_to, what="a limit for the late picture")
-    operator.until(lambda: (held_to() or 1.0) < 0.3, "a lower limit for an older picture")
+    operator.push(
+        "w", until=lambda: (held_to() or 1.0) < 0.3, what="a limit that falls as the picture grows old"
+    )
     expect(operator.part("limits")).to_contain_text("the camera’s picture comes after")
     assert abs(operator.state["odometry"]["vx"]) < 0.35
     faults("none")

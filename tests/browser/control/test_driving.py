@@ -27,8 +27,10 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -
     fingers.push(1, ahead, lambda: math.dist(operator.place, start) > 0.3, "0.3 m by odometry")
     assert operator.last_drive == (1, 0, 0)
 
-    operator.until(lambda: operator.state["verdict"]["allowed"][0] == 0, "the gate to hold at the wall", 40)
-    operator.until_still()
+    fingers.push(
+        1, ahead, lambda: operator.state["verdict"]["allowed"][0] == 0, "the gate to hold at the wall"
+    )
+    fingers.push(1, ahead, lambda: abs(operator.state["odometry"]["vx"]) < 0.02, "standstill")
     verdict = operator.state["verdict"]
     assert verdict["asked"][0] > 0
     assert 0 < verdict["distance_m"] < 0.5  # before the wall, not in the wall
@@ -258,8 +260,10 @@ def test_a_duplicated_tab_is_a_tab_of_its_own(person: Arrive) -> None:
 def test_a_gamepad_drives_and_its_button_stops(person: Arrive) -> None:
     operator = person("operator", apart=True)
     operator.page.add_init_script(
-        "window.pad = {connected: true, axes: [0, 0, 0, 0], buttons: [{}, {pressed: false}]};"
-        "navigator.getGamepads = () => [window.pad];"
+        "window.pad = {index: 1, id: 'pad', mapping: 'standard', connected: true, axes: [0, 0, 0, 0],"
+        " buttons: [{}, {pressed: false}]};"
+        "window.odd = {index: 0, id: 'sensor', mapping: '', connected: true, axes: [0.7, -0.4], buttons: []};"
+        "navigator.getGamepads = () => [window.odd, window.pad];"
     )
     operator.take("tiago-2")
     operator.page.evaluate("pad.axes = [0, 0, 1, 0]")

@@ -1,5 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Head, turnByDrag, turnToPoint } from "../../../static/js/camera/head.js";
+import { point as send } from "../hand/events.js";
 import { headerOf } from "./frames.js";
 
 const LENS = [500, 500, 320, 240];
@@ -73,15 +74,8 @@ describe("the picture as a handle of the head", () => {
     vi.useRealTimers();
   });
 
-  const point = (type, clientX, clientY, pointerId = 1) =>
-    area.dispatchEvent(
-      Object.assign(new Event(type, { bubbles: true, cancelable: true }), {
-        clientX,
-        clientY,
-        pointerId,
-        button: 0,
-      }),
-    );
+  const point = (type, clientX, clientY, pointerId = 1, facts = {}) =>
+    send(area, type, { clientX, clientY, pointerId, ...facts });
   const click = (x, y) => {
     point("pointerdown", x, y);
     point("pointerup", x, y);

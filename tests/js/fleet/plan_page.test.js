@@ -3,6 +3,7 @@ import { PlanPage } from "../../../static/js/fleet/plan_page.js";
 import { whereText, whyNowhere } from "../../../static/js/fleet/plan_words.js";
 import { corners, toPixels, whole } from "../../../static/js/navigation/map_frame.js";
 import { FakeSocket, made } from "../fake_socket.js";
+import { point } from "../hand/events.js";
 
 const KITCHEN = { number: 1, name: "kitchen", x: 1, y: 1, heading: 0 };
 const SIDES = {
@@ -100,7 +101,7 @@ describe("the fleet map", () => {
     const link = document.querySelector(".plan-picked");
     const pressed = (x, y) => {
       for (const type of ["pointerdown", "pointerup", "click"])
-        canvas.dispatchEvent(Object.assign(new Event(type), { clientX: x, clientY: y }));
+        point(canvas, type, { clientX: x, clientY: y });
     };
     expect(link.hidden).toBe(true);
     pressed(...toPixels(whole(corners(MAP), 400, 300), [LOCATION.x, LOCATION.y], 400, 300));

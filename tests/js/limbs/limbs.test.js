@@ -3,6 +3,7 @@ import { parts } from "../../../static/js/lib/dom.js";
 import { HeadStick, shaped } from "../../../static/js/limbs/head_stick.js";
 import { LimbPanel } from "../../../static/js/limbs/limb_panel.js";
 import { endNotice, movingText } from "../../../static/js/limbs/words.js";
+import { point } from "../hand/events.js";
 
 const RANGES = { gripper: { least_m: 0, most_m: 0.09 }, torso: { least_m: 0, most_m: 0.35 } };
 const BUTTONS = ["robot-open", "head-open", "arm-home", "gripper-open", "gripper-close"];
@@ -46,7 +47,7 @@ describe("the drawer of arm, gripper and torso", () => {
 
   it("sends one bounded goal when a slider is let go", () => {
     const slider = page["torso-to"];
-    slider.dispatchEvent(new Event("pointerdown"));
+    slider.dispatchEvent(Object.assign(new Event("pointerdown"), { button: 0 }));
     for (const value of [0.1, 0.2, 0.25]) {
       slider.value = value;
       slider.dispatchEvent(new Event("input"));
@@ -64,7 +65,7 @@ describe("the drawer of arm, gripper and torso", () => {
     expect([slider.disabled, slider.title]).toEqual([false, "Take control first."]);
     panel.state = { limbs: { torso: { at_m: 0.1 } } };
     request.mockResolvedValueOnce({ code: "no_lease" });
-    slider.dispatchEvent(new Event("pointerdown"));
+    slider.dispatchEvent(Object.assign(new Event("pointerdown"), { button: 0 }));
     slider.value = 0.2;
     slider.dispatchEvent(new Event("input"));
     slider.dispatchEvent(new Event("change"));
@@ -74,6 +75,19 @@ describe("the drawer of arm, gripper and torso", () => {
     );
     panel.mayAct = true;
     expect(slider.title).toBe("");
+  });
+
+  it("leaves a limb where it is if the page is left while its slider is held", () => {
+    panel.state = { limbs: { torso: { at_m: 0.1 } } };
+    const slider = page["torso-to"];
+    slider.dispatchEvent(Object.assign(new Event("pointerdown"), { button: 0 }));
+    slider.value = 0.2;
+    slider.dispatchEvent(new Event("input"));
+    window.dispatchEvent(new Event("blur"));
+    expect(slider.value).toBe("0.1");
+    slider.dispatchEvent(new Event("change")); // the browser ends the drag
+    vi.advanceTimersByTime(1000);
+    expect(request).not.toHaveBeenCalled();
   });
 
   it("waits until arrow keys rest", () => {
@@ -94,7 +108,7 @@ describe("the drawer of arm, gripper and torso", () => {
     panel.state = { limbs: { gripper: { at_m: 0.04 }, torso: { at_m: 0.15 } } };
     expect(page["torso-at"].textContent).toBe("15 cm");
     expect(page["gripper-to"].value).toBe("0.04");
-    page["torso-to"].dispatchEvent(new Event("pointerdown"));
+    page["torso-to"].dispatchEvent(Object.assign(new Event("pointerdown"), { button: 0 }));
     panel.state = { limbs: { gripper: { at_m: 0.05 }, torso: { at_m: 0.3 } } };
     expect(page["torso-at"].textContent).toBe("15 cm");
   });
@@ -127,13 +141,8 @@ describe("the drawer of arm, gripper and torso", () => {
 
 describe("the head's stick", () => {
   let stick;
-  const press = (type, x = 0, y = 0) =>
-    Object.assign(new Event(type, { bubbles: true, cancelable: true }), {
-      clientX: x,
-      clientY: y,
-      pointerId: 1,
-      button: 0,
-    });
+  const press = (type, clientX = 0, clientY = 0) =>
+    point(page["head-pad"], type, { clientX, clientY });
 
   beforeEach(() => {
     page["head-pad"].getBoundingClientRect = () => ({ left: 0, top: 0, width: 100, height: 100 });
@@ -145,13 +154,12 @@ describe("the head's stick", () => {
   afterEach(() => stick.close());
 
   it("turns the head while it is held, and not a moment longer", async () => {
-    page["head-pad"].dispatchEvent(press("pointerdown", 0, 50));
+    press("pointerdown", 0, 50);
     await vi.advanceTimersByTimeAsync(450);
     const count = request.mock.calls.length;
     expect(count).toBe(4);
     expect(request.mock.calls[0][0].pan).toBeCloseTo(0.135);
-    window.dispatchEvent(press("pointerup"));
-    page["head-pad"].dispatchEvent(press("pointerup"));
+    press("pointerup");
     await vi.advanceTimersByTimeAsync(1000);
     expect(request.mock.calls.length).toBe(count);
   });
@@ -187,18 +195,18 @@ describe("the head's stick", () => {
 
   it("sends no more than two requests without an answer", async () => {
     request.mockImplementation(() => new Promise(() => {}));
-    page["head-pad"].dispatchEvent(press("pointerdown", 50, 0));
+    press("pointerdown", 50, 0);
     await vi.advanceTimersByTimeAsync(2000);
     expect(request.mock.calls.length).toBe(2);
   });
 
   it("ends at a refusal and without control", async () => {
     request.mockImplementation(() => Promise.resolve({ code: "stopped" }));
-    page["head-pad"].dispatchEvent(press("pointerdown", 50, 0));
+    press("pointerdown", 50, 0);
     await vi.advanceTimersByTimeAsync(1000);
     expect(request.mock.calls.length).toBe(1);
     stick.mayAct = false;
-    page["head-pad"].dispatchEvent(press("pointerdown", 50, 0));
+    press("pointerdown", 50, 0);
     await vi.advanceTimersByTimeAsync(1000);
     expect(request.mock.calls.length).toBe(1);
   });

@@ -3,6 +3,7 @@ import { parts } from "../../../static/js/lib/dom.js";
 import { corners, toPixels, toPoint, whole } from "../../../static/js/navigation/map_frame.js";
 import { MapPanel } from "../../../static/js/navigation/map_panel.js";
 import { endText, goingText } from "../../../static/js/navigation/words.js";
+import { pointerEvent } from "../hand/events.js";
 
 const NAMES = [
   ...["map-none", "map-words", "places-none", "place-dialog-title", "place-refused"],
@@ -43,8 +44,8 @@ const LOCATION = {
 const END = { fence: 1, seq: 7, outcome: "arrived", text: "" };
 const PEN = new Proxy({}, { get: () => () => {}, set: () => true });
 
-function pointer(type, x, y, pointerId = 1) {
-  return Object.assign(new Event(type, { bubbles: true }), { clientX: x, clientY: y, pointerId });
+function pointer(type, clientX, clientY, pointerId = 1) {
+  return pointerEvent(type, { clientX, clientY, pointerId });
 }
 
 describe("the map over the picture", () => {

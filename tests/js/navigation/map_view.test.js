@@ -1,6 +1,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { corners, whole } from "../../../static/js/navigation/map_frame.js";
 import { MapView } from "../../../static/js/navigation/map_view.js";
+import { point } from "../hand/events.js";
 
 const SIZE = [400, 300];
 const HALL = { width: 200, height: 160, resolution_m: 0.05, origin_x_m: -2, origin_y_m: -2 };
@@ -37,9 +38,8 @@ describe("the map under fingers, wheel and keys", () => {
     vi.unstubAllGlobals();
   });
 
-  function send(type, x, y, more = {}) {
-    const event = new Event(type, { bubbles: true, cancelable: true });
-    canvas.dispatchEvent(Object.assign(event, { clientX: x, clientY: y, pointerId: 1, ...more }));
+  function send(type, clientX, clientY, more = {}) {
+    point(canvas, type, { clientX, clientY, ...more });
   }
 
   function press(...keys) {

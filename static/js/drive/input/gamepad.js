@@ -1,13 +1,78 @@
-/** A gamepad as input: read once per frame, only while one is connected. */
+/** Gamepads as input: read once per frame, only while one is connected. */
 
+import { hand } from "../../hand/watch.js";
 import { fromGamepad } from "./shaping.js";
-import { NEUTRAL } from "./stick.js";
+import { isNeutral, NEUTRAL } from "./stick.js";
 
 const STOP_BUTTON = 1; // B on an Xbox pad, circle on a PlayStation pad
 
-/** The pad that drives: the first that is connected and has a standard stick. */
-export function firstPad(pads) {
-  return [...pads].find((pad) => pad?.connected && pad.axes.length >= 2) ?? null;
+/**
+ * One device. It drives only after it has been in the middle: a device that is plugged in may rest anywhere. A device
+ * that the browser does not know as a gamepad may be a sensor that drifts: a person takes it into use by a button.
+ *
+ * Each change of an axis or a button proves the hand. The time stamp proves nothing: some systems write a new one at
+ * each reading.
+ */
+export class Pad {
+  #input;
+  #stick;
+  #inUse = false;
+  #rested = false;
+  // A switch that is on when the device is plugged in is not pressed by a person.
+  #wasPressed = true;
+  #stopWasDown = true;
+  #seen = "";
+  #isHeld = false;
+
+  /** @param {import("./stick.js").Stick} stick @param {string} name of the device */
+  constructor(stick, name) {
+    this.#stick = stick;
+    this.#input = `gamepad ${name}`;
+  }
+
+  /** @param {Gamepad} pad as it is now */
+  read(pad, holonomic) {
+    if (!this.#isInUse(pad)) return;
+    const axes = fromGamepad(pad.axes, holonomic);
+    const neutral = isNeutral(axes);
+    this.#rested ||= neutral;
+    if (neutral) return this.rest();
+    if (!this.#rested) return;
+    const seen = JSON.stringify([pad.axes, pad.buttons.map(({ value }) => value)]);
+    if (!this.#isHeld) hand.begin(this);
+    else if (seen !== this.#seen) hand.prove(this);
+    this.#isHeld = true;
+    this.#seen = seen;
+    this.#stick.feed(this.#input, axes);
+  }
+
+  /** Drive no more until the device has been in the middle. @param {string} reason called by the watch */
+  lose(reason) {
+    this.#isHeld = this.#rested = false;
+    if (this.#stick.input === this.#input) this.#stick.neutralise(reason);
+  }
+
+  /** Return whether the stop button was pressed since the last call. */
+  pressesStop({ buttons }) {
+    const isDown = Boolean(buttons[STOP_BUTTON]?.pressed);
+    const presses = isDown && !this.#stopWasDown;
+    this.#stopWasDown = isDown;
+    return presses;
+  }
+
+  /** Drive nothing: the device is in the middle, or gone. */
+  rest() {
+    this.#isHeld = false;
+    hand.end(this);
+    this.#stick.feed(this.#input, NEUTRAL);
+  }
+
+  #isInUse(pad) {
+    const pressed = pad.buttons.some((button) => button.pressed);
+    this.#inUse ||= pad.mapping === "standard" || (pressed && !this.#wasPressed);
+    this.#wasPressed = pressed;
+    return this.#inUse;
+  }
 }
 
 /**
@@ -19,25 +84,34 @@ export function firstPad(pads) {
  * @param {() => void} host.stop
  * @returns {() => void} ends it
  */
-export function listenToGamepad({ stick, holonomic, mayStop, stop }) {
+export function listenToGamepads({ stick, holonomic, mayStop, stop }) {
   if (!navigator.getGamepads) return () => {}; // browsers offer none to plain http pages of another host
   const listening = new AbortController();
   const { signal } = listening;
+  const pads = new Map(); // by place and name of the device
   let frame = null;
-  let stopWasDown = false;
 
-  const look = () => {
-    frame = null;
-    const pad = firstPad(navigator.getGamepads());
-    if (!pad) {
-      stick.feed("gamepad", NEUTRAL);
-      return;
+  const keyOf = ({ index, id }) => `${index} ${id}`;
+  const read = (device) => {
+    const key = keyOf(device);
+    if (!pads.has(key)) pads.set(key, new Pad(stick, key));
+    const pad = pads.get(key);
+    pad.read(device, holonomic());
+    if (pad.pressesStop(device) && mayStop()) stop();
+  };
+  const forget = (keep = []) => {
+    for (const [key, pad] of pads) {
+      if (keep.includes(key)) continue;
+      pad.rest();
+      pads.delete(key);
     }
-    stick.feed("gamepad", fromGamepad(pad.axes, holonomic()));
-    const stopIsDown = Boolean(pad.buttons[STOP_BUTTON]?.pressed);
-    if (stopIsDown && !stopWasDown && mayStop()) stop();
-    stopWasDown = stopIsDown;
-    frame = requestAnimationFrame(look);
+  };
+  const look = () => {
+    const devices = [...navigator.getGamepads()].filter((device) => device?.connected);
+    const heard = document.hasFocus() ? devices : []; // else another program may use them
+    forget(heard.map(keyOf));
+    heard.forEach(read);
+    frame = devices.length > 0 ? requestAnimationFrame(look) : null;
   };
   const begin = () => {
     if (frame === null) frame = requestAnimationFrame(look);
@@ -45,9 +119,11 @@ export function listenToGamepad({ stick, holonomic, mayStop, stop }) {
 
   window.addEventListener("gamepadconnected", begin, { signal });
   window.addEventListener("gamepaddisconnected", begin, { signal });
+  hand.addEventListener("interrupted", () => forget(), { signal });
   begin();
   return () => {
     listening.abort();
     cancelAnimationFrame(frame);
+    forget();
   };
 }

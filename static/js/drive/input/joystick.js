@@ -1,49 +1,54 @@
-/** The joystick on the page: nipplejs draws it and follows the finger, this module feeds the stick. */
+/** The joystick on the page: its knob follows the finger, and it feeds the stick. */
 
-import { create, factory } from "../../../vendor/nipplejs/index.mjs";
+import { PointerHold } from "../../hand/pointer_hold.js";
+import { hand } from "../../hand/watch.js";
+import { make, mark } from "../../lib/dom.js";
 import { fromJoystick } from "./shaping.js";
 import { NEUTRAL } from "./stick.js";
 
 export const STICKY_MS = 30_000;
 
-const RING = 0.72; // share of the zone: the knob stays within the zone at full stick
+const INPUT = "joystick";
+const REACH = 0.36; // share of the zone from its middle to full stick: the knob stays within the zone
 
 /**
- * Events: "released" when a held stick went back to the middle by itself (detail: {reason}).
- * Sticky: the stick stays where the finger left it, until it is touched, something else stops it, or 30 s
- * pass.
+ * Sticky: the stick stays where the finger left it, until it is touched, something else stops it, or 30 s pass.
  */
-export class Joystick extends EventTarget {
+export class Joystick {
   #zone;
   #stick;
-  #collection = null;
+  #knob = make("div", { className: "knob" });
+  #finger;
   #observer;
-  #size = 0;
-  #touched = false;
-  #held = false;
-  #timer = null;
   #sticky = false;
+  #stuck = null; // the hold of a stick that stays without a finger
   #slides = false;
+  #onPress = ({ button }) => button > 0 && this.#letGo("button");
   #onChange = ({ detail }) => this.#follow(detail);
-  // The zone may have moved on the page: without this, nipplejs measures from the old middle.
-  #onPress = () => this.#collection?.reposition();
   #onZero = ({ detail }) => this.#letGo(detail.reason);
 
   /** @param {HTMLElement} zone @param {import("./stick.js").Stick} stick */
   constructor(zone, stick) {
-    super();
     this.#zone = zone;
     this.#stick = stick;
+    zone.append(this.#knob);
+    this.#finger = new PointerHold(zone, {
+      begin: () => this.#touch(),
+      move: (event) => this.#move(event),
+      end: (reason) => this.#end(reason),
+      rest: () => !this.sticks && stick.feed(INPUT, NEUTRAL),
+    });
+    zone.addEventListener("pointerdown", this.#onPress);
     this.#stick.addEventListener("zero", this.#onZero);
     this.#stick.addEventListener("change", this.#onChange);
-    zone.addEventListener("pointerdown", this.#onPress, { capture: true });
-    this.#observer = new ResizeObserver(() => this.#fit());
+    // The same finger would mean another position.
+    this.#observer = new ResizeObserver(() => this.#letGo("resized"));
     this.#observer.observe(zone);
   }
 
   set sticky(on) {
     this.#sticky = on;
-    if (!on) this.#letGo("unstuck");
+    if (!on && this.sticks) this.#letGo("unstuck");
   }
 
   /** Whether sideways means sliding and not turning. */
@@ -59,87 +64,82 @@ export class Joystick extends EventTarget {
 
   /** Return whether the stick is held out of the middle without a finger on it. */
   get sticks() {
-    return this.#held;
+    return this.#stuck !== null;
   }
 
   close() {
     this.#observer.disconnect();
-    this.#zone.removeEventListener("pointerdown", this.#onPress, { capture: true });
+    this.#letGo("closed");
+    this.#zone.removeEventListener("pointerdown", this.#onPress);
     this.#stick.removeEventListener("zero", this.#onZero);
     this.#stick.removeEventListener("change", this.#onChange);
-    this.#letGo("closed");
-    this.#collection?.destroy();
-    factory.destroy();
-  }
-
-  /** Make a new joystick when the zone's size changes: nipplejs works with fixed pixels. */
-  #fit() {
-    const size = Math.round(Math.min(this.#zone.clientWidth, this.#zone.clientHeight));
-    if (size === this.#size || size === 0) return;
-    this.#size = size;
-    this.#touched = false;
-    this.#letGo("resized");
-    this.#collection?.destroy();
-    this.#collection = create({
-      zone: this.#zone,
-      mode: "static",
-      position: { left: "50%", top: "50%" },
-      size: size * RING,
-      color: { front: "var(--stick-knob)", back: "transparent" },
-      restOpacity: 1,
-      fadeTime: 100,
-    });
-    this.#collection.on("start", () => this.#touch());
-    this.#collection.on("move", ({ data }) => this.#move(data.vector));
-    this.#collection.on("end", () => this.#release());
+    this.#finger.close();
+    this.#knob.remove();
   }
 
   #touch() {
-    this.#touched = true;
-    this.#held = false;
-    clearTimeout(this.#timer);
+    this.#endStuck();
+    mark(this.#zone, "held", true);
+    return true;
   }
 
-  #move({ x: right, y: up }) {
-    if (!this.#touched) return;
-    this.#stick.feed("joystick", fromJoystick({ right, up }, this.#slides));
+  #move({ clientX, clientY }) {
+    const { left, top, width, height } = this.#zone.getBoundingClientRect();
+    const reach = REACH * Math.min(width, height);
+    if (reach === 0) return this.#letGo("resized"); // something hides the joystick
+    const right = (clientX - left - width / 2) / reach;
+    const up = (top + height / 2 - clientY) / reach;
+    const size = Math.max(1, Math.hypot(right, up));
+    this.#place(right / size, -up / size);
+    this.#stick.feed(INPUT, fromJoystick({ right: right / size, up: up / size }, this.#slides));
+  }
+
+  /** Only a finger that lifts leaves the stick where it is: any other end is no wish to drive on. */
+  #end(reason) {
+    mark(this.#zone, "held", false);
+    if (reason === null && this.#sticky && this.#stick.input === INPUT) {
+      this.#stuck = { lose: (why) => this.#unstick(why), withoutHand: true };
+      hand.begin(this.#stuck, STICKY_MS);
+    } else if (reason !== null) {
+      this.#lose(reason);
+    } else {
+      this.#place(0, 0);
+    }
+  }
+
+  #lose(reason) {
+    this.#place(0, 0);
+    if (this.#stick.input === INPUT) this.#stick.neutralise(reason);
+  }
+
+  #unstick(reason) {
+    this.#stuck = null;
+    this.#lose(reason);
+    this.#stick.feed(INPUT, NEUTRAL);
   }
 
   /** Move the knob with the stick while keys, a gamepad or a button move it. */
   #follow({ axes, input }) {
-    if (input === "joystick" || this.#touched || this.#held || !this.#collection) return;
+    if (input === INPUT || this.#finger.isHeld || this.sticks) return;
     const [right, down] = [-(axes.w || axes.y), -axes.x];
-    const reach = (0.5 * RING * this.#size) / Math.max(Math.hypot(right, down), 1);
-    const [x, y] = [right * reach, down * reach];
-    const { frontPosition: now } = this.#knob;
-    if (x !== now.x || y !== now.y) this.#knob.setPosition(undefined, { x, y });
+    const size = Math.max(1, Math.hypot(right, down));
+    this.#place(right / size, down / size);
   }
 
-  #release() {
-    this.#touched = false;
-    if (this.#sticky && this.#stick.input === "joystick") {
-      this.#held = true;
-      this.#knob.options.restJoystick = false;
-      this.#timer = setTimeout(() => this.#letGo("untouched"), STICKY_MS);
-    } else {
-      this.#stick.feed("joystick", NEUTRAL);
-    }
+  #place(right, down) {
+    this.#knob.style.setProperty("--right", String(right));
+    this.#knob.style.setProperty("--down", String(down));
   }
 
-  /**
-   * Release a held stick. After a zero or a resize, a finger that is still down is ignored until it lifts.
-   */
+  #endStuck() {
+    if (!this.sticks) return;
+    hand.end(this.#stuck);
+    this.#stuck = null;
+  }
+
+  /** End what holds the stick. A finger that is still down is ignored until it lifts. */
   #letGo(reason) {
-    clearTimeout(this.#timer);
-    if (!this.#touched) this.#stick.feed("joystick", NEUTRAL);
-    if (!this.#held) return;
-    this.#held = false;
-    this.#knob.options.restJoystick = true;
-    this.#knob.setPosition(undefined, { x: 0, y: 0 });
-    this.dispatchEvent(new CustomEvent("released", { detail: { reason } }));
-  }
-
-  get #knob() {
-    return this.#collection.all.values().next().value;
+    this.#finger.drop(reason);
+    if (this.#stuck) hand.lose(this.#stuck, reason);
   }
 }

@@ -1,6 +1,11 @@
 /** Driving by keys: WASD and arrows, Q and E to slide. A key counts by its position, not by its letter. */
 
+import { HeldKeys } from "../../hand/held_keys.js";
+import { isModified } from "../../hand/watch.js";
+import { isEditing } from "../../lib/editing.js";
 import { NEUTRAL } from "./stick.js";
+
+const INPUT = "keyboard";
 
 const AXES = {
   KeyW: { x: 1 },
@@ -29,15 +34,6 @@ export function axesOf(held, holonomic) {
   return axes.x || axes.y || axes.w ? axes : NEUTRAL;
 }
 
-/** Return whether an element uses the keys itself: a field, a list, an open dialog. */
-export function isEditing(target) {
-  return Boolean(
-    target?.closest?.(
-      "input, textarea, select, dialog[open], [contenteditable]:not([contenteditable='false'])",
-    ),
-  );
-}
-
 /**
  * Listens for keys on the window. Keys act only while the host allows it.
  * @param {object} host
@@ -50,43 +46,30 @@ export function isEditing(target) {
  * @returns {() => void} ends it
  */
 export function listenToKeys({ stick, holonomic, drives, mayStop, stop }) {
-  const held = new Set();
   const listening = new AbortController();
   const { signal } = listening;
-  const feed = () => stick.feed("keyboard", axesOf(held, holonomic()));
+  const keys = new HeldKeys(window, Object.keys(AXES), drives, (held, lost) => {
+    if (lost && stick.input === INPUT) stick.neutralise(lost);
+    stick.feed(INPUT, axesOf(held, holonomic()));
+  });
 
   const down = (event) => {
     // A slider uses the arrow keys, but not the space bar: a space stops from there as well.
-    const slides = event.code === "Space" && event.target?.type === "range";
-    if (isEditing(event.target) && !slides) return;
-    if (event.ctrlKey || event.altKey || event.metaKey) return;
-    if (event.code === "Space" && mayStop()) {
-      event.preventDefault();
-      if (!event.repeat) stop();
-    } else if (event.code in AXES && drives()) {
-      event.preventDefault();
-      held.add(event.code);
-      feed();
-    }
+    const slides = event.target?.type === "range";
+    if (event.code !== "Space" || (isEditing(event.target) && !slides)) return;
+    if (isModified(event) || !mayStop()) return;
+    event.preventDefault();
+    if (!event.repeat) stop();
   };
   const up = (event) => {
     // Without this, the same space would also press a focused button.
     if (event.code === "Space" && mayStop() && !isEditing(event.target)) event.preventDefault();
-    if (held.delete(event.code)) feed();
-  };
-  const forget = () => {
-    held.clear();
-    feed();
   };
 
   window.addEventListener("keydown", down, { signal });
   window.addEventListener("keyup", up, { signal });
-  // Without the focus, the page does not receive the release of a key.
-  window.addEventListener("blur", forget, { signal });
-  document.addEventListener("visibilitychange", forget, { signal });
-  document.addEventListener("focusin", (event) => isEditing(event.target) && forget(), { signal });
   return () => {
     listening.abort();
-    forget();
+    keys.close();
   };
 }

@@ -1,7 +1,7 @@
 /** The list of keys and gamepad buttons: shown on "?", and from the menu. */
 
 import { closable } from "../../lib/dialog.js";
-import { isEditing } from "./keyboard.js";
+import { isEditing } from "../../lib/editing.js";
 
 /**
  * @param {HTMLDialogElement} dialog

@@ -4,6 +4,8 @@
  */
 
 import { takeControlFirst } from "../../control/lease.js";
+import { HeldKeys } from "../../hand/held_keys.js";
+import { PointerHold } from "../../hand/pointer_hold.js";
 import { dim, show } from "../../lib/dom.js";
 import { NEUTRAL } from "./stick.js";
 
@@ -22,7 +24,9 @@ export class TurnAndLook {
   #hint;
   #may = false;
   #sinceMs = null; // when it was pressed; null: it is not
-  #listening = new AbortController();
+  #finger;
+  #key; // the space bar stops, so only Enter holds this button
+  #leave = () => this.#key.drop("left");
 
   /**
    * @param {HTMLButtonElement} button
@@ -35,21 +39,22 @@ export class TurnAndLook {
     this.#stick = stick;
     this.#hint = hint;
     dim(button, true, takeControlFirst());
-    const { signal } = this.#listening;
-    const on = (type, act) => button.addEventListener(type, act, { signal });
-    on("pointerdown", (event) => {
-      if (event.button) return;
-      button.setPointerCapture?.(event.pointerId);
-      this.#press(event);
+    this.#finger = new PointerHold(button, {
+      begin: (event) => this.#press(event),
+      end: (lost, event) => this.#release(lost, event),
+      rest: () => stick.feed(INPUT, NEUTRAL),
     });
-    for (const type of ["pointerup", "pointercancel", "lostpointercapture", "keyup", "blur"])
-      on(type, (event) => this.#release(event));
-    on("keydown", (event) => {
-      if (event.code !== "Enter") return; // the space bar stops
-      event.preventDefault();
-      if (!event.repeat) this.#press(event);
-    });
-    on("contextmenu", (event) => event.preventDefault()); // a long touch would open a menu
+    this.#key = new HeldKeys(
+      button,
+      ["Enter"],
+      () => true,
+      (held, lost, event) => {
+        if (held.size > 0) return this.#press(event);
+        this.#release(lost, event);
+        stick.feed(INPUT, NEUTRAL);
+      },
+    );
+    button.addEventListener("blur", this.#leave);
   }
 
   /** @param {object} state of the robot */
@@ -62,24 +67,30 @@ export class TurnAndLook {
   set mayAct(may) {
     this.#may = may;
     dim(this.#button, !may, takeControlFirst());
-    if (!may) this.#stick.feed(INPUT, NEUTRAL);
+    if (may) return;
+    this.#finger.drop("control-ended");
+    this.#key.drop("control-ended");
   }
 
   close() {
-    this.#listening.abort();
-    this.#stick.feed(INPUT, NEUTRAL);
+    this.#button.removeEventListener("blur", this.#leave);
+    this.#finger.close();
+    this.#key.close();
   }
 
   #press({ timeStamp }) {
     this.#sinceMs = timeStamp;
     if (this.#may) this.#stick.feed(INPUT, LEFT);
+    return true;
   }
 
-  #release({ timeStamp }) {
-    if (this.#sinceMs === null) return;
-    const heldMs = timeStamp - this.#sinceMs;
+  /** @param {?string} lost why the hold ended; null: the hand released it, by this event */
+  #release(lost, event) {
+    const sinceMs = this.#sinceMs;
     this.#sinceMs = null;
-    this.#stick.feed(INPUT, NEUTRAL);
-    if (heldMs < TAP_MS || !this.#may) this.#hint(this.#may);
+    if (lost && this.#stick.input === INPUT) this.#stick.neutralise(lost);
+    if (lost) return;
+    const isTap = event.timeStamp - sinceMs < TAP_MS;
+    if (isTap || !this.#may) this.#hint(this.#may);
   }
 }

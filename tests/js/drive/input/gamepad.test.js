@@ -1,56 +1,117 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { firstPad, listenToGamepad } from "../../../../static/js/drive/input/gamepad.js";
+import { listenToGamepads } from "../../../../static/js/drive/input/gamepad.js";
 import { NEUTRAL, Stick } from "../../../../static/js/drive/input/stick.js";
 
-const pushed = () => ({ connected: true, axes: [0, -1, 0, 0], buttons: [{}, { pressed: false }] });
-
-describe("the choice of gamepad", () => {
-  it("takes the first that is connected and has a stick", () => {
-    const pad = pushed();
-    const unplugged = { connected: false, axes: [0, 0] };
-    const buttonsOnly = { connected: true, axes: [] };
-    expect(firstPad([null, unplugged, buttonsOnly, pad])).toBe(pad);
-    expect(firstPad([null])).toBeNull();
-  });
+const AHEAD = [0, -1, 0, 0];
+const MIDDLE = [0, 0, 0, 0];
+const device = (index, facts = {}) => ({
+  index,
+  id: "pad",
+  connected: true,
+  mapping: "standard",
+  axes: MIDDLE,
+  buttons: [{ pressed: false }, { pressed: false }],
+  ...facts,
 });
 
-describe("a gamepad", () => {
+describe("gamepads", () => {
   let pads;
   let stick;
   let stop;
   let mayStop;
   let end;
-  const frame = () => vi.advanceTimersByTime(20);
+  const frame = (...axes) => {
+    for (const [index, each] of axes.entries()) pads[index].axes = each;
+    vi.advanceTimersByTime(20);
+  };
+  const pause = (ms) => vi.advanceTimersByTime(ms);
 
   beforeEach(() => {
     vi.useFakeTimers();
-    pads = [pushed()];
+    vi.spyOn(document, "hasFocus").mockReturnValue(true);
+    pads = [device(0)];
     vi.stubGlobal("navigator", { getGamepads: () => pads });
     stick = new Stick();
     stop = vi.fn();
     mayStop = true;
-    end = listenToGamepad({ stick, holonomic: () => false, mayStop: () => mayStop, stop });
-    frame();
+    end = listenToGamepads({ stick, holonomic: () => false, mayStop: () => mayStop, stop });
+    frame(MIDDLE);
   });
 
   afterEach(() => {
     end();
     vi.unstubAllGlobals();
+    vi.restoreAllMocks();
     vi.useRealTimers();
   });
 
-  it("drives", () => {
+  it("drive", () => {
+    frame(AHEAD);
     expect(stick.axes.x).toBe(1);
-    expect(stick.input).toBe("gamepad");
+    expect(stick.input).toBe("gamepad 0 pad");
   });
 
-  it("rests when it is unplugged", () => {
+  it("rest when they are unplugged", () => {
+    frame(AHEAD);
     pads = [null];
     frame();
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
-  it("stops by its button once per press, only with control", () => {
+  it("drive also behind a device that is none, or that does not rest in the middle", () => {
+    pads = [
+      device(0, { id: "odd", mapping: "", axes: [0.7, -0.9] }),
+      device(1, { axes: AHEAD }),
+      device(2),
+    ];
+    frame();
+    frame([0.6, -0.8], AHEAD);
+    expect(stick.axes).toEqual(NEUTRAL);
+    frame([0.6, -0.8], AHEAD, [0, 1, 0, 0]);
+    expect([stick.axes.x, stick.input]).toEqual([-1, "gamepad 2 pad"]);
+  });
+
+  it("never drive by a device that drifts through the middle", () => {
+    pads = [device(0, { id: "odd", mapping: "", buttons: [{ pressed: true }] })];
+    for (const x of [0.9, 0.4, 0, -0.4, -0.9]) frame([x, x]);
+    expect([stick.axes, stick.waitsForNeutral]).toEqual([NEUTRAL, false]);
+  });
+
+  it("drive by an unknown device after a person pressed one of its buttons", () => {
+    pads = [device(0, { id: "odd", mapping: "" })];
+    frame();
+    pads[0].buttons = [{ pressed: true }];
+    frame(MIDDLE);
+    frame(AHEAD);
+    expect(stick.axes.x).toBe(1);
+  });
+
+  it("rest if they report nothing new for 4 s, until they were in the middle", () => {
+    frame(AHEAD);
+    pause(3_500);
+    frame([0.01, -1, 0, 0]); // a hand is not that still
+    pause(3_500);
+    expect(stick.axes.x).toBe(1);
+    pause(700);
+    expect(stick.axes).toEqual(NEUTRAL);
+    frame([0, -0.9, 0, 0]);
+    expect(stick.axes).toEqual(NEUTRAL);
+    frame(MIDDLE);
+    frame(AHEAD);
+    expect(stick.axes.x).toBe(1);
+  });
+
+  it("rest without the focus, and afterwards until they were in the middle", () => {
+    frame(AHEAD);
+    document.hasFocus.mockReturnValue(false);
+    frame(AHEAD);
+    expect(stick.axes).toEqual(NEUTRAL);
+    document.hasFocus.mockReturnValue(true);
+    frame(AHEAD);
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+
+  it("stop by a button once per press, only with control", () => {
     pads[0].buttons[1].pressed = true;
     frame();
     frame();
@@ -63,10 +124,9 @@ describe("a gamepad", () => {
     expect(stop).toHaveBeenCalledTimes(1);
   });
 
-  it("is not read after close", () => {
+  it("are not read after close", () => {
     end();
-    pads[0].axes = [0, 0, 0, 0];
-    frame();
-    expect(stick.axes.x).toBe(1);
+    frame(AHEAD);
+    expect(stick.axes).toEqual(NEUTRAL);
   });
 });

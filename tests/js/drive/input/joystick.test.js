@@ -1,22 +1,15 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Joystick, STICKY_MS } from "../../../../static/js/drive/input/joystick.js";
 import { NEUTRAL, Stick } from "../../../../static/js/drive/input/stick.js";
+import { point } from "../../hand/events.js";
 
 const SIZE = 200;
-let resized;
 
 /** Make a zone of 200 by 200 pixels at the page's corner, because happy-dom computes no layout. */
 function makeZone() {
   const zone = document.body.appendChild(document.createElement("div"));
-  zone.style.position = "relative";
-  Object.defineProperty(zone, "clientWidth", { get: () => SIZE });
-  Object.defineProperty(zone, "clientHeight", { get: () => SIZE });
+  zone.getBoundingClientRect = () => ({ left: 0, top: 0, width: SIZE, height: SIZE });
   return zone;
-}
-
-function pointer(target, type, pageX, pageY) {
-  const event = new Event(type, { bubbles: true, cancelable: true });
-  target.dispatchEvent(Object.assign(event, { pointerId: 5, pageX, pageY, pressure: 0.5 }));
 }
 
 describe("the joystick", () => {
@@ -24,29 +17,28 @@ describe("the joystick", () => {
   let stick;
   let joystick;
 
-  const push = () => {
-    pointer(zone, "pointerdown", 0, 0);
-    pointer(document, "pointermove", 0, -SIZE);
+  const push = (facts = {}) => {
+    point(zone, "pointerdown", { clientX: 100, clientY: 100, ...facts });
+    point(window, "pointermove", { clientX: 100, clientY: 0, ...facts });
   };
-  const lift = () => pointer(document, "pointerup", 0, -SIZE);
+  const lift = () => point(window, "pointerup", { clientX: 100, clientY: 0 });
+  const knob = () => {
+    const { style } = zone.querySelector(".knob");
+    return ["--right", "--down"].map((name) => Number(style.getPropertyValue(name)));
+  };
 
   beforeEach(() => {
     vi.useFakeTimers();
     vi.stubGlobal(
       "ResizeObserver",
       class {
-        constructor(act) {
-          resized ??= act;
-        }
         observe() {}
         disconnect() {}
       },
     );
-    resized = null;
     zone = makeZone();
     stick = new Stick();
     joystick = new Joystick(zone, stick);
-    resized();
   });
 
   afterEach(() => {
@@ -63,15 +55,60 @@ describe("the joystick", () => {
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
-  it("shows where keys hold the stick", () => {
-    const knob = zone.querySelector(".front");
-    stick.feed("keyboard", { x: 1, y: 0, w: 0 });
-    expect(knob.style.transform).toBe("translate(0px, -72px)");
+  it("shows where a finger and keys hold the stick, within the rim", () => {
+    push({ clientX: 100 });
+    expect(knob()).toEqual([0, -1]);
+    lift();
+    expect(knob()).toEqual([0, 0]);
     stick.feed("keyboard", { x: 1, y: 0, w: 1 });
-    expect(knob.style.transform).toMatch(/^translate\(-50\.9\d*px, -50\.9\d*px\)$/); // the knob stays within the rim
+    expect(knob()).toEqual([expect.closeTo(-Math.SQRT1_2), expect.closeTo(-Math.SQRT1_2)]);
     stick.feed("keyboard", NEUTRAL);
-    expect(knob.style.transform).toBe("translate(0px, 0px)");
+    expect(knob()).toEqual([0, 0]);
     expect(stick.axes).toEqual(NEUTRAL); // the moving knob drives nothing
+  });
+
+  it("follows only the main button", () => {
+    push({ button: 2, buttons: 2 });
+    expect(stick.axes).toEqual(NEUTRAL);
+    push({ ctrlKey: true }); // a right click on a Mac
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+
+  it("ends when an event says that no button is down any more", () => {
+    push();
+    point(window, "pointermove", { clientX: 100, clientY: 10, buttons: 0 });
+    expect(stick.axes).toEqual(NEUTRAL);
+    push();
+    expect(stick.axes.x).toBe(1);
+  });
+
+  it("ends with a second button, until the first is released", () => {
+    push();
+    point(window, "pointermove", { clientX: 100, clientY: 10, button: 2, buttons: 3 });
+    point(window, "pointermove", { clientX: 100, clientY: 0 });
+    expect([stick.axes, stick.waitsForNeutral]).toEqual([NEUTRAL, true]);
+    lift();
+    push();
+    expect(stick.axes.x).toBe(1);
+  });
+
+  it("goes to the middle if a finger sends nothing for 4 s", () => {
+    push();
+    vi.advanceTimersByTime(3_800);
+    expect(stick.axes.x).toBe(1);
+    point(window, "pointermove", { clientX: 100, clientY: 1 });
+    vi.advanceTimersByTime(3_800);
+    expect(stick.axes.x).toBe(1);
+    point(window, "pointermove", { clientX: 100, clientY: 1 }); // nothing new: it proves nothing
+    vi.advanceTimersByTime(400);
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+
+  it.each(["pointercancel", "lostpointercapture"])("does not stick after %s", (type) => {
+    joystick.sticky = true;
+    push();
+    point(zone, type, { clientX: 100, clientY: 0 });
+    expect([stick.axes, joystick.sticks]).toEqual([NEUTRAL, false]);
   });
 
   it("keeps a sticky position for 30 seconds", () => {
@@ -79,9 +116,9 @@ describe("the joystick", () => {
     push();
     lift();
     expect(joystick.sticks).toBe(true);
-    vi.advanceTimersByTime(STICKY_MS - 10);
+    vi.advanceTimersByTime(STICKY_MS - 200);
     expect(stick.axes.x).toBe(1);
-    vi.advanceTimersByTime(20);
+    vi.advanceTimersByTime(300);
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
@@ -99,7 +136,7 @@ describe("the joystick", () => {
   it("ignores a finger that was down before a forced zero", () => {
     push();
     stick.neutralise("stopped");
-    pointer(document, "pointermove", 0, -SIZE);
+    point(window, "pointermove", { clientX: 100, clientY: 10 });
     expect(stick.axes).toEqual(NEUTRAL);
     lift();
     push();

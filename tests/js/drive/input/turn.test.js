@@ -1,6 +1,7 @@
-import { beforeEach, describe, expect, it, vi } from "vitest";
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { NEUTRAL, Stick } from "../../../../static/js/drive/input/stick.js";
 import { reverseIsBlind, TurnAndLook } from "../../../../static/js/drive/input/turn.js";
+import { point } from "../../hand/events.js";
 
 const BLIND = {
   code: "blind_direction",
@@ -10,13 +11,8 @@ const BLIND = {
 };
 const LEFT = { x: 0, y: 0, w: 1 };
 
-function happen(button, type, timeStamp, facts = {}) {
-  const event = new Event(type, { bubbles: true, cancelable: true });
-  for (const [name, value] of Object.entries({ timeStamp, ...facts }))
-    Object.defineProperty(event, name, { value });
-  button.dispatchEvent(event);
-  return event;
-}
+const happen = (button, type, timeStamp, facts = {}) =>
+  point(button, type, { timeStamp, ...facts });
 
 describe("the Turn button", () => {
   let button;
@@ -25,12 +21,17 @@ describe("the Turn button", () => {
   let turn;
 
   beforeEach(() => {
-    button = document.createElement("button");
+    button = document.body.appendChild(document.createElement("button"));
     button.hidden = true;
     stick = new Stick();
     hint = vi.fn();
     turn = new TurnAndLook(button, stick, hint);
     turn.mayAct = true;
+  });
+
+  afterEach(() => {
+    turn.close();
+    button.remove();
   });
 
   it("is shown while sensors do not see all behind the robot", () => {
@@ -50,14 +51,20 @@ describe("the Turn button", () => {
     expect(hint).not.toHaveBeenCalled();
   });
 
-  it.each(["pointercancel", "lostpointercapture", "blur"])("ends with %s", (type) => {
+  it.each(["pointercancel", "lostpointercapture", "contextmenu"])("ends with %s", (type) => {
     happen(button, "pointerdown", 0);
     happen(button, type, 1000);
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
+  it("ends when keys go elsewhere", () => {
+    happen(button, "keydown", 0, { code: "Enter" });
+    button.dispatchEvent(new Event("blur"));
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+
   it("ignores the other mouse buttons", () => {
-    happen(button, "pointerdown", 0, { button: 2 });
+    happen(button, "pointerdown", 0, { button: 2, buttons: 2 });
     expect(stick.axes).toEqual(NEUTRAL);
   });
 

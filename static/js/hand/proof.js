@@ -1,0 +1,60 @@
+/**
+ * How long an input counts as held without an event that proves it. Pure: the caller gives times in ms.
+ *
+ * A page may miss the release of a button or key: a menu, a dialog, the window system or another program took it.
+ * A hand that holds a mouse still sends nothing either. So each hold must be proven again before its patience ends.
+ */
+
+export const PATIENCE_MS = 4_000;
+export const SOON_MS = 1_500; // before the end of the patience, the page asks for a sign
+
+// Key repeat: its silence means that the key is up. The slowest repeat that systems offer is one in 1.8 s.
+const REPEATS_MISSED = 4;
+const LEAST_SILENCE_MS = 1_000; // a busy page reads keys late
+
+export class Proof {
+  patienceMs;
+  #lastMs;
+  #repeats = false;
+  #longestGapMs = 0; // between two repeats
+
+  constructor(nowMs, patienceMs = PATIENCE_MS) {
+    this.patienceMs = patienceMs;
+    this.#lastMs = nowMs;
+  }
+
+  /** An event of the hand. A key repeat begins anew after it: of two held keys, only the newest repeats. */
+  renew(nowMs) {
+    this.#lastMs = nowMs;
+    this.#repeats = false;
+    this.#longestGapMs = 0;
+  }
+
+  /** A repeat of a held key. */
+  repeat(nowMs) {
+    if (this.#repeats) this.#longestGapMs = Math.max(this.#longestGapMs, nowMs - this.#lastMs);
+    this.#repeats = true;
+    this.#lastMs = nowMs;
+  }
+
+  /** Why the hold is over: "repeat-ended" or "silent"; null: it is proven. */
+  failure(nowMs) {
+    if (this.#leftMs(nowMs) > 0) return null;
+    return this.#limitMs < this.patienceMs ? "repeat-ended" : "silent";
+  }
+
+  /** Return whether the patience is nearly over. */
+  isSoonOver(nowMs) {
+    return this.#limitMs === this.patienceMs && this.#leftMs(nowMs) <= SOON_MS;
+  }
+
+  #leftMs(nowMs) {
+    return this.#lastMs + this.#limitMs - nowMs;
+  }
+
+  get #limitMs() {
+    if (this.#longestGapMs === 0) return this.patienceMs;
+    const silenceMs = Math.max(REPEATS_MISSED * this.#longestGapMs, LEAST_SILENCE_MS);
+    return Math.min(silenceMs, this.patienceMs);
+  }
+}

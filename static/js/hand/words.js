@@ -1,0 +1,35 @@
+/** Why a hold ended, in words for the person whose hand it was. */
+
+/** @param {{reason: string, patienceMs: number}} lost of the watch. @returns {?string} null: the person knows */
+export function lostText({ reason, patienceMs }) {
+  switch (reason) {
+    case "silent":
+      return interpolate(
+        gettext("Input ended: no sign of a hand for %(seconds)s s. Let go, then go on."),
+        { seconds: patienceMs / 1000 },
+        true,
+      );
+    case "repeat-ended":
+      return gettext("Input ended: the key was no longer reported. Press it again.");
+    case "stood-still":
+      return gettext("Input ended: this page stood still for a moment. Let go, then go on.");
+    case "button":
+    case "menu":
+      return gettext("Input ended: only the main button moves the robot, and no menu.");
+    case "modifier":
+      return gettext("Input ended: nothing moves while Ctrl, Alt or Cmd is down.");
+    case "blurred":
+    case "dialog":
+    case "drag":
+    case "taken":
+    case "text":
+      return gettext("Input ended: something else took the mouse, the finger or the keys.");
+    default:
+      return null;
+  }
+}
+
+/** What a hold needs that no event has proven for some time. */
+export function soonText() {
+  return gettext("Still there? Move your hand a little, or press the key again.");
+}
