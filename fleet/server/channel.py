@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import suppress
+from functools import partial
 from io import BytesIO
 from typing import Any
 
@@ -11,9 +12,14 @@ from daphne import http_protocol
 from daphne.utils import parse_x_forwarded_for
 from twisted.web import http
 
-from fleet.server import limits, sessions, stop_addresses
+from fleet.server import credentials, limits, stop_addresses
+from fleet.server.connections import network_of
 from fleet.server.limits import Refusal, Refused
+from fleet.server.turns import Owner
 
+STOP_RIGHT = (
+    "fleet.stop_right"  # the extension of a stop's scope with the person's right (`teleop.stop.rights`)
+)
 REFUSAL_READ_WITHIN_S = 1.0  # time for a refused client to read the refusal
 
 
@@ -26,6 +32,8 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         self._most_bytes = limits.BODY_BYTES
         self._counted_bytes = 0
         self._place: str | None = None
+        self._has_turn = False  # among the stops of strangers
+        self.right: Any = None  # of a stop: its person's right to stop this robot (`teleop.stop.rights`)
 
     def gotLength(self, length: int | None) -> None:
         """Handle the end of the headers. `length` is the length of the body, None if it is sent in chunks."""
@@ -36,13 +44,20 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         self._count(length or 0)
 
     def handleContentChunk(self, data: bytes) -> None:
-        """Handle a part of the body."""
+        """Handle a part of the body. Of a stop's body only the beginning is kept."""
         self._count(max(0, self.content.tell() + len(data) - self._counted_bytes))
+        if self._is_stop():
+            data = data[: max(0, limits.STOP_BODY_BYTES - self.content.tell())]
         super().handleContentChunk(data)
+
+    def _is_stop(self) -> bool:
+        return stop_addresses.is_head_of_stop(self.channel._command, self.channel._path)
 
     def _count(self, more_bytes: int) -> None:
         if self._counted_bytes + more_bytes > self._most_bytes:
             raise Refused(limits.body_too_large(self._most_bytes))
+        if self._is_stop():  # strangers' bodies must not use up its memory
+            return
         if self.server.bodies_bytes + more_bytes > limits.BODIES_BYTES:
             raise Refused(limits.busy())
         self._counted_bytes += more_bytes
@@ -54,19 +69,15 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         self._counted_bytes = 0
 
     def process(self) -> Any:
-        """Handle a complete request. Stops and WebSockets need no place: many page requests never block them.
-
-        A stop is handled at once only if its cookie names a session, which nobody gets without an account.
-        """
+        """Handle a complete request. Stops and WebSockets need no place: many requests never block them."""
         upgrade = self.requestHeaders.getRawHeaders(b"Upgrade", [b""])[0]
         if upgrade.lower() == b"websocket":  # the same condition as Daphne's
             self.forget_body()
             return super().process()
         if self.path == b"/metrics" and self.server.is_ours(self.channel.transport):
             return self._own_metrics()
-        key = self.received_cookies.get(self.server.session_cookie)
-        if key and self.server.forward is not None and stop_addresses.is_stop(self.method, self.path):
-            return sessions.look_up(key.decode("latin-1")).add_done_callback(self._stop_of)
+        if self.server.forward is not None and stop_addresses.is_stop(self.method, self.path):
+            return self._stop()
         return self._in_turn()
 
     def _own_metrics(self) -> None:
@@ -77,12 +88,44 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         self.write(own_metrics())
         self.finish()
 
-    def _stop_of(self, signed_in: asyncio.Future[bool]) -> None:
-        if self.channel is not None and not self._disconnected:
-            if signed_in.result():
-                super().process()
-            else:
-                self._in_turn()
+    def _stop(self) -> None:
+        """Handle a stop: first find out whose it is. The answers come in turns, like the bytes of requests."""
+        credential = credentials.credential_of(
+            self.requestHeaders, self.received_cookies, self.server.session_cookie, self.path
+        )
+        if credential is None or self.server.rights is None:
+            self._stop_of_stranger(self.address())
+            return
+
+        def judged(found: asyncio.Future[Any]) -> None:
+            owner = self.server.owner_of(credential, self.address())
+            self.server.work.add(partial(self._stop_with, found.result()), owner)
+
+        self.server.rights.ask(credential).add_done_callback(judged)
+
+    def _stop_with(self, right: Any) -> None:
+        """Handle a stop of a known person here, with the links; None or another robot: in the pages process."""
+        if self._gone:
+            return
+        if right is not None and right.robots_at(self.path.decode("latin-1")):
+            self.right = right
+            super().process()
+        else:
+            self._stop_of_stranger(right.person.pk if right is not None else self.address())
+
+    def _stop_of_stranger(self, key: Any) -> None:
+        self.server.strangers.ask(key, self._begin_as_stranger)
+
+    def _begin_as_stranger(self) -> bool:
+        if self._gone:
+            return False
+        self._has_turn = True
+        self.server.forward(self)
+        return True
+
+    @property
+    def _gone(self) -> bool:
+        return self.channel is None or self._disconnected
 
     def _in_turn(self) -> Any:
         address = self.address()
@@ -93,9 +136,9 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         return forward(self) if forward is not None else super().process()
 
     def address(self) -> str:
-        """Return the address of the client for which this request counts."""
+        """Return the network of the client, for which this request counts."""
         client, _scheme = self.seen_from()
-        return str(client[0]) if client else ""
+        return network_of(str(client[0])) if client else ""
 
     def seen_from(self) -> tuple[list[Any] | None, str]:
         """Return address and port of the client (None on a Unix socket), and the scheme.
@@ -124,6 +167,9 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         if self._place is not None:
             self.server.requests.give_back(self._place)
             self._place = None
+        if self._has_turn:
+            self._has_turn = False
+            self.server.strangers.over()
 
     def finish(self) -> None:
         """Handle the end of the response."""
@@ -149,6 +195,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
     _damaged = False  # a stop has a malformed or too large head, so the form of its body is unknown
     _between = False  # between two requests
     _unhandled = b""  # received bytes that wait for their turn
+    _owner = Owner("")  # for whom they are handled
 
     @property
     def server(self) -> Any:
@@ -159,6 +206,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         """Handle a new connection: take a place, or refuse it."""
         super().connectionMade()
         self.setTimeout(limits.HEAD_S)
+        self._owner = self.server.owner_of(None, self.server.address_of(self.transport))
         if not self.server.entered(self):
             self.refuse(limits.busy())
 
@@ -168,7 +216,8 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
     def dataReceived(self, data: bytes) -> None:
         """Store received bytes of a request until it is their turn."""
         if not self._unhandled:
-            self.server.work.add(self._take_turn)
+            self._owner = self.server.likely_owner(data, self._owner)
+            self.server.work.add(self._take_turn, self._owner)
         self._unhandled += data
         if len(self._unhandled) > limits.UNHANDLED_BYTES:
             self.transport.pauseProducing()

@@ -12,9 +12,9 @@ from daphne import server as daphne_server  # first: it chooses Twisted's reacto
 from daphne.cli import CommandLineInterface
 from twisted.internet import reactor, task
 
-from fleet.server import channel, limits, pages_process, websocket
-from fleet.server.connections import Connections, Places
-from fleet.server.work_queue import WorkQueue
+from fleet.server import channel, credentials, limits, pages_process, stop_addresses, websocket
+from fleet.server.connections import Connections, Places, network_of
+from fleet.server.turns import Owner, Turns, WorkQueue
 from robots.processes.scheduling import Garbage, ask_for_priority
 
 GARBAGE_S = 0.1  # between two collections, so that each one has only few new objects
@@ -28,6 +28,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
     """Daphne's server, with counts of connections, requests and WebSockets."""
 
     keeper: pages_process.Keeper | None = None  # keeps the pages process running; None in tests of the server
+    rights: Any = None  # who may stop what: the application sets it (`teleop.stop.rights`)
 
     def __init__(self, *args: Any, **options: Any) -> None:
         from django.conf import settings  # the application was imported before
@@ -36,7 +37,8 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         self.session_cookie = settings.SESSION_COOKIE_NAME.encode()
         self.open: Connections[Any] = Connections()
         self.requests = Places(limits.REQUESTS, limits.REQUESTS_OF_ADDRESS)
-        self.websockets = Places(limits.CONNECTIONS, limits.WEBSOCKETS_OF_ADDRESS)
+        self.websockets = Places(limits.WEBSOCKETS, limits.WEBSOCKETS_OF_ADDRESS)
+        self.strangers = Turns(limits.STRANGERS_AT_ONCE)
         self.forward: pages_process.Forward | None = None  # None: this process answers all requests
         self.work = WorkQueue(lambda work: reactor._asyncioEventloop.call_soon(work))
         self.bodies_bytes = 0  # size of the bodies of all requests that arrive or wait for their responses
@@ -72,16 +74,46 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
                 websocket.DIRECT_RECEIVER: protocol.set_direct_receiver,
                 websocket.DIRECT_SENDER: protocol.send_directly,
             }
+        elif (right := getattr(protocol, "right", None)) is not None:
+            scope["extensions"] = {stop_addresses.RIGHT: right}
         return super().create_application(protocol, scope)
+
+    def listen_success(self, port: Any) -> None:
+        """Let the kernel hold many new connections, whoever opened the socket."""
+        port.socket.listen(limits.BACKLOG)
+        super().listen_success(port)
+
+    def owner_of(self, credential: credentials.Credential | None, address: str) -> Owner:
+        """Return the person with this credential, if it is known that they may stop robots, else the address."""
+        person = None
+        if self.rights is not None and credential is not None:
+            person = self.rights.person_behind(credential)
+        return Owner(address) if person is None else Owner(person, proven=True)
+
+    def likely_owner(self, data: bytes, before: Owner) -> Owner:
+        """Return for whom these bytes are handled, before they are parsed.
+
+        `before`: the owner of the bytes before them.
+        """
+        if not data.startswith(b"POST "):
+            return before
+        owner = self.owner_of(credentials.likely_credential(data, self.session_cookie), "")
+        return owner if owner.proven else before
+
+    @staticmethod
+    def address_of(transport: Any) -> str:
+        """Return the address for which a connection counts; blank: a Unix socket."""
+        host = getattr(transport.getPeer(), "host", None)
+        return network_of(host) if host else ""
 
     def entered(self, connection: channel.Channel) -> bool:
         """Return whether there is a place for a new connection.
 
         If necessary, close the oldest waiting connection.
         """
-        address = getattr(connection.transport.getPeer(), "host", None)
-        if self.proxy_forwarded_address_header:
-            address = None
+        address = (
+            None if self.proxy_forwarded_address_header else self.address_of(connection.transport) or None
+        )
         admitted, leaves = self.open.admit(connection.transport, address)
         if leaves is not None:
             leaves.abortConnection()

@@ -15,6 +15,7 @@ HEAD_BYTES = 16384  # request line and headers
 HEADERS = 100
 BODY_BYTES = 64 * 1024  # without session cookie: a sign-in form has less than 1 KiB
 SIGNED_IN_BODY_BYTES = 4 * 1024 * 1024  # for an admin form: Django itself accepts 2.5 MB
+STOP_BODY_BYTES = 16 * 1024  # what is kept of a stop's body: a form's CSRF token stands at its beginning
 BODIES_BYTES = 64 * 1024 * 1024  # all bodies in memory together
 
 UNHANDLED_BYTES = 64 * 1024  # received bytes of one connection that wait for their turn; then reading pauses
@@ -26,10 +27,19 @@ UNREAD_S = 60.0  # the longest time in which a client may read nothing of a resp
 
 # A class of 60 students may share one address. A browser opens six connections, and some WebSockets per page.
 CONNECTIONS = 2000
+BACKLOG = (
+    4096  # connections that the kernel holds until they are accepted; beyond it, clients wait for a second
+)
 CONNECTIONS_OF_ADDRESS = 1000
+WEBSOCKETS = (
+    1500  # with `REQUESTS`, fewer than `CONNECTIONS`: so a new connection always finds one that may close
+)
 WEBSOCKETS_OF_ADDRESS = 600
 REQUESTS = 400  # requests that wait for their responses
 REQUESTS_OF_ADDRESS = 200
+STRANGERS_AT_ONCE = (
+    2  # stops of people who may not stop that robot, which the pages process answers; others wait
+)
 
 MESSAGE_BYTES = (
     64 * 1024

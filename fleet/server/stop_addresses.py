@@ -9,12 +9,25 @@ import re
 
 from twisted.web.http_headers import Headers
 
-_ADDRESSES = re.compile(rb"/(api/(v1/)?)?(robots/[^/]+/stop|stop|stop-all)/?")
+RIGHT = "fleet.stop_right"  # the extension of a stop's scope with its person's right (`teleop.stop.rights`)
+
+_ADDRESSES = re.compile(rb"/(api/(v1/)?)?(robots/(?P<slug>[^/]+)/stop|stop|stop-all)/?")
 
 
 def is_stop(method: bytes, path: bytes) -> bool:
     """Return whether this method and path (without query) are those of a stop."""
     return method == b"POST" and _ADDRESSES.fullmatch(path) is not None
+
+
+def slug_of(path: str) -> str | None:
+    """Return the robot that a stop at this path is for; None: all robots."""
+    found = _ADDRESSES.fullmatch(path.encode(errors="replace"))
+    return found["slug"].decode(errors="replace") if found and found["slug"] else None
+
+
+def is_of_api(path: str) -> bool:
+    """Return whether programs use this address: they get JSON."""
+    return path.startswith("/api/")
 
 
 def is_head_of_stop(method: bytes, uri: bytes) -> bool:
@@ -30,8 +43,11 @@ def without_query(line: bytes) -> bytes:
 
 
 def needs_no_body(method: bytes, uri: bytes, headers: Headers) -> bool:
-    """Return whether the head of a stop is enough, because the body is needed only for a form's token.
+    """Return whether the head of a stop is enough.
 
-    See `teleop.stop.views`.
+    The body is needed only for a form's CSRF token (`teleop.stop.views`). Programs without cookies send none.
     """
-    return is_head_of_stop(method, uri) and headers.hasHeader(b"X-CSRFToken")
+    if not is_head_of_stop(method, uri):
+        return False
+    program = headers.hasHeader(b"Authorization") and not headers.hasHeader(b"Cookie")
+    return program or headers.hasHeader(b"X-CSRFToken")

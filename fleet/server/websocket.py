@@ -10,6 +10,7 @@ from daphne import ws_protocol
 from twisted.internet.tcp import Connection
 
 from fleet.server import limits
+from fleet.server.connections import network_of
 from fleet.server.text_frame import small_text_frame
 
 # Extensions of a connection's scope. To this one, a consumer passes a function that receives texts at once.
@@ -53,7 +54,7 @@ class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  #
     def onConnect(self, request: Any) -> Any:
         """Take a place among the connections after the handshake, or drop the connection."""
         answer = super().onConnect(request)
-        address = str((self.client_addr or [""])[0])
+        address = network_of(str((self.client_addr or [""])[0]))
         if self.server.websockets.take(address):
             self._place = address
         else:

@@ -22,6 +22,7 @@ from fleet.site.handler import OneThreadHandler, PagesHandler  # noqa: E402
 from fleet.site.websocket_handshake import guarded  # noqa: E402
 from fleet.site.websockets import websocket_urlpatterns  # noqa: E402
 from robots.processes.shutdown import exit_within  # noqa: E402
+from teleop.stop.door import StopDoor  # noqa: E402
 
 limit_queries(connections.settings["default"])
 resolve("/stop-all/")  # loads the code of all URLs, so that the first stop does not wait 0.1 s for it
@@ -45,13 +46,18 @@ if "daphne.server" in sys.modules:  # Daphne has chosen the reactor
 
     reactor.addSystemEventTrigger("before", "shutdown", exit_within, END_S)
 
+    from fleet.server.command import Server
+    from teleop.stop.rights import rights
+
+    Server.rights = rights
+
 # The loaded code's objects are never garbage: without this, each full collection checks them all, for 60 ms.
 gc.collect()
 gc.freeze()
 
 application = ProtocolTypeRouter(
     {
-        "http": PagesHandler() if PAGES else OneThreadHandler(),
+        "http": PagesHandler() if PAGES else StopDoor(OneThreadHandler()),
         "websocket": guarded(URLRouter(websocket_urlpatterns)),
     }
 )

@@ -16,7 +16,6 @@ from django.http import FileResponse
 from django.urls import set_script_prefix
 
 from fleet.accounts.sign_in.hashing import MOST_WAITING
-from fleet.server.stop_addresses import is_stop
 from robots.processes.scheduling import ask_for_stop_priority
 from teleop.api.v1.framework.long_poll import LongPoll
 
@@ -28,8 +27,10 @@ class OneThreadHandler(ASGIHandler):
     """Run signals, middleware and view, which are all synchronous here, in one call on one thread.
 
     Django's own handler returns to the event loop between them: a request waits there five times for drive
-    input and other requests. A stop by HTTP took twice as long.
+    input and other requests. An answer to a stop took twice as long.
     """
+
+    THREADS = 2
 
     def load_middleware(self, is_async: bool = False) -> None:
         """Load the chain of middleware for a thread."""
@@ -57,8 +58,7 @@ class OneThreadHandler(ASGIHandler):
             answering.result()
 
     async def _respond(self, scope: Any, body: Any, send: Any) -> None:
-        stops = is_stop(scope["method"].encode(), scope["path"].encode(errors="replace"))
-        response = await self._on_a_thread(self._answer, stops=stops)(scope, body)
+        response = await self._on_a_thread(self._answer)(scope, body)
         if isinstance(response, LongPoll):
             await response.wait()
             await self._on_a_thread(_renew)(response)
@@ -68,15 +68,18 @@ class OneThreadHandler(ASGIHandler):
             if response.streaming:
                 await sync_to_async(response.close)()
 
-    def _on_a_thread(
-        self, call: Callable[P, R], *, stops: bool = False
-    ) -> Callable[P, Coroutine[Any, Any, R]]:
-        """Return a coroutine function that makes the call on a thread. `stops`: the call stops robots."""
-        return sync_to_async(call)
+    def __init__(self) -> None:
+        super().__init__()
+        # Not the thread of all other synchronous work, such as handshakes of WebSockets: an answer would wait for it.
+        self._threads = ThreadPoolExecutor(self.THREADS, thread_name_prefix="answer")
+
+    def _on_a_thread(self, call: Callable[P, R]) -> Callable[P, Coroutine[Any, Any, R]]:
+        """Return a coroutine function that makes the call on a thread."""
+        return sync_to_async(call, thread_sensitive=False, executor=self._threads)
 
     def _answer(self, scope: Any, body: Any) -> Any:
         """Return the response. It is closed, unless its content is still to be streamed."""
-        ask_for_stop_priority()  # this thread may answer a stop; in the pages process this has no effect
+        ask_for_stop_priority()  # this thread answers a stop; in the pages process this has no effect
         set_script_prefix(get_script_prefix(scope))
         request_started.send(sender=type(self), scope=scope)
         request, malformed = self.create_request(scope, body)
@@ -100,20 +103,13 @@ class PagesHandler(OneThreadHandler):
     AT_ONCE = 8
     SLOW_S = 0.25
     THREADS = MOST_WAITING + AT_ONCE  # even if all possible sign-ins wait, pages still have `AT_ONCE` threads
-    STOPS = 2  # threads that only stop robots, so that no page delays a stop
 
     def __init__(self) -> None:
         super().__init__()
-        self._threads = ThreadPoolExecutor(self.THREADS, thread_name_prefix="page")
-        self._stop_threads = ThreadPoolExecutor(self.STOPS, thread_name_prefix="stop")
         self._places = asyncio.Semaphore(self.AT_ONCE)
 
-    def _on_a_thread(
-        self, call: Callable[P, R], *, stops: bool = False
-    ) -> Callable[P, Coroutine[Any, Any, R]]:
-        if stops:  # from a program with a token: the web process answers the stops of pages
-            return sync_to_async(call, thread_sensitive=False, executor=self._stop_threads)
-        run = sync_to_async(call, thread_sensitive=False, executor=self._threads)
+    def _on_a_thread(self, call: Callable[P, R]) -> Callable[P, Coroutine[Any, Any, R]]:
+        run = super()._on_a_thread(call)
 
         async def in_turn(*arguments: P.args, **options: P.kwargs) -> R:
             await self._places.acquire()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import atexit
+import time
 from collections.abc import Awaitable, Callable, Sequence
 from concurrent.futures import Future
 from typing import Any, NamedTuple
@@ -20,8 +21,10 @@ from django.utils import timezone
 from msgspec import structs
 
 from fleet.accounts.models import User
-from robots.link.client import BridgeLink, LinkRefused
+from robots.bridge.server.flood_limits import TokenBucket
+from robots.link.client import BridgeLink, LinkRefused, links
 from robots.registry.models import Robot
+from robots.registry.selectors import link_address
 from robots.stop.delivery import stop_message
 from robots.stop.presses import Pending, Result, keep_pending, press_all, record_outcome, record_press
 from robots.wire import LinkClear, Refusal, Stopped
@@ -32,6 +35,11 @@ from teleop.control.selectors import lease_of
 from teleop.control.services import clear_authorize
 from teleop.recording.repeat_suppression import RepeatSuppressor
 
+PACE_S = 0.05  # between two presses for one robot that wait for their answers
+REPEATS_PER_S, REPEATS_BURST = (
+    20.0,
+    40.0,
+)  # presses of one person's pages that are sent while another has no answer yet
 GAP_S = 3.0  # between two records of one person's presses for one robot through one interface
 
 Key = tuple[UUID, UUID, str, UUID | None]
@@ -64,10 +72,61 @@ class Press(NamedTuple):
         return self.first_press is None
 
 
+class SharedPresses:
+    """Sends presses. Of each robot one is under way at a time, and `PACE_S` are between the beginnings of two.
+
+    Presses of all people that arrive meanwhile share the next one. It is sent when the one before has its answer: so it
+    also stops a robot that somebody cleared in between. Thus hundreds of presses cost a bridge no more than one person.
+    """
+
+    def __init__(self) -> None:
+        self._under_way: set[UUID] = set()
+        self._next: dict[UUID, tuple[BridgeLink, User, asyncio.Future[Result]]] = {}
+        self._budgets: dict[UUID, TokenBucket] = {}
+
+    def send(self, link: BridgeLink, user: User) -> asyncio.Future[Result]:
+        """Stop the robot behind `link`. Shield the result: others wait for it, too."""
+        answer: asyncio.Future[Result]
+        if link.robot_id in self._next:
+            _link, _user, answer = self._next[link.robot_id]
+            return answer
+        answer = asyncio.get_running_loop().create_future()
+        if link.robot_id in self._under_way:
+            self._next[link.robot_id] = link, user, answer
+        else:
+            self._under_way.add(link.robot_id)
+            run_in_background(self._send(link, user, answer))
+        return answer
+
+    def repeat(self, link: BridgeLink, user: User) -> bool:
+        """Send one more press without waiting. False: no link, or too many by this person."""
+        budget = self._budgets.setdefault(user.pk, TokenBucket(REPEATS_PER_S, REPEATS_BURST))
+        if not budget.spend(time.monotonic()):
+            return False
+        return link.send(stop_message(link.robot_id, user.display_name, press=uuid4()))
+
+    async def _send(self, link: BridgeLink, user: User, answer: asyncio.Future[Result]) -> None:
+        pace = asyncio.ensure_future(asyncio.sleep(PACE_S))
+        try:
+            answer.set_result(await _send(link, user.display_name))
+        finally:
+            if not answer.done():
+                answer.set_exception(RuntimeError("The stop could not be sent."))
+            await pace
+            following = self._next.pop(link.robot_id, None)
+            if following is None:
+                self._under_way.discard(link.robot_id)
+            else:
+                run_in_background(self._send(*following))
+
+
+presses = SharedPresses()
+
+
 class StopButton:
     """One page's stop button for one robot.
 
-    Each press is sent at once, except presses beyond the flood limit: one more press is sent for all of them
+    Each press is sent at once, except presses beyond the flood limits: one more press is sent for all of them
     after the bridge has answered. `failed` is called with a refusal if the bridge did not confirm the last
     press.
     """
@@ -87,7 +146,7 @@ class StopButton:
             self._first_press = uuid4()
         if self._answer is None:
             self._answer = self._begin(link)
-        elif flood or not link.send(stop_message(link.robot_id, self._user.display_name, press=uuid4())):
+        elif flood or not presses.repeat(link, self._user):
             self._again = True  # flood, or no link: press once more after the running press has its answer
         pressed = Press(self._user, self._through, link.robot_id, self._first_press, self._answer)
         asyncio.get_running_loop().call_soon(press_records.add, pressed)  # only after the press is sent
@@ -109,7 +168,7 @@ class StopButton:
 
     async def _send(self, link: BridgeLink, answer: Future[Result]) -> None:
         try:
-            result = await _send(link, self._user.display_name)
+            result = await asyncio.shield(presses.send(link, self._user))
             if isinstance(result, Stopped):
                 self._number = result.stop.number
             answer.set_result(result)
@@ -197,11 +256,23 @@ async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -
 def press_once(robots: Sequence[Robot], *, user: User, through: str) -> Outcomes:
     """Stop robots in parallel, each over a new connection: for code without an event loop."""
     results = press_all(robots, user.display_name)
+    _record_all(robots, results, user, through)
+    return dict(zip(robots, results, strict=True))
+
+
+async def press_shared(robots: Sequence[Robot], *, user: User, through: str) -> Outcomes:
+    """Stop robots in parallel, over the links of this process."""
+    pressed = [presses.send(links.get(robot.id, link_address(robot)), user) for robot in robots]
+    results = await asyncio.gather(*map(asyncio.shield, pressed))
+    _record_all(robots, results, user, through)
+    return dict(zip(robots, results, strict=True))
+
+
+def _record_all(robots: Sequence[Robot], results: Sequence[Result], user: User, through: str) -> None:
     for robot, result in zip(robots, results, strict=True):
         answer: Future[Result] = Future()
         answer.set_result(result)
         press_records.add(Press(user, through, robot.id, None, answer))
-    return dict(zip(robots, results, strict=True))
 
 
 def http_answer(outcomes: Outcomes) -> tuple[dict[str, Any], int]:

@@ -39,6 +39,8 @@ SIGNED_OUT = Refusal("signed_out", "Not done: you are signed out. Sign in again.
 _NO_ROBOT = Refusal("not_found", "There is no such robot, or you may not see it.", "wire")
 _NOT_POST = Refusal("method_not_allowed", "Use POST to stop.", "wire")
 
+OUTCOMES = "fleet.stop_outcomes"  # in the scope of a request whose stop is already sent (`teleop.stop.door`)
+
 View = Callable[..., HttpResponse]
 
 
@@ -83,7 +85,20 @@ def _leave_body_unread(request: HttpRequest) -> None:
     request.__dict__.update(parts)
 
 
+class _QuietCsrfCheck(_CsrfCheck):
+    """The same check; its refusal has no words."""
+
+    def _reject(self, request: HttpRequest, reason: str) -> HttpResponse:
+        return HttpResponse(status=403)
+
+
 _csrf = _CsrfCheck(lambda _request: HttpResponse())
+_quiet_csrf = _QuietCsrfCheck(lambda _request: HttpResponse())
+
+
+def may_be_forged(request: HttpRequest) -> bool:
+    """Return whether another site may have made a signed-in browser send this request."""
+    return _quiet_csrf.check(request) is not None
 
 
 def _stop_view(view: View) -> View:
@@ -158,14 +173,26 @@ def _all_seen(request: HttpRequest) -> list[Robot]:
 
 
 def _by_rest(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
-    outcomes = emergency_stop.press_once(robots, user=person_of(request), through="rest")
+    return rest_answer(_pressed(request, robots, "rest"))
+
+
+def rest_answer(outcomes: emergency_stop.Outcomes) -> HttpResponse:
+    """Return the answer for a program."""
     by_slug, status = emergency_stop.http_answer(outcomes)
-    return JsonResponse({"robots": by_slug}, status=status)
+    return JsonResponse({"robots": by_slug}, status=status, headers={"X-Content-Type-Options": "nosniff"})
+
+
+def _pressed(request: HttpRequest, robots: Sequence[Robot], through: str) -> emergency_stop.Outcomes:
+    """Stop robots, unless this request has stopped them already. Return the outcomes."""
+    sent: emergency_stop.Outcomes | None = getattr(request, "scope", {}).get(OUTCOMES)
+    if sent is not None:
+        return sent
+    return emergency_stop.press_once(robots, user=person_of(request), through=through)
 
 
 def _by_page(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
     """Answer with JSON or a page. The page writes nothing to the disk, so the answer works even on a full disk."""
-    outcomes = emergency_stop.press_once(robots, user=person_of(request), through="page")
+    outcomes = _pressed(request, robots, "page")
     by_slug, status = emergency_stop.http_answer(outcomes)
     text = _text(outcomes)
     if wants_json(request):

@@ -138,9 +138,24 @@ def token_of(text: str, address: str = "") -> Token:
         raise TokenInvalid("token_expired", f"The token “{found.name}” has expired. Make another one.")
     if not found.user.is_active:
         raise TokenInvalid("account_inactive", "This account is closed; ask the staff.")
-    if found.used_at is None or found.used_at < now - USED_EVERY:
-        Token.objects.filter(pk=found.pk).update(used_at=now, used_from=address[:64])
+    token_used(found, address)
     return found
+
+
+def token_used(token: Token, address: str) -> None:
+    """Note that a token was used from this address, at most once a minute."""
+    now = timezone.now()
+    if token.used_at is None or token.used_at < now - USED_EVERY:
+        Token.objects.filter(pk=token.pk).update(used_at=now, used_from=address[:64])
+
+
+def tokens_by_text(texts: Collection[str]) -> dict[str, Token]:
+    """Return the tokens with these texts that are valid now. Two queries, or none. Their use is not noted."""
+    by_digest = {_digest(text): text for text in texts}
+    if not by_digest:
+        return {}
+    found = _stored(f"digest IN ({rows.marks(by_digest)})", list(by_digest))
+    return {by_digest[token.digest]: token for token in found if _is_valid(token)}
 
 
 def valid_tokens(keys: Collection[str]) -> dict[str, Token]:
@@ -149,8 +164,11 @@ def valid_tokens(keys: Collection[str]) -> dict[str, Token]:
     if not ids:
         return {}
     found = _stored(f"id IN ({rows.marks(ids)})", [UUID(one) for one in ids])
-    now = timezone.now()
-    return {f"{KEY}{token.id}": token for token in found if token.expires_at > now and token.user.is_active}
+    return {f"{KEY}{token.id}": token for token in found if _is_valid(token)}
+
+
+def _is_valid(token: Token) -> bool:
+    return token.expires_at > timezone.now() and token.user.is_active
 
 
 def _stored(which: str, values: Sequence[object]) -> list[Token]:

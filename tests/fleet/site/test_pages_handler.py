@@ -57,14 +57,3 @@ async def test_a_client_that_leaves_gives_its_place_back(handler):
     await asyncio.gather(*running, waiting, return_exceptions=True)
     end.set()
     assert await asyncio.wait_for(handler._on_a_thread(lambda: "answered")(), 10.0) == "answered"
-
-
-async def test_a_stop_waits_for_no_place_and_no_thread(handler):
-    handler.SLOW_S = 0.0
-    end = threading.Event()
-    pages = [asyncio.ensure_future(handler._on_a_thread(end.wait)(30.0)) for _ in range(handler.THREADS + 1)]
-    stop = handler._on_a_thread(lambda: "stopped", stops=True)
-    assert await asyncio.wait_for(stop(), 10.0) == "stopped"
-    assert not any(one.done() for one in pages)
-    end.set()
-    await asyncio.gather(*pages)

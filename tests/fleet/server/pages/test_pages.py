@@ -9,7 +9,6 @@ import sys
 import pytest
 
 from benchmarks.parts.process_stats import children
-from fleet.server import limits
 from tests.fleet.server.conftest import heard
 from tests.processes import until
 from tests.script.support import command_line
@@ -40,25 +39,6 @@ def test_pages_come_back_when_their_process_dies(web):
     assert web.child.running
 
 
-def test_a_stop_is_answered_while_pages_are_not(web, session_cookie, session_key):
-    """The process that owns the port answers by itself: 401, since nobody owns this session."""
-    frozen = pages_process(web)
-    os.kill(frozen, signal.SIGSTOP)
-    crowd = []
-    try:
-        for _ in range(limits.REQUESTS_OF_ADDRESS):
-            crowd.append(web.connect())
-            crowd[-1].sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
-        until(lambda: ask_no_longer(web) == 503, "all places are taken", 30)
-        status, _body, _headers = ask(web, "POST", "/stop-all/", Cookie=f"{session_cookie}={session_key}")
-    finally:
-        os.kill(frozen, signal.SIGCONT)
-        for one in crowd:
-            one.close()
-    assert status == 401
-    until(lambda: ask(web, "GET", "/healthz")[0] == 200, "the places are given back", 30)
-
-
 def test_a_stranger_who_claims_a_session_waits_for_the_pages(web, session_cookie):
     """Otherwise anybody could keep the driving process busy: the cookie's name is public."""
     claim = f"POST /api/stop/ HTTP/1.0\r\nHost: 127.0.0.1\r\nCookie: {session_cookie}={'x' * 32}\r\n\r\n"
@@ -74,17 +54,6 @@ def test_a_stranger_who_claims_a_session_waits_for_the_pages(web, session_cookie
             os.kill(frozen, signal.SIGCONT)
         stranger.settimeout(30.0)
         assert b" 401 " in heard(stranger)
-
-
-def ask_no_longer(web):
-    """Return the status of an immediate answer, or None if there is none."""
-    with web.connect() as stranger:
-        stranger.settimeout(0.2)
-        stranger.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
-        try:
-            return int(stranger.recv(65536).split()[1])
-        except TimeoutError:
-            return None
 
 
 def test_a_large_answer_arrives_whole(web):
