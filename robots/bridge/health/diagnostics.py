@@ -1,5 +1,8 @@
 """Sum up the nodes' reports about the robot's parts (/diagnostics): level, text, since when, temperature.
 
+Several nodes, or one node for several pieces of hardware, may report under one name. Each of these voices is followed
+on its own, and the worst one that is heard stands for the part.
+
 Pure: time is an argument. Nodes may send anything, so all stored data are bounded.
 """
 
@@ -9,7 +12,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from robots import wire
@@ -17,6 +20,7 @@ from robots.bridge.gate.words import age
 from robots.wire import HealthLevel
 
 MOST_PARTS = 200
+MOST_VOICES = 8  # of one part
 SILENT_S = 10.0  # nodes report once a second
 FORGOTTEN_S = 600.0  # a part that was well and is silent for this time is not listed any more
 RESTARTED_S = 60.0  # after a restart of the robot: a part without a report by then may be gone
@@ -31,6 +35,8 @@ _TEMPERATURE = re.compile(r"(?i)temperature|\btemp\b|_temp$|^temp_")
 _CELSIUS = re.compile(r"\s*(-?\d{1,3}(?:\.\d{1,9})?)\s*(?:°?\s*C|celsius|degrees)?\s*", re.IGNORECASE)
 _PLAUSIBLE = (-40.0, 200.0)  # °C
 
+Voice = tuple[str, str]  # hardware id and node
+
 
 class Status(NamedTuple):
     """One diagnostic_msgs/DiagnosticStatus, with texts cut."""
@@ -39,11 +45,13 @@ class Status(NamedTuple):
     level: int
     text: str
     values: Sequence[tuple[str, str]] = ()
+    hardware: str = ""
+    node: str = ""  # that reports it
 
 
 @dataclass
 class Part:
-    """A part as its node reports it."""
+    """A part as one voice reports it."""
 
     level: HealthLevel
     since_s: float
@@ -96,7 +104,7 @@ class Diagnostics:
     """The parts of one robot."""
 
     def __init__(self) -> None:
-        self._parts: dict[str, Part] = {}
+        self._parts: dict[str, dict[Voice, Part]] = {}
         self._left_out: set[str] = set()  # names of parts beyond `MOST_PARTS`; also bounded
         self._unread = 0
         self._view: wire.Health | None = None
@@ -108,33 +116,56 @@ class Diagnostics:
         self._began_s = now_s
 
     def take(self, statuses: Iterable[Status], now_s: float) -> None:
-        """Take a report of one node."""
+        """Take a report of one node. If it has a voice more than once, the worst of its levels holds."""
+        said: dict[tuple[str, Voice], list[Status]] = {}
         for status in statuses:
-            level = _LEVELS.get(status.level)
-            if level is None or not status.name.strip("/ "):
+            name = status.name if status.name.strip("/ ") else status.hardware
+            if status.level in _LEVELS and name.strip("/ "):
+                said.setdefault((name, (status.hardware, status.node)), []).append(status)
+            else:
                 self._unread += 1
-            elif (part := self._part(status.name, level, now_s)) is not None:
+        for (name, voice), all_said in said.items():
+            worst = max(all_said, key=_badness)
+            level = _LEVELS[worst.level]
+            if (part := self._part(name, voice, level, now_s)) is not None:
                 part.become(level, now_s)
                 part.heard_s = now_s
                 if level != "silent" or part.reported == "ok":
-                    part.text = status.text
-                part.temperatures = _temperatures(status.values)
+                    part.text = worst.text
+                part.temperatures = _temperatures(value for status in all_said for value in status.values)
         self._viewed_s = -math.inf
 
-    def _part(self, name: str, level: HealthLevel, now_s: float) -> Part | None:
-        part = self._parts.get(name)
-        if part is None and len(self._parts) >= MOST_PARTS:
-            self._forget(now_s, also_ill=True)
-        if part is None and len(self._parts) >= MOST_PARTS:
+    def _part(self, name: str, voice: Voice, level: HealthLevel, now_s: float) -> Part | None:
+        if name not in self._parts and not self._has_room(name, level, now_s):
             if len(self._left_out) < MOST_PARTS:
                 self._left_out.add(name)
             return None
-        return part or self._parts.setdefault(name, Part(level, now_s, now_s))
+        voices = self._parts.setdefault(name, {})
+        if voice not in voices and len(voices) >= MOST_VOICES:
+            del voices[min(voices, key=lambda other: voices[other].heard_s)]
+        return voices.setdefault(voice, Part(level, now_s, now_s))
+
+    def _has_room(self, name: str, level: HealthLevel, now_s: float) -> bool:
+        """Make room for a new part: by parts that are silent for long, and for an ill part by one that is well."""
+        if len(self._parts) >= MOST_PARTS:
+            self._forget(now_s, also_ill=True)
+        if len(self._parts) >= MOST_PARTS and level != "ok":
+            well = (other for other, voices in self._parts.items() if _chosen(voices, now_s).shown == "ok")
+            if (other := next(well, None)) is not None:
+                del self._parts[other]
+                if len(self._left_out) < MOST_PARTS:
+                    self._left_out.add(other)
+        self._left_out.discard(name)
+        return len(self._parts) < MOST_PARTS
 
     def _forget(self, now_s: float, *, also_ill: bool = False) -> None:
-        """Forget parts that are silent for long; ill parts only with `also_ill`, to make room."""
-        for name, part in list(self._parts.items()):
-            if now_s - part.heard_s > FORGOTTEN_S and (also_ill or part.reported == "ok"):
+        """Forget voices that are silent for long; ill parts only with `also_ill`, to make room."""
+        for name, voices in list(self._parts.items()):
+            for voice, part in list(voices.items()):
+                may_go = also_ill or part.reported == "ok" or _is_heard(_chosen(voices, now_s), now_s)
+                if now_s - part.heard_s > FORGOTTEN_S and may_go:
+                    del voices[voice]
+            if not voices:
                 del self._parts[name]
 
     def view(self, now_s: float) -> wire.Health | None:
@@ -146,14 +177,18 @@ class Diagnostics:
         return self._view
 
     def members(self, now_s: float) -> dict[str, Part]:
-        """Return the parts by name. An aggregator’s group is left out: its members are more exact."""
-        for part in self._parts.values():
-            if now_s - part.heard_s > SILENT_S:
-                part.become("silent", part.heard_s)
-            if part.level == "silent" and part.last_report_s < self._began_s < now_s - RESTARTED_S:
-                part.reported = "ok"  # an error of the run before may not exist in this run
-        groups = {parent for name in self._parts for parent in _parents(name)}
-        return {name: part for name, part in self._parts.items() if name not in groups}
+        """Return the parts by name. A group of an aggregator is left out, unless it is ill and no member is."""
+        for voices in self._parts.values():
+            for part in voices.values():
+                if not _is_heard(part, now_s):
+                    part.become("silent", part.heard_s)
+                if part.level == "silent" and part.last_report_s < self._began_s < now_s - RESTARTED_S:
+                    part.reported = "ok"  # an error of the run before may not exist in this run
+        parts = {name: _chosen(voices, now_s) for name, voices in self._parts.items()}
+        groups = {parent for name in parts for parent in _parents(name)}
+        with_ill = {parent for name, part in parts.items() if part.level != "ok" for parent in _parents(name)}
+        hidden = {name for name in groups & parts.keys() if parts[name].level == "ok" or name in with_ill}
+        return {name: part for name, part in parts.items() if name not in hidden}
 
     def _summary(self, now_s: float) -> wire.Health:
         members = self.members(now_s)
@@ -165,21 +200,47 @@ class Diagnostics:
         worse = sorted((-part.since_s, name) for name, part in ill if part.got_worse)
         listed = [*(name for _, name in worse[:NEWEST]), *(name for name, _ in ill)]
         listed = list(dict.fromkeys(listed))[:SHOWN]
-        hot = [
-            wire.Temperature(_temperature_name(names[name], key, part), round(celsius))
-            for name, part in members.items()
-            if now_s - part.heard_s <= SILENT_S
-            for key, celsius in part.temperatures.items()
-        ]
+        hot: dict[str, float] = {}  # the highest of each name
+        for name in members:
+            for part in self._parts[name].values():
+                for key, celsius in part.temperatures.items() if _is_heard(part, now_s) else ():
+                    shown = _temperature_name(names[name], key, part)
+                    hot[shown] = max(celsius, hot.get(shown, celsius))
+        temperatures = [wire.Temperature(shown, round(celsius)) for shown, celsius in hot.items()]
         return wire.Health(
             level=ill[0][1].shown if ill else "ok",
             parts=[part.report(names[name], now_s) for name, part in ill if name in listed],
             parts_more=max(0, len(ill) - SHOWN),
             well=len(members) - len(ill),
-            temperatures=sorted(hot, key=lambda one: (-one.celsius, one.name))[:HOTTEST],
+            temperatures=sorted(temperatures, key=lambda one: (-one.celsius, one.name))[:HOTTEST],
             left_out=len(self._left_out),
             unread=self._unread,
         )
+
+
+def _badness(status: Status) -> int:
+    return BADNESS[_LEVELS[status.level]]
+
+
+def _is_heard(part: Part, now_s: float) -> bool:
+    return now_s - part.heard_s <= SILENT_S
+
+
+def _chosen(voices: dict[Voice, Part], now_s: float) -> Part:
+    """Return the worst voice that is heard, or of silent ones the worst. Of several voices the text says which."""
+    heard = {voice: part for voice, part in voices.items() if _is_heard(part, now_s)} or voices
+    voice = max(heard, key=lambda one: _order(heard[one]))
+    part = heard[voice]
+    if len(heard) == 1:
+        return part
+    distinct = [word for word, *others in zip(voice, *heard, strict=True) if word and len(set(others)) > 1]
+    return replace(part, text=f"{part.text} ({', '.join(distinct)})") if distinct else part
+
+
+def _order(part: Part) -> tuple[int, float]:
+    """Worst last; of equal ones the ill one that was ill first, the well one that became well last."""
+    since_s = part.shown_since_s
+    return BADNESS[part.shown], since_s if part.shown == "ok" else -since_s
 
 
 def plain_name(name: str) -> str:
@@ -202,7 +263,7 @@ def _parents(name: str) -> Iterable[str]:
             at = name.rfind("/", 0, at)
 
 
-def _temperatures(values: Sequence[tuple[str, str]]) -> dict[str, float]:
+def _temperatures(values: Iterable[tuple[str, str]]) -> dict[str, float]:
     found: dict[str, float] = {}
     for key, value in values:
         if _TEMPERATURE.search(key) and (number := _CELSIUS.fullmatch(value)):

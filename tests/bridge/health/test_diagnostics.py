@@ -179,6 +179,74 @@ def test_groups_of_an_aggregator_are_not_counted_beside_their_members(diagnostic
     assert [part.name for part in diagnostics.view(0.0).parts[1:]] == list(sides)  # equal short names
 
 
+def levels(diagnostics, now_s):
+    return {part.name: part.level for part in diagnostics.view(now_s).parts}
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_worst_of_a_name_within_a_message_holds(diagnostics, order):
+    said = [
+        Status("motor", OK, "fine", [("temp", "40")]),
+        Status("motor", ERROR, "broken", [("temp_2", "50")]),
+    ]
+    diagnostics.take([*said, Status("motor", WARN, "warm"), Status("motor", 7, "?")][::order], 0.0)
+    health = diagnostics.view(0.0)
+    assert [(part.level, part.text) for part in health.parts] == [("error", "broken")]
+    assert (health.unread, health.well) == (1, 0)
+    assert [one.celsius for one in health.temperatures] == [50, 40]
+
+
+@pytest.mark.parametrize("differ", ["node", "hardware"])
+def test_two_voices_of_one_name_show_the_worst_steadily(diagnostics, differ):
+    ill, well = (Status("driver", level, text, **{differ: who}) for level, text, who in VOICES)
+    shown = []
+    for now_s in range(20):
+        diagnostics.take([(ill, well)[now_s % 2]], float(now_s))
+        shown += [(part.level, part.text, part.since_s) for part in diagnostics.view(float(now_s)).parts]
+    assert shown == [("error", "no current" + (" (b)" if now_s else ""), now_s) for now_s in range(20)]
+    diagnostics.take([ill._replace(level=OK), well], 20.0)
+    assert levels(diagnostics, 20.0) == {}
+    assert diagnostics.members(20.0)["driver"].since_s == 20.0
+
+
+VOICES = ((ERROR, "no current", "b"), (OK, "OK", "a"))
+
+
+def test_a_node_that_comes_back_under_another_name_replaces_the_old(diagnostics):
+    diagnostics.take([Status("driver", ERROR, "no current", node="/driver_1")], 0.0)
+    for now_s in range(1, int(SILENT_S) + 5):
+        diagnostics.take([Status("driver", OK, "OK", node="/driver_2")], float(now_s))
+        assert levels(diagnostics, float(now_s)) == ({"driver": "error"} if now_s <= SILENT_S else {})
+
+
+def test_a_part_with_only_a_hardware_id_is_called_by_it(diagnostics):
+    diagnostics.take([Status("", ERROR, "", hardware="arm_7"), Status(" / ", ERROR, "", hardware="/")], 0.0)
+    assert (levels(diagnostics, 0.0), diagnostics.view(0.0).unread) == ({"arm_7": "error"}, 1)
+
+
+def test_names_that_change_their_hardware_id_fill_nothing(diagnostics):
+    for now_s in range(300):
+        diagnostics.take([Status("clock", OK, "", hardware=f"id {now_s}")], float(now_s))
+    diagnostics.take([Status("arm", ERROR, "")], 300.0)
+    health = diagnostics.view(300.0)
+    assert (health.left_out, health.well, len(health.parts)) == (0, 1, 1)
+
+
+def test_an_ill_part_takes_the_place_of_one_that_is_well(diagnostics):
+    diagnostics.take([Status(f"part {number}", OK, "") for number in range(MOST_PARTS + 3)], 0.0)
+    diagnostics.take([Status("arm", ERROR, "")], 1.0)
+    health = diagnostics.view(1.0)
+    assert [part.name for part in health.parts] == ["arm"]
+    assert (health.well, health.left_out) == (MOST_PARTS - 1, 4)
+
+
+def test_a_group_that_alone_is_ill_is_shown(diagnostics):
+    diagnostics.take([Status("/arm", ERROR, "stuck"), Status("/arm/joint", OK, "")], 0.0)
+    assert levels(diagnostics, 0.0) == {"arm": "error"}
+    diagnostics.take([Status("/arm", ERROR, "stuck"), Status("/arm/joint", WARN, "warm")], 1.0)
+    assert levels(diagnostics, 1.0) == {"joint": "warning"}
+
+
 @pytest.mark.parametrize(
     ("key", "value", "celsius"),
     [

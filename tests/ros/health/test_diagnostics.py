@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import re
+from io import BytesIO
 
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
+from robots import wire
 from robots.bridge.config import Topic
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
+from tests.ros.strangers import Messages, Node, framed
 
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/DiagnosticArray")
 
@@ -85,3 +89,31 @@ def test_a_node_that_dies_and_texts_that_are_no_utf_8_harm_nothing(hand, ros):
     health = hand.state_until(lambda state: "silent" in state.health.parts[0].text, "silence").health
     [part] = health.parts
     assert (part.name, part.level) == ("gripper", "error") and part.text.startswith("kaputt; silent for ")
+
+
+def test_an_error_shows_beside_ok_of_the_same_name(hand, ros, rosmaster):
+    """In one message, and from another node with the same name for its part."""
+
+    def spoken(level: int) -> Messages:
+        said = BytesIO()
+        DiagnosticArray(status=[DiagnosticStatus(name="lift", level=level, message=str(level))]).serialize(
+            said
+        )
+        return itertools.repeat(framed(said.getvalue()))
+
+    both = [DiagnosticStatus(name="gripper", level=level, message=str(level)) for level in (2, 0)]
+    with ros.speak("/diagnostics", DiagnosticArray) as topic:
+        topic.publish(DiagnosticArray(status=both))
+        hand.state_until(lambda state: "gripper" in ill(state), "the error of the gripper")
+    with Node(rosmaster.uri, "/lift_1") as first, Node(rosmaster.uri, "/lift_2") as second:
+        first.publish("/diagnostics", "diagnostic_msgs/DiagnosticArray", lambda: spoken(0), 3.0)
+        second.publish("/diagnostics", "diagnostic_msgs/DiagnosticArray", lambda: spoken(1), 3.0)
+        seen = hand.state_until(lambda state: ill(state).get("lift", "").endswith("(/lift_2)"), "two nodes")
+        steady = [
+            ill(hand.state_until(lambda state: state is not seen, "a state")).get("lift") for _ in range(40)
+        ]
+    assert set(steady) == {"1 (/lift_2)"}
+
+
+def ill(state: wire.State) -> dict[str, str]:
+    return {part.name: part.text for part in state.health.parts} if state.health else {}

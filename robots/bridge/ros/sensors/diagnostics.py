@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import islice
+from heapq import nlargest
 from typing import Any
 
 from robots.bridge.health.diagnostics import Status
@@ -14,13 +14,21 @@ LONGEST_VALUE = 40  # characters; temperatures are short
 
 
 def statuses(message: Any) -> list[Status]:
-    """Return the statuses of one message, with texts cut."""
+    """Return the statuses of one message, with texts cut; of too many the worst."""
+    node = cut(getattr(message, "_connection_header", {}).get("callerid", ""), TITLE)
     return [
         Status(
             cut(one.name, TITLE),
-            one.level if isinstance(one.level, int) else int.from_bytes(one.level, "little"),
+            _level(one),
             cut(one.message, SENTENCE),
             [(cut(value.key, TITLE), cut(value.value, LONGEST_VALUE)) for value in one.values[:MOST_VALUES]],
+            cut(one.hardware_id, TITLE),
+            node,
         )
-        for one in islice(message.status, MOST_STATUSES)
+        for one in nlargest(MOST_STATUSES, message.status, key=_level)
     ]
+
+
+def _level(status: Any) -> int:
+    """Return the level: rospy reads a number, nodes within this process may give bytes."""
+    return status.level if isinstance(status.level, int) else int.from_bytes(status.level, "little")
