@@ -62,6 +62,7 @@ from robots.wire.camera import CameraWants as CameraWants
 from robots.wire.camera import CameraWatch as CameraWatch
 from robots.wire.camera import PictureFormat as PictureFormat
 from robots.wire.camera import PictureHeader as PictureHeader
+from robots.wire.camera import PictureScale as PictureScale
 from robots.wire.camera import TakenPicture as TakenPicture
 from robots.wire.camera import Variant as Variant
 from robots.wire.camera import packed as packed

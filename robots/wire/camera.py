@@ -80,6 +80,17 @@ class CameraPong(Struct, frozen=True, tag_field="t", tag="camera_pong"):
     now_ms: float
 
 
+class PictureScale(Struct, frozen=True):
+    """Values of the darkest and the brightest grey of a picture of depth or heat; None: no pixel has a value.
+
+    `unit`: "m" for depth; "": numbers as the sensor sends them.
+    """
+
+    low: float | None
+    high: float | None
+    unit: str = ""
+
+
 class PictureHeader(Struct, frozen=True):
     """Header of a picture for a page.
 
@@ -96,6 +107,7 @@ class PictureHeader(Struct, frozen=True):
     key: bool = True  # it can be decoded without earlier pictures
     lens: tuple[float, float, float, float] | None = None
     pose: tuple[float, ...] | None = None
+    scale: PictureScale | None = None  # of depth and heat
 
 
 # --- between web process and camera process ------------------------------------------------------------
@@ -129,6 +141,7 @@ class TakenPicture(Struct, frozen=True):
     key: bool = True
     lens: tuple[float, float, float, float] | None = None
     pose: tuple[float, ...] | None = None
+    scale: PictureScale | None = None  # of depth and heat
 
 
 _taken = msgspec.json.Decoder(TakenPicture)

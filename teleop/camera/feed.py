@@ -217,6 +217,7 @@ class CameraFeed:
             header.key,
             header.lens,
             header.pose,
+            header.scale,
         )
         frame = wire.packed(shown, encoded)
         self._newest[header.camera, header.variant] = _Newest(number, header.number, header.key, frame)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import struct
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from robots.wire import PictureFormat
@@ -11,11 +13,12 @@ LARGEST_SIDE = 4096  # pixels: a browser needs 64 MB to paint such a picture
 LARGEST_BYTES = 4 * 1024 * 1024  # of an encoded picture
 
 _PNG = b"\x89PNG\r\n\x1a\n"
-_PNG_END = b"IEND\xaeB`\x82"
-_JPEG, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
+_JPEG, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 _FRAME_STARTS = frozenset({0xC0, 0xC1, 0xC2})  # baseline, extended, progressive: browsers decode these
 _WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xD8)})
-_TRAILING = 1024  # some drivers write a few bytes after the end
+_SCAN = 0xDA
+_MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]")  # behind the data of a scan
+_CHUNK = 12  # bytes of a PNG's chunk beside its content
 
 
 class Damaged(Exception):
@@ -23,24 +26,19 @@ class Damaged(Exception):
 
 
 class ImageHeader(NamedTuple):
-    """Format, width and height in pixels."""
+    """Format, width and height in pixels. `deep`: grey of 16 bits, which browsers show by its upper 8 bits."""
 
     format: PictureFormat
     width: int
     height: int
+    deep: bool = False
 
 
 def read_header(picture: bytes | memoryview) -> ImageHeader:
     """Return format and size. Raises `Damaged` for a picture that must not be sent to a browser."""
     if len(picture) > LARGEST_BYTES:
         raise Damaged(f"has {len(picture)} bytes; at most {LARGEST_BYTES} are shown")
-    begin = bytes(picture[: len(_PNG)])
-    if begin == _PNG:
-        header = _png(picture)
-    elif begin[:2] == _JPEG:
-        header = _jpeg(picture)
-    else:
-        raise Damaged("is neither JPEG nor PNG")
+    header = _png(picture) if _is_png(picture) else _jpeg(picture)
     require_size(header.width, header.height)
     return header
 
@@ -53,30 +51,73 @@ def require_size(width: int, height: int) -> None:
         raise Damaged(f"has {width} x {height} pixels; at most {LARGEST_SIDE} a side are shown")
 
 
+def end_of(picture: bytes | memoryview) -> int | None:
+    """Return the length of the picture by its format: drivers may write more bytes behind it. None: it has no end.
+
+    The end of a JPEG is sought in the data of its scans: a preview within its header has an end of its own.
+    """
+    return _png_end(picture) if _is_png(picture) else _jpeg_end(picture)
+
+
+def _is_png(picture: bytes | memoryview) -> bool:
+    return bytes(picture[: len(_PNG)]) == _PNG
+
+
 def _png(picture: bytes | memoryview) -> ImageHeader:
     if len(picture) < 33 or bytes(picture[12:16]) != b"IHDR":
         raise Damaged("is a damaged PNG")
-    if _PNG_END not in bytes(picture[-_TRAILING:]):
+    if _png_end(picture) is None:
         raise Damaged("is cut off")
-    width, height = struct.unpack(">II", picture[16:24])
-    return ImageHeader("png", width, height)
+    width, height, bits, colours = struct.unpack(">IIBB", picture[16:26])
+    return ImageHeader("png", width, height, deep=(bits, colours) == (16, 0))
+
+
+def _png_end(picture: bytes | memoryview) -> int | None:
+    at = len(_PNG)
+    while at + _CHUNK <= len(picture):
+        length, kind = struct.unpack(">I4s", picture[at : at + 8])
+        at += _CHUNK + length
+        if kind == b"IEND":
+            return at if at <= len(picture) else None
+    return None
 
 
 def _jpeg(picture: bytes | memoryview) -> ImageHeader:
-    if _JPEG_END not in bytes(picture[-_TRAILING:]):
-        raise Damaged("is cut off")
+    if bytes(picture[:2]) != _JPEG:
+        raise Damaged("is neither JPEG nor PNG")
+    for marker, at in _segments(picture):
+        if marker in _FRAME_STARTS and at + 9 < len(picture):
+            if _jpeg_end(picture) is None:
+                raise Damaged("is cut off")
+            height, width = struct.unpack(">HH", picture[at + 5 : at + 9])
+            return ImageHeader("jpeg", width, height)
+    raise Damaged("is a damaged JPEG")
+
+
+def _jpeg_end(picture: bytes | memoryview) -> int | None:
+    for marker, at in _segments(picture):
+        if marker == JPEG_END[1]:
+            return at + 2
+    return None
+
+
+def _segments(picture: bytes | memoryview) -> Iterator[tuple[int, int]]:
+    """Yield marker and place of each segment, as far as there are whole ones; the data of scans is passed over."""
     at = 2
-    while at + 9 < len(picture):
-        if picture[at] != 0xFF:
-            break
+    while at + 1 < len(picture) and picture[at] == 0xFF:  # every marker begins with it
         marker = picture[at + 1]
         if marker == 0xFF:  # padding
             at += 1
-        elif marker in _WITHOUT_LENGTH:
+            continue
+        yield marker, at
+        if marker in _WITHOUT_LENGTH:
             at += 2
-        elif marker in _FRAME_STARTS:
-            height, width = struct.unpack(">HH", picture[at + 5 : at + 9])
-            return ImageHeader("jpeg", width, height)
+        elif marker == JPEG_END[1] or at + 4 > len(picture):
+            return
         else:
-            at += 2 + struct.unpack(">H", picture[at + 2 : at + 4])[0]
-    raise Damaged("is a damaged JPEG")
+            at += 2 + int.from_bytes(picture[at + 2 : at + 4], "big")
+            if marker == _SCAN:
+                following = _MARKER.search(picture, at)
+                if following is None:
+                    return
+                at = following.start()

@@ -13,15 +13,14 @@ import zlib
 
 import numpy as np
 import PIL.Image
-from numpy.typing import NDArray
 
-from robots.bridge.camera.image_header import LARGEST_SIDE, Damaged, require_size
+from robots.bridge.camera.image_header import JPEG_END, LARGEST_SIDE, Damaged, require_size
 from robots.bridge.camera.sizes import QUALITY, SMALL_QUALITY, SMALL_WIDTH
 
 PIL.Image.MAX_IMAGE_PIXELS = LARGEST_SIDE * LARGEST_SIDE  # Pillow refuses to decode more than twice as many
 
 # Pillow's exceptions for damaged pictures.
-_UNDECODABLE = (
+UNDECODABLE = (
     *(OSError, ValueError, SyntaxError, EOFError, OverflowError, MemoryError),
     *(struct.error, zlib.error, PIL.Image.DecompressionBombError),
 )
@@ -40,14 +39,12 @@ _RAW_MODES = {
     "bayer_gbrg8": (1, "L", "L"),
     "bayer_grbg8": (1, "L", "L"),
 }
-_DEEP = {"mono16", "16UC1"}  # two bytes a pixel
+_FILLING = bytes(range(1, 250)) * 20  # data as in a picture
 _PACKED = {"yuv422": (1, 0), "yuv422_yuy2": (0, 1)}  # the positions of luma and colour in two bytes
 
 
-def raw_image(
-    width: int, height: int, encoding: str, big_endian: bool, step: int, data: bytes
-) -> PIL.Image.Image:
-    """Return the picture of a sensor_msgs/Image. Raises `Damaged` if it does not fit or its encoding is unknown.
+def raw_image(width: int, height: int, encoding: str, step: int, data: bytes) -> PIL.Image.Image:
+    """Return the picture of a sensor_msgs/Image of 8 bits. Raises `Damaged` if it does not fit or is unknown.
 
     Bayer patterns are shown as grey: people can drive by such a picture, and no colour is guessed.
     """
@@ -55,8 +52,6 @@ def raw_image(
     per_pixel = _bytes_per_pixel(encoding)
     if step < width * per_pixel or len(data) < step * height:
         raise Damaged(f"has {len(data)} bytes; {width} x {height} {encoding} need more")
-    if encoding in _DEEP:
-        return _grey_of_deep(width, height, big_endian, step, data)
     if encoding in _PACKED:
         return _colour_of_packed(width, height, encoding, step, data)
     _, mode, raw_mode = _RAW_MODES[encoding]
@@ -64,20 +59,11 @@ def raw_image(
 
 
 def _bytes_per_pixel(encoding: str) -> int:
-    if encoding in _DEEP or encoding in _PACKED:
+    if encoding in _PACKED:
         return 2
     if encoding not in _RAW_MODES:
         raise Damaged(f"has the encoding {encoding[:40]!r}, which the console does not know")
     return _RAW_MODES[encoding][0]
-
-
-def _grey_of_deep(width: int, height: int, big_endian: bool, step: int, data: bytes) -> PIL.Image.Image:
-    """Stretch 16-bit values to the whole range of grey."""
-    rows = np.frombuffer(data, np.uint8, step * height).reshape(height, step)
-    deep = rows[:, : 2 * width].copy().view(">u2" if big_endian else "<u2")
-    most = max(int(deep.max()), 1)
-    grey: NDArray[np.uint8] = (deep.astype(np.float32) * (255.0 / most)).astype(np.uint8)
-    return PIL.Image.fromarray(grey)
 
 
 def _colour_of_packed(width: int, height: int, encoding: str, step: int, data: bytes) -> PIL.Image.Image:
@@ -109,8 +95,21 @@ def decoded(picture: bytes, at_least: int) -> PIL.Image.Image:
         image = PIL.Image.open(io.BytesIO(picture), formats=("JPEG", "PNG"))
         image.draft("RGB", (at_least, at_least))
         return image.convert("RGB")
-    except _UNDECODABLE as error:
+    except UNDECODABLE as error:
         raise Damaged(f"cannot be decoded ({str(error)[:100]})") from error
+
+
+def is_complete(picture: bytes) -> bool:
+    """Return whether a JPEG without an end has all its data: some cameras do not write the end.
+
+    A decoder reads a complete picture alike whatever follows; of a cut one, what follows becomes part of it.
+    """
+    try:
+        endings = (picture + filling + JPEG_END for filling in (b"", _FILLING))
+        shown, also = (PIL.Image.open(io.BytesIO(one), formats=("JPEG",)).tobytes() for one in endings)
+    except UNDECODABLE:
+        return False
+    return shown == also
 
 
 def small(image: PIL.Image.Image) -> bytes:

@@ -1,6 +1,7 @@
 /** Paints one camera's pictures on a canvas, never an older picture after a newer one. */
 
 import { fits } from "./frame.js";
+import { paintScale, scaleText } from "./scale.js";
 import { VideoStream } from "./video.js";
 
 const IMAGES = new Set(["jpeg", "png"]);
@@ -111,6 +112,7 @@ export class CameraPicture extends EventTarget {
       canvas.height = height;
     }
     this.#pen.drawImage(source, 0, 0);
+    paintScale(this.#pen, scaleText(header.scale), width, height);
     this.#painted = { header, takenMs: this.#taken.get(header.number) };
     this.#emit("painted", this.#painted);
   }

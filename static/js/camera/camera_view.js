@@ -2,6 +2,7 @@
 
 import { make, mark, setTextOrHide } from "../lib/dom.js";
 import { CameraPicture } from "./camera_picture.js";
+import { scaleText } from "./scale.js";
 
 const SAID_MS = 300; // the age of a newer picture is not shown
 const OLD_MS = 500; // an older picture is grey
@@ -47,7 +48,7 @@ export class CameraView extends EventTarget {
   set camera(camera) {
     const isNew = camera?.name !== this.#camera?.name;
     this.#camera = camera;
-    if (camera) this.#canvas.setAttribute("aria-label", camera.label);
+    if (camera) this.#sayLabel();
     if (isNew) this.begin();
   }
 
@@ -119,6 +120,11 @@ export class CameraView extends EventTarget {
     this.#picture.close();
   }
 
+  #sayLabel() {
+    const words = [this.#camera?.label, scaleText(this.header?.scale)].filter(Boolean);
+    this.#canvas.setAttribute("aria-label", words.join(", "));
+  }
+
   #text(ageMs) {
     if (this.#why) return this.#why;
     if (this.#isDamaged) return gettext("The picture came damaged.");
@@ -127,6 +133,7 @@ export class CameraView extends EventTarget {
 
   #onPainted({ header }) {
     this.#why = "";
+    this.#sayLabel();
     this.update();
     this.dispatchEvent(new CustomEvent("painted", { detail: header }));
   }

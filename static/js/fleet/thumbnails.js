@@ -6,6 +6,7 @@
 
 import { CameraSocket } from "../camera/camera_socket.js";
 import { fits } from "../camera/frame.js";
+import { paintScale, scaleText } from "../camera/scale.js";
 import { socketUrl } from "../connection/socket.js";
 
 const RATE_HZ = 0.2; // at this rate the robot sends single pictures and no video
@@ -52,7 +53,9 @@ export class Thumbnails {
       const picture = await createImageBitmap(new Blob([bytes]));
       canvas.width = picture.width;
       canvas.height = picture.height;
-      canvas.getContext("2d").drawImage(picture, 0, 0);
+      const pen = canvas.getContext("2d");
+      pen.drawImage(picture, 0, 0);
+      paintScale(pen, scaleText(header.scale), picture.width, picture.height);
       picture.close();
       socket.acknowledge(header, false);
     } catch {

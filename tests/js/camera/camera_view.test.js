@@ -53,6 +53,15 @@ describe("a camera on the page", () => {
     expect(view.header.number).toBe(1);
   });
 
+  it("tells the scale of a depth picture", async () => {
+    const header = { ...headerOf(1), scale: { low: 0.4, high: 3.2, unit: "m" } };
+    view.take({ header, bytes: new Uint8Array(1), takenMs: nowMs });
+    await settle();
+    expect(of("canvas").getAttribute("aria-label")).toBe("Head camera, 0.4 to 3.2 m");
+    await take(2, 40);
+    expect(of("canvas").getAttribute("aria-label")).toBe("Head camera");
+  });
+
   it("turns grey and counts on while no picture comes", async () => {
     await take(1, 40);
     expect([element.dataset.old, of(".camera-age").hidden]).toEqual([undefined, true]);

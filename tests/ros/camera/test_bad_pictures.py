@@ -13,6 +13,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import IO, Any
 
+import av
 import msgspec
 import numpy as np
 import PIL.Image
@@ -216,6 +217,34 @@ def test_a_bad_raw_picture_is_refused_in_words(camera, publish, message, words):
     comes(camera, publish, "raw", raw())
     is_refused(camera, publish, "raw", message, words)
     assert comes(camera, publish, "raw", raw()).format == "jpeg"
+
+
+def test_a_picture_of_16_bits_is_alike_large_small_and_as_video(camera, publish):
+    """Regression: it was white in small views and nearly black in large ones."""
+    heat = np.linspace(29_000, 31_000, 640 * 480).reshape(480, 640).astype(np.uint16)
+    written = io.BytesIO()
+    PIL.Image.fromarray(heat).save(written, "PNG")
+    message = CompressedImage(format="16UC1; png compressed ", data=written.getvalue())
+    brightness = {}
+    for variant in ("full", "small", "video"):
+        camera.want(head=variant)
+        header = comes(camera, publish, "head", message)
+        assert (header.scale.low, header.scale.high) == (29_040, 30_960)
+        encoded = next(
+            data for shown, data in reversed(camera.pictures) if shown.variant == variant and shown.key
+        )
+        brightness[variant] = grey_of(encoded, variant).mean(axis=1)
+    for rows in brightness.values():
+        assert rows[: len(rows) // 20].mean() < 45 and rows[-len(rows) // 20 :].mean() > 230
+        assert abs(rows.mean() - brightness["full"].mean()) < 6
+
+
+def grey_of(encoded: bytes, variant: str) -> Any:
+    if variant != "video":
+        return np.asarray(PIL.Image.open(io.BytesIO(encoded)).convert("L"), float)
+    decoder = av.CodecContext.create("h264", "r")
+    [frame, *_] = [*decoder.decode(av.Packet(encoded)), *decoder.decode(None)]
+    return frame.to_ndarray(format="gray").astype(float)
 
 
 def test_a_topic_of_another_type_is_refused_in_words(camera, publish):

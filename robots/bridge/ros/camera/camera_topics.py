@@ -5,15 +5,16 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import genpy
 import rospy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from robots.bridge.camera.image_header import Damaged, read_header
+from robots.bridge.camera.image_header import Damaged
 from robots.bridge.camera.lens import Lens, Misfit, lens_of
 from robots.bridge.camera.picture_age import PictureAge
+from robots.bridge.camera.shown import compressed_picture, raw_picture
 from robots.bridge.config import CameraSource
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.listening import pause
@@ -21,7 +22,7 @@ from robots.bridge.ros.bounds.sizes import expect
 from robots.bridge.ros.bounds.texts import NAME, cut
 from robots.bridge.ros.on_demand_topics import BUFFER_BYTES, listen
 from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
-from robots.wire import PictureFormat, Refusal
+from robots.wire import PictureFormat, PictureScale, Refusal
 
 SILENT_S = 2.0
 MOST_WORDS = 200  # characters: frames may have long names
@@ -51,6 +52,7 @@ class CameraPicture(NamedTuple):
     arrived_s: float
     lens: Lens | None
     pose: tuple[float, ...] | None
+    scale: PictureScale | None  # of depth and heat
 
 
 class CameraTopics:
@@ -142,19 +144,14 @@ class CameraTopics:
             raise Damaged(
                 f"is of another type than in the profile ({cut(kind, NAME)}, not {self.source.type})"
             )
+        message: Any
         if kind == "sensor_msgs/CompressedImage":
             message = CompressedImage().deserialize(arrival.message._buff)
-            encoded = bytes(message.data)
-            form, width, height = read_header(encoded)
+            shown = compressed_picture(bytes(message.data), message.format, self.source.topic)
         else:
-            from robots.bridge.camera.jpeg import jpeg, raw_image
-
             message = Image().deserialize(arrival.message._buff)
-            width, height, form = message.width, message.height, "jpeg"
-            big_endian = bool(message.is_bigendian)
-            encoded = jpeg(
-                raw_image(width, height, message.encoding, big_endian, message.step, bytes(message.data))
-            )
+            shown = raw_picture(message, self.source.topic)
+        encoded, form, width, height, scale = shown
         stamp_s = message.header.stamp.to_sec()
         frame = self.source.frame or message.header.frame_id.lstrip("/")
         age_s = self._age.on_arrival(stamp_s, arrival.wall_s, arrival.arrived_s, self._skew_s())
@@ -162,7 +159,7 @@ class CameraTopics:
         pose = self._pose(frame, stamp_s) if lens else None
         if pose is not None:
             self._placed_s = arrival.arrived_s
-        return CameraPicture(encoded, form, width, height, age_s, arrival.arrived_s, lens, pose)
+        return CameraPicture(encoded, form, width, height, age_s, arrival.arrived_s, lens, pose, scale)
 
     def _lens(self, width: int, height: int) -> Lens | None:
         """Return the lens for pictures of this size; None without a camera info that fits them."""

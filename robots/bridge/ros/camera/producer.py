@@ -216,5 +216,6 @@ class Producer:
             is_key,
             picture.lens,
             picture.pose,
+            picture.scale,
         )
         self._emit(header, encoded, picture.arrived_s)
