@@ -38,6 +38,7 @@ from robots.bridge.lease.state_store import SavedState
 from robots.bridge.lease.stop_latch import StopLatch
 from robots.bridge.navigation.goal_map import GoalMap
 from robots.bridge.overload import LoopLateness
+from robots.bridge.robot_clock import RobotClock
 from robots.bridge.steady_view import SteadyLimits, SteadyVerdict
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.tasks.holder_tasks import HolderTasks, TaskPerformer, holder_of
@@ -334,9 +335,10 @@ class Core:
         return self.tasks.navigation.driving_requester is not None or self.tasks.navigation.hold.holds
 
     @property
-    def skew_s(self) -> float | None:
-        """Return by how much the robot's clock is ahead of ours, by its odometry; None: no odometry yet."""
-        return self._reported.skew_s
+    def robot_clock(self) -> RobotClock:
+        """Return the robot's clock, compared with ours by its odometry."""
+        simulated = self._gate.latency.clock_is_simulated
+        return RobotClock(None if simulated else self._reported.skew_s, simulated)
 
     @property
     def needs_fresh_sensors(self) -> bool:
@@ -367,6 +369,12 @@ class Core:
         elif was_joined and not joined:
             self._joined_s = float("inf")
             self.halt("robot_offline", "the robot’s ROS master was lost", now_s)
+
+    def follow_clock(self, *, simulated: bool) -> None:
+        """Note whether the robot's clock is simulated: it runs slower or faster than ours, and pauses."""
+        if simulated != self._gate.latency.clock_is_simulated:
+            log.info("the robot's clock is %s", "simulated" if simulated else "a real one")
+        self._gate.latency.follow_clock(simulated=simulated)
 
     def odometry(
         self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity, wall_s: float, run: int = 0
@@ -527,7 +535,7 @@ class Core:
             charging=report.charging,
             battery_left_min=self._battery_time.left_min(),
             health=self._diagnostics.view(now_s),
-            skew_s=report.skew_s,
+            skew_s=self.robot_clock.skew_s,
             overload=self._late.report(now_s) or self._console_late.report(now_s),
             watchdog_missing=self.watchdog_missing,
             forgotten=self._forgotten,

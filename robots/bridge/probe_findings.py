@@ -98,3 +98,4 @@ class Findings(Struct, frozen=True):
     topics: list[TopicFound] = []
     drive: DriveFound | None = None
     description: DescriptionFound | None = None
+    clock_is_simulated: bool = False

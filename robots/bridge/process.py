@@ -237,7 +237,8 @@ class Bridge:
 
     def _show(self) -> None:
         now_s = time.monotonic()
-        self._cameras.skew_s = self._core.skew_s
+        self._cameras.clock = self._core.robot_clock
+        self._inspector.follow_clock(self._core.robot_clock)
         self._view(_VIEW_LATEST_S)
         self._show_path(now_s)
         watchers, more = self._watchers()

@@ -156,7 +156,7 @@ def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
     yield _names_here(findings.hosts)
     if findings.callback is not None:
         yield _names_there(findings.callback)
-    yield _clock(findings.topics)
+    yield _clock(findings)
     for listened, topic in zip(_listened(config), findings.topics, strict=True):
         yield _topic(listened, topic)
     if findings.description is not None:
@@ -199,9 +199,11 @@ def _names_there(callback: CallbackFound) -> Check:
     return Check(name, FAIL, text, _("Does a firewall on this computer keep the robot out?"))
 
 
-def _clock(topics: list[TopicFound]) -> Check:
+def _clock(findings: Findings) -> Check:
     name = _("clock")
-    skews = [topic.skew_s for topic in topics if topic.skew_s is not None]
+    if findings.clock_is_simulated:
+        return Check(name, OK, _("The robot’s clock is simulated (/use_sim_time): ages are not compared."))
+    skews = [topic.skew_s for topic in findings.topics if topic.skew_s is not None]
     if not skews:
         return Check(name, WARN, _("No stamped message arrived, so clocks could not be compared."))
     skew_s = min(skews, key=abs)

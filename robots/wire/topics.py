@@ -184,7 +184,9 @@ class Sample(Struct, frozen=True, tag_field="t", tag="sample"):
     number: int  # of this message among all received messages of the topic
     rate_hz: float | None
     bytes: int
-    age_s: float | None  # since the stamp in its header, by the console's clock; None: no stamp
+    age_s: (
+        float | None
+    )  # since the stamp in its header, by the robot's clock; None: no stamp, or of another clock
     publishers: int
     fields: dict[str, Any]
     shortened: dict[str, int] = {}  # full lengths of shortened arrays, by path

@@ -15,6 +15,7 @@ import msgspec
 from msgspec import Struct
 
 from robots.bridge.config import BridgeConfig
+from robots.bridge.robot_clock import RobotClock
 from robots.bridge.topics.line_process import LineProcess
 from robots.wire import CameraAt, Refusal
 
@@ -49,7 +50,7 @@ class CameraClient:
         self, config: BridgeConfig, command: Sequence[str] = COMMAND, linger_s: float = LINGER_S
     ) -> None:
         self._child = LineProcess(command, msgspec.json.encode(config), self)
-        self.skew_s: float | None = None  # robot's clock minus ours, from its odometry
+        self.clock = RobotClock()
         self._linger_s = linger_s
         self._watchers: set[CameraWatcher] = set()
         self._at = CameraAt()
@@ -109,7 +110,7 @@ class CameraClient:
         """Take the address on which the process listens. The process repeats it as a sign of life."""
         at = _camera_at.decode(line)
         self._await_life(SILENCE_S)
-        self._child.send(msgspec.json.encode(self.skew_s))
+        self._child.send(msgspec.json.encode(self.clock))
         if at != self._at:
             self._move(at)
 

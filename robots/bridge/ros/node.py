@@ -421,10 +421,19 @@ class RosBase:
         """Report the robot's state. Read missing data, since the robot may start after its master."""
         self.report(self._survey(system))
         self._report_listened(system)
+        self._follow_clock(system)
         self._look_for_restart(system)
         self._describe()
         if self._motions and not any(self._motions.repertoire.values()):
             self.read_motions()
+
+    def _follow_clock(self, system: SystemState) -> None:
+        """Report whether the robot's nodes follow a simulated clock."""
+        try:
+            simulated = "/clock" in system.publishers and self._master.parameter("/use_sim_time") is True
+        except MasterError:
+            return  # the next survey asks again
+        self._post(lambda: self._core.follow_clock(simulated=simulated))
 
     def _report_listened(self, system: SystemState) -> None:
         self._listened = listened = _listened(system)

@@ -20,9 +20,11 @@ from msgspec import Struct
 
 from robots import wire
 from robots.bridge.config import BridgeConfig
+from robots.bridge.robot_clock import RobotClock
 from robots.bridge.topics.inspector_messages import (
     Check,
     Done,
+    FollowClock,
     HaltPublishing,
     InspectorQuery,
     KeepAlive,
@@ -39,6 +41,7 @@ COMMAND = (sys.executable, "-m", "robots.bridge.ros.inspector")
 LINGER_S = 60.0  # an unused inspector ends after this time
 ANSWER_S = 2.0  # a query is answered within this time, or refused
 START_S = 10.0  # the same while the process starts
+NOTICED_S = 0.05  # by which the robot's clock changes before the process is told
 HALT_S = 1.0  # publishing stops within this time, or the process is killed
 MAX_QUERIES = 32  # limit of pending queries per link
 MAX_UNSENT = 200  # limit of requests that wait for a process
@@ -97,6 +100,7 @@ class InspectorClient:
         self._at_rate: set[str] = set()  # topics published at a rate
         self._has_published = False  # since the last halt: messages may still wait in the inspector
         self._waiting: dict[int, _Waiting] = {}
+        self._clock = RobotClock()
         self._count = 0
         self._unsent: dict[int, bytes] = {}  # by number, until the process runs
         self._ready = False
@@ -172,6 +176,12 @@ class InspectorClient:
         if self._at_rate:
             self._send(KeepAlive())
 
+    def follow_clock(self, clock: RobotClock) -> None:
+        """Tell the process of the robot's clock, when that has changed noticeably."""
+        if clock.differs(self._clock, NOTICED_S):
+            self._clock = clock
+            self._send(FollowClock(clock))
+
     def publish_stop(self, topic: str) -> None:
         """Stop publishing on this topic. The process is killed if it does not confirm in time."""
         if topic in self._at_rate:
@@ -206,6 +216,8 @@ class InspectorClient:
     def began(self) -> None:
         """Send a new process the subscriptions and the waiting requests."""
         self._ready = False
+        if self._clock != RobotClock():
+            self._send(FollowClock(self._clock))
         self._send(wire.LinkSubscribe(self._wanted()))
         if self._unsent:
             self._child.send(b"\n".join(self._unsent.values()))

@@ -7,6 +7,7 @@ import time
 from msgspec import Struct
 
 from robots import wire
+from robots.bridge.robot_clock import RobotClock
 from robots.wire import Refusal
 
 
@@ -45,7 +46,15 @@ class KeepAlive(Struct, frozen=True, tag_field="t", tag="alive"):
     """The bridge runs: continue to publish at a rate."""
 
 
-Request = InspectorQuery | wire.LinkSubscribe | Check | wire.Publish | HaltPublishing | KeepAlive
+class FollowClock(Struct, frozen=True, tag_field="t", tag="clock"):
+    """The robot's clock, by which messages get their age."""
+
+    clock: RobotClock
+
+
+Request = (
+    InspectorQuery | wire.LinkSubscribe | Check | wire.Publish | HaltPublishing | KeepAlive | FollowClock
+)
 
 
 class Ready(Struct, frozen=True, tag_field="t", tag="ready"):

@@ -476,3 +476,34 @@ def test_a_base_that_is_always_slower_is_not_taken_for_late():
     for _ in range(20):
         base.drive(1.0, 0.0, 0.1)
         assert base.latency.worst_s(base.now_s) < LONGEST_S
+
+
+# --- clocks of another pace ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("pace", [0.3, 0.7, 1.5])
+def test_a_simulated_clock_of_another_pace_is_no_lateness(pace):
+    latency = Latency(LIMITS, ASSUMED_S)
+    latency.follow_clock(simulated=True)
+    for number in range(1000):
+        now_s = 50.0 + number * 0.02
+        latency.arrived("odometry", 7.0 + pace * now_s, now_s)
+        latency.arrived("laser", 7.0 + pace * now_s, now_s)
+        assert latency.in_force_s(now_s) == ASSUMED_S
+    assert latency.lateness_s(now_s + 0.5) > 0.4, "silence counts"
+
+
+def test_a_simulated_clock_that_pauses_or_begins_again_is_no_lateness():
+    latency = Latency(LIMITS, ASSUMED_S)
+    latency.follow_clock(simulated=True)
+    for begin_s, stamp_s in ((50.0, 1000.0), (80.0, 1004.0), (90.0, 3.0)):
+        for number in range(200):
+            latency.arrived("odometry", stamp_s + number * 0.02, begin_s + number * 0.02)
+        assert latency.in_force_s(begin_s + 199 * 0.02) == ASSUMED_S
+
+
+def test_without_a_simulated_clock_stamps_that_fall_behind_count():
+    latency = Latency(LIMITS, ASSUMED_S)
+    for number in range(200):
+        latency.arrived("odometry", 0.7 * number * 0.02, number * 0.02)
+    assert latency.lateness_s(199 * 0.02) == pytest.approx(2.0, abs=0.4)

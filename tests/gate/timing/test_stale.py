@@ -9,6 +9,7 @@ import pytest
 
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.sensor_limits import late_share
+from robots.bridge.gate.timing.freshness import Freshness
 from robots.bridge.gate.values import STILL, Pose, SpeedLimit, Velocity
 from tests.gate.conftest import LASER, SONARS, Feeder, tiago_profile
 
@@ -230,3 +231,35 @@ def test_a_slow_robot_does_not_stand(twist, tremble_m):
     assert all(stood[75:100])
     late = 125 if tremble_m else 101
     assert not any(stood[late:]) if not tremble_m else sum(stood[late:]) <= 5
+
+
+def test_a_clock_set_back_a_little_is_followed_after_three_messages():
+    """A time server may step a clock during a drive."""
+    freshness = Freshness()
+    assert [freshness.advances(100.0 + 0.02 * n, 0.02 * n) for n in range(5)] == [True] * 5
+    assert [freshness.advances(99.7 + 0.02 * n, 0.1 + 0.02 * n) for n in range(6)] == [False] * 2 + [True] * 4
+    assert freshness.within(0.05, 0.2)
+
+
+@pytest.mark.parametrize(
+    "stamps", [[100.0] * 20, [99.9, 99.8, 99.9, 99.7] * 5, [99.9, 100.0] * 10, [0.0] * 20]
+)
+def test_stamps_that_do_not_advance_are_stale(stamps):
+    freshness = Freshness()
+    freshness.advances(stamps[0], 0.0)
+    freshness.advances(max(stamps), 0.0)
+    for number, stamp_s in enumerate(stamps, 1):
+        assert not freshness.advances(stamp_s, number * 0.05)
+    assert freshness.silence(0.5, 1.0) == "messages come, but their stamps do not advance"
+    assert freshness.silence(0.5, 9.0) == "nothing new for 9.0 s"
+
+
+def test_after_a_clock_is_stepped_during_a_drive_the_robot_is_not_late(tiago):
+    for stepped_s in (-0.4, 0.4, -30.0, 30.0):
+        tiago.clock_offset_s += stepped_s
+        for number in range(100):
+            tiago.now_s += 0.02
+            tiago.odometry()
+            if number % 5 == 0:
+                tiago.scan()
+        assert tiago.gate.latency.lateness_s(tiago.now_s) < 0.1

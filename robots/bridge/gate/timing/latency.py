@@ -14,6 +14,9 @@ and later. The stamps show this, whatever the robot's clock is set to: arrival m
 minimum. If only commands come later, their acknowledgements take longer than their minimum, and a base
 without commands brakes by itself. The age of the newest odometry, by its stamp, always counts, whether
 odometry is late or has stopped.
+
+The stamps of a simulated clock show nothing of this: it runs slower or faster than ours, and pauses. Only silence
+shows then that odometry is late.
 """
 
 from __future__ import annotations
@@ -66,7 +69,14 @@ class Latency:
     def __init__(self, limits: Limits, assumed_s: float) -> None:
         self._limits = limits
         self._assumed_s = assumed_s
+        self.clock_is_simulated = False
         self.forget()
+
+    def follow_clock(self, *, simulated: bool) -> None:
+        """Note whether the robot's stamps are of a simulated clock."""
+        if simulated != self.clock_is_simulated:
+            self.clock_is_simulated = simulated
+            self.forget()
 
     def forget(self) -> None:
         """Forget everything: after the robot's restart, old delays, stamps and commands are not valid."""
@@ -89,7 +99,8 @@ class Latency:
 
     def arrived(self, source: str, stamp_s: float, arrival_s: float) -> None:
         """Take the arrival of a new message of a source: odometry, or a laser."""
-        self._backlogs.setdefault(source, Backlog()).arrived(stamp_s, arrival_s)
+        by_stamp_s = arrival_s if self.clock_is_simulated else stamp_s
+        self._backlogs.setdefault(source, Backlog()).arrived(by_stamp_s, arrival_s)
         self._compare_backlogs()
 
     def acknowledged(self, took_s: float, now_s: float) -> None:

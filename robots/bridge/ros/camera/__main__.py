@@ -1,7 +1,7 @@
 """``python -m robots.bridge.ros.camera``: reads the bridge's config from the first line of stdin.
 
 The process writes the address on which it listens as a JSON line, and repeats this line as a sign of life.
-The bridge answers each line with the time (s) by which the robot's clock is ahead of ours, or null. The
+The bridge answers each line with the robot's clock. The
 process ends when stdin ends or the robot's master dies. The bridge starts another process when it needs one.
 """
 
@@ -23,6 +23,7 @@ from robots import wire
 from robots.bridge.camera.camera_client import SILENCE_S
 from robots.bridge.camera.picture_server import PictureServer
 from robots.bridge.config import BridgeConfig
+from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros import child_node
 from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.camera.producer import Producer
@@ -58,9 +59,9 @@ async def serve(config: BridgeConfig) -> None:
 
 
 def _follow_clock(producer: Producer) -> None:
-    """Read the offset of the robot's clock from the bridge's lines, until stdin ends."""
+    """Read the robot's clock from the bridge's lines, until stdin ends."""
     for line in sys.stdin.buffer:
-        producer.skew_s = msgspec.json.decode(line, type=float | None)
+        producer.clock = msgspec.json.decode(line, type=RobotClock)
 
 
 async def _show_life(at: wire.CameraAt, producer: Producer) -> None:

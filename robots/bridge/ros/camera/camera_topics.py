@@ -16,6 +16,7 @@ from robots.bridge.camera.lens import Lens, Misfit, lens_of
 from robots.bridge.camera.picture_age import PictureAge
 from robots.bridge.camera.shown import compressed_picture, raw_picture
 from robots.bridge.config import CameraSource
+from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.bounds.sizes import expect
@@ -58,7 +59,7 @@ class CameraPicture(NamedTuple):
 class CameraTopics:
     """Subscribes to one camera. `awake` is notified of each picture, on rospy's threads.
 
-    `skew_s` returns the time by which the robot's clock is ahead of ours, from its odometry; None: unknown.
+    `clock` returns the robot's clock as it is known now.
     """
 
     def __init__(
@@ -66,12 +67,12 @@ class CameraTopics:
         source: CameraSource,
         frames: Frames,
         awake: threading.Condition,
-        skew_s: Callable[[], float | None] = lambda: None,
+        clock: Callable[[], RobotClock] = RobotClock,
     ) -> None:
         self.source = source
         self._frames = frames
         self._awake = awake
-        self._skew_s = skew_s
+        self._clock = clock
         self._age = PictureAge()
         self._newest: Arrival | None = None
         self._info: CameraInfo | None = None
@@ -154,7 +155,7 @@ class CameraTopics:
         encoded, form, width, height, scale = shown
         stamp_s = message.header.stamp.to_sec()
         frame = self.source.frame or message.header.frame_id.lstrip("/")
-        age_s = self._age.on_arrival(stamp_s, arrival.wall_s, arrival.arrived_s, self._skew_s())
+        age_s = self._age.on_arrival(stamp_s, arrival.wall_s, arrival.arrived_s, self._clock())
         lens = self._lens(width, height)
         pose = self._pose(frame, stamp_s) if lens else None
         if pose is not None:

@@ -16,6 +16,7 @@ from robots.bridge.camera.image_header import Damaged
 from robots.bridge.camera.picture_server import Wants
 from robots.bridge.camera.sizes import VIDEO_HZ, VIDEO_WIDTH
 from robots.bridge.config import BridgeConfig
+from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.camera.camera_topics import (
     TF_EVERY_S,
@@ -81,7 +82,7 @@ class Producer:
         self.looked_s = (
             time.monotonic()
         )  # when the last round of `run` began: a recent time shows that the thread works
-        self.skew_s: float | None = None  # robot's clock minus ours, as the bridge knows it
+        self.clock = RobotClock()  # as the bridge knows it
         self._awake = threading.Condition()
         self._wants: Wants = {}
         self._watched: dict[str, _Watched] = {}
@@ -137,7 +138,7 @@ class Producer:
         for name in self._watched.keys() - wants.keys():
             self._watched.pop(name).topics.close()
         for name in wants.keys() - self._watched.keys():
-            topics = CameraTopics(self._sources[name], self._tf.frames, self._awake, lambda: self.skew_s)
+            topics = CameraTopics(self._sources[name], self._tf.frames, self._awake, lambda: self.clock)
             self._watched[name] = _Watched(topics)
 
     def _look(self, name: str, watched: _Watched, wants: Mapping[Variant, float]) -> None:

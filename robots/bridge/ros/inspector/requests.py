@@ -21,6 +21,7 @@ from robots import wire
 from robots.bridge.config import BridgeConfig
 from robots.bridge.messages.fields import BadField, fit_fields
 from robots.bridge.messages.packing import Broken, TooLarge
+from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.inspector import graph, services
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
@@ -32,6 +33,7 @@ from robots.bridge.tasks.denylist import COUNTERFEITED, admissible, names_set, w
 from robots.bridge.topics.inspector_messages import (
     Check,
     Done,
+    FollowClock,
     HaltPublishing,
     InspectorQuery,
     KeepAlive,
@@ -63,6 +65,7 @@ class Inspector:
         self._room = threading.BoundedSemaphore(MOST_QUESTIONS)
         self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._node: Node | None = None
+        self._clock = RobotClock()
         self._permit = PublishPermit()  # to publish, until the next halt
         self._checked: dict[
             tuple[str, str], Definition
@@ -84,6 +87,8 @@ class Inspector:
                 self._halt(number)
             case HaltPublishing(number=number, topic=str(topic)):
                 self._work.put(partial(self._stop_publishing, number, topic))
+            case FollowClock(clock=clock):
+                self._work.put(partial(self._follow_clock, clock))
             case KeepAlive():
                 pass  # its arrival already extended the permit
 
@@ -105,7 +110,13 @@ class Inspector:
             from robots.bridge.ros.inspector.node import Node
 
             self._node = Node(self._config, self._master, self._definitions, self._sample)
+            self._node.subscriptions.clock = self._clock
         return self._node
+
+    def _follow_clock(self, clock: RobotClock) -> None:
+        self._clock = clock
+        if self._node is not None:
+            self._node.subscriptions.clock = clock
 
     def _subscribe(self, topics: dict[str, float]) -> None:
         if not topics and self._node is None:

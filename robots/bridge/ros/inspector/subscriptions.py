@@ -19,6 +19,7 @@ from msgspec.structs import replace
 
 from robots import wire
 from robots.bridge.messages.packing import Broken, Detail, TooLarge
+from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
@@ -70,7 +71,7 @@ class Subscription:
         fresh = self._number != self._shown_number
         return self.shown_s + (self.gap_s if fresh else max(self.gap_s, AGAIN_S))
 
-    def show(self, definitions: Definitions, now_s: float) -> bytes:
+    def show(self, definitions: Definitions, now_s: float, clock: RobotClock) -> bytes:
         """Return the present `Sample`."""
         with self._awake:
             message, number = self._newest, self._number
@@ -95,7 +96,7 @@ class Subscription:
         header, data = message._connection_header, message._buff
         shown = replace(shown, type=header.get("type", "*")[:LONGEST_NAME], bytes=len(data))
         try:
-            return _filled(shown, definitions.of_connection(header), data, time.time())
+            return _filled(shown, definitions.of_connection(header), data, clock)
         except Declined as error:
             return _encode(replace(shown, refusal=error.refusal))
         except Broken as error:
@@ -131,28 +132,28 @@ def _discord(publishers: Sequence[Any]) -> wire.Refusal | None:
     return wire.Refusal("publishers_differ", text, "robot", {"kinds": len(kinds)})
 
 
-def _filled(shown: wire.Sample, definition: Definition, data: bytes, wall_s: float) -> bytes:
+def _filled(shown: wire.Sample, definition: Definition, data: bytes, clock: RobotClock) -> bytes:
     """Encode with as much detail as fits."""
     for detail in LEVELS:
         try:
             fields, shortened = definition.layout.read(data, detail)
         except TooLarge:
             continue
-        encoded = _encode(replace(shown, fields=fields, shortened=shortened, age_s=_age_s(fields, wall_s)))
+        encoded = _encode(replace(shown, fields=fields, shortened=shortened, age_s=_age_s(fields, clock)))
         if len(encoded) <= LARGEST_SHOWN:
             return encoded
     text = f"A message of {shown.type} has too many fields to be shown."
     return _encode(replace(shown, refusal=wire.Refusal("too_large", text, "robot")))
 
 
-def _age_s(fields: Mapping[str, Any], wall_s: float) -> float | None:
-    """Return the time since the message's stamp, by the console's clock."""
+def _age_s(fields: Mapping[str, Any], clock: RobotClock) -> float | None:
+    """Return the time since the message's stamp, by the robot's clock; None: not known."""
     header = fields.get("header")
     stamp = header.get("stamp") if isinstance(header, dict) else None
-    if not isinstance(stamp, dict) or not stamp.get("secs"):
+    if not isinstance(stamp, dict):
         return None
-    age_s: float = wall_s - stamp["secs"] - stamp["nsecs"] * 1e-9
-    return round(age_s, 3)
+    age_s = clock.age_s(stamp["secs"] + stamp["nsecs"] * 1e-9, time.time())
+    return None if age_s is None else round(age_s, 3)
 
 
 def _silence(topic: str, number: int, publishers: int) -> wire.Refusal | None:
@@ -172,6 +173,7 @@ class Subscriptions:
     def __init__(self, definitions: Definitions, send: Callable[[str, bytes], None]) -> None:
         self._definitions = definitions
         self._send = send
+        self.clock = RobotClock()
         self._wanted: Mapping[str, float] = {}
         self._subscriptions: dict[str, Subscription] = {}
         self._awake = threading.Condition()
@@ -198,7 +200,7 @@ class Subscriptions:
     def _show_due(self, now_s: float) -> None:
         for look in self._subscriptions.values():
             if look.due_s() <= now_s:
-                self._send(look.topic, look.show(self._definitions, now_s))
+                self._send(look.topic, look.show(self._definitions, now_s, self.clock))
 
     def _subscribe(self) -> None:
         """Subscribe and unsubscribe as wanted. Runs on this thread, since it calls the master."""

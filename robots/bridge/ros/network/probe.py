@@ -67,6 +67,7 @@ def probe(plan: Plan) -> Findings:
             topics=topics,
             drive=_drive(plan, state),
             description=_description(plan.arm, plan.master_uri),
+            clock_is_simulated=master.parameter("/use_sim_time") is True,
         )
 
 
