@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.gate.values import Pose
+from robots.bridge.quaternions import rotation
 
 MOST_CELLS = 4096 * 4096
 MAX_PICTURE_SIDE = 2048  # cells of the picture; larger maps are thinned
@@ -30,7 +31,7 @@ _COLOURS = bytes((127, 135, 131)) * 3
 _OPACITY = bytes((0, 34, 255))
 _FARTHEST_M = 1e5
 _SIGNATURE_BYTES = 8  # of a PNG
-_TILT = 0.02  # limit of a quaternion's x and y: a map must be horizontal
+_TILT = 0.04  # rad: a map must be horizontal
 
 _HEADER = struct.Struct("<III")  # number, seconds, nanoseconds
 _LENGTH = struct.Struct("<I")
@@ -123,10 +124,13 @@ def _geometry(
         raise BadMap(f"its cells are {resolution_m} m wide")
     if not (abs(x) <= _FARTHEST_M and abs(y) <= _FARTHEST_M):
         raise BadMap(f"its origin is {x}, {y}")
-    if not (0.5 < math.hypot(qx, qy, qz, qw) < 2.0 and math.hypot(qx, qy) < _TILT):
-        raise BadMap("it is not horizontal")
+    turn = rotation(qx, qy, qz, qw)
+    if turn is None:
+        raise BadMap("its orientation is not finite")
+    if turn.tilt > _TILT:
+        raise BadMap(f"it is not horizontal, but tilted by {math.degrees(turn.tilt):.0f}°")
     # The message has single precision: 0.05000000074505806 stands for 0.05.
-    return _Geometry(float(f"{resolution_m:.6g}"), Pose(x, y, 2.0 * math.atan2(qz, qw)))
+    return _Geometry(float(f"{resolution_m:.6g}"), Pose(x, y, turn.yaw))
 
 
 def _classified(percent: NDArray[np.int8]) -> Cells:

@@ -141,10 +141,12 @@ NAN = math.nan
         (grid(origin=(NAN, 0.0, 0.0)), "its origin is nan"),
         (grid(origin=(0.0, math.inf, 0.0)), "its origin is 0.0, inf"),
         (grid(origin=(0.0, NAN, 0.0)), "its origin is 0.0, nan"),
-        (grid(rotation=(0.0, 0.0, 0.0, 0.0)), "not horizontal"),
-        (grid(rotation=(0.0, 0.0, NAN, 1.0)), "not horizontal"),
-        (grid(rotation=(NAN, 0.0, 0.0, 1.0)), "not horizontal"),
-        (grid(rotation=(0.7071, 0.0, 0.0, 0.7071)), "not horizontal"),
+        (grid(rotation=(0.0, 0.0, NAN, 1.0)), "its orientation is not finite"),
+        (grid(rotation=(NAN, 0.0, 0.0, 1.0)), "its orientation is not finite"),
+        (grid(rotation=(0.0, 0.0, 0.0, math.inf)), "its orientation is not finite"),
+        (grid(rotation=(0.7071, 0.0, 0.0, 0.7071)), "not horizontal, but tilted by 90°"),
+        (grid(rotation=(0.1, 0.0, 0.0, 2.0)), "not horizontal, but tilted by 6°"),
+        (grid(rotation=(1.0, 0.0, 0.0, 0.0)), "tilted by 180°"),
         (grid(frame=b"odom"), "its frame is 'odom'"),
         (grid(frame=b"x" * 100_000), "its frame is 'xxx"),
         (grid(np.full((5, 5), -1)), "cells are unknown"),
@@ -154,6 +156,20 @@ def test_bad_map_is_refused_in_words(raw, why):
     with pytest.raises(BadMap, match=why) as refused:
         taken(raw)
     assert len(str(refused.value)) < 300
+
+
+@pytest.mark.parametrize(
+    "sent", [(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 7.0), (0.0, 0.0, 0.0, -1e-3), (1e-9,) * 4]
+)
+def test_a_zero_quaternion_is_no_rotation_and_any_length_will_do(sent):
+    assert taken(grid(rotation=sent)).origin == pytest.approx(taken(grid()).origin)
+
+
+@pytest.mark.parametrize("length", [0.1, 1.0, 40.0, -1.0])
+def test_a_turned_map_is_turned_whatever_its_quaternions_length(length):
+    half = math.radians(70.0) / 2.0
+    turned = taken(grid(rotation=(0.0, 0.0, length * math.sin(half), length * math.cos(half))))
+    assert turned.origin.yaw == pytest.approx(math.radians(70.0))
 
 
 def test_an_old_publishers_slash_before_the_frame_means_nothing():

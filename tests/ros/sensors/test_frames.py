@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import struct
 import threading
 
 import numpy as np
@@ -12,7 +13,7 @@ import rospy
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from tf2_msgs.msg import TFMessage
 
-from robots.bridge.ros.sensors.frames import Frames, PoseUnknown, transforms
+from robots.bridge.ros.sensors.frames import Frames, PoseUnknown, _parts, transforms
 
 
 def stamped(parent, child, stamp_s, xyz=(0.0, 0.0, 0.0), yaw=0.0):
@@ -111,6 +112,18 @@ def test_numbers_that_are_none_place_nothing(numbers):
     frames.take(raw(stamped("base", "camera", 0.0, numbers)), fixed=True)
     with pytest.raises(PoseUnknown, match="invalid numbers"):
         frames.pose_at("camera", 1.0, patience_s=0.0)
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, math.inf)])
+def test_a_rotation_that_is_none_places_nothing(turn):
+    packed = struct.pack("<7d", 1.0, 2.0, 3.0, *turn)
+    with pytest.raises(PoseUnknown, match="invalid numbers"):
+        _parts(packed)
+
+
+def test_a_rotation_of_another_length_is_made_one():
+    _, turn = _parts(struct.pack("<7d", 1.0, 2.0, 3.0, 0.0, 0.0, 0.3, 0.4))
+    assert turn == pytest.approx([0.0, 0.0, 0.6, 0.8])
 
 
 def test_a_floor_frames_newest_pose_counts(frames):

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 
 from robots.bridge.gate.values import LaserScan, Pose, Velocity
+from robots.bridge.quaternions import yaw_of
 
 
 def planar(odometry: Any) -> tuple[Pose, Velocity]:
     """Return pose and velocity in the plane of a nav_msgs/Odometry."""
-    position, q, twist = odometry.pose.pose.position, odometry.pose.pose.orientation, odometry.twist.twist
-    yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
-    return Pose(position.x, position.y, yaw), Velocity(twist.linear.x, twist.linear.y, twist.angular.z)
+    twist = odometry.twist.twist
+    return planar_pose(odometry.pose.pose), Velocity(twist.linear.x, twist.linear.y, twist.angular.z)
+
+
+def planar_pose(pose: Any) -> Pose:
+    """Return the pose in the plane of a geometry_msgs/Pose; its yaw is NaN if the orientation is not finite."""
+    turn = pose.orientation
+    return Pose(pose.position.x, pose.position.y, yaw_of(turn.x, turn.y, turn.z, turn.w))
 
 
 def laser_scan(scan: Any, source: str, arrival_s: float) -> LaserScan:

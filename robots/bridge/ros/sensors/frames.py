@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.values import Pose
+from robots.bridge.quaternions import rotation
 from robots.bridge.ros.bounds.texts import NAME
 
 MAP, ODOM = "map", "odom"  # frames by their usual names (REP 105)
@@ -220,13 +221,15 @@ def _name(raw: bytes, at: int) -> tuple[str, int]:
 
 
 def _parts(packed: bytes) -> tuple[Matrix, Matrix]:
-    """Unpack translation and unit quaternion. Raises PoseUnknown for implausible numbers."""
-    numbers = np.array(_TRANSFORM.unpack(packed))
-    translation, rotation = numbers[:3], numbers[3:]
-    length = math.sqrt(float(rotation @ rotation))
-    if not (np.isfinite(numbers).all() and length > 0.5):
+    """Unpack translation and unit quaternion. Raises PoseUnknown for implausible numbers.
+
+    A zero quaternion is refused, as tf2 does: by a camera in a wrong direction, obstacles would be elsewhere.
+    """
+    *translation, x, y, z, w = _TRANSFORM.unpack(packed)
+    turn = rotation(x, y, z, w)
+    if turn is None or not any((x, y, z, w)) or not all(map(math.isfinite, translation)):
         raise PoseUnknown("tf has invalid numbers")
-    return translation, rotation / length
+    return np.array(translation), np.array(turn)
 
 
 @lru_cache(MOST_WANTED)
@@ -246,12 +249,12 @@ def _between(child: str, before: FramePose, after: FramePose, stamp_s: float) ->
     if 2.0 * math.acos(min(float(first @ second), 1.0)) > TURNING_RADPS * hole_s:
         raise PoseUnknown("the head is turning")
     share = (stamp_s - before.stamp_s) / hole_s
-    rotation = first + share * (second - first)
-    return _matrix(start + share * (end - start), rotation / math.sqrt(float(rotation @ rotation)))
+    turn = first + share * (second - first)
+    return _matrix(start + share * (end - start), turn / math.sqrt(float(turn @ turn)))
 
 
-def _matrix(translation: Matrix, rotation: Matrix) -> Matrix:
-    x, y, z, w = rotation.tolist()
+def _matrix(translation: Matrix, turn: Matrix) -> Matrix:
+    x, y, z, w = turn.tolist()
     matrix = np.eye(4)
     matrix[:3, :3] = (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)),

@@ -17,6 +17,7 @@ from robots.bridge.navigation.localisation import Spread
 from robots.bridge.navigation.navigation_goals import NavigationGoals
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.message_types.classes import message_class
+from robots.bridge.ros.message_types.convert import planar_pose
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
 from robots.bridge.ros.tasks.publishing import Sender
 
@@ -115,7 +116,7 @@ class NavigationTopics:
         )
 
     def _on_pose(self, message: Any) -> None:
-        pose, covariance = _pose(message.pose.pose), message.pose.covariance
+        pose, covariance = planar_pose(message.pose.pose), message.pose.covariance
         if message.header.frame_id.lstrip("/") != self._frame:
             return
         spread = Spread(covariance[0], covariance[1], covariance[7], covariance[35])
@@ -157,11 +158,3 @@ class NavigationTopics:
 def _fill(message: Any, pose: Pose) -> None:
     message.position.x, message.position.y = pose.x, pose.y
     message.orientation.z, message.orientation.w = math.sin(pose.yaw / 2.0), math.cos(pose.yaw / 2.0)
-
-
-def _pose(message: Any) -> Pose:
-    turn = message.orientation
-    yaw = math.atan2(
-        2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y * turn.y + turn.z * turn.z)
-    )
-    return Pose(message.position.x, message.position.y, yaw)
