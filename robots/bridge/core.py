@@ -460,7 +460,12 @@ class Core:
     def restarted(self, now_s: float) -> None:
         """Note that the robot's master, and maybe the robot, was restarted."""
         self._diagnostics.restarted(now_s)
+        self.tasks.navigation.map_doubted(now_s, restarted=True)
         self.tasks.refresh()
+
+    def map_server_replaced(self, now_s: float) -> None:
+        """Note that another node, or another run of it, publishes the robot's map."""
+        self.tasks.navigation.map_doubted(now_s, restarted=False)
 
     def prepare(self, now_s: float) -> None:
         """Let the gate compute now, so that the next command does not wait for it."""

@@ -193,7 +193,10 @@ class Bridge:
         grant = self._core.lease.current
         self._base.use_on_demand_topics(grant is not None)
         self._maps.tick(
-            grant.fence if grant else None, now_s, self._core.tasks.navigation.driving_requester is not None
+            grant.fence if grant else None,
+            now_s,
+            self._core.tasks.navigation.driving_requester is not None,
+            self._core.tasks.navigation.map_run,
         )
         self._soon(self._show)
         self._soon(self._collect)

@@ -78,7 +78,7 @@ class OpenGate:
     def __init__(self, profile: GateProfile) -> None:
         real = Gate(profile)
         self.observe_odometry, self.standstill = real.observe_odometry, real.standstill
-        self.footprint = real.footprint
+        self.footprint, self.profile = real.footprint, profile
         self.seen: list[tuple[float, float]] = []  # points of the laser
         self.pictured: list[tuple[float, float]] = []  # points of the depth camera
         self.health: list[SensorHealth] = []

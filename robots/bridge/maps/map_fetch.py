@@ -27,7 +27,10 @@ END_S = 15.0  # time limit for the process
 FRESH_S = 300.0  # age at which a map is fetched again
 AGAIN_S = 60.0  # the same after a failure
 WATCHED_S = 10.0  # the same while the robot drives to a place of the map
-DOUBTED_S = 2.0  # the same after the first failure during such a drive
+DOUBTED_S = (
+    2.0  # the same after the first failure during such a drive, and while a restarted robot has no map yet
+)
+RESTARTS_S = 60.0  # a robot needs less for that
 LARGEST_ANSWER = 2 * 1024 * 1024  # bytes
 
 
@@ -69,19 +72,27 @@ class MapFetcher:
         self._failed = True  # whether the last fetch found no map
         self._watched = False
         self._fence: int | None = None  # control session of the last fetch
+        self._run = 0  # of the robot
+        self._restarted_s: float | None = None  # when the run began; None: its map has been read
         self._due_s = float("-inf")
         self._taking: asyncio.Task[None] | None = None
         self._logged = ""  # last logged reason why there is no map
 
-    def tick(self, fence: int | None, now_s: float, watched: bool = False) -> None:
+    def tick(self, fence: int | None, now_s: float, watched: bool = False, run: int = 0) -> None:
         """Run the periodic work. `fence`: the fence of the session; None: nobody has control.
 
-        `watched`: the robot drives to a place of the map.
+        `watched`: the robot drives to a place of the map. `run` grows when the robot may have another map: then a
+        fetch that has begun is worth nothing.
         """
+        if run != self._run:
+            self._run, self._restarted_s, self._due_s = run, now_s, now_s
+            if self._taking is not None:
+                self._taking.cancel()
         if self._wanted is None or fence is None or self._taking is not None:
             return
         if watched and not self._watched:
-            self._due_s = min(self._due_s, now_s + WATCHED_S)
+            begun_s = self._due_s - FRESH_S  # of the last fetch, if that is long ago
+            self._due_s = now_s if now_s - begun_s > WATCHED_S else now_s + WATCHED_S
         self._watched = watched
         if fence != self._fence or now_s >= self._due_s:
             self._fence, self._due_s = fence, now_s + AGAIN_S
@@ -99,7 +110,7 @@ class MapFetcher:
             match await asyncio.wait_for(self._asked(wanted), END_S):
                 case TakenMap() as taken:
                     self._due_s = now_s + (WATCHED_S if self._watched else FRESH_S)
-                    self._logged, self._failed = "", False
+                    self._logged, self._failed, self._restarted_s = "", False, None
                     self._keep(taken)
                 case NoMap(why=why):
                     self._say(why)
@@ -111,9 +122,10 @@ class MapFetcher:
             self._taking = None
 
     def _fail(self, why: str, now_s: float) -> None:
-        if self._failed:
+        restarts = self._restarted_s is not None and now_s - self._restarted_s < RESTARTS_S
+        if self._failed and not restarts:
             self._gone(why)
-        elif self._watched:
+        if restarts or (self._watched and not self._failed):
             self._due_s = now_s + DOUBTED_S
         self._failed = True
 

@@ -17,6 +17,11 @@ AROUND_M = 2.0  # occupied cells within this distance of the goal are checked: n
 NO_MAP = Refusal(
     "no_map", "The robot’s map has not come yet: nobody can be sent to a place without it.", "robot"
 )
+UNKNOWN_NOW = Refusal(
+    "map_unknown",
+    "The robot or its map server was restarted, and its present map has not been read since: ask again soon.",
+    "robot",
+)
 OUTSIDE = Refusal("goal_outside", "This place is outside the known part of the robot’s map.", "robot")
 IN_OBSTACLE = Refusal(
     "goal_in_obstacle", "The robot has no room at this place: its map has an obstacle there.", "robot"

@@ -67,6 +67,11 @@ class Localisation:
         self._spread: Spread | None = None
         self.jumped_m = 0.0  # how far the last transform moved the robot on the map, if that was too far
 
+    def forget(self) -> None:
+        """Forget the pose: the map or the run of the robot is another one. An old transform may arrive again."""
+        self._frame = self._spread = None
+        self._transformed_s = self._heard_s = -math.inf
+
     def moved(self, pose: Pose) -> None:
         """Take odometry."""
         self._odometry = pose

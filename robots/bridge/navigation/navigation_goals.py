@@ -20,7 +20,7 @@ from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import KNOWN_S
 from robots.bridge.gate.geometry.planar import NO_POINTS, Points
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
-from robots.bridge.navigation.goal_map import NO_MAP, GoalMap
+from robots.bridge.navigation.goal_map import NO_MAP, UNKNOWN_NOW, GoalMap
 from robots.bridge.navigation.hold import Hold
 from robots.bridge.navigation.localisation import Localisation, Spread
 from robots.bridge.navigation.path import PlannedPath
@@ -39,7 +39,9 @@ LOOKS_S = 4.0  # from the request until the depth camera looks ahead: the head t
 BEGIN_TIMEOUT_S = 5.0  # after control begins, map and localisation may arrive within this time
 MOVES_MPS, MOVES_RADPS = 0.02, 0.05
 # Refusals whose cause may end by itself in the first seconds of control.
-_MAY_COME = frozenset({"no_map", "localisation_missing", "localisation_old", "depth_stale", "not_watched"})
+_MAY_COME = frozenset(
+    {"no_map", "map_unknown", "localisation_missing", "localisation_old", "depth_stale", "not_watched"}
+)
 
 NO_NAVIGATION = Refusal(
     "no_navigation", "This robot has no navigation of its own that the console knows.", "robot"
@@ -120,6 +122,8 @@ class NavigationGoals(Goals[Target]):
         self.path = PlannedPath()
         self.hold = Hold(records, navigator.cancel_navigation, earlier_goal)
         self._map: GoalMap | None = None
+        self._digest = ""  # of the last known map, also while the present one is unknown
+        self.map_run = 0  # grows when the robot may have another map than the last one that was read
         self._map_problem = NO_MAP
         self._at_home_s = -math.inf  # when the arm was last at home
         self._sent, self._sent_s = STILL, -math.inf  # newest velocity of navigation, and its arrival
@@ -173,10 +177,10 @@ class NavigationGoals(Goals[Target]):
         return self._map_problem if self._map is None else self._map.refuse(goal, self._gate.footprint)
 
     def refuse_map(self, chosen: str) -> Refusal | None:
-        """Return a refusal if a place was chosen on another map than the robot has now."""
-        if chosen and self._map is not None and self._map.digest != chosen:
-            return OTHER_MAP
-        return None
+        """Return a refusal if a place was chosen on another map than the robot has now, or may have."""
+        if self._map is None:
+            return self._map_problem if chosen or self._map_problem is UNKNOWN_NOW else None
+        return OTHER_MAP if chosen and self._map.digest != chosen else None
 
     def busy(self) -> Refusal | None:
         """Return a refusal while a goal is in progress or being cancelled."""
@@ -390,11 +394,26 @@ class NavigationGoals(Goals[Target]):
             self.end("arm_away", "The robot’s arm left its home.", now_s)
 
     def mapped(self, goal_map: GoalMap, now_s: float) -> None:
-        """Take the robot's map. If it is another map, end the drive."""
-        self._map = goal_map
+        """Take the robot's map. If it is another map, end the drive: a pose on the map before is none on this one."""
+        if self._digest not in ("", goal_map.digest):
+            self.localisation.forget()
+            self.path.take(NO_POINTS)
+        self._map, self._digest = goal_map, goal_map.digest
         goal = self._current
         if goal is not None and self.driving_requester and goal.what.digest != goal_map.digest:
             self.end("map_changed", "The robot’s map changed.", now_s)
+
+    def map_doubted(self, now_s: float, *, restarted: bool) -> None:
+        """Note that the robot may have another map now: no goal until it is read.
+
+        `restarted`: the robot may be anywhere on it, too. Else another map server publishes the map.
+        """
+        self.map_run += 1
+        self._map, self._map_problem = None, UNKNOWN_NOW
+        if restarted:
+            self.localisation.forget()
+            self.path.take(NO_POINTS)
+        self.end("map_changed", "The robot’s map may be another one now.", now_s)
 
     def unmapped(self, why: str, now_s: float) -> None:
         """Note that the robot has no usable map now. End the drive."""

@@ -119,6 +119,7 @@ class RosBase:
         self._description: object = None  # the robot's description that is in use
         self._read_s = -math.inf  # time of the last read
         self._fruitless = 0  # reads in a row, while somebody has control, that found nothing new
+        self._map_servers: dict[str, str | None] = {}  # nodes that publish the map, with their addresses
         self._publishers_at_last_read: set[str] = set()  # nodes that published joints, tf and odometry
         self._runs = RunMonitor()
         self._moves = True  # by the last odometry
@@ -412,6 +413,7 @@ class RosBase:
         """Handle a restart of the master, and maybe of the robot."""
         self._runs.begin()
         self._described, self._description = False, None
+        self._map_servers = {}
         if self._joints:
             self._joints.awaits_description = True
         self._describe()
@@ -423,6 +425,7 @@ class RosBase:
         self._report_listened(system)
         self._follow_clock(system)
         self._look_for_restart(system)
+        self._look_for_map_server(system)
         self._describe()
         if self._motions and not any(self._motions.repertoire.values()):
             self.read_motions()
@@ -447,6 +450,16 @@ class RosBase:
     def lost(self, name_taken: bool) -> None:
         """Report that this process's node ended or failed to start."""
         self._post(lambda: self._on_lost(name_taken))
+
+    def _look_for_map_server(self, system: SystemState) -> None:
+        """Notice that another node, or another run of it, publishes the map. If all are gone, the map stays."""
+        topic = self._config.topics.map
+        nodes = system.publishers.get(topic.name, [])[:MOST_LOOKED_UP] if topic else []
+        servers = {node: self._master.node_uri(node) for node in nodes}
+        if servers and servers != self._map_servers:
+            is_other, self._map_servers = bool(self._map_servers), servers
+            if is_other:
+                self._post(lambda: self._core.map_server_replaced(time.monotonic()))
 
     def _look_for_restart(self, system: SystemState) -> None:
         """Read the description again when nodes came or went that a restart of the robot replaces.

@@ -17,7 +17,7 @@ from robots.places.entries import LONGEST_NAME
 from robots.places.selectors import place_of_robot
 from robots.registry.models import Robot, RobotMap
 from robots.wire import Refusal
-from robots.wire.navigation import Coordinate, Heading
+from robots.wire.navigation import Coordinate, Heading, MapDigest
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
@@ -42,6 +42,7 @@ class GoRequest(Struct, frozen=True, forbid_unknown_fields=True):
     x: Coordinate | None = None
     y: Coordinate | None = None
     heading: Heading | None = None  # null: the heading of the named place, or 0
+    map: MapDigest = ""  # on which x and y were chosen, as `map` of the map names it: refused on another one
 
 
 class PoseRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -50,6 +51,7 @@ class PoseRequest(Struct, frozen=True, forbid_unknown_fields=True):
     x: Coordinate
     y: Coordinate
     heading: Heading = 0.0
+    map: MapDigest = ""  # as for a goal
 
 
 class MapEntry(Struct, frozen=True):
@@ -59,6 +61,7 @@ class MapEntry(Struct, frozen=True):
     """
 
     number: int
+    map: str  # names it in goals; equal maps of other robots have the same name
     resolution_m: float
     width: int
     height: int
@@ -123,7 +126,7 @@ class PoseView(TasksBase):
         """Needs control, and a robot that stands. Localisation then looks for its exact place nearby."""
         connection = self.connected(self.robot(slug))
         async_to_sync(connection.request)(
-            lambda fence, seq: wire.SetPose(fence, body.x, body.y, body.heading, seq)
+            lambda fence, seq: wire.SetPose(fence, body.x, body.y, body.heading, seq, body.map)
         )
 
 
@@ -137,6 +140,7 @@ class MapView(ProgramView):
         found = newest_map(robot)
         return MapEntry(
             number=found.pk,
+            map=found.digest,
             resolution_m=found.resolution_m,
             width=found.width,
             height=found.height,
@@ -173,7 +177,7 @@ def _asked(robot: Robot, body: GoRequest) -> wire.Go:
         return wire.Go(0, place.x_m, place.y_m, heading, place=place.name, map=place.map_id)
     if body.place is not None or body.x is None or body.y is None:
         raise Problem(_ONE_PLACE)
-    return wire.Go(0, body.x, body.y, body.heading or 0.0)
+    return wire.Go(0, body.x, body.y, body.heading or 0.0, map=body.map)
 
 
 def newest_map(robot: Robot, *, whole: bool = False) -> RobotMap:

@@ -1,0 +1,106 @@
+"""After a restart of robot, master or map server, no goal is accepted until the present map has been read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import msgspec
+import pytest
+
+from robots import wire
+from robots.bridge.config import NavigationSource, Topic
+from robots.bridge.gate.values import Pose
+from robots.bridge.navigation.goal_map import UNKNOWN_NOW
+from robots.bridge.navigation.localisation import MISSING, Spread
+from robots.bridge.navigation.navigation_goals import OTHER_MAP
+from tests.bridge.support import CONFIG, Bench
+
+TOPICS = msgspec.structs.replace(
+    CONFIG.topics,
+    navigation=NavigationSource("/move_base", "/nav_vel", "/amcl_pose", set_pose="/initialpose"),
+    map=Topic("/map", "nav_msgs/OccupancyGrid"),
+)
+CONTROLLED_S = 10.0  # longer than the first seconds of control, in which goals wait
+
+
+class FreeMap:
+    def __init__(self, digest: str) -> None:
+        self.digest = digest
+
+    def refuse(self, goal, footprint):
+        return None
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    bench = Bench(config=msgspec.structs.replace(CONFIG, topics=TOPICS)).online().granted()
+    bench.core.mapped(FreeMap("old"), bench.now_s)
+    bench.pass_time(CONTROLLED_S)
+    located(bench)
+    yield bench
+    bench.close()
+
+
+def located(bench: Bench) -> None:
+    navigation = bench.core.tasks.navigation
+    navigation.posed(Pose(1.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), bench.now_s)
+    bench.base.transform = (bench.now_s, Pose(1.0, 0.0, 0.0))
+    bench.pass_time(0.1)
+
+
+def go(bench: Bench, map: str = "") -> wire.Refusal | None:
+    answers = bench.ask(wire.Go(1, 3.0, 1.0, 0.5, seq=7, map=map))
+    bench.recorded()
+    bench.pass_time(0.1)
+    return answers[0]
+
+
+def pose(bench: Bench, map: str = "") -> wire.Refusal | None:
+    answers = bench.ask(wire.SetPose(1, 3.0, 1.0, 0.5, seq=8, map=map))
+    bench.recorded()
+    bench.pass_time(0.1)
+    return answers[0]
+
+
+@pytest.mark.parametrize("map", ["", "old", "new"])
+def test_after_a_restart_goals_wait_for_the_present_map(bench, map):
+    bench.core.restarted(bench.now_s)
+    located(bench)
+    assert go(bench, map) == pose(bench, map) == UNKNOWN_NOW
+    bench.pass_time(20.0)
+    located(bench)
+    assert go(bench, map) == UNKNOWN_NOW and bench.base.goals == []
+    bench.core.mapped(FreeMap("new"), bench.now_s)
+    located(bench)
+    assert go(bench, map) == (OTHER_MAP if map == "old" else None)
+
+
+def test_the_same_map_after_a_restart_is_good_again(bench):
+    bench.core.restarted(bench.now_s)
+    bench.core.mapped(FreeMap("old"), bench.now_s)
+    assert go(bench, "old") == MISSING  # where the robot was before its restart
+    located(bench)
+    assert go(bench, "old") is None
+
+
+def test_another_map_server_ends_the_drive_and_keeps_the_pose(bench):
+    assert go(bench, "old") is None
+    bench.core.map_server_replaced(bench.now_s)
+    assert bench.core.tasks.navigation.driving_requester is None
+    bench.core.mapped(FreeMap("old"), bench.now_s)
+    assert bench.core.tasks.navigation.refuse_pose(bench.now_s) is None
+
+
+def test_a_pose_on_another_map_is_none(bench):
+    bench.core.mapped(FreeMap("new"), bench.now_s)
+    assert go(bench) == MISSING
+    assert bench.core.state(bench.now_s, []).location is None
+    bench.pass_time(0.5)  # the transform of the old map is still the newest one
+    assert go(bench) == MISSING
+
+
+def test_a_robot_whose_map_cannot_be_read_stays_without_goals(bench):
+    bench.core.restarted(bench.now_s)
+    bench.core.unmapped("nobody publishes /map", bench.now_s)
+    located(bench)
+    assert go(bench).code == "no_map"
