@@ -3,7 +3,7 @@
  */
 
 import { takeControlFirst } from "../control/lease.js";
-import { PointerHold } from "../hand/pointer_hold.js";
+import { PointerGrip } from "../hand/pointer_grip.js";
 import { dim, mark, show } from "../lib/dom.js";
 import { fitInto } from "./frame.js";
 
@@ -82,7 +82,7 @@ export class Head {
     this.#request = request;
     this.#header = header;
     const { signal } = this.#listening;
-    this.#finger = new PointerHold(area, {
+    this.#finger = new PointerGrip(area, {
       begin: (event) => this.#down(event),
       move: (event) => this.#move(event),
       end: (lost, event) => this.#up(lost, event),

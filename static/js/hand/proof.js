@@ -2,10 +2,11 @@
  * How long an input counts as held without an event that proves it. Pure: the caller gives times in ms.
  *
  * A page may miss the release of a button or key: a menu, a dialog, the window system or another program took it.
- * A hand that holds a mouse still sends nothing either. So each hold must be proven again before its patience ends.
+ * A hand that holds a mouse still sends nothing either. So each grip must be proven again before its patience ends.
  */
 
 export const PATIENCE_MS = 4_000;
+export const WITHOUT_HAND_MS = 30_000; // for motion that a person chose to leave alone: Drive on, repeated velocities
 export const SOON_MS = 1_500; // before the end of the patience, the page asks for a sign
 
 // Key repeat: its silence means that the key is up. The slowest repeat that systems offer is one in 1.8 s.
@@ -37,7 +38,7 @@ export class Proof {
     this.#lastMs = nowMs;
   }
 
-  /** Why the hold is over: "repeat-ended" or "silent"; null: it is proven. */
+  /** Why the grip is over: "repeat-ended" or "silent"; null: it is proven. */
   failure(nowMs) {
     if (this.#leftMs(nowMs) > 0) return null;
     return this.#limitMs < this.patienceMs ? "repeat-ended" : "silent";

@@ -1,7 +1,7 @@
 /**
- * The page's watch on the hand: everything that moves a robot only while it is held is a hold of this watch.
+ * The page's watch on the hand: each input that moves a robot only while it is held is a grip of this watch.
  *
- * A hold ends when the hand may be gone: a menu, another button, a modifier key, a dialog, a drag, the window's focus,
+ * A grip ends when the hand may be gone: a menu, another button, a modifier key, a dialog, a drag, the window's focus,
  * a page that stood still; or when no event has proven it for too long (`proof.js`).
  */
 
@@ -28,11 +28,11 @@ export function isComposing(event) {
 }
 
 /**
- * Events: "lost" (detail: {reason, patienceMs}) when a hold ended without the hand; "interrupted" (detail: {reason}) when the page
- * itself was left or stood still, also without a hold; "soon" (detail: boolean) when a hold needs a sign of the hand.
+ * Events: "lost" (detail: {reason, patienceMs}) when a grip ended without the hand; "interrupted" (detail: {reason}) when the page
+ * itself was left or stood still, also without a grip; "soon" (detail: boolean) when a grip needs a sign of the hand.
  */
 class HandWatch extends EventTarget {
-  #holds = new Map(); // what `begin` got → its proof
+  #grips = new Map(); // what `begin` got → its proof
   #timer = null;
   #tickMs = 0;
   #wallMs = 0;
@@ -66,41 +66,41 @@ class HandWatch extends EventTarget {
   }
 
   /**
-   * Begin a hold.
-   * @param {{lose: (reason: string) => void, withoutHand?: boolean}} hold `lose` is called when the hold has ended for
-   *   a reason of the watch; a hold `withoutHand` needs only the page
+   * Begin a grip.
+   * @param {{lose: (reason: string) => void, withoutHand?: boolean}} grip `lose` is called when the grip has ended for
+   *   a reason of the watch; a grip `withoutHand` needs only the page
    * @param {number} [patienceMs] how long it counts without a proof
    */
-  begin(hold, patienceMs = PATIENCE_MS) {
+  begin(grip, patienceMs = PATIENCE_MS) {
     const now = performance.now();
-    this.#holds.set(hold, new Proof(now, patienceMs));
+    this.#grips.set(grip, new Proof(now, patienceMs));
     if (this.#timer !== null) return;
     this.#hadFocus = document.hasFocus();
     [this.#tickMs, this.#wallMs] = [now, Date.now()];
     this.#timer = setInterval(() => this.#tick(), TICK_MS);
   }
 
-  /** An event of the hand proves the hold. @param {{repeat?: boolean}} [event] a repeat of a held key */
-  prove(hold, { repeat = false } = {}) {
-    const proof = this.#holds.get(hold);
+  /** An event of the hand proves the grip. @param {{repeat?: boolean}} [event] a repeat of a held key */
+  prove(grip, { repeat = false } = {}) {
+    const proof = this.#grips.get(grip);
     if (repeat) proof?.repeat(performance.now());
     else proof?.renew(performance.now());
   }
 
-  end(hold) {
-    this.#holds.delete(hold);
-    if (this.#holds.size > 0) return;
+  end(grip) {
+    this.#grips.delete(grip);
+    if (this.#grips.size > 0) return;
     clearInterval(this.#timer);
     this.#timer = null;
     this.#say(false);
   }
 
-  /** End a hold that a door itself finds lost. */
-  lose(hold, reason) {
-    const proof = this.#holds.get(hold);
+  /** End a grip that a door itself finds lost. */
+  lose(grip, reason) {
+    const proof = this.#grips.get(grip);
     if (!proof) return;
-    this.end(hold);
-    hold.lose(reason);
+    this.end(grip);
+    grip.lose(reason);
     this.#emit("lost", { reason, patienceMs: proof.patienceMs });
   }
 
@@ -111,20 +111,20 @@ class HandWatch extends EventTarget {
     [this.#tickMs, this.#wallMs] = [now, Date.now()];
     if (gapMs > STOOD_STILL_MS) return this.#interrupt("stood-still");
     if (this.#hadFocus && !document.hasFocus()) return this.#interrupt("blurred");
-    for (const [hold, proof] of this.#holds) {
+    for (const [grip, proof] of this.#grips) {
       const reason = proof.failure(now);
-      if (reason) this.lose(hold, reason);
+      if (reason) this.lose(grip, reason);
     }
-    this.#say([...this.#holds.values()].some((proof) => proof.isSoonOver(now)));
+    this.#say([...this.#grips.values()].some((proof) => proof.isSoonOver(now)));
   }
 
   #interrupt(reason) {
-    for (const hold of [...this.#holds.keys()]) this.lose(hold, reason);
+    for (const grip of [...this.#grips.keys()]) this.lose(grip, reason);
     this.#emit("interrupted", { reason });
   }
 
   #loseHand(reason) {
-    for (const hold of [...this.#holds.keys()]) if (!hold.withoutHand) this.lose(hold, reason);
+    for (const grip of [...this.#grips.keys()]) if (!grip.withoutHand) this.lose(grip, reason);
   }
 
   #say(soon) {
@@ -138,5 +138,5 @@ class HandWatch extends EventTarget {
   }
 }
 
-/** The watch of this page. */
+/** The watch of this page. A page has one, because it has one window and one focus. */
 export const hand = new HandWatch();

@@ -1,4 +1,4 @@
-/** Why a hold ended, in words for the person whose hand it was. */
+/** Why a grip ended, in words for the person whose hand it was. */
 
 /** @param {{reason: string, patienceMs: number}} lost of the watch. @returns {?string} null: the person knows */
 export function lostText({ reason, patienceMs }) {
@@ -29,7 +29,7 @@ export function lostText({ reason, patienceMs }) {
   }
 }
 
-/** What a hold needs that no event has proven for some time. */
+/** Asks for a sign of the hand, because no event has proven a grip for some time. */
 export function soonText() {
   return gettext("Still there? Move your hand a little, or press the key again.");
 }

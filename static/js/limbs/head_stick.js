@@ -8,7 +8,7 @@
 
 import { takeControlFirst } from "../control/lease.js";
 import { HeldKeys } from "../hand/held_keys.js";
-import { PointerHold } from "../hand/pointer_hold.js";
+import { PointerGrip } from "../hand/pointer_grip.js";
 import { isModified } from "../hand/watch.js";
 import { dim, mark, show } from "../lib/dom.js";
 import { isEditing } from "../lib/editing.js";
@@ -56,7 +56,7 @@ export class HeadStick {
     on(parts["head-open"], "click", () => this.#open(parts["head-box"].hidden));
     on(parts["head-ahead"], "click", () => this.#ahead());
     on(window, "keydown", (event) => steers() && this.#key(event));
-    this.#finger = new PointerHold(this.#pad, {
+    this.#finger = new PointerGrip(this.#pad, {
       begin: () => this.#begin(),
       move: (event) => this.#drag(event),
       end: () => this.#turn(0, 0),

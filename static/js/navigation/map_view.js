@@ -54,7 +54,7 @@ export class MapView extends EventTarget {
   #pointers = new Map();
   #from = null; // pixel where the choice began
   #pressedAt = null; // pixel of a finger that has not moved yet
-  #hold = { lose: () => this.#drop() }; // a finger that chooses
+  #grip = { lose: () => this.#drop() }; // a finger that chooses
   #listening = new AbortController();
 
   /** @param {HTMLCanvasElement} element its colours are custom properties named --view-... */
@@ -181,7 +181,7 @@ export class MapView extends EventTarget {
     if (this.#chooses && this.#pointers.size === 1) {
       this.#from = this.#pixel(event);
       this.#choose(this.#from);
-      hand.begin(this.#hold, Infinity); // a finger that rests sends nothing to the robot
+      hand.begin(this.#grip, Infinity); // a finger that rests sends nothing to the robot
     } else {
       this.#forget(); // a second finger zooms
     }
@@ -270,7 +270,7 @@ export class MapView extends EventTarget {
   }
 
   #forget() {
-    hand.end(this.#hold);
+    hand.end(this.#grip);
     this.#from = this.#chosen = null;
   }
 

@@ -2,6 +2,9 @@
  * Velocities that this page repeats: the robot's bridge refuses a velocity older than a third of a second.
  */
 
+import { WITHOUT_HAND_MS } from "../hand/proof.js";
+import { hand } from "../hand/watch.js";
+
 const SLOWEST_HZ = 5; // at a lower rate, the base would stop between two velocities
 
 export class Repeater {
@@ -27,7 +30,10 @@ export class Repeater {
     const pace = Math.max(rateHz, SLOWEST_HZ);
     this.#anew(request);
     const timer = setInterval(() => this.#send({ ...request, quiet: true }), 1000 / pace);
-    this.#timers.set(request.topic, { request, rateHz: pace, timer });
+    const lose = () => this.end(request.topic);
+    const repeated = { request, rateHz: pace, timer, withoutHand: true, lose };
+    this.#timers.set(request.topic, repeated);
+    hand.begin(repeated, WITHOUT_HAND_MS);
   }
 
   once(request) {
@@ -45,7 +51,9 @@ export class Repeater {
   end(topic = null) {
     const ending = [...this.#timers.keys()].filter((key) => topic === null || key === topic);
     for (const key of ending) {
-      clearInterval(this.#timers.get(key).timer);
+      const repeated = this.#timers.get(key);
+      clearInterval(repeated.timer);
+      hand.end(repeated);
       this.#timers.delete(key);
     }
     return ending.length > 0;

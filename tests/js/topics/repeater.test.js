@@ -15,11 +15,13 @@ describe("repeated velocities", () => {
 
   beforeEach(() => {
     vi.useFakeTimers();
+    vi.spyOn(document, "hasFocus").mockReturnValue(true);
     sent = [];
     repeater = new Repeater((request) => sent.push(request));
   });
   afterEach(() => {
     repeater.end();
+    vi.restoreAllMocks();
     vi.useRealTimers();
   });
 
@@ -40,6 +42,14 @@ describe("repeated velocities", () => {
     vi.advanceTimersByTime(1000);
     expect(sent.length).toBe(7);
     expect(repeater.running).toEqual([{ topic: "/key_vel", type: TWIST.type, rate_hz: 5 }]);
+  });
+
+  it("end after 30 s without a press, as a stick that was left alone", () => {
+    repeater.begin(TWIST, 5);
+    vi.advanceTimersByTime(29_000);
+    expect(repeater.running.length).toBe(1);
+    vi.advanceTimersByTime(1_500);
+    expect(repeater.running).toEqual([]);
   });
 
   it("end at once", () => {

@@ -36,7 +36,7 @@ export class Pad {
     const axes = fromGamepad(pad.axes, holonomic);
     const neutral = isNeutral(axes);
     this.#rested ||= neutral;
-    if (neutral) return this.rest();
+    if (neutral) return this.#rest();
     if (!this.#rested) return;
     const seen = JSON.stringify([pad.axes, pad.buttons.map(({ value }) => value)]);
     if (!this.#isHeld) hand.begin(this);
@@ -60,8 +60,13 @@ export class Pad {
     return presses;
   }
 
-  /** Drive nothing: the device is in the middle, or gone. */
-  rest() {
+  /** The page does not hear the device: it must be in the middle before it drives again. */
+  leave() {
+    this.#rested = false;
+    this.#rest();
+  }
+
+  #rest() {
     this.#isHeld = false;
     hand.end(this);
     this.#stick.feed(this.#input, NEUTRAL);
@@ -91,27 +96,26 @@ export function listenToGamepads({ stick, holonomic, mayStop, stop }) {
   const pads = new Map(); // by place and name of the device
   let frame = null;
 
-  const keyOf = ({ index, id }) => `${index} ${id}`;
-  const read = (device) => {
-    const key = keyOf(device);
+  const padOf = ({ index, id }) => {
+    const key = `${index} ${id}`;
     if (!pads.has(key)) pads.set(key, new Pad(stick, key));
-    const pad = pads.get(key);
-    pad.read(device, holonomic());
-    if (pad.pressesStop(device) && mayStop()) stop();
-  };
-  const forget = (keep = []) => {
-    for (const [key, pad] of pads) {
-      if (keep.includes(key)) continue;
-      pad.rest();
-      pads.delete(key);
-    }
+    return pads.get(key);
   };
   const look = () => {
     const devices = [...navigator.getGamepads()].filter((device) => device?.connected);
-    const heard = document.hasFocus() ? devices : []; // else another program may use them
-    forget(heard.map(keyOf));
-    heard.forEach(read);
+    const found = new Map(devices.map((device) => [padOf(device), device]));
+    for (const [key, pad] of pads) {
+      const device = found.get(pad);
+      // Without the focus, another program may use the device; it still stops.
+      if (device && document.hasFocus()) pad.read(device, holonomic());
+      else pad.leave();
+      if (!device) pads.delete(key);
+      else if (pad.pressesStop(device) && mayStop()) stop();
+    }
     frame = devices.length > 0 ? requestAnimationFrame(look) : null;
+  };
+  const leave = () => {
+    for (const pad of pads.values()) pad.leave();
   };
   const begin = () => {
     if (frame === null) frame = requestAnimationFrame(look);
@@ -119,11 +123,11 @@ export function listenToGamepads({ stick, holonomic, mayStop, stop }) {
 
   window.addEventListener("gamepadconnected", begin, { signal });
   window.addEventListener("gamepaddisconnected", begin, { signal });
-  hand.addEventListener("interrupted", () => forget(), { signal });
+  hand.addEventListener("interrupted", leave, { signal });
   begin();
   return () => {
     listening.abort();
     cancelAnimationFrame(frame);
-    forget();
+    leave();
   };
 }

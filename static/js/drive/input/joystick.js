@@ -1,12 +1,11 @@
 /** The joystick on the page: its knob follows the finger, and it feeds the stick. */
 
-import { PointerHold } from "../../hand/pointer_hold.js";
+import { PointerGrip } from "../../hand/pointer_grip.js";
+import { WITHOUT_HAND_MS } from "../../hand/proof.js";
 import { hand } from "../../hand/watch.js";
 import { make, mark } from "../../lib/dom.js";
 import { fromJoystick } from "./shaping.js";
 import { NEUTRAL } from "./stick.js";
-
-export const STICKY_MS = 30_000;
 
 const INPUT = "joystick";
 const REACH = 0.36; // share of the zone from its middle to full stick: the knob stays within the zone
@@ -21,7 +20,7 @@ export class Joystick {
   #finger;
   #observer;
   #sticky = false;
-  #stuck = null; // the hold of a stick that stays without a finger
+  #stuck = null; // the grip of a stick that stays without a finger
   #slides = false;
   #onPress = ({ button }) => button > 0 && this.#letGo("button");
   #onChange = ({ detail }) => this.#follow(detail);
@@ -32,7 +31,7 @@ export class Joystick {
     this.#zone = zone;
     this.#stick = stick;
     zone.append(this.#knob);
-    this.#finger = new PointerHold(zone, {
+    this.#finger = new PointerGrip(zone, {
       begin: () => this.#touch(),
       move: (event) => this.#move(event),
       end: (reason) => this.#end(reason),
@@ -99,7 +98,7 @@ export class Joystick {
     mark(this.#zone, "held", false);
     if (reason === null && this.#sticky && this.#stick.input === INPUT) {
       this.#stuck = { lose: (why) => this.#unstick(why), withoutHand: true };
-      hand.begin(this.#stuck, STICKY_MS);
+      hand.begin(this.#stuck, WITHOUT_HAND_MS);
     } else if (reason !== null) {
       this.#lose(reason);
     } else {

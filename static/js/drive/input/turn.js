@@ -5,7 +5,7 @@
 
 import { takeControlFirst } from "../../control/lease.js";
 import { HeldKeys } from "../../hand/held_keys.js";
-import { PointerHold } from "../../hand/pointer_hold.js";
+import { PointerGrip } from "../../hand/pointer_grip.js";
 import { dim, show } from "../../lib/dom.js";
 import { NEUTRAL } from "./stick.js";
 
@@ -39,7 +39,7 @@ export class TurnAndLook {
     this.#stick = stick;
     this.#hint = hint;
     dim(button, true, takeControlFirst());
-    this.#finger = new PointerHold(button, {
+    this.#finger = new PointerGrip(button, {
       begin: (event) => this.#press(event),
       end: (lost, event) => this.#release(lost, event),
       rest: () => stick.feed(INPUT, NEUTRAL),
@@ -84,7 +84,7 @@ export class TurnAndLook {
     return true;
   }
 
-  /** @param {?string} lost why the hold ended; null: the hand released it, by this event */
+  /** @param {?string} lost why the grip ended; null: the hand released it, by this event */
   #release(lost, event) {
     const sinceMs = this.#sinceMs;
     this.#sinceMs = null;

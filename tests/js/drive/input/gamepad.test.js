@@ -106,6 +106,9 @@ describe("gamepads", () => {
     document.hasFocus.mockReturnValue(false);
     frame(AHEAD);
     expect(stick.axes).toEqual(NEUTRAL);
+    pads[0].buttons[1].pressed = true;
+    frame(AHEAD);
+    expect(stop).toHaveBeenCalledTimes(1); // the stop is heard
     document.hasFocus.mockReturnValue(true);
     frame(AHEAD);
     expect(stick.axes).toEqual(NEUTRAL);

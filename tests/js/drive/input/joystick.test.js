@@ -1,6 +1,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { Joystick, STICKY_MS } from "../../../../static/js/drive/input/joystick.js";
+import { Joystick } from "../../../../static/js/drive/input/joystick.js";
 import { NEUTRAL, Stick } from "../../../../static/js/drive/input/stick.js";
+import { WITHOUT_HAND_MS } from "../../../../static/js/hand/proof.js";
 import { point } from "../../hand/events.js";
 
 const SIZE = 200;
@@ -116,7 +117,7 @@ describe("the joystick", () => {
     push();
     lift();
     expect(joystick.sticks).toBe(true);
-    vi.advanceTimersByTime(STICKY_MS - 200);
+    vi.advanceTimersByTime(WITHOUT_HAND_MS - 200);
     expect(stick.axes.x).toBe(1);
     vi.advanceTimersByTime(300);
     expect(stick.axes).toEqual(NEUTRAL);

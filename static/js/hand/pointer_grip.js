@@ -8,21 +8,21 @@ import { hand, isModified } from "./watch.js";
 
 const PRIMARY = 1; // in `buttons`: the main button alone
 
-export class PointerHold {
+export class PointerGrip {
   #element;
   #door;
   #pointer = null; // id of the pointer that is down
-  #isHeld = false; // false although the pointer is down: the hold was lost, the pointer must lift first
+  #isHeld = false; // false although the pointer is down: the grip was lost, the pointer must lift first
   #seen = ""; // what the last event said
   #listening = new AbortController();
 
   /**
    * @param {HTMLElement} element
    * @param {object} door
-   * @param {(event: PointerEvent) => boolean} door.begin return whether a press begins a hold
+   * @param {(event: PointerEvent) => boolean} door.begin return whether a press begins a grip
    * @param {(event: PointerEvent) => void} [door.move]
-   * @param {(reason: ?string, event: ?PointerEvent) => void} door.end the hold ended; null: the hand lifted
-   * @param {() => void} [door.rest] the pointer lifted, also after the hold was lost
+   * @param {(reason: ?string, event: ?PointerEvent) => void} door.end the grip ended; null: the hand lifted
+   * @param {() => void} [door.rest] the pointer lifted, also after the grip was lost
    * @param {number} [door.patienceMs] how long a finger counts that sends nothing
    * @param {boolean} [door.hasMenu] a right click opens the browser's menu
    */
@@ -35,7 +35,7 @@ export class PointerHold {
     const { signal } = this.#listening;
     element.addEventListener("pointerdown", (event) => this.#press(event), { signal });
     const menu = (event) => {
-      if (!hasMenu || event.pointerType === "touch") event.preventDefault(); // a long touch is a hold
+      if (!hasMenu || event.pointerType === "touch") event.preventDefault(); // a long touch is a grip
     };
     element.addEventListener("contextmenu", menu, { signal });
     element.addEventListener("dragstart", (event) => event.preventDefault(), { signal });
@@ -47,7 +47,7 @@ export class PointerHold {
     return this.#isHeld;
   }
 
-  /** End the hold now, also if the finger is still down. */
+  /** End the grip now, also if the finger is still down. */
   drop(reason) {
     hand.lose(this, reason);
   }

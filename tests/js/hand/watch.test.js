@@ -1,0 +1,177 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { HeldKeys } from "../../../static/js/hand/held_keys.js";
+import { hand } from "../../../static/js/hand/watch.js";
+import { lostText } from "../../../static/js/hand/words.js";
+import { point, type } from "./events.js";
+
+const happens = (target, name, facts = {}) => {
+  const event = new Event(name, { bubbles: true, cancelable: true });
+  target.dispatchEvent(Object.assign(event, facts));
+};
+
+describe("the watch on the hand", () => {
+  let grip;
+  let focus;
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    focus = vi.spyOn(document, "hasFocus").mockReturnValue(true);
+    grip = { lose: vi.fn() };
+    hand.begin(grip);
+  });
+
+  afterEach(() => {
+    hand.end(grip);
+    document.body.replaceChildren();
+    vi.restoreAllMocks();
+    vi.useRealTimers();
+  });
+
+  const body = () => document.body;
+  const field = () => document.body.appendChild(document.createElement("input"));
+  const dialog = () => document.body.appendChild(document.createElement("dialog"));
+
+  it.each([
+    ["menu", body, "contextmenu", {}],
+    ["button", body, "pointerdown", { button: 2 }],
+    ["button", body, "auxclick", {}],
+    ["drag", body, "dragstart", {}],
+    ["drag", body, "dragenter", {}],
+    ["modifier", body, "keydown", { key: "Meta" }],
+    ["modifier", body, "keydown", { key: "w", ctrlKey: true }],
+    ["modifier", body, "keydown", { key: "w", getModifierState: (key) => key === "AltGraph" }],
+    ["text", body, "keydown", { key: "Process", keyCode: 229 }],
+    ["text", body, "compositionstart", {}],
+    ["text", field, "focusin", {}],
+    ["dialog", dialog, "toggle", { newState: "open" }],
+    ["dialog", () => window, "beforeprint", {}],
+    ["blurred", () => window, "blur", {}],
+    ["hidden", () => document, "visibilitychange", {}],
+    ["hidden", () => window, "pagehide", {}],
+    ["stood-still", () => document, "freeze", {}],
+    ["stood-still", () => document, "resume", {}],
+  ])("ends a grip: %s", (reason, target, name, facts) => {
+    happens(target(), name, facts);
+    expect(grip.lose).toHaveBeenCalledExactlyOnceWith(reason);
+  });
+
+  it.each([
+    ["a press of the main button elsewhere", "pointerdown", { button: 0 }],
+    ["Shift", "keydown", { key: "Shift", shiftKey: true }],
+    ["a long touch of a stick", "contextmenu", { pointerType: "touch", prevented: true }],
+  ])("is not disturbed by %s", (_, name, facts) => {
+    const prevent = (event) => facts.prevented && event.preventDefault();
+    document.body.addEventListener(name, prevent, { once: true });
+    happens(document.body, name, facts);
+    expect(grip.lose).not.toHaveBeenCalled();
+  });
+
+  it("ends a grip when the focus is gone without an event", () => {
+    focus.mockReturnValue(false);
+    vi.advanceTimersByTime(200);
+    expect(grip.lose).toHaveBeenCalledExactlyOnceWith("blurred");
+  });
+
+  it("ends a grip when the page was frozen or the computer slept", () => {
+    vi.setSystemTime(Date.now() + 3_600_000); // only the clock went on
+    vi.advanceTimersByTime(100);
+    expect(grip.lose).toHaveBeenCalledExactlyOnceWith("stood-still");
+  });
+
+  it("asks for a sign before it ends a silent grip, and says how long it waited", () => {
+    const said = [];
+    const listening = new AbortController();
+    const keep = ({ type: name, detail }) => said.push([name, detail]);
+    for (const name of ["soon", "lost"]) hand.addEventListener(name, keep, listening);
+    vi.advanceTimersByTime(2_700);
+    expect(said).toEqual([["soon", true]]);
+    hand.prove(grip);
+    vi.advanceTimersByTime(4_200);
+    listening.abort();
+    expect(said.map(([name]) => name)).toEqual(["soon", "soon", "soon", "soon", "lost"]);
+    expect(lostText(said.at(-1)[1])).toContain("no sign of a hand for 4 s");
+  });
+
+  it("leaves a grip without a hand to the page", () => {
+    const stuck = { lose: vi.fn(), withoutHand: true };
+    hand.begin(stuck, 30_000);
+    happens(document.body, "contextmenu");
+    expect(stuck.lose).not.toHaveBeenCalled();
+    happens(window, "blur");
+    expect(stuck.lose).toHaveBeenCalledExactlyOnceWith("blurred");
+  });
+});
+
+describe("held keys", () => {
+  let keys;
+  let held;
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    vi.spyOn(document, "hasFocus").mockReturnValue(true);
+    keys = new HeldKeys(
+      window,
+      ["KeyW", "KeyA"],
+      () => true,
+      (now) => {
+        held = [...now];
+      },
+    );
+    held = [];
+  });
+
+  afterEach(() => {
+    keys.close();
+    vi.restoreAllMocks();
+    vi.useRealTimers();
+  });
+
+  const repeat = (code, forMs) => {
+    for (let ms = 0; ms < forMs; ms += 50) {
+      vi.advanceTimersByTime(50);
+      type(document.body, "keydown", code, { repeat: true });
+    }
+  };
+
+  it("end with Cmd, and do not come back by repeating", () => {
+    type(document.body, "keydown", "KeyW");
+    type(document.body, "keydown", "MetaLeft", { key: "Meta" });
+    expect(held).toEqual([]);
+    type(document.body, "keydown", "KeyW", { repeat: true, metaKey: true });
+    type(document.body, "keyup", "MetaLeft", { key: "Meta" }); // macOS told of no release of W
+    type(document.body, "keydown", "KeyW", { repeat: true });
+    expect(held).toEqual([]);
+    type(document.body, "keydown", "KeyW");
+    expect(held).toEqual(["KeyW"]);
+  });
+
+  it("go on while they repeat, and end when the repeat ends", () => {
+    type(document.body, "keydown", "KeyW");
+    repeat("KeyW", 10_000);
+    expect(held).toEqual(["KeyW"]);
+    vi.advanceTimersByTime(1_200);
+    expect(held).toEqual([]);
+  });
+
+  it("of which only the newest repeats go on together", () => {
+    type(document.body, "keydown", "KeyW");
+    repeat("KeyW", 1_000);
+    type(document.body, "keydown", "KeyA");
+    repeat("KeyA", 6_000);
+    expect(held).toEqual(["KeyW", "KeyA"]);
+    type(document.body, "keyup", "KeyA");
+    vi.advanceTimersByTime(3_500); // W does not repeat again
+    expect(held).toEqual(["KeyW"]);
+    vi.advanceTimersByTime(1_000);
+    expect(held).toEqual([]);
+  });
+
+  it("are proven by no pointer", () => {
+    type(document.body, "keydown", "KeyW");
+    for (let ms = 0; ms < 4_200; ms += 100) {
+      vi.advanceTimersByTime(100);
+      point(document.body, "pointermove", { clientX: ms, buttons: 0 });
+    }
+    expect(held).toEqual([]);
+  });
+});
