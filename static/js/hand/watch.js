@@ -50,8 +50,8 @@ class HandWatch extends EventTarget {
     left(window, "pagehide", "hidden");
     left(document, "visibilitychange", "hidden");
     for (const type of ["freeze", "resume"]) left(document, type, "stood-still");
-    // A long touch of a stick opens no menu: the stick prevents it.
-    on(window, "contextmenu", "menu", (e) => !(e.pointerType === "touch" && e.defaultPrevented));
+    // A stick prevents its menu, because a long touch would open it.
+    on(window, "contextmenu", "menu", ({ defaultPrevented }) => !defaultPrevented);
     on(window, "pointerdown", "button", ({ button }) => button > 0);
     on(window, "auxclick", "button");
     for (const type of ["dragstart", "dragenter"]) on(window, type, "drag");
