@@ -315,6 +315,11 @@ class _Base:
 
     def arm(self) -> tuple[Disc, ...] | None: ...
 
+    def arm_problem(self) -> str:
+        return ""
+
+    def joint(self, name: str) -> float | None: ...
+
     def say(self, goal_id: str, utterance: Utterance) -> bool:
         return False
 
