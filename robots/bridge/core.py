@@ -335,6 +335,11 @@ class Core:
         return self.tasks.navigation.driving_requester is not None or self.tasks.navigation.hold.holds
 
     @property
+    def ros_text(self) -> str:
+        """Return in words why the robot is not joined."""
+        return self._ros.text
+
+    @property
     def robot_clock(self) -> RobotClock:
         """Return the robot's clock, compared with ours by its odometry."""
         simulated = self._gate.latency.clock_is_simulated

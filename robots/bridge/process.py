@@ -38,6 +38,7 @@ from robots.bridge.topics.inspector_client import InspectorClient
 from robots.bridge.watchdog.client import WatchdogClient
 from robots.bridge.watchdog.config import lane_path
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
+from robots.processes import last_words
 from robots.processes.scheduling import Garbage, ask_for_priority
 from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED, exit_within
 from robots.stop.pending_stops import PendingStops, WaitingStop, name_of
@@ -59,6 +60,7 @@ class Bridge:
 
     def __init__(self, config: BridgeConfig, sink: RecordSink, store: StateStore) -> None:
         saved, presses = initial_state(_pending_stops(config), store.load(config.last_fence))
+        self._socket = config.link.unix_path
         self._base = RosBase(config)
         self._records = Records(sink)
         self._gate = Gate(config.gate)
@@ -311,6 +313,8 @@ class Bridge:
 
     def _node_lost(self, name_taken: bool) -> None:
         self._exit_code = EXIT_NAME_LOST if name_taken else EXIT_NOT_JOINED
+        if self._socket:
+            last_words.write(self._socket, last_words.LAST, self._core.ros_text)
         self._end()
 
     def _failed(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:

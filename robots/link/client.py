@@ -455,7 +455,7 @@ class BridgeLink:
                 async with open_link(self.address) as socket:
                     await self._run_connection(socket)
             except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed) as error:
-                self._handle_loss(why_down(error))
+                self._handle_loss(why_down(error, self.address))
             except LinkRefused as error:
                 if error.refusal != self.refusal:
                     log.error("the bridge of %s: %s", self.robot_id, error)

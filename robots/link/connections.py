@@ -7,11 +7,13 @@ from contextlib import AbstractContextManager
 from socket import gaierror
 from typing import Any
 
+from msgspec import structs
 from websockets.asyncio.client import connect, unix_connect
 from websockets.exceptions import ConnectionClosed
 from websockets.sync import client as sync_client
 
 from robots.bridge.config import LinkAddress
+from robots.processes import last_words
 from robots.wire import NotDone, Refusal
 
 _PING_S = 1.0
@@ -73,10 +75,11 @@ def _tls(address: LinkAddress) -> ssl.SSLContext:
     return ssl.create_default_context(cafile=address.authority)
 
 
-def why_down(error: Exception) -> Refusal:
-    """Return the refusal that tells people why there is no connection."""
+def why_down(error: Exception, address: LinkAddress | None = None) -> Refusal:
+    """Return the refusal that tells people why there is no connection; with the address, why no bridge runs."""
     if isinstance(error, FileNotFoundError | ConnectionRefusedError | ConnectionClosed):
-        return DOWN
+        why = last_words.read(address.unix_path, last_words.WHY) if address and address.unix_path else ""
+        return structs.replace(DOWN, text=f"The robot’s bridge is not running: {why}") if why else DOWN
     if isinstance(error, gaierror):
         return Refusal(
             "bridge_unresolvable", f"The name of the bridge’s host cannot be resolved ({error}).", "robot"

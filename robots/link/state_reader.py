@@ -59,7 +59,7 @@ def state_once(robot_id: UUID, address: LinkAddress) -> State:
     """Get the robot's current state from its bridge. Raises LinkRefused, after `ANSWER_S` and the time to connect."""
     end_s = time.monotonic() + ANSWER_S
     kept = _kept[robot_id]
-    with _refused_in_words():
+    with _refused_in_words(address):
         while (connection := _taken(kept, address)) is not None:
             with suppress(ConnectionClosed):  # the bridge has ended since the last question
                 return _ask_and_keep(connection, kept, end_s)
@@ -69,7 +69,7 @@ def state_once(robot_id: UUID, address: LinkAddress) -> State:
 def figures_once(robot_id: UUID, address: LinkAddress) -> tuple[BridgeFigures | None, State]:
     """Get the bridge's counts (None: it has none) and the robot's state, by a new connection. Raises LinkRefused."""
     end_s = time.monotonic() + ANSWER_S
-    with _refused_in_words(), closing(_Connection(robot_id, address, end_s)) as connection:
+    with _refused_in_words(address), closing(_Connection(robot_id, address, end_s)) as connection:
         return connection.figures, connection.ask(end_s)
 
 
@@ -100,7 +100,7 @@ def _ask_and_keep(connection: _Connection, kept: list[_Connection], end_s: float
 
 
 @contextmanager
-def _refused_in_words() -> Iterator[None]:
+def _refused_in_words(address: LinkAddress) -> Iterator[None]:
     try:
         yield
     except msgspec.DecodeError as error:
@@ -108,4 +108,4 @@ def _refused_in_words() -> Iterator[None]:
     except TimeoutError as error:
         raise LinkRefused(SILENT) from error
     except (OSError, InvalidHandshake, ConnectionClosed) as error:
-        raise LinkRefused(why_down(error)) from error
+        raise LinkRefused(why_down(error, address)) from error

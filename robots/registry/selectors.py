@@ -21,6 +21,7 @@ from robots.bridge.drive.input_filters import describe
 from robots.bridge.gate.values import GateProfile, Parameters
 from robots.bridge.tasks.denylist import admissible
 from robots.registry.configuration import robot_config
+from robots.registry.configuration.addresses import check_master_uri
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Allowance, Robot, RobotProfile
 from robots.registry.phrases import FALLBACK_LANGUAGE, Line, tags_in
@@ -100,10 +101,15 @@ def last_editor(entry: Robot | RobotProfile) -> str:
     return changes.order_by("-id").values_list("actor__name", flat=True).first() or "somebody"
 
 
+def socket_path(robot_id: UUID) -> str:
+    """Return the Unix socket on which the bridge of a robot listens on this computer."""
+    return str(settings.FLEET_RUN_DIR / f"{robot_id.hex[:12]}.sock")
+
+
 def link_address(robot: Robot) -> LinkAddress:
     """Return the address on which the robot's bridge listens, for both ends of the link."""
     if not robot.bridge_address:
-        return LinkAddress(unix_path=str(settings.FLEET_RUN_DIR / f"{robot.id.hex[:12]}.sock"))
+        return LinkAddress(unix_path=socket_path(robot.id))
     parts = urlsplit(robot.bridge_address)
     return LinkAddress(
         host=parts.hostname,
@@ -127,6 +133,9 @@ def require_link_settings(robot: Robot) -> None:
 
 def bridge_config(robot: Robot) -> BridgeConfig:
     """Return the configuration of the robot's bridge. Raises `Problems` if the robot's entry is wrong."""
+    check_master_uri(
+        robot.master_uri
+    )  # an entry of an earlier version may have an address that is refused now
     known = robot_config.of(robot)
     return BridgeConfig(
         robot_id=str(robot.id),

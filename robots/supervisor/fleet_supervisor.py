@@ -21,14 +21,16 @@ from django.db import DatabaseError, connection
 
 from fleet.audit.errors import AuditUnavailable
 from robots.bridge.watchdog.config import watchdog_config
+from robots.processes import last_words
 from robots.processes.shutdown import exit_within
 from robots.recording.faults import record_bridge
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import BridgeStatus, Robot
-from robots.registry.selectors import bridge_config, require_link_settings
+from robots.registry.selectors import bridge_config, require_link_settings, socket_path
 from robots.registry.services import bridge_status_set
 from robots.supervisor.process_keeper import (
     KILL_S,
+    NEXT_START,
     Keeper,
     Program,
     RestartBudget,
@@ -193,7 +195,9 @@ class Fleet:
     def _keeper(self, robot: Robot) -> Keeper:
         robot_id = robot.id
         keeper = Keeper(
-            f"Bridge of {robot.slug}", lambda state, detail, pid: self._report(robot_id, state, detail, pid)
+            f"Bridge of {robot.slug}",
+            lambda state, detail, pid: self._report(robot_id, state, detail, pid),
+            last_words=lambda: last_words.take(socket_path(robot_id), last_words.LAST),
         )
         self._keepers[robot_id] = keeper
         self._watchdogs[robot_id] = Keeper(f"Watchdog of {robot.slug}", lambda *_: None, eager)
@@ -215,6 +219,7 @@ class Fleet:
         report = (state, detail, pid)
         if self._reported.get(robot_id) != report:
             self._reported[robot_id] = self._unsaved[robot_id] = report
+            _tell_why(robot_id, state, detail.partition(NEXT_START)[0])
 
     def _save(self) -> None:
         for robot_id, (state, detail, pid) in list(self._unsaved.items()):
@@ -225,3 +230,11 @@ class Fleet:
                 self._database_failed(error)
                 return
             del self._unsaved[robot_id]
+
+
+def _tell_why(robot_id: UUID, state: State, why: str) -> None:
+    """Tell web processes why a bridge is not running. While it starts, the last reason stays."""
+    if why and state in (State.BACKING_OFF, State.REFUSED):
+        last_words.write(socket_path(robot_id), last_words.WHY, why)
+    elif state != State.STARTING:
+        last_words.clear(socket_path(robot_id), last_words.WHY)

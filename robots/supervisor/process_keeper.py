@@ -34,6 +34,7 @@ STEADY_S = 2.0  # a program that has lived this long has started
 TERMINATE_S = 3.0  # after the life line was closed
 KILL_S = 4.5
 NAME_LOST_S = 2.0  # pause after a lost name; not the program's fault, so the budget does not count it
+NEXT_START = "; next start in "  # ends the words about a program that ended
 LOCK = "fleet.lock"  # in the run directory; the supervisor holds it
 LOCK_TRIES = 5  # `supervised` may hold the lock for a moment
 LOCK_TRY_S = 0.02
@@ -112,11 +113,17 @@ class Keeper:
     """Keeps one program running, replaces it by another, or ends it."""
 
     def __init__(
-        self, name: str, report: Report, budget: Callable[[], RestartBudget] = RestartBudget
+        self,
+        name: str,
+        report: Report,
+        budget: Callable[[], RestartBudget] = RestartBudget,
+        last_words: Callable[[], str] = str,
     ) -> None:
+        """`last_words` returns what the program wrote about its end; empty if it wrote nothing."""
         self._name = name
         self._report = report
         self._new_budget = budget
+        self._last_words = last_words
         self._budget = budget()
         self._wanted: Program | None = None
         self._running: Program | None = None
@@ -194,11 +201,11 @@ class Keeper:
         else:
             state = State.REFUSED if code == EXIT_ALREADY_RUNNING else State.BACKING_OFF
             wait_s = NAME_LOST_S if code == EXIT_NAME_LOST else self._budget.wait_s(now_s)
-            self._plan_restart(state, _in_words(code), wait_s, now_s)
+            self._plan_restart(state, self._last_words() or _in_words(code), wait_s, now_s)
 
     def _plan_restart(self, state: State, why: str, wait_s: float, now_s: float) -> None:
         self._start_at_s = now_s + wait_s
-        detail = f"{why}; next start in {wait_s:g} s"
+        detail = f"{why}{NEXT_START}{wait_s:g} s"
         log.warning("%s %s", self._name, detail)
         self._report(state, detail, None)
 

@@ -8,11 +8,12 @@ from urllib.parse import urlsplit
 
 from robots.registry.configuration.profile_schema import Problems
 
+_NO_IPV6 = "ROS 1 nodes reach each other by IPv4: write the robot’s IPv4 address or its name."
 _HOST = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)(\.(?!-)[A-Za-z0-9_-]{1,63}(?<!-))*\.?")
 
 
 def check_master_uri(uri: str) -> None:
-    """Accept http://host:port; else raise `Problems`."""
+    """Accept http://host:port, without IPv6; else raise `Problems`."""
     _check_url(uri, "http", "http://tiago-42c:11311")
 
 
@@ -23,13 +24,15 @@ def check_bridge_address(address: str) -> None:
 
 
 def check_advertised_address(address: str) -> None:
-    """Accept an empty text, an IP address or a host name; else raise `Problems`."""
+    """Accept an empty text, an IPv4 address or a host name; else raise `Problems`."""
     if address and not _is_host(address):
         raise Problems([_not_a_host(address)])
+    if _is_ipv6(address):
+        raise Problems([f"{address!r} is an IPv6 address. {_NO_IPV6}"])
 
 
 def check_aliases(aliases: object) -> None:
-    """Accept an object of host names, as the robot uses them, and their IP addresses; else raise `Problems`."""
+    """Accept an object of host names, as the robot uses them, and their IPv4 addresses; else raise `Problems`."""
     if not isinstance(aliases, dict):
         raise Problems(['Write an object of names and addresses, such as {"tiago-42c": "10.68.0.1"}.'])
     names = [f"{name!r} is not a host name (such as tiago-42c)." for name in aliases if not _is_name(name)]
@@ -38,8 +41,17 @@ def check_aliases(aliases: object) -> None:
         for name, address in aliases.items()
         if not isinstance(address, str) or not is_address(address)
     ]
+    addresses += [
+        f"{name}: {address!r} is an IPv6 address. {_NO_IPV6}"
+        for name, address in aliases.items()
+        if isinstance(address, str) and is_address(address) and _is_ipv6(address)
+    ]
     if names or addresses:
         raise Problems(names + addresses)
+
+
+def _is_ipv6(host: str) -> bool:
+    return ":" in host
 
 
 def is_address(host: str) -> bool:
@@ -72,19 +84,30 @@ def _check_url(url: str, scheme: str, example: str) -> None:
 
 
 def _url_problem(url: str, scheme: str) -> str | None:
+    if re.search(r"[\x00-\x1f]", url):  # Python leaves some of these out
+        return f"{url!r} has control characters in it."
     try:
         parts = urlsplit(url)
+    except ValueError:
+        return f"{url!r} has brackets that do not fit."
+    try:
         port = parts.port
     except ValueError:
-        return f"{url!r} has no valid port (1 to 65535)."
+        port = 0
     if parts.scheme != scheme:
         return f"{url!r} does not begin with {scheme}://."
-    if not parts.hostname or "@" in parts.netloc:
+    if "@" in parts.netloc:
+        return f"{url!r} has a user or password, which is not sent."
+    if not parts.hostname:
         return f"{url!r} names no host."
+    if scheme == "http" and _is_ipv6(parts.hostname):
+        return f"{url!r} has an IPv6 address. {_NO_IPV6}"
     if not _is_host(parts.hostname):
         return _not_a_host(parts.hostname)
-    if not port:
+    if port is None:
         return f"{url!r} names no port."
+    if port == 0:
+        return f"{url!r} has no valid port (1 to 65535)."
     if parts.path not in ("", "/") or parts.query or parts.fragment:
         return f"{url!r} has something after the port."
     return None

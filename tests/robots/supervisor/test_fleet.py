@@ -14,7 +14,9 @@ import pytest
 from django.db import OperationalError, connection
 from django.test import override_settings
 
+from robots.link.connections import why_down
 from robots.registry.models import Allowance, BridgeStatus, Robot
+from robots.registry.selectors import link_address
 from robots.supervisor.fleet_supervisor import Fleet, wait_shortly
 from tests.processes import until
 from tests.robots.support import FakePrograms
@@ -102,6 +104,21 @@ def test_a_robot_added_while_running_gets_a_bridge(supervised: Supervised, robot
         slug="tiago-3", name="TIAGo 3", profile=robot.profile, master_uri="http://127.0.0.1:9"
     )
     supervised.until_started("tiago-3", 1)
+
+
+def test_web_processes_are_told_why_no_bridge_runs(supervised: Supervised, robot: Robot) -> None:
+    """An entry of an earlier version may have an address that is refused now."""
+
+    def refusal() -> str:
+        return why_down(FileNotFoundError(), link_address(robot)).text
+
+    supervised.until_started("tiago-1", 1)
+    assert refusal() == "The robot’s bridge is not running; staff can start it."
+    Robot.objects.filter(pk=robot.pk).update(master_uri="http://[::1]:11311")
+    supervised.until(lambda: "has an IPv6 address" in refusal(), "the reason")
+    assert refusal().startswith("The robot’s bridge is not running: 'http://[::1]:11311' has")
+    Robot.objects.filter(pk=robot.pk).update(master_uri="http://127.0.0.1:9")
+    supervised.until(lambda: "staff can start it" in refusal(), "a bridge that runs")
 
 
 def test_a_wrong_robot_is_refused_and_the_others_run(supervised: Supervised, robot: Robot) -> None:

@@ -7,11 +7,13 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import psutil
 import pytest
 
+from robots.processes import last_words
 from robots.processes.shutdown import EXIT_NAME_LOST, EXIT_NOT_JOINED
 from robots.registry.models import BridgeStatus
 from robots.supervisor.fleet_supervisor import eager
@@ -135,6 +137,20 @@ def test_a_bridge_that_could_not_join_its_robot_is_reported(kept: Kept) -> None:
     kept.step(8.0)
     kept.step_until_reported(2)
     assert "could not join its robot (its log says why)" in kept.reports[-1][1]
+
+
+def test_the_last_words_of_a_program_are_reported(kept: Kept, tmp_path: Path) -> None:
+    socket = tmp_path / "bridge.sock"
+    words = partial(last_words.take, socket, last_words.LAST)
+    kept.keeper = Keeper("Fake", lambda *report: kept.reports.append(report), last_words=words)
+    last_words.write(socket, last_words.LAST, "The bridge could not join the robot (no such host).")
+    (kept.programs.folder / "crash-fake").write_text(str(EXIT_NOT_JOINED))
+    kept.want("fake")
+    for fall in (2, 4):
+        kept.step(8.0)
+        kept.step_until_reported(fall)
+    assert kept.reports[1][1].startswith("The bridge could not join the robot (no such host).; next start")
+    assert kept.reports[3][1].startswith("could not join its robot (its log says why); next start")
 
 
 def test_an_edit_ends_the_old_program_then_starts_the_new(kept: Kept) -> None:

@@ -210,6 +210,20 @@ class Master:
             raise MasterError(f"No ROS master answers at {self.uri} ({method}: {why}).") from error
 
 
+def require_ipv4(uri: str) -> None:
+    """Raise MasterError if the host of this address has no IPv4 address: ROS 1 nodes cannot join it.
+
+    With ROS_IPV6 rospy calls itself http://::1:35681/, which no node can read.
+    """
+    host = urlsplit(uri).hostname or ""
+    try:
+        socket.getaddrinfo(host, None, socket.AF_INET)
+    except socket.gaierror as error:
+        raise MasterError(
+            f"The name {host} has no IPv4 address here, and ROS 1 needs one: give the robot a host alias."
+        ) from error
+
+
 def _goal_types(publishers: Mapping[str, object], types: Mapping[str, str]) -> dict[str, str]:
     """Return the goal types of actions, as the action servers advertise them.
 

@@ -13,7 +13,14 @@ import rospy
 
 from robots.bridge.core import RosStatus
 from robots.bridge.probe_findings import BRIDGE
-from robots.bridge.ros.network.master import DeathWatch, Master, MasterError, SystemState, node_alive
+from robots.bridge.ros.network.master import (
+    DeathWatch,
+    Master,
+    MasterError,
+    SystemState,
+    node_alive,
+    require_ipv4,
+)
 from robots.bridge.ros.registration import register_again
 
 log = logging.getLogger(__name__)
@@ -100,6 +107,7 @@ class MasterMonitor:
                 register_again(self._master)
                 self._node.restarted()
             else:
+                require_ipv4(self._master.uri)
                 self._begin()
             self._stay(watch)
 

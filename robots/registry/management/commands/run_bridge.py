@@ -12,6 +12,7 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import connections
 
 from robots.bridge.process import run
+from robots.processes import last_words
 from robots.recording.bridge_records import AuditSink
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot
@@ -41,4 +42,11 @@ class Command(BaseCommand):
         connections.close_all()
         # A separate thread writes records and keeps its connection open: opening one is slower than writing a record.
         connections.settings["default"].update(CONN_MAX_AGE=None, CONN_HEALTH_CHECKS=True)
-        sys.exit(run(config, AuditSink(robot.id, robot.name)))
+        try:
+            code = run(config, AuditSink(robot.id, robot.name))
+        except Exception as error:
+            if config.link.unix_path:
+                words = f"it failed ({type(error).__name__}: {error})"
+                last_words.write(config.link.unix_path, last_words.LAST, words)
+            raise
+        sys.exit(code)

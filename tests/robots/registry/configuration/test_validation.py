@@ -80,6 +80,15 @@ def test_a_robot_with_only_a_master_is_valid(robot: Robot) -> None:
         ("http://tiago-42c", "names no port"),
         ("http://:11311", "names no host"),
         ("http://tiago-42c:99999", "no valid port"),
+        ("http://tiago-42c:0", "no valid port"),
+        ("http://tiago-42c:", "names no port"),
+        ("http://user:pass@tiago-42c:11311", "has a user or password"),
+        ("http://tiago-42c\t:11311", "control characters"),
+        ("http://[::1]:11311", "has an IPv6 address. ROS 1 nodes reach each other by IPv4"),
+        ("http://[::FFFF:10.0.0.1]:11311/", "has an IPv6 address"),
+        ("http://[fe80::1%25eth0]:11311", "has an IPv6 address"),
+        ("HTTP://[2001:DB8::7]", "has an IPv6 address"),
+        ("http://[::1:11311", "brackets that do not fit"),
         ("http://tiago-42c:11311/rpc", "something after the port"),
         ("http://tiago 42c:11311", "neither an IP address"),
         ("http://10.68.0.300:11311", "neither an IP address"),
@@ -90,6 +99,22 @@ def test_a_wrong_master_uri_is_refused_with_the_right_form(robot: Robot, uri: st
     text = complaint(robot, "master_uri")
     assert said in text
     assert "http://host:port" in text
+
+
+@pytest.mark.parametrize(
+    "uri", ["HTTP://TIAGO-42C:11311", "http://tiago-42c.local.:11311/", "http://10.68.0.1:1"]
+)
+def test_other_forms_of_a_master_uri_are_taken(robot: Robot, uri: str) -> None:
+    robot.master_uri = uri
+    robot.full_clean()
+
+
+@pytest.mark.parametrize("address", ["::1", "fd00::2"])
+def test_an_advertised_address_of_ipv6_is_refused(robot: Robot, address: str) -> None:
+    robot.advertised_address = address
+    assert "is an IPv6 address. ROS 1 nodes reach each other by IPv4" in complaint(
+        robot, "advertised_address"
+    )
 
 
 @pytest.mark.parametrize("address", ["10.68.0", "http://console", "console lab", "-console"])
@@ -103,6 +128,7 @@ def test_an_advertised_address_is_an_address_or_a_name(robot: Robot, address: st
     [
         (["tiago-42c"], "object of names and addresses"),
         ({"tiago-42c": "tiago"}, "tiago-42c: 'tiago' is not an IP address"),
+        ({"tiago-42c": "fd00::7"}, "tiago-42c: 'fd00::7' is an IPv6 address"),
         ({"tiago-42c": 5}, "tiago-42c: 5 is not an IP address"),
         ({"tiago-42c": "fe80::1%a\n10.0.0.1 b"}, "is not an IP address"),
         ({"tiago-42c\n": "10.68.0.1"}, "is not a host name"),
