@@ -15,7 +15,7 @@ from twisted.web import http
 from fleet.server import credentials, limits, stop_addresses
 from fleet.server.connections import network_of
 from fleet.server.limits import Refusal, Refused
-from fleet.server.turns import Owner
+from fleet.server.turns import Key
 
 STOP_RIGHT = (
     "fleet.stop_right"  # the extension of a stop's scope with the person's right (`teleop.stop.rights`)
@@ -94,7 +94,7 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
             self.requestHeaders, self.received_cookies, self.server.session_cookie, self.path
         )
         if credential is None or self.server.rights is None:
-            self._stop_of_stranger(self.address())
+            self._stop_of_stranger((self.address(),))
             return
 
         def judged(found: asyncio.Future[Any]) -> None:
@@ -111,9 +111,9 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
             self.right = right
             super().process()
         else:
-            self._stop_of_stranger(right.person.pk if right is not None else self.address())
+            self._stop_of_stranger(right.key if right is not None else (self.address(),))
 
-    def _stop_of_stranger(self, key: Any) -> None:
+    def _stop_of_stranger(self, key: Key) -> None:
         self.server.strangers.ask(key, self._begin_as_stranger)
 
     def _begin_as_stranger(self) -> bool:
@@ -195,7 +195,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
     _damaged = False  # a stop has a malformed or too large head, so the form of its body is unknown
     _between = False  # between two requests
     _unhandled = b""  # received bytes that wait for their turn
-    _owner = Owner("")  # for whom they are handled
+    _owner: Key = ()  # for whom they are handled
 
     @property
     def server(self) -> Any:
@@ -241,7 +241,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
 
     def _stops_all_the_same(self) -> bool:
         """Handle a stop although its head exceeds a limit, if the head already has everything that a stop needs."""
-        if not (self._head_open and stop_addresses.is_head_of_stop(self._command, self._path)):
+        if not (self._head_open and self._is_of_stop()):
             return False
         self._damaged = True
         super().lineReceived(
@@ -251,6 +251,9 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
             return False
         super().lineReceived(b"")
         return True
+
+    def _is_of_stop(self) -> bool:
+        return stop_addresses.is_head_of_stop(self._command, self._path)
 
     def lineReceived(self, line: bytes) -> None:
         """Handle a line of the head."""
@@ -276,7 +279,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         try:
             return bool(super().headerReceived(line))
         except Refused:
-            if not stop_addresses.is_head_of_stop(self._command, self._path):
+            if not self._is_of_stop():
                 raise
             self._damaged = True
             return True
@@ -285,6 +288,10 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         """Handle a complete head. If the head of a stop is enough, do not wait for the body."""
         self._head_open = False
         request = self.requests[-1]
+        if len(request.requestHeaders.getRawHeaders(b"Host", [])) > 1 and not self._is_of_stop():
+            raise Refused(
+                limits.malformed()
+            )  # by the rules of HTTP: two programs might read another one each
         says_all = stop_addresses.needs_no_body(self._command, self._path, request.requestHeaders)
         if self._damaged or (self.length != 0 and says_all):
             request.requestHeaders.removeHeader(b"Expect")
@@ -297,8 +304,12 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
             request.responseHeaders.setRawHeaders(b"Connection", [b"close"])
 
     def allContentReceived(self) -> None:
-        """Handle a complete request."""
-        self.server.working(self)
+        """Handle a complete request.
+
+        The connection of a stop may still close for a new one: it is sent at once, or it is a stranger's that waits.
+        """
+        if not self._is_of_stop():
+            self.server.working(self)
         super().allContentReceived()
 
     def requestDone(self, request: Any) -> None:

@@ -14,9 +14,10 @@ from twisted.internet import reactor, task
 
 from fleet.server import channel, credentials, limits, pages_process, stop_addresses, websocket
 from fleet.server.connections import Connections, Places, network_of
-from fleet.server.turns import Owner, Turns, WorkQueue
+from fleet.server.turns import Key, Turns, WorkQueue
 from robots.processes.scheduling import Garbage, ask_for_priority
 
+STOPPERS, OTHERS = "people who stop robots", "others"  # owners of work
 GARBAGE_S = 0.1  # between two collections, so that each one has only few new objects
 
 # Daphne's `Server.run` takes its factories from these names, and there is no other way to replace them.
@@ -83,14 +84,14 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         port.socket.listen(limits.BACKLOG)
         super().listen_success(port)
 
-    def owner_of(self, credential: credentials.Credential | None, address: str) -> Owner:
-        """Return the person with this credential, if it is known that they may stop robots, else the address."""
+    def owner_of(self, credential: credentials.Credential | None, address: str) -> Key:
+        """Return for whom work is done: people who are known to stop robots have turns between all other work."""
         person = None
         if self.rights is not None and credential is not None:
             person = self.rights.person_behind(credential)
-        return Owner(address) if person is None else Owner(person, proven=True)
+        return (OTHERS, address) if person is None else (STOPPERS, person, credential)
 
-    def likely_owner(self, data: bytes, before: Owner) -> Owner:
+    def likely_owner(self, data: bytes, before: Key) -> Key:
         """Return for whom these bytes are handled, before they are parsed.
 
         `before`: the owner of the bytes before them.
@@ -98,7 +99,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         if not data.startswith(b"POST "):
             return before
         owner = self.owner_of(credentials.likely_credential(data, self.session_cookie), "")
-        return owner if owner.proven else before
+        return owner if owner[0] is STOPPERS else before
 
     @staticmethod
     def address_of(transport: Any) -> str:

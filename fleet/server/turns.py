@@ -6,72 +6,72 @@ import asyncio
 from collections import OrderedDict, deque
 from collections.abc import AsyncIterator, Callable, Hashable
 from contextlib import asynccontextmanager
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
 
 
-class Owner(NamedTuple):
-    """The client for whom work is done: a person who may stop robots (`proven`), else an address."""
-
-    name: Hashable
-    proven: bool = False
+Key = tuple[Hashable, ...]
 
 
 class FairQueue(Generic[T]):
-    """Items that wait, by a key. Keys have turns in a circle; the items of one key keep their order."""
+    """Items that wait, each by a key of several parts, such as person and session.
+
+    Each first part has its turn in a circle, inside it each second part, and so on. Items of one key keep their order.
+    """
 
     def __init__(self) -> None:
-        self._items: OrderedDict[Hashable, deque[T]] = OrderedDict()
+        self._items: deque[T] = deque()  # of the key without parts
+        self._parts: OrderedDict[Hashable, FairQueue[T]] = OrderedDict()
         self._number = 0
 
     def __len__(self) -> int:
         return self._number
 
-    def add(self, key: Hashable, item: T) -> None:
+    def add(self, key: Key, item: T) -> None:
         """Add an item."""
-        self._items.setdefault(key, deque()).append(item)
         self._number += 1
+        if key:
+            self._parts.setdefault(key[0], FairQueue()).add(key[1:], item)
+        else:
+            self._items.append(item)
 
     def pop(self) -> T:
-        """Remove and return the next item. Raises KeyError if none waits."""
-        key, items = self._items.popitem(last=False)
-        item = items.popleft()
-        if items:
-            self._items[key] = items
+        """Remove and return the next item. There must be one."""
         self._number -= 1
+        if self._items:
+            return self._items.popleft()
+        first, rest = self._parts.popitem(last=False)
+        item = rest.pop()
+        if rest:
+            self._parts[first] = rest
         return item
 
 
 class WorkQueue:
     """Bytes of clients are handled in pieces, one per turn of the loop: drive input waits for one piece.
 
-    Pieces of people who may stop robots and pieces of all others alternate while both wait. `soon(work)` must call
-    `work` in the next turn of the loop.
+    `soon(work)` must call `work` in the next turn of the loop.
     """
 
     def __init__(self, soon: Callable[[Callable[[], None]], Any]) -> None:
         self._soon = soon
-        self._proven: FairQueue[Callable[[], None]] = FairQueue()
-        self._others: FairQueue[Callable[[], None]] = FairQueue()
-        self._others_next = False
+        self._waiting: FairQueue[Callable[[], None]] = FairQueue()
         self._scheduled = False
 
-    def add(self, work: Callable[[], None], owner: Owner) -> None:
-        """Run `work` in a separate turn of the loop."""
-        (self._proven if owner.proven else self._others).add(owner.name, work)
+    def add(self, work: Callable[[], None], owner: Key) -> None:
+        """Run `work` in a separate turn of the loop, in the fair turn of its owner."""
+        self._waiting.add(owner, work)
         if not self._scheduled:
             self._scheduled = True
             self._soon(self._next)
 
     def _next(self) -> None:
-        of_others = bool(self._others) and (self._others_next or not self._proven)
-        self._others_next = not of_others
-        work = (self._others if of_others else self._proven).pop()
+        work = self._waiting.pop()
         try:
             work()
         finally:
-            self._scheduled = bool(self._proven or self._others)
+            self._scheduled = bool(self._waiting)
             if self._scheduled:
                 self._soon(self._next)
 
@@ -83,7 +83,7 @@ class Turns:
         self._free = at_once
         self._waiting: FairQueue[Callable[[], bool]] = FairQueue()
 
-    def ask(self, key: Hashable, begin: Callable[[], bool]) -> None:
+    def ask(self, key: Key, begin: Callable[[], bool]) -> None:
         """Call `begin` when it is the turn of `key`, perhaps now.
 
         It returns False if nothing is to be done any more; else `over` must be called at the end of the work.
@@ -101,7 +101,7 @@ class Turns:
         self._free += 1
 
     @asynccontextmanager
-    async def turn(self, key: Hashable) -> AsyncIterator[None]:
+    async def turn(self, key: Key) -> AsyncIterator[None]:
         """Context: wait for the turn of `key`, and hold it."""
         begun: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 

@@ -30,7 +30,7 @@ class OneThreadHandler(ASGIHandler):
     input and other requests. An answer to a stop took twice as long.
     """
 
-    THREADS = 2
+    THREADS = 3
 
     def load_middleware(self, is_async: bool = False) -> None:
         """Load the chain of middleware for a thread."""

@@ -27,7 +27,7 @@ Role = Literal[
     "observer", "operator", "supervisor", "staff"
 ]  # each role includes the rights of those before it
 Rule = Literal[
-    "account", "booking", "lease", "dead-man", "gate", "stop", "audit", "wire", "robot", "database"
+    "account", "booking", "lease", "dead-man", "gate", "stop", "audit", "wire", "robot", "database", "limits"
 ]
 ReverseSteering = Literal["turn", "car"]  # stick left always turns left; mirrored in reverse
 SLOWEST_HZ = 0.1  # of repeated publishing

@@ -24,6 +24,7 @@ from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import tokens_by_text
 from fleet.server.credentials import Credential
 from fleet.server.stop_addresses import slug_of
+from fleet.server.turns import Key
 from robots.access.selectors import visible_to_each
 from robots.processes.scheduling import ask_for_stop_priority
 from robots.registry.models import Robot
@@ -41,6 +42,12 @@ class Right(NamedTuple):
     person: User
     token: Token | None
     robots: tuple[Robot, ...]
+    credential: Credential
+
+    @property
+    def key(self) -> Key:
+        """Return for whom fair queues wait: the person, then the session or token."""
+        return self.person.pk, self.credential
 
     def robots_at(self, path: str) -> list[Robot]:
         """Return the robots that a stop at this path is for: the one that it names, or all in service."""
@@ -137,7 +144,7 @@ def read_rights(asked: Collection[Credential]) -> dict[Credential, Right]:
                 for robot in robots
                 if (keys is None or robot.pk in keys) and (token is None or token.serves(robot.pk))
             ]
-            rights[credential] = Right(person, token, tuple(may_stop))
+            rights[credential] = Right(person, token, tuple(may_stop), credential)
     return rights
 
 

@@ -138,15 +138,20 @@ def token_of(text: str, address: str = "") -> Token:
         raise TokenInvalid("token_expired", f"The token “{found.name}” has expired. Make another one.")
     if not found.user.is_active:
         raise TokenInvalid("account_inactive", "This account is closed; ask the staff.")
-    token_used(found, address)
+    if is_use_due(found):
+        token_used(found, address)
     return found
 
 
+def is_use_due(token: Token) -> bool:
+    """Return whether a use of the token must be noted: at most one a minute is."""
+    return token.used_at is None or token.used_at < timezone.now() - USED_EVERY
+
+
 def token_used(token: Token, address: str) -> None:
-    """Note that a token was used from this address, at most once a minute."""
-    now = timezone.now()
-    if token.used_at is None or token.used_at < now - USED_EVERY:
-        Token.objects.filter(pk=token.pk).update(used_at=now, used_from=address[:64])
+    """Note that a token was used from this address."""
+    token.used_at = timezone.now()
+    Token.objects.filter(pk=token.pk).update(used_at=token.used_at, used_from=address[:64])
 
 
 def tokens_by_text(texts: Collection[str]) -> dict[str, Token]:

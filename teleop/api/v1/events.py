@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 from collections.abc import AsyncIterator
 from datetime import timedelta
 from typing import Annotated
 from uuid import UUID
+from weakref import WeakSet
 
 from django.http import HttpResponse, StreamingHttpResponse
 from django.http.response import HttpResponseBase
@@ -49,7 +51,35 @@ MOST_OF_PERSON = 10
 
 _FULL = Refusal("busy", "Too many event streams are open: try again later.", "wire")
 _FULL_OF_YOURS = Refusal("busy", f"You have {MOST_OF_PERSON} event streams open: close one first.", "wire")
-_open: dict[object, UUID] = {}  # the person of each open stream
+
+
+class _Places:
+    """The places of open streams. A place is given back when nothing refers to it any more, however its stream ends."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._taken: WeakSet[Place] = WeakSet()
+
+    def take(self, person: UUID) -> Place:
+        """Take a place. Raises Problem if there is none."""
+        with self._lock:
+            of_person = [place for place in self._taken if place.person == person]
+            if len(self._taken) >= MOST_STREAMS:
+                raise Problem(_FULL)
+            if len(of_person) >= MOST_OF_PERSON:
+                raise Problem(_FULL_OF_YOURS)
+            place = Place(person)
+            self._taken.add(place)
+            return place
+
+
+_places = _Places()
+
+
+class Place(Struct, frozen=True, weakref=True, eq=False):
+    """The place of an open stream."""
+
+    person: UUID
 
 
 class EventStream(BaseRenderer):
@@ -66,6 +96,7 @@ class Reader(Struct, frozen=True):
     key: str  # of the token, or of the session
     robots: frozenset[UUID]  # empty: all that they may see
     slug: str | None
+    place: Place
 
 
 class Seen(Struct, frozen=True):
@@ -104,10 +135,6 @@ class EventsView(ApiView):
         number of its record as id; with Last-Event-ID nothing is missed. Events of a robot that the person may no
         longer see do not come. What others do comes without names, and at most 15 minutes late, to people who do not
         supervise the robot. The stream ends after ten minutes, or when the token ends: connect again."""
-        if len(_open) >= MOST_STREAMS:
-            raise Problem(_FULL)
-        if list(_open.values()).count(self.person.pk) >= MOST_OF_PERSON:
-            raise Problem(_FULL_OF_YOURS)
         if query.robot is not None:
             self.robot(query.robot)
         token = self.token
@@ -117,8 +144,10 @@ class EventsView(ApiView):
         start = newest if start is None else min(start, newest)
         if request.method == "HEAD":  # the stream would never end
             return HttpResponse(content_type="text/event-stream")
+        place = _places.take(self.person.pk)
         response = StreamingHttpResponse(
-            _stream(Reader(self.person, key, bound, query.robot), start), content_type="text/event-stream"
+            _stream(Reader(self.person, key, bound, query.robot, place), start),
+            content_type="text/event-stream",
         )
         response["Cache-Control"] = "no-store"
         response["X-Accel-Buffering"] = "no"
@@ -132,28 +161,26 @@ def _last_event(request: Request, query: EventsAsked) -> int | None:
 
 
 async def _stream(reader: Reader, start: int) -> AsyncIterator[bytes]:
-    """Yield the events after record `start`, until the reader's sign-in ends, or for `LONGEST_S`."""
-    place = object()
-    _open[place] = reader.user.pk
-    try:
-        yield b"retry: 2000\n\n"
-        loop = asyncio.get_running_loop()
-        began_s = said_s = loop.time()
-        while loop.time() - began_s < LONGEST_S:
-            seen = await in_database(_seen_by, reader)
-            if seen is None:
-                return
-            before = start
-            start, events = await in_database(_events, seen, start)
-            if events:
-                yield b"".join(events)
-                said_s = loop.time()
-            elif loop.time() - said_s > QUIET_S:
-                yield b": nothing new\n\n"
-                said_s = loop.time()
-            await asyncio.sleep(CHECK_S if start == before else REST_S)
-    finally:
-        del _open[place]
+    """Yield the events after record `start`, until the reader's sign-in ends, or for `LONGEST_S`.
+
+    The stream has its place as long as the generator exists.
+    """
+    yield b"retry: 2000\n\n"
+    loop = asyncio.get_running_loop()
+    began_s = said_s = loop.time()
+    while loop.time() - began_s < LONGEST_S:
+        seen = await in_database(_seen_by, reader)
+        if seen is None:
+            return
+        before = start
+        start, events = await in_database(_events, seen, start)
+        if events:
+            yield b"".join(events)
+            said_s = loop.time()
+        elif loop.time() - said_s > QUIET_S:
+            yield b": nothing new\n\n"
+            said_s = loop.time()
+        await asyncio.sleep(CHECK_S if start == before else REST_S)
 
 
 def _seen_by(reader: Reader) -> Seen | None:

@@ -1,10 +1,13 @@
 """A real web process, and clients with plain sockets."""
 
 import http.client
+import json
 import os
 import re
 import socket
 import sqlite3
+import subprocess
+import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +17,9 @@ import pytest
 
 from script.stack.processes import Child, end_all
 from script.stack.stack import daphne
+from tests.fleet.server.crowd import Crowd, Watchdog
 from tests.fleet.support import console_environment, create_database
+from tests.processes import REPOSITORY
 
 READY_S = 60
 
@@ -107,3 +112,28 @@ def _wait_until_it_answers(web):
             return
         time.sleep(0.05)
     pytest.fail(f"no web process: {web.child.last_lines()}")
+
+
+@pytest.fixture(scope="session")
+def people(web):
+    """Robots and people of the console."""
+    made = subprocess.run(
+        [sys.executable, "-m", "tests.fleet.server.make_crowd"],
+        cwd=REPOSITORY,
+        env={**web.environ, "DJANGO_SETTINGS_MODULE": "fleet.settings"},
+        stdout=subprocess.PIPE,
+        check=True,
+    )
+    return json.loads(made.stdout.splitlines()[-1])
+
+
+@pytest.fixture
+def crowd(web, people):
+    """The people, with a watchdog of each robot."""
+    run = Path(web.environ["FLEET_VAR"], "run")
+    watchdogs = [
+        Watchdog(run / f"{people['robots'][slug][:12]}.stop") for slug in ("in-service", "out-of-service")
+    ]
+    yield Crowd(web, people, watchdogs)
+    for watchdog in watchdogs:
+        watchdog.close()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fleet.server.connections import Connections, Places
+from fleet.server.connections import Connections, Places, network_of
 
 
 @pytest.fixture
@@ -53,3 +53,18 @@ def test_a_place_is_given_back(connections):
     assert not places.take("a third")
     places.give_back("one")
     assert places.take("a third")
+
+
+@pytest.mark.parametrize(
+    ("address", "network"),
+    [
+        ("10.0.0.7", "10.0.0.7"),
+        ("2001:db8:1:2:3:4:5:6", "2001:db8:1:2::/64"),
+        ("2001:db8:1:2::9", "2001:db8:1:2::/64"),
+        ("fe80::1%eth0", "fe80::/64"),
+        ("::ffff:10.0.0.7", "10.0.0.7"),
+        ("no address", "no address"),
+    ],
+)
+def test_a_network_of_ipv6_counts_as_one_address(address, network):
+    assert network_of(address) == network

@@ -4,10 +4,13 @@ import http.client
 import json
 import re
 
+import msgspec
 import pytest
 
 from fleet.server import limits
+from teleop.api.v1.framework.problems import ProblemDetails
 from tests.fleet.server.conftest import heard
+from tests.processes import REPOSITORY
 
 MEGABYTE = 1024 * 1024
 HEAD = b"POST /accounts/sign-in/ HTTP/1.1\r\nHost: 127.0.0.1\r\n"
@@ -58,6 +61,36 @@ def test_a_long_address_and_large_headers_are_refused(web):
     for headers in (many, b"X: " + b"y" * 20000 + b"\r\n", b"X: " + b"y" * 100000):
         status, refusal = parsed(web.say(b"GET / HTTP/1.1\r\n" + headers))
         assert (status, refusal["code"]) == (431, "headers_too_large")
+
+
+@pytest.mark.parametrize("method", [b"GET", b"POST", b"DELETE"])
+@pytest.mark.parametrize("hosts", [[b"127.0.0.1", b"127.0.0.1"], [b"127.0.0.1", b"evil.example"]])
+def test_a_request_with_two_hosts_is_malformed(web, method, hosts):
+    lines = [b"Host: %s\r\n" % host for host in hosts]
+    request = method + b" /api/v1/robots HTTP/1.1\r\n" + b"".join(lines)
+    status, refusal = parsed(web.say(request + b"Connection: close\r\n\r\n"))
+    assert (status, refusal["code"], refusal["rule"]) == (400, "malformed", "limits")
+
+
+@pytest.mark.parametrize(
+    "request_bytes",
+    [
+        b"GET /api/v1/robots HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 99999\r\n\r\n",
+        b"POST /api/v1/bookings HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 99999\r\n\r\n",
+        b"GET /api/v1/robots?" + b"a" * 5000 + b" HTTP/1.1\r\n\r\n",
+        b"GET /api/v1/robots HTTP/1.1\r\nX: " + b"y" * 20000 + b"\r\n\r\n",
+        b"GET /api/v1/robots HTTP/1.1\r\nno colon\r\n\r\n",
+    ],
+    ids=["413", "413 of a change", "414", "431", "400"],
+)
+def test_the_schema_knows_each_refusal_of_the_door(web, request_bytes):
+    status, refusal = parsed(web.say(request_bytes))
+    details = msgspec.convert(refusal, ProblemDetails)
+    schema = json.loads((REPOSITORY / "docs" / "openapi.json").read_text())
+    method, path = request_bytes.split()[:2]
+    answers = schema["paths"][path.decode().partition("?")[0]][method.decode().lower()]["responses"]
+    assert str(status) in answers
+    assert details.rule in schema["components"]["schemas"]["ProblemDetails"]["properties"]["rule"]["enum"]
 
 
 def test_no_http_is_refused_in_words(web):

@@ -6,9 +6,9 @@ from functools import partial
 
 import pytest
 
-from fleet.server.turns import FairQueue, Owner, Turns, WorkQueue
+from fleet.server.turns import FairQueue, Turns, WorkQueue
 
-STRANGER, OTHER = Owner("10.0.0.1"), Owner("10.0.0.2")
+STRANGER, OTHER = ("others", "10.0.0.1"), ("others", "10.0.0.2")
 
 
 @pytest.fixture
@@ -49,10 +49,10 @@ def test_a_piece_waits_for_few_of_those_who_send_much(loop, turn):
     work, done = WorkQueue(loop.append), []
     for _ in range(50):
         work.add(partial(done.append, "stranger"), STRANGER)
-        work.add(partial(done.append, "colleague"), Owner("colleague", proven=True))
+        work.add(partial(done.append, "colleague"), ("people", "colleague"))
     turn()
     work.add(partial(done.append, "other"), OTHER)
-    work.add(partial(done.append, "presser"), Owner("presser", proven=True))
+    work.add(partial(done.append, "presser"), ("people", "presser"))
     for _ in range(7):
         turn()
     assert done.index("presser") <= 4
@@ -64,9 +64,10 @@ def test_a_piece_waits_for_few_of_those_who_send_much(loop, turn):
 
 def test_a_queue_is_fair_and_keeps_the_order_of_each():
     queue = FairQueue()
-    for item in ("a1", "a2", "a3", "b1", "c1", "b2"):
-        queue.add(item[0], item)
-    assert [queue.pop() for _ in range(len(queue))] == ["a1", "b1", "c1", "a2", "b2", "a3"]
+    for item in ("ax1", "ax2", "ax3", "ay1", "bx1", "cx1", "bx2"):
+        queue.add((item[0], item[1]), item)
+    found = [queue.pop() for _ in range(len(queue))]
+    assert found == ["ax1", "bx1", "cx1", "ay1", "bx2", "ax2", "ax3"]
     assert not queue
 
 
@@ -75,7 +76,7 @@ async def test_turns_are_taken_few_at_once_and_given_back():
 
     async def work(key):
         nonlocal running, most
-        async with turns.turn(key):
+        async with turns.turn((key,)):
             running += 1
             most = max(most, running)
             try:

@@ -35,6 +35,7 @@ from teleop.api.v1.framework.parsing import Nothing, Unparsed, decoded
 from teleop.api.v1.framework.problems import (
     CONTENT_TYPE,
     NOT_FOUND,
+    OF_THE_DOOR,
     Problem,
     ProblemDetails,
     problem_of,
@@ -211,8 +212,8 @@ class Operation:
         )
 
     def _answers(self, *, changes: bool) -> dict[Any, OpenApiResponse]:
-        problems = {*self.refuses, 400, 401, 403, 406, 429, 503}
-        problems |= {413, 415} if changes else set()
+        problems = {*self.refuses, *OF_THE_DOOR, 401, 403, 406, 429}
+        problems |= {415} if changes else set()
         problems |= {400, 409, 415, 422} if self.keyed else set()
         answers: dict[Any, OpenApiResponse] = {
             (code, CONTENT_TYPE): OpenApiResponse(self.problem, "refused") for code in sorted(problems)

@@ -60,6 +60,16 @@ SIGNED_OUT = Refusal(
 )
 
 
+OF_THE_DOOR = (
+    400,
+    408,
+    413,
+    414,
+    431,
+    503,
+)  # with which `fleet.server` refuses any request, before it is read
+
+
 class ProblemDetails(Struct, frozen=True):
     """Why a request was not carried out."""
 

@@ -9,7 +9,7 @@ from drf_spectacular.extensions import OpenApiAuthenticationExtension, OpenApiSe
 from drf_spectacular.plumbing import ResolvedComponent
 from msgspec import Struct
 
-from teleop.api.v1.framework.problems import CONTENT_TYPE, ProblemDetails
+from teleop.api.v1.framework.problems import CONTENT_TYPE, OF_THE_DOOR, ProblemDetails
 
 _SLUG = {"type": "string", "pattern": "^[-a-zA-Z0-9_]+$"}  # as the library describes `<slug:...>`
 REFERENCE = "#/components/schemas/{name}"
@@ -100,8 +100,8 @@ def with_stops(result: dict[str, Any], generator: Any, **_options: Any) -> dict[
             "202": _answer("Some are pending: the stop is delivered as soon as possible.", "StopResults"),
             "502": _answer("One or more robots were not reached.", "StopResults"),
             **{
-                code: _answer("refused", "ProblemDetails", CONTENT_TYPE)
-                for code in ("401", "403", "404", "405")
+                str(code): _answer("refused", "ProblemDetails", CONTENT_TYPE)
+                for code in (*OF_THE_DOOR, 401, 403, 404, 405)
             },
         }
         result["paths"][f"/api/v1{address}"] = {

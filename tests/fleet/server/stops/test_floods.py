@@ -63,6 +63,14 @@ def test_open_requests_of_two_addresses_refuse_no_stop(crowd, stop):
         assert crowd.says(stop)[0] == 200
 
 
+def test_connections_of_an_address_refuse_no_stop(crowd, stop):
+    """Half of them wait with a stranger's stop, half with an unfinished head."""
+    unfinished = crowd.head("/stop-all/")[:-2]
+    requests = [crowd.by_token(crowd.strangers[0]), unfinished] * (limits.CONNECTIONS_OF_ADDRESS // 2 + 10)
+    with crowd.pages_frozen(), crowd.flood(requests):
+        assert crowd.says(stop)[0] == 200
+
+
 def test_presses_of_many_people_share_few_messages(crowd):
     """The first press is under way; all others share the next one."""
     crowd.watchdog.silent = True

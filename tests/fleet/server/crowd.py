@@ -1,22 +1,17 @@
-"""People with and without rights, and watchdogs that receive their stops."""
+"""A console with people with and without rights, and watchdogs that receive their stops."""
 
 import http.client
-import json
 import os
 import signal
 import socket
-import subprocess
-import sys
 import threading
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 
 import msgspec
-import pytest
 
+from benchmarks.parts.process_stats import children
 from robots import wire
-from tests.fleet.server.pages.test_pages import pages_process
-from tests.processes import REPOSITORY
+from tests.script.support import command_line
 
 
 class Watchdog:
@@ -99,34 +94,9 @@ class Crowd:
     @contextmanager
     def pages_frozen(self):
         """The pages process hangs."""
-        frozen = pages_process(self.web)
+        [frozen] = [pid for pid in children(self.web.child.pid) if "--life-line" in command_line(pid)]
         os.kill(frozen, signal.SIGSTOP)
         try:
             yield
         finally:
             os.kill(frozen, signal.SIGCONT)
-
-
-@pytest.fixture(scope="session")
-def people(web):
-    """Robots and people of the console."""
-    made = subprocess.run(
-        [sys.executable, "-m", "tests.fleet.server.stops.crowd"],
-        cwd=REPOSITORY,
-        env={**web.environ, "DJANGO_SETTINGS_MODULE": "fleet.settings"},
-        stdout=subprocess.PIPE,
-        check=True,
-    )
-    return json.loads(made.stdout.splitlines()[-1])
-
-
-@pytest.fixture
-def crowd(web, people):
-    """The people, with a watchdog of each robot."""
-    run = Path(web.environ["FLEET_VAR"], "run")
-    watchdogs = [
-        Watchdog(run / f"{people['robots'][slug][:12]}.stop") for slug in ("in-service", "out-of-service")
-    ]
-    yield Crowd(web, people, watchdogs)
-    for watchdog in watchdogs:
-        watchdog.close()
