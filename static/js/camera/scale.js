@@ -1,7 +1,7 @@
 /** What the darkest and the brightest grey of a picture of depth or heat mean. */
 
-const SHARE = 20; // the picture is so many times as high as the text
-const LEAST_PX = 11;
+const SMALL_PX = 300; // pictures that are not higher are shown small
+const SHARES = { small: 10, large: 20 }; // such a picture is so many times as high as the text
 const FINE_M = 0.5; // shorter ranges have two decimals
 
 /**
@@ -21,16 +21,11 @@ export function scaleText(scale) {
 /** Write the text into the picture's corner, so that files and small views have it, too. */
 export function paintScale(pen, text, width, height) {
   if (!text) return;
-  const size = Math.min(Math.max(LEAST_PX, Math.round(height / SHARE)), Math.round(height / 4));
+  const size = Math.round(height / (height <= SMALL_PX ? SHARES.small : SHARES.large));
   pen.font = `${size}px sans-serif`;
   pen.textBaseline = "bottom";
   pen.fillStyle = "#000000b3";
-  pen.fillRect(
-    0,
-    height - 1.4 * size,
-    Math.min(width, (text.length + 1) * size * 0.62),
-    1.4 * size,
-  );
+  pen.fillRect(0, height - 1.4 * size, Math.min(width, (text.length + 1) * size * 0.6), 1.4 * size);
   pen.fillStyle = "#fff";
   pen.fillText(text, size / 3, height - size / 5, width);
 }

@@ -55,7 +55,8 @@ export class Thumbnails {
       canvas.height = picture.height;
       const pen = canvas.getContext("2d");
       pen.drawImage(picture, 0, 0);
-      paintScale(pen, scaleText(header.scale), picture.width, picture.height);
+      canvas.title = scaleText(header.scale);
+      paintScale(pen, canvas.title, picture.width, picture.height);
       picture.close();
       socket.acknowledge(header, false);
     } catch {

@@ -21,6 +21,6 @@ describe("the scale of a picture of depth or heat", () => {
     paintScale(pen, "0.4 to 3.2 m", 320, 240);
     const [[text, x, y, width]] = written;
     expect([text, width]).toEqual(["0.4 to 3.2 m", 320]);
-    expect(x > 0 && y > 220 && y <= 240).toBe(true);
+    expect(x > 0 && y > 200 && y <= 240).toBe(true);
   });
 });
