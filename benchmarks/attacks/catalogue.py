@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-from benchmarks.attacks.figures import ENDED_ZERO_S, TIMES, Limits
+from benchmarks.attacks.figures import ENDED_ZERO_S, TIMES, ZERO_S, Limits
 
 QUICK = 50  # of up to 100 presses, the p99 is the worst press: the long form has 120, so its p99 is another
-Side = Literal["ros", "web", "incident"]
+Side = Literal["ros", "web", "stop", "incident"]
 
 
 class Attack(NamedTuple):
@@ -28,11 +28,12 @@ class Attack(NamedTuple):
     @property
     def section(self) -> int:
         """Return the section: 1: from a robot's network, and incidents at a bridge; 2: at the web port."""
-        return 2 if self.side == "web" else 1
+        return 2 if self.side in ("web", "stop") else 1
 
 
 _ENDED = Limits(zero_s=ENDED_ZERO_S)
 _BESIDE = Limits(times=TIMES)
+_STOPS = Limits(answer_s=ZERO_S)
 
 ATTACKS = (
     Attack("long-name", "ros", "a node with a name of 9 MB on the drive topic"),
@@ -59,4 +60,14 @@ ATTACKS = (
     Attack("handshakes", "web", "WebSocket handshakes of 4 MB", _BESIDE),
     Attack("pages", "web", "100 pages and REST answers a second", _BESIDE, as_who="observer"),
     Attack("refused", "web", "an observer's refused messages", _BESIDE, as_who="observer"),
+    Attack("stranger", "stop", "400 connections, stops of one who sees no robot", _STOPS),
+    Attack("strangers", "stop", "the same of ten such people, from 40 addresses", _STOPS),
+    Attack("stranger-tokens", "stop", "the same with tokens", _STOPS),
+    Attack("invented-sessions", "stop", "400 connections, stops with invented sessions", _STOPS),
+    Attack("invented-tokens", "stop", "the same with invented tokens, from one address", _STOPS),
+    Attack("colleague", "stop", "400 connections, stops of one who may stop", _STOPS),
+    Attack("colleagues", "stop", "the same of ten such people, from 40 addresses", _STOPS),
+    Attack("colleague-tokens", "stop", "the same with tokens", _STOPS),
+    Attack("open-requests", "stop", "two addresses with 220 open requests each", _STOPS),
+    Attack("invented-sockets", "stop", "200 WebSocket handshakes at once, invented sessions", _STOPS),
 )

@@ -23,7 +23,7 @@ from script.stack.client import Driver, open_socket
 from script.stack.stack import Stack
 
 PAGES = ("page", "fleet page")  # a press gets no answer here: the page shows the robot's state
-NAMES = (*PAGES, "REST", "form")  # in turn
+NAMES = (*PAGES, "REST", "form", "token")  # in turn
 COMMAND_LINE = "command line"  # each tenth press
 EVERY = 10
 ANSWER_S = 20.0
@@ -41,11 +41,11 @@ class Doors:
     The command line is manage.py stop in a process that has already loaded Django: Python's start is not measured.
     """
 
-    def __init__(self, stack: Stack, cookie: str) -> None:
+    def __init__(self, stack: Stack, cookie: str, token: str) -> None:
         self.driver: Driver | None = None
         self.answers: Counter[str] = Counter()
         self.answered_s: list[float] = []  # of the doors that answer
-        self._stack, self._cookie = stack, cookie
+        self._stack, self._cookie, self._token = stack, cookie, token
         self._fleet: ClientConnection | None = None
         self._tasks: set[asyncio.Task[None]] = set()
         self._opening: asyncio.Task[None] | None = None
@@ -88,6 +88,8 @@ class Doors:
             case "REST":
                 path, headers = f"/api/robots/{ROBOT}/stop/", {"X-CSRFToken": csrf}
                 self._begin(name, asyncio.to_thread(self._post, path, headers, ""))
+            case "token":
+                self._begin(name, asyncio.to_thread(self._post_with_token))
             case "form":
                 fields = urllib.parse.urlencode({"csrfmiddlewaretoken": csrf})
                 headers = {"Content-Type": "application/x-www-form-urlencoded"}
@@ -127,16 +129,19 @@ class Doors:
         return "sent"
 
     def _post(self, path: str, headers: dict[str, str], body: str) -> str:
+        """Send a POST request as a page does. Returns the status."""
+        page = {"Cookie": self._cookie, "Origin": self._stack.url, "Referer": f"{self._stack.url}/"}
+        return self._send(path, {**page, **headers}, body)
+
+    def _post_with_token(self) -> str:
+        headers = {"Authorization": f"Bearer {self._token}"}
+        return self._send(f"/api/v1/robots/{ROBOT}/stop", headers, "")
+
+    def _send(self, path: str, headers: dict[str, str], body: str) -> str:
         """Send a POST request; blocks, so it runs on a thread. Returns the status."""
         connection = http.client.HTTPConnection(self._stack.hosts[0], self._stack.port, timeout=ANSWER_S)
-        sent_headers = {
-            "Cookie": self._cookie,
-            "Origin": self._stack.url,
-            "Referer": f"{self._stack.url}/",
-            **headers,
-        }
         try:
-            connection.request("POST", path, body, sent_headers)
+            connection.request("POST", path, body, headers)
             answer = connection.getresponse()
             answer.read()
             return str(answer.status)

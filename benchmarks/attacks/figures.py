@@ -77,6 +77,7 @@ class Limits:
     zero_s: float = ZERO_S
     gap_s: float | None = GAP_S
     times: float | None = None  # times the usual p99, for stop and drive
+    answer_s: float = ANSWER_S
 
 
 def _least_and_most(ours: tuple[float, float], theirs: tuple[float, float]) -> tuple[float, float]:
@@ -92,7 +93,7 @@ def figures(taken: Taken, usual: Taken, limits: Limits) -> list[Figure]:
     every, usual_every = taken.delays_s, usual.delays_s
     return [
         *_three("stop", zeros, limits.zero_s),
-        _ms("answered worst", _worst(taken.answered_s), ANSWER_S),
+        _ms("answered worst", _worst(taken.answered_s), limits.answer_s),
         _ms("confirmed worst", _worst(press.confirmed_s for press in taken.presses), None),
         _ms("gap between zeros", _worst(press.gap_s for press in taken.presses), limits.gap_s),
         *_three("drive", every, None),

@@ -1,7 +1,7 @@
 """``python -m benchmarks.attacks.people``: accounts, sessions and tokens for floods of stops, in the database.
 
-It prints one JSON object: Cookie headers and tokens of people who see no robot (`strangers`) and of people who may
-stop all robots (`colleagues`). Nothing is hashed, so this takes a second.
+It prints one JSON object: Cookie headers and tokens of people who see no robot (`strangers`), of people who may stop all
+robots (`colleagues`), and of one more of these who does not flood (`presser`). Nothing is hashed: this takes a second.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ def main() -> None:
 
 def crowd() -> dict[str, list[dict[str, str]]]:
     """Make the accounts; return `cookie`, `csrf` and `token` of each."""
-    return {kind: [_one(kind, number) for number in range(PEOPLE)] for kind in ("strangers", "colleagues")}
+    made = {kind: [_one(kind, number) for number in range(PEOPLE)] for kind in ("strangers", "colleagues")}
+    return {**made, "presser": [_one("presser", 0)]}
 
 
 def _one(kind: str, number: int) -> dict[str, str]:
@@ -39,7 +40,7 @@ def _one(kind: str, number: int) -> dict[str, str]:
     person = User(username=f"{kind}-{number}", full_name=f"{kind} {number}")
     person.set_unusable_password()
     person.save()
-    if kind == "colleagues":
+    if kind != "strangers":
         for robot in Robot.objects.all():
             RobotRole.objects.create(user=person, robot=robot, role=Role.OBSERVER)
     browser = Client(HTTP_HOST=settings.ALLOWED_HOSTS[0])

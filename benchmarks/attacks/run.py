@@ -8,9 +8,10 @@ import itertools
 import json
 import math
 import sqlite3
+import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager, closing, suppress
 
 from benchmarks.attacks.catalogue import ATTACKS, Attack
@@ -103,9 +104,11 @@ async def run_on(
     stack.children.append(navigation)  # it ends with the stack
     taken: dict[str, Taken] = {}
     usual = Taken()
-    async with scene_on(stack, cookies["supervisor"], cookies["operator"], seed) as scene:
+    crowd = await asyncio.to_thread(_crowd, stack)
+    token = json.loads(crowd)["presser"][0]["token"]
+    async with scene_on(stack, cookies["supervisor"], cookies["operator"], token, seed) as scene:
         await _slot(scene, Taken(), ["page", "REST"], calm=True)  # not counted: the first presses are slower
-        bench = Bench(scene, cookies)
+        bench = Bench(scene, cookies, crowd)
         for attack in attacks:
             whole = taken[attack.name] = Taken()
             doors = map(door, itertools.count())
@@ -123,10 +126,11 @@ async def run_on(
 class Bench:
     """Runs one slot after the other."""
 
-    def __init__(self, scene: Scene, cookies: dict[str, str]) -> None:
+    def __init__(self, scene: Scene, cookies: dict[str, str], crowd: str) -> None:
         self._scene = scene
         self._stack = scene.stack
         self._cookies = cookies
+        self._crowd = crowd
         self._usual_doors = map(door, itertools.count())
 
     async def usual(self, presses: int, quick: int = 0) -> Taken:
@@ -144,7 +148,8 @@ class Bench:
         taken = Taken()
         if attack.side == "incident":
             return await self._struck(attack, taken, len(doors))
-        child = _start(self._stack, attack.side, attack.name, LONGEST_S, self._cookies.get(attack.as_who, ""))
+        signed_in = {"ATTACK_COOKIE": self._cookies.get(attack.as_who, ""), "ATTACK_CROWD": self._crowd}
+        child = _start(self._stack, attack.side, attack.name, LONGEST_S, signed_in)
         try:
             await asyncio.sleep(IN_FORCE_S)
             if attack.plays:
@@ -262,13 +267,22 @@ def _records(stack: Stack) -> int:
         return int(database.execute("SELECT count(*) FROM audit_record").fetchone()[0])
 
 
-def _start(stack: Stack, side: str, role: str, seconds: float, cookie: str = "") -> Child:
+def _crowd(stack: Stack) -> str:
+    """Make the people of `benchmarks.attacks.people`; return their keys as JSON."""
+    command = [sys.executable, "-m", "benchmarks.attacks.people"]
+    made = subprocess.run(command, env=stack.environment, stdout=subprocess.PIPE, check=True)  # noqa: S603
+    return made.stdout.decode().splitlines()[-1]
+
+
+def _start(
+    stack: Stack, side: str, role: str, seconds: float, signed_in: Mapping[str, str] | None = None
+) -> Child:
     command = [sys.executable, "-m", f"benchmarks.attacks.{side}_side", role, str(seconds)]
     if side == "ros":
         environment = stack.robots[ROBOT].environment
     else:
         command += [stack.hosts[0], str(stack.port), stack.url]
-        environment = {**stack.environment, "ATTACK_COOKIE": cookie}
+        environment = {**stack.environment, **(signed_in or {})}
     child = stack.start_child(f"attack-{role}-{time.monotonic_ns()}", command, environment)
     stack.children.remove(child)  # the stack must not fail when an attacker ends
     return child

@@ -303,11 +303,14 @@ class Scene:
 
 
 @asynccontextmanager
-async def scene_on(stack: Stack, driver: str, presser: str, seed: int) -> AsyncIterator[Scene]:
-    """Context: a scene. `driver`, `presser`: the cookies of the people who drive and who press the stop."""
+async def scene_on(stack: Stack, driver: str, presser: str, token: str, seed: int) -> AsyncIterator[Scene]:
+    """Context: a scene. `driver`, `presser`: the cookies of the people who drive and who press the stop.
+
+    `token`: of a program that presses the stop, too.
+    """
     async with (
         Observer(stack.robots[ROBOT], "truth") as observer,
-        Doors(stack, presser) as doors,
+        Doors(stack, presser, token) as doors,
     ):
         prefer_witness(observer.pid)
         scene = Scene(stack, driver, observer, doors, seed)

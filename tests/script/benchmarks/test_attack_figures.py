@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.attacks import web_side
+from benchmarks.attacks import stop_side, web_side
 from benchmarks.attacks.catalogue import ATTACKS
 from benchmarks.attacks.doors import COMMAND_LINE, NAMES, door
 from benchmarks.attacks.figures import Limits, Press, Taken, broken, figures, table
@@ -118,4 +118,5 @@ def test_every_attack_has_its_attacker():
     names = [attack.name for attack in ATTACKS]
     assert len(set(names)) == len(names)
     assert {attack.name for attack in ATTACKS if attack.side == "web"} == set(web_side.ROLES)
+    assert {attack.name for attack in ATTACKS if attack.side == "stop"} == set(stop_side.ROLES)
     assert {attack.name for attack in ATTACKS if attack.side == "incident"} == set(INCIDENTS)
