@@ -1,7 +1,7 @@
 """``python -m benchmarks.attacks.people``: accounts, sessions and tokens for floods of stops, in the database.
 
-It prints one JSON object: Cookie headers and tokens of people who see no robot (`strangers`), of people who may stop all
-robots (`colleagues`), and of one more of these who does not flood (`presser`). Nothing is hashed: this takes a second.
+It prints one JSON object: Cookie headers and tokens of people who see no robot (`strangers`), of people who may stop
+all robots (`colleagues`), and of one more of these who does not flood (`presser`). Nothing is hashed.
 """
 
 from __future__ import annotations
