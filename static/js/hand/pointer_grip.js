@@ -24,14 +24,14 @@ export class PointerGrip {
    * @param {(reason: ?string, event: ?PointerEvent) => void} door.end the grip ended; null: the hand lifted
    * @param {() => void} [door.rest] the pointer lifted, also after the grip was lost
    * @param {number} [door.patienceMs] how long a finger counts that sends nothing
-   * @param {boolean} [door.hasMenu] a right click opens the browser's menu
+   * @param {boolean} [door.hasMenu] a picture: a right click opens the browser's menu, a press takes the focus from fields
    */
   constructor(
     element,
     { begin, move = () => {}, end, rest = () => {}, patienceMs, hasMenu = false },
   ) {
     this.#element = element;
-    this.#door = { begin, move, end, rest, patienceMs };
+    this.#door = { begin, move, end, rest, patienceMs, hasMenu };
     const { signal } = this.#listening;
     element.addEventListener("pointerdown", (event) => this.#press(event), { signal });
     const menu = (event) => {
@@ -64,10 +64,11 @@ export class PointerGrip {
   }
 
   #press(event) {
-    if (event.pointerId === this.#pointer) this.#lift(event); // its release was lost
+    const wasLost = !this.#isHeld || event.pointerId === this.#pointer; // the page may never hear of its release
+    if (this.#pointer !== null && wasLost) this.#lift(event);
     if (this.#pointer !== null || event.buttons !== PRIMARY || event.button !== 0) return;
     if (isModified(event) || !this.#door.begin(event)) return;
-    event.preventDefault();
+    if (!this.#door.hasMenu) event.preventDefault();
     this.#element.setPointerCapture?.(event.pointerId);
     this.#pointer = event.pointerId;
     this.#isHeld = true;

@@ -28,8 +28,9 @@ export function isComposing(event) {
 }
 
 /**
- * Events: "lost" (detail: {reason, patienceMs}) when a grip ended without the hand; "interrupted" (detail: {reason}) when the page
- * itself was left or stood still, also without a grip; "soon" (detail: boolean) when a grip needs a sign of the hand.
+ * Events: "lost" (detail: {reason, patienceMs}) when a grip ended without the hand; "interrupted" (detail: {reason})
+ * when the page itself was left or stood still, also without a grip; "soon" (detail: boolean) when a grip needs a sign
+ * of the hand.
  */
 class HandWatch extends EventTarget {
   #grips = new Map(); // what `begin` got → its proof

@@ -93,6 +93,16 @@ describe("the joystick", () => {
     expect(stick.axes.x).toBe(1);
   });
 
+  it("takes another finger if the page never heard the first one lift", () => {
+    push({ pointerId: 7 });
+    push({ pointerId: 8 }); // a second finger while the first holds
+    expect(stick.axes.x).toBe(1);
+    vi.advanceTimersByTime(4_200);
+    expect(stick.axes).toEqual(NEUTRAL);
+    push({ pointerId: 9 });
+    expect(stick.axes.x).toBe(1);
+  });
+
   it("goes to the middle if a finger sends nothing for 4 s", () => {
     push();
     vi.advanceTimersByTime(3_800);
