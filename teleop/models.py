@@ -9,6 +9,7 @@ from django.db import models
 from django.db.models import Q
 from django.utils.translation import gettext_lazy as _
 
+from fleet.names import NameField
 from robots.registry.models import Robot
 
 
@@ -96,7 +97,7 @@ class Webhook(models.Model):
     """An address to which housekeeping sends events from the audit log (`teleop.webhooks`)."""
 
     id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
-    name = models.CharField(_("name"), max_length=80, unique=True)
+    name = NameField(_("name"), max_length=80, unique=True)
     address = models.CharField(_("address"), max_length=500)
     secret = models.TextField()  # encrypted; the receiver checks signatures with it
     kinds = models.JSONField(default=list)  # names of `teleop.webhooks.events.EVENT_CATEGORIES`

@@ -12,7 +12,9 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts.changes import RecordedUser
+from fleet.accounts.names import require_names
 from fleet.accounts.sign_in.devices import device_of
+from fleet.names import NameField
 
 
 class User(RecordedUser):
@@ -24,13 +26,13 @@ class User(RecordedUser):
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     first_name = None  # type: ignore[assignment]
     last_name = None  # type: ignore[assignment]
-    full_name = models.CharField(_("name"), max_length=150, blank=True, help_text=_("As others see it."))
+    full_name = NameField(_("name"), max_length=150, blank=True, help_text=_("As others see it."))
     time_zone = models.CharField(
         _("time zone"), max_length=64, blank=True, help_text=_("In which pages show times. Blank: the lab's.")
     )
     # Panels of the control page, and whether hints were read; see `PageChoicesForm`. Only pages read this.
     page_choices = models.JSONField(default=dict, blank=True, editable=False)
-    project = models.CharField(
+    project = NameField(
         _("project"),
         max_length=80,
         blank=True,
@@ -50,6 +52,12 @@ class User(RecordedUser):
 
     def __str__(self) -> str:
         return self.display_name
+
+    def clean(self) -> None:
+        """Refuse names that people would mistake for those of other accounts."""
+        super().clean()
+        before = None if self._state.adding else User.objects.filter(pk=self.pk).first()
+        require_names(self, before)
 
     def save(self, **options: Any) -> None:
         """Save the account. The e-mail address is stored in lower case, because addresses are compared so."""

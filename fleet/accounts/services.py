@@ -19,6 +19,7 @@ from django.utils import timezone
 from django.utils.text import slugify
 
 from fleet.accounts.models import SignIn, User
+from fleet.accounts.names import require_names
 from fleet.accounts.selectors import sign_ins_of
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import tokens_end
@@ -26,6 +27,7 @@ from fleet.audit.command_line import SystemAccount
 from fleet.audit.models import Record
 from fleet.audit.person_erasure import erase, pseudonym
 from fleet.audit.services import record
+from fleet.names import RESERVED, require
 
 FROM_THE_LIST = "ended from the session list"
 NAMES = ("username", "full_name", "email")  # the fields of an account that identify the person
@@ -128,8 +130,13 @@ def page_choices_keep(*, user: User, kept: dict[str, Any]) -> None:
 
 
 def service_account_make(*, name: str, project: str, actor: User) -> User:
-    """Make a service account of a project. It has no address and no password: programs use it with tokens."""
+    """Make a service account of a project. It has no address and no password: programs use it with tokens.
+
+    Raises `ValidationError`: a name is refused.
+    """
     account = User(username=_free_username(name), full_name=name, project=project)
+    require(project)
+    require_names(account, None)
     account.set_unusable_password()
     account.changed_by = actor
     account.save()
@@ -141,7 +148,7 @@ def _free_username(name: str) -> str:
     wanted = slugify(name)[:40] or "service"
     taken = {name.lower() for name in User.objects.values_list("username", flat=True)}
     names = (wanted, *(f"{wanted}-{number}" for number in range(2, len(taken) + 3)))
-    return next(name for name in names if name not in taken)
+    return next(name for name in names if name not in taken | RESERVED)
 
 
 def account_close(*, user: User) -> None:

@@ -12,6 +12,7 @@ from django.db.models import F, Q
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
+from fleet.names import NameField
 from robots.access.models import Course, RobotGroup
 from robots.registry.models import Robot
 
@@ -67,7 +68,7 @@ class Booking(models.Model):
         related_name="bookings",
         verbose_name=_("course"),
     )
-    purpose = models.CharField(_("purpose"), max_length=120, blank=True)
+    purpose = NameField(_("purpose"), max_length=120, blank=True)
     series = models.UUIDField(null=True, blank=True)  # the same for all bookings of a weekly series
     overridden = models.BooleanField(null=True)  # booked or moved against the policy, with a recorded reason
     used_at = models.DateTimeField(null=True, blank=True)  # when the person first took control in this slot
@@ -204,7 +205,7 @@ class OutOfService(models.Model):
         _("to"), null=True, blank=True, help_text=_("Empty: until further notice.")
     )
     why = models.CharField(_("reason"), max_length=16, choices=Why, default=Why.REPAIR)
-    note = models.CharField(_("note"), max_length=200, blank=True)
+    note = NameField(_("note"), max_length=200, blank=True)
 
     class Meta:
         ordering = ["starts_at"]

@@ -53,6 +53,7 @@ from fleet.bookings.selectors import (
     stage_of,
     wish_of,
 )
+from fleet.names import fault_of
 from robots.access.models import Course
 from robots.access.selectors import manages_robot, may_manage, role_on
 from robots.registry.models import Robot, Role
@@ -211,6 +212,8 @@ def booking_make(
         raise BookingRefused([_FOR_ANOTHER])
     if not may_book_for(actor, person, robot, slot.starts_at):
         raise BookingRefused([_FOR_ANOTHER])
+    if fault := fault_of(purpose):
+        raise BookingRefused([Refusal(fault.code, str(fault.text), "wire")])
     override = _valid_reason(override, actor, robot)
     if course is None and actor.pk != person.pk and not manages_robot(actor, robot):
         courses = courses_for(robot, person, slot.starts_at)

@@ -16,6 +16,7 @@ from msgspec import Struct
 
 from fleet.accounts.changes import record_creations
 from fleet.accounts.models import User
+from fleet.accounts.names import AccountNames
 from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.services import lock_chain, record
 from robots.access import welcome
@@ -92,9 +93,13 @@ def plan_of(people: PeopleList, course: Course | None, actor: User) -> Plan:
     enrolled: list[User] = []
     new: list[Listed] = []
     undisclosed: list[Undisclosed] = []
-    wrong = list(people.wrong)
+    wrong, names = list(people.wrong), AccountNames(User)
     for one in people.people:
         account = found.get(one.email.lower())
+        if account is None and (fault := names.fault_of_name(one.name)):
+            wrong.append(Wrong(one.line, one.email, f"{one.name[:60]}: {fault.text}"))
+            continue
+        names.add("", one.name)
         if familiar is not None and (account is None or account.pk not in familiar):
             undisclosed.append(Undisclosed(one, account))
         elif account is None:

@@ -17,6 +17,7 @@ from django.utils.crypto import get_random_string
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
+from fleet.names import NameField
 from robots.registry.models import Robot, Role
 
 ONE_SECOND = timedelta(seconds=1)
@@ -26,7 +27,7 @@ CODE_LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"  # no two of them look alike
 class RobotGroup(models.Model):
     """A set of robots, such as "the TIAGos". Roles, courses and qualifications can name a group like a robot."""
 
-    name = models.CharField(_("name"), max_length=80, unique=True)
+    name = NameField(_("name"), max_length=80, unique=True)
     slug = models.SlugField(_("slug"), unique=True)
     robots = models.ManyToManyField(Robot, blank=True, related_name="groups", verbose_name=_("robots"))
 
@@ -73,7 +74,7 @@ class Course(models.Model):
     Quotas are in minutes and limit the bookings that were made by the course; None: no quota.
     """
 
-    name = models.CharField(_("name"), max_length=80, unique=True)
+    name = NameField(_("name"), max_length=80, unique=True)
     slug = models.SlugField(_("slug"), unique=True)
     robots = models.ManyToManyField(Robot, blank=True, related_name="courses", verbose_name=_("robots"))
     groups = models.ManyToManyField(
@@ -196,9 +197,9 @@ class Invitation(models.Model):
 class Qualification(models.Model):
     """Something that a person needs to drive certain robots, such as a safety training."""
 
-    name = models.CharField(_("name"), max_length=80, unique=True)
+    name = NameField(_("name"), max_length=80, unique=True)
     slug = models.SlugField(_("slug"), unique=True)
-    description = models.CharField(
+    description = NameField(
         _("description"), max_length=300, blank=True, help_text=_("Where and how people get it.")
     )
     robots = models.ManyToManyField(

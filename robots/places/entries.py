@@ -13,6 +13,7 @@ from collections.abc import Iterable
 
 from msgspec import Struct
 
+from fleet.names import fault_of
 from robots.bridge.gate.values import Pose
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.phrases import shortened
@@ -61,8 +62,8 @@ def why_no_name(name: str) -> str | None:
         return "The name is too long when its letters are written out."
     if "\ufffd" in name:
         return "The name has a letter that was lost: type the name again."
-    if not name.isprintable():
-        return "The name has a control character."
+    if fault := fault_of(name):
+        return str(fault.text)
     if not name[0].isalnum():  # a spreadsheet reads =, +, - or @ as the start of a formula
         return "A name begins with a letter or a digit."
     return None

@@ -6,12 +6,12 @@ code such as en-GB.
 
 from __future__ import annotations
 
-import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
 
 from msgspec import Struct
 
+from fleet.names import fault_of
 from robots.bridge.tasks.speech import why_not_speakable
 from robots.registry.configuration.profile_schema import LANGUAGE, Problems
 
@@ -41,15 +41,17 @@ def why_no_phrase(text: str) -> str | None:
     """Return why this is no phrase; None if it is one."""
     if "\n" in text or "\t" in text:
         return "A phrase is one line, without tabs."
-    refusal = why_not_speakable(text)
-    return refusal.text if refusal else None
+    if refusal := why_not_speakable(text):
+        return refusal.text
+    fault = fault_of(text)
+    return str(fault.text) if fault else None
 
 
 def why_no_tags(tags: Iterable[str]) -> str | None:
     """Return why these cannot be tags of a phrase; None if they can."""
     text = tags_text(tags)
-    if any(unicodedata.category(character) == "Cc" for character in text):
-        return "A tag has a control character."
+    if fault := fault_of(text):
+        return str(fault.text)
     if len(text) > LONGEST_TAGS:
         return f"The tags have {len(text)} characters; there is room for {LONGEST_TAGS}."
     return None

@@ -15,6 +15,7 @@ from msgspec import Struct
 
 from fleet import rows
 from fleet.audit.models import Record
+from fleet.names import RESERVED
 from robots import wire
 from robots.bridge.config import Allowed, BridgeConfig, LimbSource, LinkAddress, Topics, What
 from robots.bridge.drive.input_filters import describe
@@ -218,4 +219,5 @@ def slug_for(name: str) -> str:
     """Return a slug made from this name that no robot has: "tiago-1", or "tiago-1-2" if "tiago-1" is taken."""
     begins = slugify(name)[:40] or "robot"
     taken = set(Robot.objects.filter(slug__startswith=begins).values_list("slug", flat=True))
-    return next(slug for slug in chain([begins], (f"{begins}-{n}" for n in count(2))) if slug not in taken)
+    free = chain([begins], (f"{begins}-{n}" for n in count(2)))
+    return next(slug for slug in free if slug not in taken | RESERVED)

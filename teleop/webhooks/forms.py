@@ -8,6 +8,7 @@ from django import forms
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
+from fleet.names import require
 from robots.registry.models import Robot
 from robots.wire import NotDone
 from teleop.models import Webhook
@@ -46,6 +47,7 @@ class WebhookForm(forms.Form):
     def clean_name(self) -> str:
         """Refuse a name that another webhook has."""
         name: str = self.cleaned_data["name"]
+        require(name)
         if Webhook.objects.filter(name=name).exists():
             raise ValidationError(_("Another webhook has this name."), "name_taken")
         return name

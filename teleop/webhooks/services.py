@@ -13,6 +13,7 @@ from django.utils.translation import gettext as _
 from fleet.accounts.models import User
 from fleet.accounts.sign_in.secrets import encrypted
 from fleet.audit.services import record
+from fleet.names import require
 from robots.registry.models import Robot
 from robots.wire import NotDone, Refusal
 from teleop.models import Webhook, WebhookDelivery
@@ -42,9 +43,10 @@ def webhook_make(
 ) -> tuple[Webhook, str]:
     """Make a webhook for events from now on; no robots: all. Return it with its secret.
 
-    The secret is shown only once. Raises `AddressRefused` or `WebhookRefused`.
+    The secret is shown only once. Raises `AddressRefused`, `WebhookRefused`, or `ValidationError` about the name.
     """
     _require_staff(actor)
+    require(name)
     target_of(address)
     if not kinds or not set(kinds) <= EVENT_CATEGORIES.keys():
         raise WebhookRefused("no_kinds", _("Choose at least one category of events."))

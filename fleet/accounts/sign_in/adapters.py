@@ -24,6 +24,7 @@ from django.utils.translation import gettext as _
 
 from fleet.accounts import emails, services
 from fleet.accounts.models import User
+from fleet.accounts.names import AccountNames
 from fleet.accounts.sign_in import second_factor, secrets, throttle
 
 
@@ -33,6 +34,13 @@ class AccountAdapter(DefaultAccountAdapter):
     def is_open_for_signup(self, request: HttpRequest) -> bool:
         """Return False: only staff, invitations and single sign-on make accounts."""
         return False
+
+    def clean_username(self, username: str, shallow: bool = False) -> str:
+        """Refuse user names of newcomers as at every other door."""
+        name: str = super().clean_username(username, shallow)
+        if fault := AccountNames(User).fault_of_username(name):
+            raise ValidationError(str(fault.text), code=fault.code)
+        return name
 
     def get_client_ip(self, request: HttpRequest) -> str:
         """Return the address of the request; "unknown" for all when the server listens on a Unix socket."""
@@ -172,7 +180,11 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
         user = cast(User, super().populate_user(request, sociallogin, data))
         parts = (data.get("first_name"), data.get("last_name"))
         name = data.get("name") or " ".join(filter(None, parts))
-        user.full_name = " ".join(name.split())[:150]  # in one line: subjects of e-mails contain it
+        user.full_name = " ".join(name.split())[:150]
+        if AccountNames(User).fault_of_name(
+            user.full_name
+        ):  # the provider may take any: then the user name is shown
+            user.full_name = ""
         return user
 
     def save_user(self, request: HttpRequest, sociallogin: SocialLogin, form: Any = None) -> Any:

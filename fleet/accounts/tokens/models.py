@@ -8,6 +8,8 @@ from django.conf import settings
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
+from fleet.names import NameField
+
 
 class Scope(models.TextChoices):
     """A part of the API that a token may use."""
@@ -37,7 +39,7 @@ class Token(models.Model):
         related_name="tokens",
         verbose_name=_("person"),
     )
-    name = models.CharField(_("name"), max_length=40)
+    name = NameField(_("name"), max_length=40)
     scopes = models.JSONField(_("scopes"), default=list)  # of `Scope`
     # Ids of robots (no foreign keys: robots belong to an app above). Empty: all that the person may see.
     robots = models.JSONField(_("robots"), default=list, blank=True)

@@ -17,6 +17,7 @@ from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope, Token
 from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
+from fleet.names import require
 
 LONGEST = timedelta(days=366)
 PREFIX = "fleet_"  # so that a search finds tokens in files that must not contain any
@@ -59,8 +60,9 @@ def token_make(
     `token_id`: the id of the new token. A form that is sent twice makes only one token: raises `TokenExists`.
     `made_with`: the token with which a program makes it. When that token ends, the new one ends, too. If that
     token has already ended: raises `TokenInvalid`. If the person has `MOST` valid tokens: raises
-    `TooManyTokens`.
+    `TooManyTokens`. If the name is refused: raises `ValidationError`.
     """
+    require(name)
     User.objects.select_for_update(no_key=True).get(pk=user.pk)
     token_id = token_id or uuid4()
     if Token.objects.filter(pk=token_id).exists():

@@ -20,7 +20,9 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
 from fleet.accounts.models import User
+from fleet.accounts.names import AccountNames
 from fleet.accounts.tokens.models import Scope
+from fleet.names import RESERVED, require
 from robots.access.models import Course, Qualification, RobotGroup
 from robots.access.people_lists.columns import Role
 from robots.access.people_lists.encodings import ENCODINGS, Decoded, NotInEncodingError, decoded
@@ -63,7 +65,7 @@ def free_slug(model: type[Model], name: str) -> str:
     wanted = slugify(name)[:40] or model._meta.model_name or "entry"
     taken = set(model._default_manager.filter(slug__startswith=wanted).values_list("slug", flat=True))
     slugs = (wanted, *(f"{wanted}-{number}" for number in range(2, len(taken) + 3)))
-    return next(slug for slug in slugs if slug not in taken and slug != "new")
+    return next(slug for slug in slugs if slug not in taken | RESERVED)
 
 
 class PeopleForm(forms.Form):
@@ -412,6 +414,7 @@ class TokenForm(forms.Form):
 
     def clean_name(self) -> str:
         """Return the name in one line; refuse the name of another token of this person."""
+        require(self.cleaned_data["name"])
         name = " ".join(self.cleaned_data["name"].split())
         if self._taken.filter(name=name).exclude(pk=_uuid_or_none(self.data.get("once"))).exists():
             raise ValidationError(_("There is a token with this name: choose another one, or end that one."))
@@ -444,8 +447,11 @@ class ServiceAccountForm(forms.Form):
 
     def clean_name(self) -> str:
         """Return the name in one line."""
-        return " ".join(self.cleaned_data["name"].split())
+        name = " ".join(self.cleaned_data["name"].split())
+        require(self.cleaned_data["name"], AccountNames(User).fault_of_name)
+        return name
 
     def clean_project(self) -> str:
         """Return the project in one line."""
+        require(self.cleaned_data["project"])
         return " ".join(self.cleaned_data["project"].split())

@@ -16,6 +16,7 @@ from django.utils.text import format_lazy
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
+from fleet.names import Looks, NameField, fault_of_word, require
 from robots.bridge.drive import input_filters as stick
 from robots.bridge.tasks.denylist import USE_TYPES
 from robots.registry.configuration import addresses, profile_schema, robot_config
@@ -79,7 +80,7 @@ class RobotProfile(models.Model):
     """The common data of a kind of robot."""
 
     slug = models.SlugField(_("slug"), unique=True)
-    name = models.CharField(_("name"), max_length=80)
+    name = NameField(_("name"), max_length=80)
     holonomic = models.BooleanField(
         _("holonomic"), default=False, help_text=_("The base can also move sideways.")
     )
@@ -214,6 +215,9 @@ class RobotProfile(models.Model):
             raise ValidationError(errors)
 
 
+_ALIKE = _("This name looks the same as that of another robot: choose another one.")
+
+
 class Robot(models.Model):
     """One robot: its address, and its differences from its profile."""
 
@@ -221,7 +225,7 @@ class Robot(models.Model):
     slug = models.SlugField(
         _("slug"), unique=True, help_text=_("Short name in addresses and commands, such as tiago-1.")
     )
-    name = models.CharField(_("name"), max_length=80)
+    name = NameField(_("name"), max_length=80)
     profile = models.ForeignKey(
         RobotProfile, on_delete=models.PROTECT, related_name="robots", verbose_name=_("profile")
     )
@@ -329,7 +333,8 @@ class Robot(models.Model):
         return self.name
 
     def clean(self) -> None:
-        """Raise `ValidationError` if addresses or aliases are wrong, or an entry is less strict than the profile."""
+        """Raise `ValidationError`: a name, address or alias is wrong, or an entry is less strict than the profile."""
+        self._check_names()
         errors: dict[str, list[str]] = {}
         _collect(errors, "master_uri", addresses.check_master_uri, self.master_uri)
         _collect(errors, "advertised_address", addresses.check_advertised_address, self.advertised_address)
@@ -342,6 +347,14 @@ class Robot(models.Model):
             _collect(errors, "default_share", robot_config.check_robot_share, self)
         if errors:
             raise ValidationError(errors)
+
+    def _check_names(self) -> None:
+        """Refuse a new name that people would mistake for that of another robot."""
+        others = dict(Robot.objects.values_list("pk", "name"))
+        if others.pop(self.pk, None) != self.name and Looks(others.values()).alike(self.name):
+            raise ValidationError({"name": ValidationError(_ALIKE, code="name_alike")})
+        if self._state.adding:
+            require(self.slug, fault_of_word)
 
     @cached_property
     def problems(self) -> str:

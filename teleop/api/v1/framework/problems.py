@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import msgspec
-from django.core.exceptions import PermissionDenied
+from django.core.exceptions import NON_FIELD_ERRORS, PermissionDenied, ValidationError
 from django.http import Http404
 from msgspec import Struct
 from rest_framework.exceptions import (
@@ -112,6 +112,8 @@ def problem_of(error: Exception) -> Problem | None:
         return error
     if isinstance(error, NotDone):
         return Problem(error.refusal, others=getattr(error, "refusals", None))
+    if isinstance(error, ValidationError):
+        return Problem(fault_refusal(error))
     if isinstance(error, Http404):
         return Problem(NOT_FOUND)
     if isinstance(error, PermissionDenied):
@@ -130,6 +132,19 @@ def problem_of(error: Exception) -> Problem | None:
         rule: Rule = "account" if error.status_code == 403 else "wire"
         return Problem(Refusal(error.default_code, str(error.detail), rule), error.status_code)
     return None
+
+
+def fault_refusal(error: ValidationError) -> Refusal:
+    """Return the faults that a model, a form or a service found as one refusal that names the fields."""
+    fields = error.message_dict if hasattr(error, "error_dict") else {}
+    texts = [
+        " ".join(words) if name == NON_FIELD_ERRORS else f"{name}: {' '.join(words)}"
+        for name, words in fields.items()
+    ]
+    single = error if hasattr(error, "error_list") else next(iter(error.error_dict.values()))[0]
+    code = getattr(single, "code", None) or ""
+    # Codes of Django, such as "unique", are no codes of the API.
+    return Refusal(code if code.startswith("name_") else "invalid", " ".join(texts or error.messages), "wire")
 
 
 def response_of(error: Exception, context: dict[str, Any]) -> Response | None:

@@ -9,7 +9,7 @@ from functools import partial
 from typing import TypeVar
 
 import msgspec
-from django.core.exceptions import NON_FIELD_ERRORS, ValidationError
+from django.core.exceptions import ValidationError
 from django.db.models import Model
 from drf_spectacular.utils import OpenApiParameter
 from msgspec import Struct
@@ -22,7 +22,7 @@ from robots.access.models import RobotGroup
 from robots.registry.models import Robot
 from robots.wire import Refusal
 from teleop.api.v1.framework.operation import ApiView, operation
-from teleop.api.v1.framework.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.problems import NOT_FOUND, Problem, fault_refusal
 from teleop.api.v1.framework.versions import etag_of, version_seen
 
 IF_MATCH = OpenApiParameter(
@@ -125,9 +125,4 @@ def faults_named() -> Iterator[None]:
     try:
         yield
     except ValidationError as error:
-        fields = error.message_dict if hasattr(error, "error_dict") else {}
-        texts = [
-            " ".join(words) if name == NON_FIELD_ERRORS else f"{name}: {' '.join(words)}"
-            for name, words in fields.items()
-        ]
-        raise Problem(Refusal("invalid", " ".join(texts or error.messages), "wire")) from error
+        raise Problem(fault_refusal(error)) from error

@@ -18,6 +18,7 @@ from fleet.accounts.models import User
 from fleet.accounts.services import service_account_make
 from fleet.accounts.tokens.models import Scope, Token
 from fleet.accounts.tokens.services import MOST, TokenInvalid, TooManyTokens, token_end, token_make, tokens_of
+from fleet.names import require
 from robots.access.selectors import robots_visible_to
 from robots.registry.models import Robot
 from robots.wire import Refusal
@@ -135,6 +136,7 @@ class TokensBase(SetupView):
         """Make a token of `owner`. Raises `Problem`."""
         if self.token is None and not did_recently_reauthenticate(self.request._request):
             raise Problem(_NOT_FRESH)
+        require(body.name)
         name = " ".join(body.name.split())
         if not name:
             raise Problem(_BLANK)
@@ -260,6 +262,8 @@ class ServiceAccountsView(TokensBase):
     )
     def post(self, _request: Request, body: ServiceAccountRequest) -> ServiceAccount:
         """For staff. It needs a role, and a token."""
+        require(body.name)
+        require(body.project)
         name, project = (" ".join(text.split()) for text in (body.name, body.project))
         if not (name and project):
             raise Problem(Refusal("invalid", "Name and project must not be blank.", "wire"))
