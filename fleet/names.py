@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Collection, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from django.core.exceptions import ValidationError
 from django.db import models
@@ -20,22 +20,7 @@ from django.utils.translation import gettext_lazy as _
 from msgspec import Struct
 
 # Words with a meaning of their own in addresses, filters and records: no user name, no slug.
-RESERVED = frozenset(
-    (
-        "admin",
-        "all",
-        "anonymous",
-        "api",
-        "console",
-        "everybody",
-        "free",
-        "me",
-        "new",
-        "none",
-        "null",
-        "system",
-    )
-)
+RESERVED = frozenset(("all", "console", "me", "none", "null", "system"))
 _NOBODY = frozenset(("console", "the console", "the console itself"))  # how the log names the console itself
 
 # Letters of other scripts that look like Latin ones, and those (Unicode Technical Standard 39, confusables.txt).
@@ -77,6 +62,12 @@ _EAST_ASIAN = {
 }  # written together, and with Latin letters
 
 
+if TYPE_CHECKING:
+    _CharField = models.CharField[str, str]
+else:
+    _CharField = models.CharField  # not subscriptable at run time
+
+
 class Fault(Struct, frozen=True):
     """Why a name is refused."""
 
@@ -85,7 +76,8 @@ class Fault(Struct, frozen=True):
 
 
 UNSEEN = Fault(
-    "name_unseen", _("A name has no line ends, control characters or invisible characters: type it again.")
+    "name_unseen",
+    _("There is a line end, a control character or an invisible character in it: type it again."),
 )
 MIXED = Fault(
     "name_mixed",
@@ -199,7 +191,7 @@ def require(name: str, *rules: Any) -> None:
             raise ValidationError(str(fault.text), code=fault.code)
 
 
-class NameField(models.CharField):  # type: ignore[type-arg]  # not subscriptable at run time
+class NameField(_CharField):
     """A column for a name or short text that people choose. `rules`: what is asked of it."""
 
     def __init__(self, *args: Any, rules: tuple[Any, ...] = (fault_of,), **options: Any) -> None:

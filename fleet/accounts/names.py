@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
+from fleet.accounts.changes import RecordedUser
 from fleet.names import Fault, Looks, fault_of_person, fault_of_word, folded
-
-if TYPE_CHECKING:
-    from fleet.accounts.models import User
 
 ALIKE = Fault("name_alike", _("This name looks the same as that of another account: choose another one."))
 TAKEN = Fault("name_taken", _("Another account has this user name: choose another one."))
 
 
 class AccountNames:
-    """The names of all accounts but one, to check new ones. Makes one query; for a list, make it once."""
+    """The names of all accounts but one, to check new ones. Makes one query; for a list, make it once.
 
-    def __init__(self, accounts: type[User], but: User | None = None) -> None:
+    `accounts`: the model `User`, which imports this module.
+    """
+
+    def __init__(self, accounts: Any, but: RecordedUser | None = None) -> None:
         found = accounts.objects.exclude(pk=but.pk if but else None).values_list("username", "full_name")
         pairs = list(found)
         self._usernames = {folded(username) for username, _full_name in pairs}
@@ -42,7 +43,7 @@ class AccountNames:
             self._looks.add(name)
 
 
-def require_names(account: User, before: User | None) -> None:
+def require_names(account: RecordedUser, before: RecordedUser | None) -> None:
     """Raise `ValidationError` by field if a new or changed name of an account is refused. Old names may stay."""
     names = AccountNames(type(account), but=account)
     errors = {}

@@ -65,7 +65,7 @@ def free_slug(model: type[Model], name: str) -> str:
     wanted = slugify(name)[:40] or model._meta.model_name or "entry"
     taken = set(model._default_manager.filter(slug__startswith=wanted).values_list("slug", flat=True))
     slugs = (wanted, *(f"{wanted}-{number}" for number in range(2, len(taken) + 3)))
-    return next(slug for slug in slugs if slug not in taken | RESERVED)
+    return next(slug for slug in slugs if slug not in taken | RESERVED | {"new"})
 
 
 class PeopleForm(forms.Form):

@@ -61,7 +61,7 @@ def test_a_repeated_phrase_is_stored_once() -> None:
         (b"en-GB\tHello.\tgreeting\tmore", "line 1: There are more than two tabs"),
         (b"en-GB\tHello.\t" + b"x" * 201, "line 1: The tags have 201 characters"),
         (b"en-GB\tHello.\t" + MANY_TAGS.encode(), "line 1: The tags have 208 characters"),
-        (b"en-GB\tHello.\ta\x00b", "line 1: A tag has a control character"),
+        (b"en-GB\tHello.\ta\x00b", "line 1: There is a line end, a control character"),
         (b"\xef\xbb\xbf\r\n \n", "There is no phrase in the file."),
         (b"Hello.\nGr\xfc\xdf Gott.", "line 2: This is not UTF-8 text"),
         (b"\xff\xfeH\x00", "line 1: This is not UTF-8 text"),
@@ -106,7 +106,7 @@ def make(**fields: Any) -> Phrase:
         ({"text": "two\nlines"}, "text", "A phrase is one line"),
         ({"language": "English"}, "language", "is not a language code"),
         ({"tags": MANY_TAGS}, "__all__", "The tags have 208 characters; there is room for 200."),
-        ({"tags": "a\x07b"}, "__all__", "A tag has a control character"),
+        ({"tags": "a\x07b"}, "__all__", "There is a line end, a control character"),
     ],
 )
 def test_a_phrase_that_cannot_be_said_is_refused_at_its_field(

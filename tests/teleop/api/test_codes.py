@@ -38,6 +38,12 @@ SLOT = {"starts_at": words(hour(1)), "ends_at": words(hour(2))}
 # Codes of other parts of the console that are in the same table.
 OF_ACCOUNTS = {"token_invalid", "token_expired", "account_inactive", "second_factor_missing", "scope_missing"}
 OF_WEBHOOKS = {"paused"}
+OF_NAMES = {
+    "name_unseen",
+    "name_mixed",
+    "name_alike",
+    "name_reserved",
+}  # `tests.teleop.api.test_names_at_doors`
 # Codes of a single operation are tested with that operation.
 WITH_THEIR_OPERATIONS = {
     *("too_many", "more_than_own", "other_robots", "paused", "name_taken", "password_needed"),
@@ -64,7 +70,7 @@ def built() -> Iterator[str]:
 
 
 def test_each_code_of_the_api_stands_in_the_docs() -> None:
-    assert {*built(), *OF_ACCOUNTS, *OF_WEBHOOKS, *OF_THE_LIBRARY} == documented()
+    assert {*built(), *OF_ACCOUNTS, *OF_WEBHOOKS, *OF_NAMES, *OF_THE_LIBRARY} == documented()
 
 
 class Asker:
@@ -289,7 +295,7 @@ CASES: dict[str, Case] = {
 
 
 def test_each_code_of_the_docs_is_asked_for() -> None:
-    assert {*CASES, *WITH_THEIR_OPERATIONS} == documented()
+    assert {*CASES, *WITH_THEIR_OPERATIONS, *OF_NAMES} == documented()
 
 
 @pytest.mark.parametrize("code", sorted(CASES))
