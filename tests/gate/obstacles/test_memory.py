@@ -117,13 +117,13 @@ def test_doubt_grows_with_way_and_turns_only():
     for step in range(1000):
         memory.follow(Pose(0.002 * (step % 2), 0.0, 0.004 * (step % 2)), 0.0)
     np.testing.assert_array_equal(memory.errors_m(np.arange(1)), [0.0])
-    memory.follow(Pose(0.5, 0.0, 0.0), 0.0)
-    np.testing.assert_array_equal(memory.errors_m(np.arange(1)), [0.0])  # the first 0.5 m add no error
     memory.follow(Pose(1.0, 0.0, 0.0), 0.0)
+    np.testing.assert_array_equal(memory.errors_m(np.arange(1)), [0.0])  # the margins cover the first metre
+    memory.follow(Pose(1.5, 0.0, 0.0), 0.0)
     np.testing.assert_allclose(memory.errors_m(np.arange(1)), [0.015])
-    memory.follow(Pose(1.0, 0.0, 2.0), 0.0)
+    memory.follow(Pose(1.5, 0.0, 2.0), 0.0)
     np.testing.assert_allclose(memory.errors_m(np.arange(1)), [0.045])
-    memory.see(SPOT, Pose(1.0, 0.0, 2.0), 0.0)
+    memory.see(SPOT, Pose(1.5, 0.0, 2.0), 0.0)
     np.testing.assert_array_equal(memory.errors_m(np.arange(1)), [0.0])
 
 
@@ -513,6 +513,28 @@ def test_a_ghost_of_one_scan_lives_two_seconds():
     assert len(bench.remembered) > 0
     bench.look(hall(), pose=away, seconds=0.2)
     assert len(bench.remembered) == 0
+
+
+@pytest.mark.parametrize("nearer_m", [0.03, 0.10])
+def test_a_wall_that_drifted_is_remembered_where_it_was_seen_last(nearer_m):
+    """Beams that end behind its old place show that it is not there."""
+    bench = Bench()
+    bench.look(something(2.0 - nearer_m, beams=41), seconds=3.0)
+    bench.look(something(2.0, beams=41), seconds=0.5)
+    bench.look(hall(), pose=Pose(0.0, 0.0, math.pi))
+    away_m = np.hypot(*bench.memory.as_seen(bench.trail, bench.now_s).T)
+    assert not (np.abs(away_m - (2.0 - nearer_m)) < 0.005).any()
+    assert (np.abs(away_m - 2.0) < 0.005).any()
+
+
+def test_a_thin_leg_close_to_a_wall_is_not_forgotten():
+    bench = Bench()
+    ranges = something(2.0, beams=81)
+    ranges[284:287] = 1.93
+    bench.look(ranges, seconds=6.0)
+    bench.look(hall(), pose=Pose(0.0, 0.0, math.pi))
+    away_m = np.hypot(*bench.memory.as_seen(bench.trail, bench.now_s).T)
+    assert away_m.min() == pytest.approx(1.93, abs=0.01)
 
 
 def test_a_beam_that_stands_alone_is_not_remembered():

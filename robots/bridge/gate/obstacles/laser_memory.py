@@ -52,7 +52,7 @@ class LaserMemory:
         points = moved_nearer(unseen, self._memory.errors_m(kept), self._laser.footprint)
         self._carried = Carried(points, stamp_s)
         self._as_seen = Carried(unseen, stamp_s)
-        self._memory.pass_through(sighting.through)
+        self._memory.pass_through(sighting.through, sighting.past)
 
     @property
     def is_empty(self) -> bool:

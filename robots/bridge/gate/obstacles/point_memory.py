@@ -32,11 +32,12 @@ from robots.bridge.gate.values import Pose
 
 CELLS = 256  # along each side of the grid, a power of two: 6.4 m of 2.5 cm
 PASSES = 2  # a point is forgotten after this many observations of free space at its place
+GLANCES = 4  # ... or after this many observations of a place that is free only up to another obstacle near by
 GAP_S = 0.2  # of the time between two sightings of a cell, at most this counts as watched
 BRIEFLY_S = 0.6  # a point that was watched for no longer has the shortest life
 LONG_S = 2.0  # a point that was watched for this time has the longest life
 TURN_M = 0.5  # a turn by one radian counts as this distance
-SURE_M = 0.5  # driven distance without odometry error, for points that leave the view next to the hull
+SURE_M = 1.0  # driven distance whose odometry error the margins cover: doors would be closed by it
 ERROR_SHARE = 0.03  # odometry error for each further metre
 MOST_ERROR_M = 0.10
 KEEP_OFF_M = 0.03  # the error moves no point nearer to the hull than this
@@ -222,13 +223,18 @@ class Memory:
         known: NDArray[np.bool_] = self._lives[self.entries(points)]
         return known
 
-    def pass_through(self, free: NDArray[np.bool_]) -> None:
+    def pass_through(self, free: NDArray[np.bool_], past: NDArray[np.bool_] | None = None) -> None:
         """Take an observation of free space at these of `points`; the second one in a row forgets them.
 
-        A new sighting of the point restarts the count.
+        `past`: a sensor looked past these to something near by, probably to the same obstacle, which the odometry's
+        error displaced; the fourth such observation in a row forgets them. A new sighting of the point restarts the
+        count.
         """
-        self._passes[self._cells[free]] += 1
-        self._forget(self._passes[self._cells] >= PASSES)
+        counts = free * (GLANCES // PASSES)
+        if past is not None:
+            counts = np.maximum(counts, past)
+        self._passes[self._cells] += counts.astype(np.int8)
+        self._forget(self._passes[self._cells] >= GLANCES)
 
     def forget(self, gone: NDArray[np.bool_]) -> None:
         """Forget these of `points` at once."""

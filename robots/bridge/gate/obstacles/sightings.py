@@ -13,6 +13,7 @@ from robots.bridge.gate.geometry.planar import Points, chosen, from_columns, wra
 from robots.bridge.gate.sensing.scan import Sweep
 
 BEHIND_M = 0.12  # beams that end this far behind a place passed through it
+PAST_M = 0.015  # steadied beams that end this far behind a place hit nothing there: more than a laser's noise
 SAME_M = 0.10  # a beam that ends less than this before a place may have hit the obstacle there
 
 SHARES = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # of an error: places that are checked, too
@@ -20,10 +21,14 @@ NEAREST_M = 0.05  # least distance for which a direction is computed
 
 
 class Sight(NamedTuple):
-    """For each place, whether this scan can judge it (`judged`), and whether the scan saw through it."""
+    """For each place, whether this scan can judge it (`judged`), and whether the scan saw through it.
+
+    `past`: the scan saw past it, but perhaps only to another part of the same obstacle.
+    """
 
     judged: NDArray[np.bool_]
     through: NDArray[np.bool_]
+    past: NDArray[np.bool_]
 
 
 class Past(NamedTuple):
@@ -43,9 +48,11 @@ def sight(sweep: Sweep, places: Points) -> Sight:
     measured nothing. A beam that hit something alone is probably noise and proves nothing. But if all three
     beams end well behind a place, the scan saw through it.
     """
-    surely, likely = past(sweep, places)
-    through = surely > BEHIND_M
-    return Sight(through | (likely >= -SAME_M), through)
+    beams, distances = _looked_at(sweep, places)
+    through = sweep.least_ends[beams] - distances > BEHIND_M
+    likely = sweep.least_sure_ends[beams] - distances
+    past = sweep.least_steadied_ends[beams] - distances > PAST_M
+    return Sight(through | (likely >= -SAME_M), through, past)
 
 
 def sight_of_doubtful(sweep: Sweep, places: Points, doubts_m: NDArray[np.float64]) -> Sight:
@@ -56,6 +63,7 @@ def sight_of_doubtful(sweep: Sweep, places: Points, doubts_m: NDArray[np.float64
         return seen
     doubtful, doubts_m = chosen(places, rows), doubts_m.take(rows)
     seen.through[rows] &= seen_free(sweep, beyond(doubtful, doubts_m))
+    seen.past[rows] = False
     for aside in beside(doubtful, doubts_m):
         there = sight(sweep, aside)
         seen.judged[rows] &= there.judged

@@ -148,6 +148,17 @@ class Sweep:
         keep the error. To compare scans, use `points`: near an edge, an average may be at a place where
         nothing is.
         """
+        return self._at(self._steadied)
+
+    @cached_property
+    def least_steadied_ends(self) -> NDArray[np.float64]:
+        """The same as `least_sure_ends`, by the ranges of `steadied`."""
+        ends = np.where(np.isnan(self._steadied), self.ends, self._steadied)
+        return self._least_of_three(np.where(self.alone, -math.inf, ends))
+
+    @cached_property
+    def _steadied(self) -> NDArray[np.float64]:
+        """Return the ranges of the beams that hit something, averaged as in `steadied`; NaN for the others."""
         hits = self._hits
         total, count = hits.copy(), np.ones(len(hits))
         for beams, steps in enumerate(self._steps, 1):
@@ -157,7 +168,8 @@ class Sweep:
             total[beams:] += np.where(same, low, 0.0)
             count[:-beams] += same
             count[beams:] += same
-        return self._at(total / count)
+        steadied: NDArray[np.float64] = total / count
+        return steadied
 
     def _at(self, ranges: NDArray[np.float64]) -> Points:
         """Return the ends of the beams that hit something, for these ranges of all beams."""
