@@ -89,6 +89,7 @@ MIDDLEWARE = [
     "django.middleware.common.CommonMiddleware",
     "django.middleware.csrf.CsrfViewMiddleware",
     "django.contrib.auth.middleware.AuthenticationMiddleware",
+    "fleet.accounts.middleware.few_fields_of_strangers",
     "allauth.account.middleware.AccountMiddleware",
     "fleet.site.setup.leads_to_setup",
     "fleet.accounts.middleware.SignInRequired",
@@ -99,6 +100,9 @@ MIDDLEWARE = [
     "fleet.unavailable.UnavailableInWords",
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
 ]
+
+# A course may have as many people as a list has lines (5,000), each with a box to tick.
+DATA_UPLOAD_MAX_NUMBER_FIELDS = 10_000
 
 ROOT_URLCONF = "fleet.site.urls"
 ASGI_APPLICATION = "fleet.site.asgi.application"
@@ -294,12 +298,13 @@ LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
     "formatters": {"line": {"format": "{asctime} {levelname} {name}: {message}", "style": "{"}},
-    "filters": {"unknown_host": {"()": "django.utils.log.CallbackFilter", "callback": logs.unknown_host}},
-    "handlers": {"stderr": {"class": "logging.StreamHandler", "formatter": "line"}},
+    "filters": {"one_line": {"()": "django.utils.log.CallbackFilter", "callback": logs.one_line}},
+    "handlers": {
+        "stderr": {"class": "logging.StreamHandler", "formatter": "line", "filters": ["one_line"]}
+    },
     "root": {"handlers": ["stderr"], "level": "INFO"},
     "loggers": {
         "django": {"handlers": ["stderr"], "level": "INFO", "propagate": False},
-        "django.security.DisallowedHost": {"filters": ["unknown_host"]},
         # No line for each request: the audit log has better information.
         "django.channels.server": {"level": "WARNING"},
         "daphne": {"level": "WARNING"},

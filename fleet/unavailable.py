@@ -1,10 +1,14 @@
-"""Answer with 503 if the database is locked, full or does not answer: a page for people, JSON for scripts."""
+"""Answer with 503 if the database is locked, full or does not answer: a page for people, JSON for scripts.
+
+Also with 429 if a person makes too many changes.
+"""
 
 from __future__ import annotations
 
 import logging
 import sys
 from collections.abc import Callable
+from typing import Any
 
 from django.db import InterfaceError, OperationalError
 from django.http import HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
@@ -13,7 +17,7 @@ from django.views.defaults import server_error
 
 from fleet.accounts.requests import wants_json
 from fleet.accounts.sign_in.hashing import HashingBusy
-from fleet.audit.errors import AuditUnavailable, cause_of
+from fleet.audit.errors import AuditUnavailable, TooManyChanges, cause_of
 
 logger = logging.getLogger(__name__)
 
@@ -46,6 +50,9 @@ def error_page(request: HttpRequest) -> HttpResponse:
 def answer(request: HttpRequest, error: BaseException | None) -> HttpResponse | None:
     """Return the response for an error of the database, the audit log or hashing; None for other errors."""
     match error:
+        case TooManyChanges():
+            refusal = {"code": error.code, "text": error.text, "rule": error.rule, "figures": error.figures}
+            return _response(request, refusal, 429, error.figures["wait_s"])
         case AuditUnavailable() | HashingBusy():
             refusal = {"code": error.code, "text": error.text, "rule": error.rule}
         case OperationalError() | InterfaceError():
@@ -54,9 +61,13 @@ def answer(request: HttpRequest, error: BaseException | None) -> HttpResponse | 
         case _:
             return None
     logger.error("%s %s: %s", request.method, request.path, error)
+    return _response(request, refusal, 503, RETRY_AFTER_S)
+
+
+def _response(request: HttpRequest, refusal: dict[str, Any], status: int, retry_after_s: int) -> HttpResponse:
     if wants_json(request):
-        response: HttpResponse = JsonResponse(refusal, status=503)
+        response: HttpResponse = JsonResponse(refusal, status=status)
     else:
-        response = render(request, "503.html", refusal, status=503)
-    response.headers["Retry-After"] = str(RETRY_AFTER_S)
+        response = render(request, "503.html", refusal, status=status)
+    response.headers["Retry-After"] = str(retry_after_s)
     return response

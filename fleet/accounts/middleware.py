@@ -1,4 +1,4 @@
-"""Middleware of every request: require a sign-in, set the person's time zone, note the use of a sign-in."""
+"""Middleware of every request: forms of strangers, sign-in, the person's time zone, the use of a sign-in."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from typing import Any
 
 from django.conf import settings
 from django.contrib.auth.middleware import LoginRequiredMiddleware
+from django.core.exceptions import TooManyFieldsSent
 from django.db import InterfaceError, OperationalError
 from django.http import HttpRequest, HttpResponseBase, JsonResponse
 from django.utils import timezone
+from django.utils.translation import gettext as _
 
 from fleet import zones
 from fleet.accounts import services
@@ -18,6 +20,9 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import wants_json
 
 logger = logging.getLogger(__name__)
+
+STRANGERS_FIELDS = 100
+_BETWEEN_FIELDS = {"application/x-www-form-urlencoded": b"&", "multipart/form-data": b"form-data"}
 
 
 class SignInRequired(LoginRequiredMiddleware):
@@ -31,6 +36,34 @@ class SignInRequired(LoginRequiredMiddleware):
             text = "Not done: you are signed out. Sign in again."
             return JsonResponse({"code": "signed_out", "text": text, "rule": "account"}, status=401)
         return super().handle_no_permission(request, view_func)
+
+
+class TooManyFields(TooManyFieldsSent):
+    """A form has more fields than the console reads."""
+
+    def __init__(self, most: int) -> None:
+        self.text = _("Not done: this form has more than %(most)d fields. Choose fewer entries at a time.") % {
+            "most": most
+        }
+        super().__init__(self.text)
+
+
+def few_fields_of_strangers(
+    get_response: Callable[[HttpRequest], HttpResponseBase],
+) -> Callable[[HttpRequest], HttpResponseBase]:
+    """Middleware: refuse large forms of people who are not signed in, before the form is read.
+
+    Forms of signed-in people may have as many fields as the largest list of people has lines, and more
+    (`DATA_UPLOAD_MAX_NUMBER_FIELDS`). No form that a stranger sees has more than 20.
+    """
+
+    def middleware(request: HttpRequest) -> HttpResponseBase:
+        between = _BETWEEN_FIELDS.get(request.content_type or "")
+        if between and not request.user.is_authenticated and request.body.count(between) > STRANGERS_FIELDS:
+            raise TooManyFields(STRANGERS_FIELDS)
+        return get_response(request)
+
+    return middleware
 
 
 class ViewersZone:

@@ -31,6 +31,7 @@ from fleet.names import RESERVED, require
 
 FROM_THE_LIST = "ended from the session list"
 NAMES = ("username", "full_name", "email")  # the fields of an account that identify the person
+MOST_SIGN_INS = 50  # of one person; a newer one ends the oldest
 SEEN_EVERY = timedelta(minutes=1)
 _NOTED = "seen_at"  # key in the session's data: the time when its use was noted last, seconds since 1970
 
@@ -55,7 +56,14 @@ def sign_in_begun(request: HttpRequest, user: User) -> SignIn:
         },
     )
     request.session[_NOTED] = now.timestamp()
+    _end(user, SignIn.objects.filter(pk__in=_oldest(user)), "too many sign-ins")
     return sign_in
+
+
+def _oldest(user: User) -> list[UUID]:
+    """Return the person's sign-ins beyond `MOST_SIGN_INS`, which were not used for the longest time."""
+    used = SignIn.objects.filter(user=user).order_by("-seen_at", "-started_at")
+    return list(used.values_list("pk", flat=True)[MOST_SIGN_INS:])
 
 
 def sign_in_seen(request: HttpRequest) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil
 from typing import Final
 
 # Words in error messages of SQLite and PostgreSQL, with a code and a cause for people. The first match
@@ -36,6 +37,16 @@ class AuditUnavailable(Exception):
         """Return the refusal that explains a database error."""
         code, cause = cause_of(error)
         return cls(f"audit_{code}", f"Not done, because it could not be recorded: {cause}.")
+
+
+class TooManyChanges(AuditUnavailable):
+    """A person has made as many changes as one person may make in a period (`fleet.audit.rates`)."""
+
+    def __init__(self, period: str, most: int, wait_s: float) -> None:
+        minutes = ceil(wait_s / 60)
+        text = f"Not done: you have made {most} changes within one {period}, the most for one person."
+        super().__init__("too_many_changes", f"{text} Go on in {minutes} min, or ask the staff.")
+        self.figures = {"most": most, "per": period, "wait_s": round(wait_s)}
 
 
 def cause_of(error: BaseException) -> tuple[str, str]:

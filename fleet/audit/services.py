@@ -31,6 +31,7 @@ from fleet.audit.integrity.canonical import (
 )
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Actor, Chain, Content, Record
+from fleet.audit.rates import require_rate
 
 NAME_LENGTH = 200  # characters of a name or an outcome; the rest is cut off
 SALT_BYTES = 16
@@ -64,8 +65,9 @@ def record(
     `private` expire, and are removed when a person is erased. A text of more than 4 KiB is cut, and its
     length is noted.
 
-    Raises `AuditUnavailable` when the database cannot be written: then the caller must not do the action.
-    Raises `ValueError` for an unknown kind or a value that is no JSON.
+    Raises `AuditUnavailable` when the database cannot be written, or `TooManyChanges` when the actor has made too
+    many changes (`rates`): then the caller must not do the action. Raises `ValueError` for an unknown kind or a
+    value that is no JSON.
     """
     people = {_id_of(person): person for person in (actor, real_actor) if person is not None}
     new = _new(
@@ -80,6 +82,7 @@ def record(
         outcome=_short(outcome),
     )
     with _as_audit_unavailable(), transaction.atomic(savepoint=False):
+        require_rate(kind, actor, timezone.now())
         _copy_from_request(new[0], _numbered(of) if isinstance(of, int) else of, request_id)
         _append([new], people)
     return new[0]

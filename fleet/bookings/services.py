@@ -65,6 +65,7 @@ LENGTHENED_BY = timedelta(minutes=15)
 # not begun must not be freed then.
 NOTED_AFTER = timedelta(hours=14)
 NOTED_UNTIL = timedelta(days=3)
+CANCELLED_KEPT = timedelta(days=400)  # the report of a term counts cancelled bookings
 
 changed = Signal()  # sent after the commit of a change of a robot's bookings; argument: robot_id
 # Sent inside each transaction that locks a robot's bookings, before and after its change; arguments: robot, now.
@@ -600,6 +601,12 @@ def store_no_shows(now: datetime) -> None:
             mine = Booking.objects.filter(pk=booking.pk, version=booking.version, used_at=None)
             for unused in mine.select_related("person", "robot"):
                 _store_unused(unused, held_slot(unused, grace_of(policy_of(robot)), now).ends_at)
+
+
+def remove_old_cancelled(now: datetime) -> None:
+    """Remove bookings that were cancelled before they began, after `CANCELLED_KEPT`. The log has their records."""
+    old = Booking.objects.filter(state=State.CANCELLED, starts_at__lt=now - CANCELLED_KEPT)
+    old.filter(held_until=F("starts_at")).delete()
 
 
 def _store_unused(booking: Booking, until: datetime) -> None:

@@ -17,6 +17,7 @@ _script_texts = login_not_required(
     cache_control(private=True, max_age=300)(JavaScriptCatalog.as_view(packages=["fleet"]))
 )
 
+handler400 = "fleet.site.views.bad_request"
 handler404 = "fleet.site.views.not_found"
 handler500 = "fleet.unavailable.error_page"
 

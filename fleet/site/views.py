@@ -7,7 +7,7 @@ from functools import cache
 from django.conf import settings
 from django.contrib.auth.decorators import login_not_required
 from django.contrib.auth.views import redirect_to_login
-from django.core.exceptions import PermissionDenied
+from django.core.exceptions import PermissionDenied, TooManyFieldsSent
 from django.db import DatabaseError, connection
 from django.db.migrations.executor import MigrationExecutor
 from django.http import HttpRequest, HttpResponse, JsonResponse
@@ -17,6 +17,8 @@ from django.utils.translation import gettext_lazy as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
+from fleet.accounts.middleware import TooManyFields
+from fleet.accounts.requests import wants_json
 from fleet.audit.kinds import Kept
 
 WHY_KEPT = {
@@ -24,6 +26,17 @@ WHY_KEPT = {
     Kept.DRIVING: _("To see where and how fast a robot drove, and where its gate intervened."),
     Kept.OTHER: _("Reasons, names, addresses and browsers: to find misuse of accounts and rights."),
 }
+
+
+def bad_request(request: HttpRequest, exception: Exception) -> HttpResponse:
+    """Handle 400. A form with too many fields is refused in words: it was too large, not wrong."""
+    text = getattr(exception, "text", "")
+    if isinstance(exception, TooManyFieldsSent):
+        text = text or TooManyFields(settings.DATA_UPLOAD_MAX_NUMBER_FIELDS).text
+        if wants_json(request):
+            refusal = {"code": "too_many_fields", "text": text, "rule": "limits"}
+            return JsonResponse(refusal, status=400)
+    return render(request, "400.html", {"text": text}, status=400)
 
 
 def not_found(request: HttpRequest, exception: Exception) -> HttpResponse:

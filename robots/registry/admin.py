@@ -14,7 +14,7 @@ from django.forms import ModelForm
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
 from django.urls import reverse
-from django.utils.html import format_html
+from django.utils.html import format_html, format_html_join
 from django.utils.timezone import localtime
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
@@ -24,7 +24,7 @@ from fleet.accounts.requests import person_of
 from fleet.audit.recorded_admin import RecordedAdmin
 from robots.access.services import role_set
 from robots.registry import services, shipped_profiles
-from robots.registry.admin_entries import AllowanceInline, SpokenFormSet, save_entries
+from robots.registry.admin_entries import AllowanceInline, SpokenFormSet, list_link, save_entries
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.registry.selectors import last_editor, slug_for
 from robots.supervisor.process_keeper import LOCK, supervised
@@ -132,7 +132,7 @@ class RobotAdmin(RecordedAdmin):
     list_select_related = ["profile", "bridge"]
     search_fields = ["name", "slug", "master_uri"]
     prepopulated_fields = {"slug": ["name"]}
-    readonly_fields = ["bridge_state", "check_link", "updated_at"]
+    readonly_fields = ["bridge_state", "check_link", "lists", "updated_at"]
     form = RobotForm
     formfield_overrides = READABLE
     inlines = [RoleInline, AllowanceInline]
@@ -148,6 +148,7 @@ class RobotAdmin(RecordedAdmin):
                     "enabled",
                     "bridge_state",
                     "check_link",
+                    "lists",
                     "as_of",
                 ]
             },
@@ -200,6 +201,16 @@ class RobotAdmin(RecordedAdmin):
             return gettext("after saving")
         url = reverse("robot-check", args=[robot.slug])
         return format_html('<a href="{}">{}</a>', url, gettext("Check this robot"))
+
+    @admin.display(description=_("lists"))
+    def lists(self, robot: Robot) -> str:
+        """Return links to all entries: below, only the first are shown."""
+        if robot._state.adding:
+            return gettext("after saving")
+        links = [
+            (list_link(entries, robot__id=robot.pk),) for entries in (robot.roles.all(), robot.allowances.all())
+        ]
+        return format_html_join(" · ", "{}", links)
 
     def save_model(self, request: HttpRequest, obj: Robot, form: ModelForm[Robot], change: bool) -> None:
         """Save by the service."""
@@ -276,14 +287,14 @@ class RobotProfileAdmin(RecordedAdmin):
     """Kinds of robots."""
 
     list_display = ["name", "slug", "holonomic", "forward_mps", "blind_mps", "drive_topic", "source"]
-    readonly_fields = ["source", "updated_at"]
+    readonly_fields = ["source", "lists", "updated_at"]
     form = FreshForm
     formfield_overrides = READABLE
     actions = ["take_shipped"]
     inlines = [AllowanceInline]
     save_as = True
     fieldsets = [
-        (None, {"fields": ["name", "slug", "holonomic", "source", "as_of"]}),
+        (None, {"fields": ["name", "slug", "holonomic", "source", "lists", "as_of"]}),
         (
             _("Limits"),
             {
@@ -313,6 +324,13 @@ class RobotProfileAdmin(RecordedAdmin):
         if shipped_profiles.differs(profile, file):
             return gettext("edited here; the shipped one differs")
         return gettext("as shipped")
+
+    @admin.display(description=_("lists"))
+    def lists(self, profile: RobotProfile) -> str:
+        """Return a link to all entries: below, only the first are shown."""
+        if profile._state.adding:
+            return gettext("after saving")
+        return list_link(profile.allowances.all(), profile__id=profile.pk)
 
     @admin.action(description=_("Replace local edits by the shipped version"))
     def take_shipped(self, request: HttpRequest, queryset: QuerySet[RobotProfile]) -> None:

@@ -13,7 +13,8 @@ from django.db.models import F, QuerySet
 from django.forms import BaseInlineFormSet
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
-from django.urls import URLPattern, path
+from django.urls import URLPattern, path, reverse
+from django.utils.html import format_html
 from django.utils.translation import gettext, ngettext
 from django.utils.translation import gettext_lazy as _
 
@@ -34,8 +35,21 @@ def save_entries(formset: Any, actor: User) -> None:
         services.entry_delete(entry=entry, actor=actor)
 
 
+MOST_ROWS = 100
+
+
 class SpokenFormSet(BaseInlineFormSet):  # type: ignore[type-arg]  # not subscriptable at run time
-    """Rows of inputs. For screen readers, each input has its column's name as a label."""
+    """Rows of inputs: the first `MOST_ROWS`, because a page and a form with thousands of inputs are too large.
+
+    The others are in the entries' own list (`list_link`). For screen readers, each input has its column's name
+    as a label.
+    """
+
+    def get_queryset(self) -> QuerySet[Any]:
+        """Return the entries that are shown; of a form that was sent, those that it may name."""
+        if not self.is_bound and not hasattr(self, "_queryset"):
+            self._queryset = super().get_queryset()[:MOST_ROWS]
+        return super().get_queryset()
 
     def add_fields(self, form: Any, index: int | None) -> None:
         """Add the labels."""
@@ -43,6 +57,18 @@ class SpokenFormSet(BaseInlineFormSet):  # type: ignore[type-arg]  # not subscri
         for field in form.fields.values():
             if field.label:
                 field.widget.attrs["aria-label"] = field.label
+
+
+def list_link(entries: QuerySet[Any], **owner: Any) -> str:
+    """Return a link to the list of all entries of an owner. `owner`: name of the field, and key."""
+    [(field, key)] = owner.items()
+    options = entries.model._meta
+    url = reverse(f"admin:{options.app_label}_{options.model_name}_changelist")
+    words = gettext("%(name)s: all %(count)d") % {
+        "name": options.verbose_name_plural,
+        "count": entries.count(),
+    }
+    return format_html('<a href="{}?{}__exact={}">{}</a>', url, field, key, words)
 
 
 class AllowanceInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscriptable at run time

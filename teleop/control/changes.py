@@ -38,7 +38,7 @@ def recorded_change() -> Iterator[None]:
     except BookingRefused as error:
         raise ControlRefused(error.refusal) from error
     except AuditUnavailable as error:
-        raise NotStored(Refusal(error.code, error.text, error.rule)) from error
+        raise NotStored(Refusal(error.code, error.text, error.rule, getattr(error, "figures", {}))) from error
     except DatabaseError as error:
         raise NotStored(database_refusal(error)) from error
 

@@ -26,7 +26,7 @@ from fleet.audit.errors import AuditUnavailable
 from fleet.bookings.changes import lost_rights
 from fleet.bookings.changes import waiting_list as waiting
 from fleet.bookings.messages import notifications
-from fleet.bookings.services import store_no_shows
+from fleet.bookings.services import remove_old_cancelled, store_no_shows
 from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
 from teleop.api.v1.framework.idempotency import remove_old_answers
@@ -152,6 +152,7 @@ def daily_steps() -> Iterator[None]:
     while remove_old_deliveries(now):
         yield
     remove_old_answers(now)
+    remove_old_cancelled(now)
     yield from retention.remove_expired(now)
     if not retention.clock_is_doubted(now.date()):
         waiting.forget_past(now)

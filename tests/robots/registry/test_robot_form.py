@@ -7,7 +7,9 @@ from django.test import Client
 from django.urls import reverse
 
 from fleet.accounts.models import User
-from robots.registry.models import Robot, RobotProfile
+from robots.registry.admin_entries import MOST_ROWS
+from robots.registry.models import Allowance, Robot, RobotProfile, RobotRole
+from tests.robots.registry.test_admin import filled
 
 ENTERED = {"name": "Tia Two", "master_uri": "http://tiago-42c:11311", "enabled": "on", "max_share": "1"}
 
@@ -39,3 +41,31 @@ def test_the_rest_is_folded_and_has_boxes_for_rows(admin: Client) -> None:
     assert page.count("<details>") == 2
     assert 'data-pairs="text"' in page
     assert 'data-pairs="grouped"' in page
+
+
+PEOPLE = 130
+
+
+def test_a_robot_with_hundreds_of_roles_and_entries_is_saved(
+    admin: Client, robot: Robot, operator: User
+) -> None:
+    people = User.objects.bulk_create(User(username=f"person-{number}") for number in range(PEOPLE))
+    RobotRole.objects.bulk_create(RobotRole(robot=robot, user=one, role="observer") for one in people)
+    Allowance.objects.bulk_create(
+        Allowance(robot=robot, what="publish", name=f"/t{n}", type="std_msgs/Empty", role="operator")
+        for n in range(PEOPLE)
+    )
+    address = reverse("admin:robots_robot_change", args=[robot.pk])
+    page = admin.get(address)
+    roles = page.context["inline_admin_formsets"][0].formset
+    assert (len(roles.initial_forms), f"all {PEOPLE + 1}" in page.content.decode()) == (MOST_ROWS, True)
+    first = roles.initial_forms[5]
+    sent = filled(admin, address, name="Tia Three", **{f"{first.prefix}-role": "supervisor"})
+    answer = admin.post(address, sent)
+    assert answer.status_code == 302, (answer.context["errors"], [f.formset.errors[:3] for f in answer.context["inline_admin_formsets"]])
+    robot.refresh_from_db()
+    assert robot.name == "Tia Three"
+    assert RobotRole.objects.get(pk=first.instance.pk).role == "supervisor"
+    assert RobotRole.objects.filter(robot=robot, role="observer").count() == PEOPLE - 1
+    entries = f"{reverse('admin:robots_robotrole_changelist')}?robot__id__exact={robot.pk}"
+    assert f"{PEOPLE + 1} roles on robots" in admin.get(entries).content.decode()

@@ -47,6 +47,9 @@ KEY_PARAMETER = OpenApiParameter(
     description="Of your choice. The same request with the same key, within 24 h, is done once and answered again.",
 )
 
+MOST_KEYS = 2000  # of one person within `KEPT`
+MOST_REFUSED = 100  # newest refusals that are kept of one person: a refused request did nothing
+
 _waiting = threading.BoundedSemaphore(MOST_WAITING)
 _NOT_KEPT = (401, 429)  # nothing was done: the same key may be used again
 _MAY_BE_DONE = ("no_answer", "connection_lost", "not_recorded")  # the request had been sent to the robot
@@ -55,6 +58,12 @@ _REUSED = Refusal(
     "key_reused",
     f"Another request had this {HEADER} within 24 h. Choose a new key for a new request.",
     "wire",
+)
+_TOO_MANY = Refusal(
+    "too_many_keys",
+    f"You have sent {MOST_KEYS} requests with an {HEADER} within 24 h, the most for one person. Send this one without, or later.",
+    "wire",
+    {"most": MOST_KEYS},
 )
 _GOES_ON = Refusal(
     "in_progress",
@@ -102,6 +111,9 @@ def _claimed(digest: str, asked: str, person: User) -> tuple[KeyedRequest, bool]
     """Return the claim of a key, and whether this request made it."""
     now = timezone.now()
     facts = {"request": asked, "person": person, "made_at": now}
+    kept = KeyedRequest.objects.filter(person=person)
+    if kept.count() >= MOST_KEYS and not kept.filter(pk=digest).exists():
+        raise Problem(_TOO_MANY, 429)
     claim, mine = KeyedRequest.objects.get_or_create(pk=digest, defaults=facts)
     if claim.made_at < now - KEPT:
         KeyedRequest.objects.filter(pk=digest, made_at=claim.made_at).delete()
@@ -132,6 +144,10 @@ def _keep(claim: KeyedRequest, status: int, body: Any, headers: dict[str, str]) 
             return
         claim.status, claim.body, claim.headers = status, body, headers
         claim.save(update_fields=["status", "body", "headers"])
+        if status >= 400:
+            refused = KeyedRequest.objects.filter(person=claim.person_id, status__gte=400)
+            older = refused.order_by("-made_at").values_list("pk", flat=True)[MOST_REFUSED:]
+            KeyedRequest.objects.filter(pk__in=list(older)).delete()
     except DatabaseError as error:  # the work is done, so its answer is sent
         log.error("The answer of a request with a key is not kept: %s", error)
 

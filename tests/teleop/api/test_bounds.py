@@ -1,0 +1,103 @@
+"""Nobody can fill the tables: what one person may leave in them is bounded, and said in words."""
+
+from datetime import timedelta
+
+import pytest
+from django.test import Client
+from django.utils import timezone as clock
+
+from fleet.accounts import services as accounts
+from fleet.accounts.models import SignIn
+from fleet.audit import rates
+from fleet.audit.models import Record
+from fleet.bookings.models import Booking, State
+from fleet.bookings.services import CANCELLED_KEPT, remove_old_cancelled
+from teleop.api.v1.framework import idempotency
+from teleop.models import KeyedRequest
+from tests.conftest import PASSWORD
+from tests.teleop.api.test_bookings import wish
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def most(monkeypatch):
+    """A person may make six changes an hour."""
+    monkeypatch.setattr(rates, "MOST", ((timedelta(hours=1), "hour", 6), (rates.DAY, "day", 100)))
+    return 6
+
+
+def test_booking_and_cancelling_ends_at_the_rate(most, robot, operator, second_operator, staff, program):
+    api = program(operator)  # the token is the first change
+    codes = []
+    for _ in range(10):
+        made = api("POST", "/bookings", wish(robot))
+        codes.append(made.data.get("code"))
+        if made.status_code == 201:
+            cancelled = api("DELETE", f"/bookings/{made.data['id']}", If_Match='"1"')
+            assert cancelled.status_code < 300
+    assert codes == [None] * (most - 1) + ["too_many_changes"] * (11 - most)
+    assert (made.status_code, made.data["figures"]["most"], made.data["figures"]["per"]) == (429, most, "hour")
+    assert 0 < int(made["Retry-After"]) <= 3600
+    assert "400" not in made.data["text"] and f"{most} changes within one hour" in made.data["text"]
+    assert Booking.objects.count() == most - 1
+    for other in (second_operator, staff):
+        assert program(other)("POST", "/bookings", wish(robot, 3 if other is staff else 1)).status_code == 201
+
+
+def test_a_booking_is_cancelled_whatever_the_rate(most, robot, operator, program):
+    api = program(operator)
+    made = [api("POST", "/bookings", wish(robot, number)).data for number in range(1, most + 2)]
+    assert [one.get("code") for one in made][-2:] == ["too_many_changes"] * 2
+    assert api("DELETE", f"/bookings/{made[0]['id']}", If_Match='"1"').status_code < 300
+
+
+def test_yesterdays_changes_count_no_more(most, robot, operator, program, monkeypatch):
+    api = program(operator)
+    for number in range(1, most + 1):
+        api("POST", "/bookings", wish(robot, number))
+    assert api("POST", "/bookings", wish(robot, 9)).status_code == 429
+    monkeypatch.setattr(rates, "MOST", ((timedelta(0), "hour", most),))
+    assert api("POST", "/bookings", wish(robot, 9)).status_code == 201
+
+
+def test_refused_requests_with_keys_keep_few_rows(robot, operator, program, monkeypatch):
+    monkeypatch.setattr(idempotency, "MOST_REFUSED", 5)
+    api, records = program(operator), Record.objects.count()
+    for number in range(20):
+        answer = api("POST", "/bookings", wish(robot, -5), Idempotency_Key=f"key-{number}")
+        assert answer.status_code == 409
+    assert KeyedRequest.objects.count() == 5
+    again = api("POST", "/bookings", wish(robot, -5), Idempotency_Key="key-19")
+    assert again["Idempotent-Replayed"] == "true"
+    assert Record.objects.count() - records <= 1  # repeats share one record
+
+
+def test_one_person_has_a_number_of_keys_a_day(robot, operator, program, monkeypatch):
+    monkeypatch.setattr(idempotency, "MOST_KEYS", 3)
+    api = program(operator)
+    answers = [
+        api("POST", "/bookings", wish(robot, number), Idempotency_Key=f"key-{number}") for number in range(1, 6)
+    ]
+    assert [answer.status_code for answer in answers] == [201, 201, 201, 429, 429]
+    assert (answers[4].data["code"], answers[4].data["figures"]) == ("too_many_keys", {"most": 2000})
+    assert api("POST", "/bookings", wish(robot, 1), Idempotency_Key="key-1").status_code == 201  # the kept answer
+
+
+def test_a_person_has_a_number_of_sign_ins_at_a_time(operator, monkeypatch):
+    monkeypatch.setattr(accounts, "MOST_SIGN_INS", 3)
+    browsers = [Client() for _ in range(5)]
+    for browser in browsers:
+        assert browser.login(username=operator.username, password=PASSWORD)
+    assert SignIn.objects.filter(user=operator).count() == 3
+    assert [browser.get("/").status_code for browser in browsers] == [401, 401, 200, 200, 200]
+
+
+def test_cancelled_bookings_are_removed_when_no_report_needs_them(robot, operator, program):
+    api = program(operator)
+    made = api("POST", "/bookings", wish(robot)).data
+    api("DELETE", f"/bookings/{made['id']}", If_Match='"1"')
+    remove_old_cancelled(clock.now() + CANCELLED_KEPT)
+    assert Booking.objects.get().state == State.CANCELLED
+    remove_old_cancelled(clock.now() + CANCELLED_KEPT + timedelta(days=1))
+    assert not Booking.objects.exists()
