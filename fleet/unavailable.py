@@ -52,7 +52,7 @@ def answer(request: HttpRequest, error: BaseException | None) -> HttpResponse | 
     match error:
         case TooManyChanges():
             refusal = {"code": error.code, "text": error.text, "rule": error.rule, "figures": error.figures}
-            return _response(request, refusal, 429, error.figures["wait_s"])
+            return _response(request, refusal, 429, error.wait_s)
         case AuditUnavailable() | HashingBusy():
             refusal = {"code": error.code, "text": error.text, "rule": error.rule}
         case OperationalError() | InterfaceError():

@@ -42,9 +42,9 @@ class TooManyFields(TooManyFieldsSent):
     """A form has more fields than the console reads."""
 
     def __init__(self, most: int) -> None:
-        self.text = _("Not done: this form has more than %(most)d fields. Choose fewer entries at a time.") % {
-            "most": most
-        }
+        self.text = _(
+            "Not done: this form has more than %(most)d fields. Choose fewer entries at a time."
+        ) % {"most": most}
         super().__init__(self.text)
 
 

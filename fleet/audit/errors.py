@@ -46,7 +46,8 @@ class TooManyChanges(AuditUnavailable):
         minutes = ceil(wait_s / 60)
         text = f"Not done: you have made {most} changes within one {period}, the most for one person."
         super().__init__("too_many_changes", f"{text} Go on in {minutes} min, or ask the staff.")
-        self.figures = {"most": most, "per": period, "wait_s": round(wait_s)}
+        self.wait_s = max(1, ceil(wait_s))
+        self.figures: dict[str, int | str] = {"most": most, "per": period, "wait_s": self.wait_s}
 
 
 def cause_of(error: BaseException) -> tuple[str, str]:

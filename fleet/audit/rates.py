@@ -51,6 +51,8 @@ def require_rate(kind: str, actor: object, now: datetime) -> None:
         return
     made = Record.objects.filter(actor=str(actor.pk), kind__in=COUNTED, id__gte=since)
     for period, name, most in MOST:
-        oldest = made.filter(at__gt=now - period).order_by("-id").values_list("at", flat=True)[most - 1 : most]
+        oldest = (
+            made.filter(at__gt=now - period).order_by("-id").values_list("at", flat=True)[most - 1 : most]
+        )
         if (first := oldest.first()) is not None:
             raise TooManyChanges(name, most, (first + period - now).total_seconds())

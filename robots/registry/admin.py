@@ -208,7 +208,8 @@ class RobotAdmin(RecordedAdmin):
         if robot._state.adding:
             return gettext("after saving")
         links = [
-            (list_link(entries, robot__id=robot.pk),) for entries in (robot.roles.all(), robot.allowances.all())
+            (list_link(entries, robot__id=robot.pk),)
+            for entries in (robot.roles.all(), robot.allowances.all())
         ]
         return format_html_join(" · ", "{}", links)
 

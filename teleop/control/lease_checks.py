@@ -219,6 +219,13 @@ def check_holder(lease: LeaseState | None, *, tab: Tab, now: datetime) -> Refusa
     return _over(lease, now)
 
 
+def check_in_control(lease: LeaseState | None, *, user: UUID, now: datetime) -> Refusal | None:
+    """Check that this person has control, in whichever tab or program."""
+    if lease is None or lease.user != user:
+        return NO_LEASE
+    return _over(lease, now)
+
+
 def check_fence(fence: int, held: int | None) -> Refusal | None:
     """Refuse a command if its `fence` differs from `held`, the fence of the connection's control (None: no control)."""
     if held is None:

@@ -1,4 +1,4 @@
-"""Service calls and parameter changes: for staff, from the allow-list, recorded before they are sent."""
+"""Service calls and parameter changes: for staff in control, from the allow-list, recorded before they are sent."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 from django.db import DatabaseError
+from django.utils import timezone
 from msgspec import Struct
 
 from fleet.accounts.models import User
@@ -21,7 +22,8 @@ from robots.wire import CallService, Refusal, SetParameter
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.allow_list import check_role, required_role
-from teleop.control.changes import ControlRefused, recorded_change
+from teleop.control.changes import ControlRefused, recorded_change, robot_locked
+from teleop.control.lease_checks import check_in_control
 from teleop.control.selectors import lease_of
 from teleop.control.status import Rights
 from teleop.live.robot_hub import RobotHub
@@ -62,15 +64,18 @@ def _record(call: ServiceCall, hub: RobotHub, user: User) -> Record:
     else:
         kind, facts, given = "parameter.set", {"name": call.name}, {"value": _recorded(call.value)}
     with recorded_change():
-        held = lease_of(hub.robot_id)  # staff may call while another person has control
-        own = held if held and held.user == user.pk else None
+        robot_locked(hub.robot_id)  # control cannot change until the call is on record
+        held = lease_of(hub.robot_id)
+        refusal = check_in_control(held, user=user.pk, now=timezone.now())
+        if refusal is not None:
+            raise ControlRefused(refusal)
         return audit.record(
             kind,
             actor=user,
             robot_id=hub.robot_id,
             robot_name=hub.entry.facts.name,
-            session_id=own.session if own else None,
-            fence=own.fence if own else None,
+            session_id=held.session if held else None,
+            fence=held.fence if held else None,
             parameters=facts,
             private=given,
         )

@@ -53,7 +53,9 @@ def form_of_many_fields(browser: Client) -> int:
 
 
 def broken_form(browser: Client) -> int:
-    return browser.post(reverse("booking-new"), b"no parts", "multipart/form-data; boundary=" + "b" * 300).status_code
+    return browser.post(
+        reverse("booking-new"), b"no parts", "multipart/form-data; boundary=" + "b" * 300
+    ).status_code
 
 
 def api_refusal(browser: Client) -> int:
@@ -77,7 +79,11 @@ def api_broken_body(browser: Client) -> int:
     ],
 )
 def test_a_refused_request_is_one_line(
-    log: io.StringIO, signed_in: Callable[[User], Client], operator: User, asks: Callable[[Client], int], status: int
+    log: io.StringIO,
+    signed_in: Callable[[User], Client],
+    operator: User,
+    asks: Callable[[Client], int],
+    status: int,
 ) -> None:
     assert asks(signed_in(operator)) == status
     assert log.getvalue().count("\n") == 1, log.getvalue()

@@ -216,7 +216,7 @@ def test_a_published_velocity_passes_the_gate_and_ends_with_tab(
 
 def test_staff_call_services_and_set_parameters_on_the_list(person: Arrive) -> None:
     staff = person("staff", width=360, height=640)
-    staff.watch(ROBOT)
+    staff.take(ROBOT)
     topics_of(staff)
     services = staff.part("service-list")
     services.get_by_role("searchbox").fill("list_motions")
@@ -233,4 +233,5 @@ def test_staff_call_services_and_set_parameters_on_the_list(person: Arrive) -> N
     shown.get_by_label("Value of /robot_description").fill('"no arm"')
     shown.get_by_role("button", name="Set").click()
     shown.get_by_text("not on the allow-list").wait_for()
+    staff.release()
     assert staff.complaints == []

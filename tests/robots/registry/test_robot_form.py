@@ -62,7 +62,10 @@ def test_a_robot_with_hundreds_of_roles_and_entries_is_saved(
     first = roles.initial_forms[5]
     sent = filled(admin, address, name="Tia Three", **{f"{first.prefix}-role": "supervisor"})
     answer = admin.post(address, sent)
-    assert answer.status_code == 302, (answer.context["errors"], [f.formset.errors[:3] for f in answer.context["inline_admin_formsets"]])
+    assert answer.status_code == 302, (
+        answer.context["errors"],
+        [f.formset.errors[:3] for f in answer.context["inline_admin_formsets"]],
+    )
     robot.refresh_from_db()
     assert robot.name == "Tia Three"
     assert RobotRole.objects.get(pk=first.instance.pk).role == "supervisor"

@@ -37,10 +37,16 @@ def test_booking_and_cancelling_ends_at_the_rate(most, robot, operator, second_o
             cancelled = api("DELETE", f"/bookings/{made.data['id']}", If_Match='"1"')
             assert cancelled.status_code < 300
     assert codes == [None] * (most - 1) + ["too_many_changes"] * (11 - most)
-    assert (made.status_code, made.data["figures"]["most"], made.data["figures"]["per"]) == (429, most, "hour")
+    assert (made.status_code, made.data["figures"]["most"], made.data["figures"]["per"]) == (
+        429,
+        most,
+        "hour",
+    )
     assert 0 < int(made["Retry-After"]) <= 3600
     assert "400" not in made.data["text"] and f"{most} changes within one hour" in made.data["text"]
     assert Booking.objects.count() == most - 1
+    keyed = api("POST", "/bookings", wish(robot), Idempotency_Key="a")
+    assert (keyed.status_code, KeyedRequest.objects.count()) == (429, 0)
     for other in (second_operator, staff):
         assert program(other)("POST", "/bookings", wish(robot, 3 if other is staff else 1)).status_code == 201
 
@@ -77,11 +83,14 @@ def test_one_person_has_a_number_of_keys_a_day(robot, operator, program, monkeyp
     monkeypatch.setattr(idempotency, "MOST_KEYS", 3)
     api = program(operator)
     answers = [
-        api("POST", "/bookings", wish(robot, number), Idempotency_Key=f"key-{number}") for number in range(1, 6)
+        api("POST", "/bookings", wish(robot, number), Idempotency_Key=f"key-{number}")
+        for number in range(1, 6)
     ]
     assert [answer.status_code for answer in answers] == [201, 201, 201, 429, 429]
     assert (answers[4].data["code"], answers[4].data["figures"]) == ("too_many_keys", {"most": 2000})
-    assert api("POST", "/bookings", wish(robot, 1), Idempotency_Key="key-1").status_code == 201  # the kept answer
+    assert (
+        api("POST", "/bookings", wish(robot, 1), Idempotency_Key="key-1").status_code == 201
+    )  # the kept answer
 
 
 def test_a_person_has_a_number_of_sign_ins_at_a_time(operator, monkeypatch):

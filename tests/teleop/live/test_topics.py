@@ -192,6 +192,14 @@ async def test_malformed_message_is_refused_and_keeps_the_connection(raw, code, 
 
 # --- services and parameters ------------------------------------------------------------------------------
 
+
+@pytest.fixture
+async def staff_in_control(open_page, open_topics):
+    """The topics of a member of staff who has control."""
+    await (await open_page("staff")).take()
+    return await open_topics("staff")
+
+
 CALL = {"t": "call", "service": "/clear_costmaps", "fields": {"a": 1}}
 SET = {"t": "set_parameter", "name": "/volume", "value": 50}
 
@@ -223,10 +231,10 @@ async def test_staff_are_bound_to_the_allow_list(question, open_topics, bridge):
     ],
 )
 async def test_call_is_recorded_before_it_is_sent(
-    question, kind, parameters, open_topics, bridge, staff, robot
+    question, kind, parameters, staff_in_control, bridge, staff, robot
 ):
     bridge.silent = True
-    page = await open_topics("staff")
+    page = staff_in_control
     await page.say(**question, seq=1)
     asked = await bridge.hears(wire.LinkQuery)
     begun = await in_database(lambda: Record.objects.select_related("content").get(kind=kind))
@@ -241,9 +249,9 @@ async def test_call_is_recorded_before_it_is_sent(
     assert (outcome.outcome, details) == ("service_failed", {"words": "It said no."})
 
 
-async def test_outcome_of_a_call_is_recorded_after_the_page_closed(open_topics, bridge):
+async def test_outcome_of_a_call_is_recorded_after_the_page_closed(staff_in_control, open_topics, bridge):
     bridge.silent = True
-    page = await open_topics("staff")
+    page = staff_in_control
     await page.say(**CALL, seq=1)
     asked = await bridge.hears(wire.LinkQuery)
     await open_topics("observer")  # keeps the hub open
@@ -254,8 +262,8 @@ async def test_outcome_of_a_call_is_recorded_after_the_page_closed(open_topics, 
     assert outcome.outcome == "done"
 
 
-async def test_record_of_a_long_call_has_its_beginning(open_topics, bridge):
-    page = await open_topics("staff")
+async def test_record_of_a_long_call_has_its_beginning(staff_in_control, bridge):
+    page = staff_in_control
     await page.say("call", service="/clear_costmaps", fields={"a": "x" * 5000}, seq=1)
     await bridge.hears(wire.LinkQuery)
     (kept,) = await in_database(
@@ -265,8 +273,8 @@ async def test_record_of_a_long_call_has_its_beginning(open_topics, bridge):
     assert len(kept.encode()) == TEXT_BYTES
 
 
-async def test_call_that_cannot_be_recorded_is_not_sent(open_topics, bridge, disk):
-    page = await open_topics("staff")
+async def test_call_that_cannot_be_recorded_is_not_sent(staff_in_control, bridge, disk):
+    page = staff_in_control
     await in_database(disk.fill)
     await page.say("call", service="/clear_costmaps", fields={"a": "x" * 5000}, seq=1)
     refused = await page.hears("refused", of="call", seq=1)

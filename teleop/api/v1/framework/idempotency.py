@@ -27,6 +27,7 @@ from rest_framework.response import Response
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import key_of
+from fleet.audit.errors import TooManyChanges
 from robots.wire import Refusal
 from teleop.api.v1.framework.problems import CONTENT_TYPE, Problem, body_of, problem_of
 from teleop.models import KeyedRequest
@@ -61,7 +62,8 @@ _REUSED = Refusal(
 )
 _TOO_MANY = Refusal(
     "too_many_keys",
-    f"You have sent {MOST_KEYS} requests with an {HEADER} within 24 h, the most for one person. Send this one without, or later.",
+    f"You have sent {MOST_KEYS} requests with an {HEADER} within 24 h, the most for one person. "
+    "Send this one without it, or later.",
     "wire",
     {"most": MOST_KEYS},
 )
@@ -124,6 +126,9 @@ def _claimed(digest: str, asked: str, person: User) -> tuple[KeyedRequest, bool]
 def _worked(claim: KeyedRequest, work: Callable[[], HttpResponseBase]) -> HttpResponseBase:
     try:
         response = work()
+    except TooManyChanges:  # nothing was done: the same key may be used again
+        claim.delete()
+        raise
     except Exception as error:
         problem = problem_of(error)
         if problem is not None and problem.refusal.code in _MAY_BE_DONE:

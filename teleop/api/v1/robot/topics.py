@@ -179,7 +179,7 @@ class CallView(TopicsBase):
 
     @_topics("services_call", "Call a service", body=CallRequest, answer=Called, keyed=True)
     def post(self, _request: Request, slug: str, body: CallRequest) -> Any:
-        """Staff, from the allow-list."""
+        """Staff in control of the robot, from the allow-list."""
         return self.ask(slug, wire.CallService(body.service, body.fields), Called)
 
 
@@ -202,7 +202,7 @@ class ParameterView(TopicsBase):
 
     @_topics("parameters_set", "Set a parameter", body=SetRequest, answer=Parameter)
     def put(self, _request: Request, slug: str, body: SetRequest) -> Any:
-        """Staff, from the allow-list."""
+        """Staff in control of the robot, from the allow-list."""
         return self.ask(slug, wire.SetParameter(body.name, body.value), Parameter)
 
 
