@@ -481,7 +481,8 @@ COURSE_QUOTAS: tuple[Rule, ...] = (
     within_common_quota,
     within_course_count,
 )
-# Who may use the rest of a slot that runs, and whose quotas must have room for it: the slot itself was allowed before.
+# Who may use an offered slot, or the rest of a slot that runs, and whose quotas must have room for it: the slot itself
+# was allowed before.
 RIGHTS: tuple[Rule, ...] = (has_role, by_a_course, qualified)
 REST: tuple[Rule, ...] = (
     *RIGHTS,

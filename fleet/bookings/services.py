@@ -519,14 +519,16 @@ def _check(
     return wish.course
 
 
-def check_kept(booking: Booking, actor: User, now: datetime) -> Course | None:
-    """Check a booking against the rules of this moment. Return the course for which it counts.
+def check_offer(booking: Booking, actor: User, now: datetime) -> Course | None:
+    """Check that the person of an offer may use it, and that their quotas have room for it.
 
-    Raises `BookingRefused`.
+    The slot itself was checked when it was offered. Return the course for which it counts. Raises
+    `BookingRefused`.
     """
     slot = Slot(booking.starts_at, booking.ends_at)
     quotas_locked(booking.robot, booking.person, slot)
-    return _check(booking.robot, booking.person, slot, now, actor=actor, moved=booking, stays=True)
+    asked: dict[str, Any] = {"actor": actor, "moved": booking, "stays": True}
+    return _check(booking.robot, booking.person, slot, now, rules=REST, **asked)
 
 
 def _valid_reason(override: str, actor: User, robot: Robot) -> str:

@@ -24,7 +24,7 @@ from fleet.bookings.rules import LONGEST, Slot, Wish, refusals
 from fleet.bookings.selectors import wish_of
 from fleet.bookings.services import (
     BookingRefused,
-    check_kept,
+    check_offer,
     free_unused,
     record_booking,
     robot_locked,
@@ -148,7 +148,7 @@ def offer_accept(*, booking_id: str, actor: User, now: datetime) -> Booking:
         over = offered.offer_until is None or offered.offer_until <= now
         if offered.state != State.OFFERED or offered.person_id != actor.pk or over:
             raise BookingRefused([_NO_OFFER])
-        offered.course = check_kept(offered, actor, now)
+        offered.course = check_offer(offered, actor, now)
         offered.state, offered.offer_until = state_for(actor, robot, offered.course), None
         offered.made_at = now
         save_booking(offered)
