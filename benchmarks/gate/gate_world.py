@@ -3,8 +3,9 @@
 MuJoCo decides what is a crash. Each core has one process, which is faster than real time; see
 `benchmarks.world`. The default takes five to ten minutes on two cores. FLEET_BENCH_REPEATS: seeds of each
 case (default 1; figures.md uses 30). FLEET_BENCH_DRAWS: runs with drawn sensors (default 160: two of each
-object, way and start). FLEET_BENCH_METRES: metres of random stick (default 100). FLEET_BENCH_PARTS: the parts
-to run. The part `decision` is `script/bench gate`: the cost of a decision.
+object, way and start). FLEET_BENCH_WALKERS: runs with people on two shins (default 100). FLEET_BENCH_METRES: metres
+of random stick (default 100). FLEET_BENCH_PARTS: the parts to run. The part `decision` is `script/bench gate`: the
+cost of a decision.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from benchmarks.world.cases import (
     navigation,
     objects,
     parked,
+    walkers,
 )
 
 REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "1"))
@@ -39,6 +41,7 @@ PARTS: dict[str, Callable[[int], list[Figure]]] = {
     "late": late.measure,
     "doors": doors.measure,
     "crossing": crossing.measure,
+    "walkers": walkers.measure,
     "leaving": leaving.measure,
     "arm": arm.measure,
     "clutter": clutter.measure,

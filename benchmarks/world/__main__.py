@@ -18,6 +18,7 @@ from benchmarks.world.cases import (
     navigation,
     objects,
     parked,
+    walkers,
 )
 from benchmarks.world.controllers import CONTROLLERS
 from benchmarks.world.loop import Case, Loop, Trace
@@ -29,10 +30,12 @@ def main() -> int:
     """Return the exit status: 1 if the robot touched something."""
     parser = _parser()
     asked = parser.parse_args()
-    if asked.record and asked.controller != "gate":
-        parser.error("only --controller gate can be recorded")
+    if asked.record and (asked.controller != "gate" or asked.part == "walkers"):
+        parser.error("only --controller gate can be recorded, in MuJoCo's world")
     if asked.part == "navigation":
         return _navigate(asked)
+    if asked.part == "walkers":
+        return _walk(asked)
     loop = loop_of(_case(asked), asked.controller, asked.seed)
     trace = recorded(loop, asked.record) if asked.record else loop.play()
     if not asked.quiet:
@@ -80,6 +83,8 @@ def _parser() -> argparse.ArgumentParser:
     way.add_argument(
         "--kind", choices=navigation.KINDS, default="good", help="how it plans, or who turns its head aside"
     )
+    shins = part.add_parser("walkers", help="people on two shins, everything drawn by the seed")
+    shins.add_argument("--still", action="store_true", help="the same room without people")
     for each in part.choices.values():
         each.add_argument("seed", type=int)
         each.add_argument("--controller", choices=list(CONTROLLERS), default="gate")
@@ -124,6 +129,24 @@ def _navigate(asked: argparse.Namespace) -> int:
         )
     print(f"{'CRASH' if trace.touches else 'clear'}, {trace.way_m:.2f} m in {trace.time_s:.1f} s")
     return 1 if trace.touches else 0
+
+
+def _walk(asked: argparse.Namespace) -> int:
+    run = walkers.run_of(
+        walkers.Job(asked.seed, walkers.STILL if asked.still else walkers.WITH), asked.controller
+    )
+    ended = run.play()
+    print(run.plan)
+    for m in () if asked.quiet else ended.moments:
+        print(
+            f"{m.time_s:6.2f} at {m.pose.x:6.3f} {m.pose.y:6.3f} {math.degrees(m.pose.yaw):6.1f}  moves {m.mps:5.2f}"
+            f"  sent {m.sent.vx:5.2f} {m.sent.w:5.2f}  gap {m.gap_m:6.3f}  {m.code} {m.text}"
+        )
+    if met := ended.met:
+        cause = walkers.cause_of(met, run.plan) or "seen in time"
+        print(f"{met.time_s:.2f} s: touches a {met.part} at {met.mps:.2f} m/s; {cause}")
+    print(f"{'CRASH' if met else 'clear'}, {ended.way_m:.2f} m")
+    return 1 if met else 0
 
 
 def _print_moments(trace: Trace) -> None:

@@ -46,7 +46,7 @@ from robots.bridge.gate import words
 from robots.bridge.gate.geometry import arm_discs
 from robots.bridge.gate.geometry.arc import speed
 from robots.bridge.gate.geometry.footprint import Discs, Footprint, footprint_of
-from robots.bridge.gate.geometry.planar import NO_POINTS, Points, placed, put
+from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Drift, Points, placed, put, relative_to
 from robots.bridge.gate.motion.braking import deceleration
 from robots.bridge.gate.motion.certificate import plays_clear, restrains_nothing
 from robots.bridge.gate.motion.corridors import Corridors
@@ -60,15 +60,17 @@ from robots.bridge.gate.motion.safe_twist import (
     is_still,
     restrain,
 )
+from robots.bridge.gate.movers.forecast import Forecast, forecast
+from robots.bridge.gate.movers.movers import MOVER, Movers
+from robots.bridge.gate.movers.tracks import Track
 from robots.bridge.gate.obstacles.depth_camera import DepthCamera, Frame
 from robots.bridge.gate.obstacles.heading import Heading
 from robots.bridge.gate.obstacles.laser_memory import LaserMemory
-from robots.bridge.gate.obstacles.movers import MOVER, Movers
 from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
 from robots.bridge.gate.obstacles.sonar_memory import SonarMemory
 from robots.bridge.gate.obstacles.sources import Laser, Sonar, Source
 from robots.bridge.gate.sensor_limits import Fault, SensorLimits
-from robots.bridge.gate.timing.freshness import LASER_STALE_S, ODOMETRY_STALE_S, Freshness
+from robots.bridge.gate.timing.freshness import ODOMETRY_STALE_S, Freshness
 from robots.bridge.gate.timing.latency import Latency
 from robots.bridge.gate.timing.trail import LARGEST_HOLE_S, Trail
 from robots.bridge.gate.timing.unseen_motion import Doubt, UnseenMotion
@@ -507,9 +509,17 @@ class Gate:
         """Return the share of a candidate that stays clear in the roll-out, and the obstacle that limits it."""
         if is_still(candidate):
             return Restraint(candidate)
-        drift = self._drift(obstacles.points)
-        # Moving obstacles have moved since the scan.
-        points = obstacles.points if drift is None else obstacles.points + self._scan_age_s() * drift
+        points, drift = obstacles.points, None
+        moving = self._moving()
+        if coming := self._forecast([track for _, track in moving]):
+            standing = np.zeros(len(points))
+            velocity, radius, grows = coming.drift
+            drift = Drift(
+                np.concatenate((np.zeros_like(points), velocity)),
+                np.concatenate((standing, radius)),
+                np.concatenate((standing, grows)),
+            )
+            points = np.concatenate((points, coming.points))
         rolled = safe_share(
             candidate,
             queue,
@@ -523,40 +533,39 @@ class Gate:
         )
         if rolled.share == 1.0:
             return Restraint(candidate)
-        at = obstacles.points[rolled.row]
-        gap_m = float(hull.gaps(at[None])[0])
-        rule = OBSTACLE if drift is None or not drift[rolled.row].any() else MOVER
-        cause = Cause(rule, (float(at[0]), float(at[1])), gap_m, int(obstacles.source[rolled.row]))
+        at, disc = points[rolled.row], rolled.row - len(obstacles.points)
+        point, gap_m = (float(at[0]), float(at[1])), float(hull.gaps(at[None])[0])
+        if coming is None or disc < 0:
+            cause = Cause(OBSTACLE, point, gap_m, int(obstacles.source[rolled.row]))
+        else:
+            laser, track = moving[int(coming.tracks[disc])]
+            cause = Cause(MOVER, point, gap_m - float(coming.drift.radius[disc]), laser, track.mps)
         return Restraint(candidate.scaled(rolled.share), cause)
 
     def _moves(self) -> bool:
         """Return whether a laser sees a moving obstacle."""
-        return any(movers.any for movers in self._movers.values())
+        return any(movers.tracks for movers in self._movers.values())
 
-    def _scan_age_s(self) -> float:
-        """Return the age (s) of the oldest current scan at the newest odometry, where a roll-out begins."""
-        stamps = [laser.freshness.stamp_s for laser in self._lasers.values()]
-        newest = self._odometry.stamp_s
-        known = [stamp_s for stamp_s in stamps if stamp_s is not None]
-        return min(max(newest - min(known), 0.0), LASER_STALE_S) if known and newest is not None else 0.0
+    def _moving(self) -> list[tuple[int, Track]]:
+        """Return what moves, each with the number of its laser among the sources."""
+        return [
+            (number, track) for number, movers in enumerate(self._movers.values()) for track in movers.tracks
+        ]
 
-    def _drift(self, points: Points) -> Points | None:
-        """Return the velocity of each point (base frame, m/s); None if nothing moves."""
-        newest = self._trail.newest
-        moving = [movers for movers in self._movers.values() if movers.any]
-        if newest is None or not moving:
+    def _forecast(self, tracks: list[Track]) -> Forecast | None:
+        """Return where movers may be from the newest odometry on (base frame); None if nothing moves."""
+        newest, stamp_s = self._trail.newest, self._odometry.stamp_s
+        if newest is None or stamp_s is None or not tracks:
             return None
-        there = placed(points, newest)
-        drift = np.zeros_like(there)
-        for movers in moving:
-            drift = np.where(drift.any(axis=1, keepdims=True), drift, movers.drift(there))
-        return placed(drift, Pose(0.0, 0.0, -newest.yaw))
+        points, drift, numbers = forecast(tracks, stamp_s)
+        turned = drift._replace(velocity=placed(drift.velocity, Pose(0.0, 0.0, -newest.yaw)))
+        return Forecast(placed(points, relative_to(ORIGIN, newest)), turned, numbers)
 
     def _restrained(self, asked: Velocity, wanted: Velocity, allowed: Velocity, cause: Cause) -> Verdict:
         """Return the verdict for a twist that an obstacle limits."""
         source = self._sources[cause.source]
         bearing = math.atan2(cause.point[1], cause.point[0])
-        reason = words.obstacle(source.word, cause.gap_m, bearing, cause.rule)
+        reason = words.obstacle(source.word, cause.gap_m, bearing, cause.rule, cause.mps)
         if isinstance(source, Sonar) and source.own_echo:
             reason = f"{reason}; {source.own_echo}"
         if source.kind in REMEMBERED and speed(allowed) == 0.0 and speed(wanted) > 0.0:

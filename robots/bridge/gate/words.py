@@ -16,7 +16,7 @@ SIDES: tuple[Side, ...] = (
     "right",
     "ahead right",
 )
-MANNERS = {"near_miss": "passing close, ", "mover": "moving, "}
+LEAST_TOLD_MPS = 0.2  # a mover's speed below is not known well enough to be said
 WAYS: tuple[tuple[Way, str], ...] = (
     ("forward", "forward"),
     ("left", "to the left"),
@@ -78,9 +78,15 @@ def _from_to(asked: float, allowed: float) -> str:
     return f"from {first} to {second}" if first != second else f"to {second}"
 
 
-def obstacle(word: str, gap_m: float, bearing: float, rule: str) -> str:
+def obstacle(word: str, gap_m: float, bearing: float, rule: str, mps: float = 0.0) -> str:
     """Return the cause in words: "laser, 0.6 m ahead left", with the rule if it is not obvious."""
-    return f"{MANNERS.get(rule, '')}{word}, {figure(max(gap_m, 0.0))} m {side(bearing)}"
+    return f"{_manner(rule, mps)}{word}, {figure(max(gap_m, 0.0))} m {side(bearing)}"
+
+
+def _manner(rule: str, mps: float) -> str:
+    if rule == "mover":
+        return f"moving at {figure(mps)} m/s, " if mps >= LEAST_TOLD_MPS else "moving, "
+    return "passing close, " if rule == "near_miss" else ""
 
 
 def way(direction: float) -> tuple[Way, str]:

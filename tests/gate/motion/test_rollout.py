@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry.footprint import Polygon, footprint_of
+from robots.bridge.gate.geometry.planar import Drift
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.rollout import (
     CLEAR,
@@ -44,10 +45,17 @@ queues = st.lists(twists, max_size=6).map(
 )
 
 
+def drifting(velocities, radius_m=0.0, grows_mps=0.0):
+    """Points that move, as discs that grow."""
+    velocities = np.asarray(velocities, dtype=float).reshape(-1, 2)
+    count = len(velocities)
+    return Drift(velocities, np.full(count, radius_m), np.full(count, grows_mps))
+
+
 def roll(kind, candidate, points, queue=(), velocity=STILL, drift=None):
     profile = PROFILES[kind]
     points = np.asarray(points, dtype=float).reshape(-1, 2)
-    drift = None if drift is None else np.asarray(drift, dtype=float).reshape(-1, 2)
+    drift = None if drift is None else drifting(drift)
     return safe_share(
         candidate, queue, velocity, points, drift, footprint_of(profile), profile, PERIOD_S, LATENCY_S
     )
@@ -300,6 +308,26 @@ def test_moving_points_get_a_wider_margin_than_standing_ones():
     driving = [Sent(forward, LATENCY_S)]
     assert roll("disc", forward, beside, driving, forward) == CLEAR
     assert roll("disc", forward, beside, driving, forward, drift=[(0.01, 0.0)]).share < 1.0
+
+
+def test_the_places_that_somebody_may_reach_grow_with_time():
+    forward, ahead = Velocity(0.6, 0.0, 0.0), np.array([(1.5, 0.0)])
+    profile, hull = PROFILES["disc"], footprint_of(PROFILES["disc"])
+    driving = [Sent(forward, LATENCY_S)]
+
+    def share(radius_m, grows_mps):
+        drift = drifting([(0.0, 0.0)], radius_m, grows_mps)
+        return safe_share(forward, driving, forward, ahead, drift, hull, profile, PERIOD_S, LATENCY_S).share
+
+    assert share(0.1, 0.0) == 1.0
+    assert share(0.8, 0.0) < 1.0
+    assert share(0.1, 0.8) < 1.0
+
+
+def test_the_base_brakes_fully_if_it_cannot_stand_in_time():
+    forward, ahead = Velocity(1.0, 0.0, 0.0), [(0.8, 0.0)]
+    driving = [Sent(forward, LATENCY_S)]
+    assert roll("disc", forward, ahead, driving, forward, drift=[(-0.5, 0.0)]).share == 0.0
 
 
 def test_a_robot_may_leave_a_near_moving_person():

@@ -1,1 +1,1 @@
-"""Obstacles: memory, movers, headings, and the cache."""
+"""Obstacles: memory, headings, and the cache."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from robots.bridge.gate.geometry import arc
 from robots.bridge.gate.geometry.arc import Contact, Courses, Direction, Metres, OneOrEach
-from robots.bridge.gate.geometry.planar import Path, Points, from_columns
+from robots.bridge.gate.geometry.planar import Drift, Path, Points, from_columns
 from robots.bridge.gate.values import GateProfile, Pose, Velocity
 
 Band = tuple[float, float]
@@ -81,10 +81,10 @@ class Footprint(Protocol):
     def bands(self, twist: Velocity) -> list[Band]:
         """Return the tracks (`arc.track`) that the hull sweeps on this arc."""
 
-    def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
+    def least_gaps(self, path: Path, points: Points, drift: Drift | None = None) -> Quick:
         """Return the least gap of each point on each row of a path, (rows, N).
 
-        Points with a drift (m/s) move with the path's time.
+        Points with a drift move with the path's time, and the gap counts from the discs about them.
         """
 
 
@@ -134,7 +134,7 @@ class Disc:
     def bands(self, twist: Velocity) -> list[Band]:
         return [_disc_band(0.0, 0.0, self.radius_m, twist)]
 
-    def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
+    def least_gaps(self, path: Path, points: Points, drift: Drift | None = None) -> Quick:
         return _least_distances(path, points, drift) - np.float32(self.radius_m)
 
 
@@ -192,7 +192,7 @@ class Discs:
     def bands(self, twist: Velocity) -> list[Band]:
         return [_disc_band(x, y, disc.radius_m, twist) for x, y, disc in self._discs]
 
-    def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
+    def least_gaps(self, path: Path, points: Points, drift: Drift | None = None) -> Quick:
         cos, sin = np.cos(path.yaw), np.sin(path.yaw)
         least: Quick = np.minimum.reduce(
             [
@@ -288,7 +288,7 @@ class Polygon:
             return [(min(tracks), max(tracks))]
         return [self._ring(*arc.centre(twist))]
 
-    def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
+    def least_gaps(self, path: Path, points: Points, drift: Drift | None = None) -> Quick:
         """Each edge of each pose is a half-plane; its distances to all points are one row of the product."""
         cos, sin = np.cos(path.yaw), np.sin(path.yaw)
         nx, ny, offsets = self._columns
@@ -297,8 +297,8 @@ class Polygon:
         planes: list[Metres | float] = [across, up, away]
         moments: list[Metres | float] = [*points.T, 1.0]
         if drift is not None:
-            planes += [path.time_s * across, path.time_s * up]
-            moments += [*drift.T]
+            planes += [path.time_s * across, path.time_s * up, -1.0, -path.time_s]
+            moments += [*drift.velocity.T, drift.radius, drift.grows]
         beyond = _product(planes, across.shape, moments, points.shape[:1])
         least: Quick = np.minimum.reduce(np.maximum.reduce(beyond), axis=1)
         return least
@@ -379,19 +379,27 @@ def _least(arrays: list[Metres]) -> Metres:
     return least
 
 
-def _least_distances(path: Path, points: Points, drift: Points | None) -> Quick:
-    """Return least distances of points p + u t from pose origins c: |p|^2 - 2 p.c + |c|^2, and terms of u."""
+def _least_distances(path: Path, points: Points, drift: Drift | None) -> Quick:
+    """Return least distances of points p + u t from pose origins c: |p|^2 - 2 p.c + |c|^2, and terms of u.
+
+    With a drift they are distances of discs, whose radii r + g t are subtracted at each pose.
+    """
     x, y, time_s = path.x, path.y, path.time_s
     px, py = points.T
     places: list[Metres | float] = [x**2 + y**2, 1.0, -2.0 * x, -2.0 * y]
     moments: list[Metres | float] = [1.0, px**2 + py**2, px, py]
     if drift is not None:
-        ux, uy = drift.T
+        ux, uy = drift.velocity.T
         places += [2.0 * time_s, time_s**2, -2.0 * time_s * x, -2.0 * time_s * y]
         moments += [px * ux + py * uy, ux**2 + uy**2, ux, uy]
-    squares = _product(places, x.shape, moments, px.shape).min(axis=1)
-    distances: Quick = np.sqrt(np.maximum(squares, np.float32(0.0)))
-    return distances
+    squares = _product(places, x.shape, moments, px.shape)
+    if drift is None:
+        distances: Quick = np.sqrt(np.maximum(squares.min(axis=1), np.float32(0.0)))
+        return distances
+    away = np.sqrt(np.maximum(squares, np.float32(0.0)))
+    away -= _product([1.0, time_s], x.shape, [drift.radius, drift.grows], px.shape)
+    least: Quick = away.min(axis=1)
+    return least
 
 
 def _product(

@@ -25,6 +25,27 @@ class Path(NamedTuple):
     time_s: NDArray[np.float64]
 
 
+class Drift(NamedTuple):
+    """How points move: velocities (N, 2) in m/s, and discs about them: radii (N,) in m that grow with `grows` in m/s.
+
+    A disc holds all places where something may be that is seen and followed with errors.
+    """
+
+    velocity: Points
+    radius: NDArray[np.float64]
+    grows: NDArray[np.float64]
+
+    def chosen(self, rows: NDArray[np.intp]) -> Drift:
+        """Return the drift of some of the points."""
+        return Drift(chosen(self.velocity, rows), self.radius.take(rows), self.grows.take(rows))
+
+    @property
+    def moves(self) -> NDArray[np.bool_]:
+        """The points that do not stand."""
+        moves: NDArray[np.bool_] = self.velocity.any(axis=1) | (self.grows > 0.0)
+        return moves
+
+
 def wrapped(angle: float) -> float:
     """Return the same angle in -pi..pi."""
     return math.remainder(angle, math.tau)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from robots.bridge.gate.geometry import arc
 from robots.bridge.gate.geometry.arc import Metres, OneOrEach, Rows
 from robots.bridge.gate.geometry.footprint import Footprint, Spread
-from robots.bridge.gate.geometry.planar import Path, Points, chosen
+from robots.bridge.gate.geometry.planar import Drift, Path, Points, chosen
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.safe_twist import STANDING_MPS, allowed_margin
 from robots.bridge.gate.values import GateProfile, Pose, Velocity
@@ -100,7 +100,7 @@ def safe_share(
     queue: Sequence[Sent],
     velocity: Velocity,
     points: Points,
-    drift: Points | None,
+    drift: Drift | None,
     footprint: Footprint,
     profile: GateProfile,
     period_s: float,
@@ -109,8 +109,8 @@ def safe_share(
     """Return the largest of `SHARES` of `candidate` after which the robot can brake clear of all points.
 
     `queue`: the recent commands, oldest first. The newest command that is older than `latency_s` is assumed
-    to be in effect. `velocity`: the measured velocity. `drift`: the velocity of each point in m/s (None: all
-    points stand); moving points get a wider margin. The gate never demands more distance to a point than the
+    to be in effect. `velocity`: the measured velocity. `drift`: how each point moves (None: all points stand);
+    moving points get a wider margin. The gate never demands more distance to a point than the
     robot would keep if it braked now (method 4).
     """
     if _only_turns_a_disc(candidate, queue, velocity, footprint):
@@ -129,7 +129,7 @@ def safe_share(
         if not len(met):
             return CLEAR
     points = chosen(points, met)
-    drift = None if drift is None else drift[met]
+    drift = None if drift is None else drift.chosen(met)
     margins = _margins(len(met), drift, profile)
     spare = footprint.least_gaps(first, points, drift)[0] - margins
     if np.minimum.reduce(spare) >= 0.0:
@@ -137,19 +137,25 @@ def safe_share(
     worst = int(met[spare.argmin()])
     onward = [whole, *(_moved(onset[-1], candidate.scaled(share), rates, period_s) for share in SHARES[1:])]
     distinct = list(dict.fromkeys(onward))
-    after = footprint.least_gaps(_stopped(distinct, rates, footprint), points, drift)
-    stopping = after[distinct.index(onward[-1])]
-    unavoidable = np.minimum(footprint.least_gaps(_path(onset), points, drift)[0], stopping)
-    demanded = _demanded(unavoidable, drift, profile, footprint)
-    clear = (after - demanded).min(axis=1) >= 0.0
-    # If even braking now ends too near to a standing point, a share that brakes as hard as share 0 in this
-    # calculation is not tried: the real base may brake harder than assumed, but only if zero is sent.
-    stands = slice(None) if drift is None else ~drift.any(axis=1)
-    in_time = bool((stopping >= margins)[stands].all())
+    paths, braking_row = _stopped(distinct, rates, footprint), distinct.index(onward[-1])
+    after = footprint.least_gaps(paths, points, drift)
+    stopping = after[braking_row]
+    onset_gaps = footprint.least_gaps(_path(onset), points, drift)[0]
+    demanded = _demanded(np.minimum(onset_gaps, stopping), drift, profile, footprint)
+    clear = after - demanded >= 0.0
+    if drift is not None:
+        met_braking = (drift.moves & (stopping < 0.0) & (onset_gaps >= 0.0)).nonzero()[0]
+        if len(met_braking):
+            clear[:, met_braking] = _met_no_earlier(
+                paths, braking_row, points[met_braking], drift.chosen(met_braking), footprint
+            )
+    # If even braking now ends too near, a share that brakes as hard as share 0 in this calculation is not tried: the
+    # real base may brake harder than assumed, but only if zero is sent.
+    in_time = bool((stopping >= margins).all())
     tried = [
         (share, state) for share, state in zip(SHARES, onward, strict=True) if in_time or state != onward[-1]
     ]
-    share = next((share for share, state in tried if clear[distinct.index(state)]), 0.0)
+    share = next((share for share, state in tried if clear[distinct.index(state)].all()), 0.0)
     return CLEAR if share == 1.0 else Rolled(share, worst)
 
 
@@ -392,12 +398,13 @@ def _spread(onset: list[_State], whole: _State, rates: _Rates) -> Spread:
     return Spread(ahead, behind, left, right, turned_left, turned_right)
 
 
-def _within(points: Points, drift: Points | None, path: Path, footprint: Footprint) -> NDArray[np.intp]:
+def _within(points: Points, drift: Drift | None, path: Path, footprint: Footprint) -> NDArray[np.intp]:
     """Return the indices of the points that the hull may come near on this path, whatever its heading is."""
     x, y = points.T
     reach = footprint.reach(MOVER_MARGIN_M)
     if drift is not None:
-        reach += float(np.hypot(*drift.T).max(initial=0.0) * path.time_s.max())
+        reaches = drift.radius + (np.hypot(*drift.velocity.T) + drift.grows) * path.time_s.max()
+        reach += float(reaches.max(initial=0.0))
     return np.flatnonzero(
         (x > path.x.min() - reach)
         & (x < path.x.max() + reach)
@@ -406,19 +413,32 @@ def _within(points: Points, drift: Points | None, path: Path, footprint: Footpri
     )
 
 
-def _moving(drift: Points) -> NDArray[np.bool_]:
-    moving: NDArray[np.bool_] = np.hypot(*drift.T) > 0.0
-    return moving
+def _met_no_earlier(
+    paths: Path, braking_row: int, points: Points, drift: Drift, footprint: Footprint
+) -> NDArray[np.bool_]:
+    """Return which points each path meets no earlier than the path that brakes, (rows, N).
+
+    If somebody cannot be avoided, gaps do not tell which path is better: one that drives through is no deeper.
+    """
+    each = Path(*(axis.reshape(-1, 1) for axis in paths))
+    gaps = footprint.least_gaps(each, points, drift).reshape(*paths.x.shape, -1)
+    before, after = gaps[:, :-1], gaps[:, 1:]
+    earlier_s, later_s = paths.time_s[:, :-1, None], paths.time_s[:, 1:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        between_s = earlier_s + (later_s - earlier_s) * before / (before - after)
+    met_s = np.where(after < 0.0, np.where(before < 0.0, earlier_s, between_s), math.inf).min(axis=1)
+    no_earlier: NDArray[np.bool_] = met_s >= met_s[braking_row]
+    return no_earlier
 
 
-def _margins(count: int, drift: Points | None, profile: GateProfile) -> Metres:
+def _margins(count: int, drift: Drift | None, profile: GateProfile) -> Metres:
     """Return the margin that the hull must keep from each point, metres."""
     hard = np.full(count, profile.parameters.hard_margin_m)
-    return hard if drift is None else np.where(_moving(drift), MOVER_MARGIN_M, hard)
+    return hard if drift is None else np.where(drift.moves, MOVER_MARGIN_M, hard)
 
 
 def _demanded(
-    unavoidable: Metres, drift: Points | None, profile: GateProfile, footprint: Footprint
+    unavoidable: Metres, drift: Drift | None, profile: GateProfile, footprint: Footprint
 ) -> OneOrEach:
     """Return the distances that the robot must keep: the margins, but at most what braking now would leave.
 
@@ -426,9 +446,9 @@ def _demanded(
     """
     share = footprint.demanded_share
     hard = profile.parameters.hard_margin_m
-    if drift is None or not (moving := _moving(drift)).any():
+    if drift is None or not (moving := drift.moves).any():
         return allowed_margin(unavoidable, hard, share)
-    demanded = np.empty(len(drift))
+    demanded = np.empty(len(unavoidable))
     demanded[~moving] = allowed_margin(unavoidable[~moving], hard, share)
     demanded[moving] = allowed_margin(unavoidable[moving], MOVER_MARGIN_M, share)
     return demanded

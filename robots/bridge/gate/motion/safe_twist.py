@@ -45,12 +45,13 @@ FREE = Share(1.0)
 
 
 class Cause(NamedTuple):
-    """The point that limits a twist, and the rule. `source` as in `Obstacles`."""
+    """The point that limits a twist, and the rule. `source` as in `Obstacles`; `mps`: speed of a mover."""
 
     rule: str
     point: tuple[float, float]
     gap_m: float
     source: int
+    mps: float = 0.0
 
 
 class Surroundings(NamedTuple):
