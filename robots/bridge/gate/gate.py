@@ -63,6 +63,7 @@ from robots.bridge.gate.motion.safe_twist import (
 from robots.bridge.gate.movers.forecast import Forecast, forecast
 from robots.bridge.gate.movers.movers import MOVER, Movers
 from robots.bridge.gate.movers.tracks import Track
+from robots.bridge.gate.obstacles.behind import Behind
 from robots.bridge.gate.obstacles.depth_camera import DepthCamera, Frame
 from robots.bridge.gate.obstacles.heading import Heading
 from robots.bridge.gate.obstacles.laser_memory import LaserMemory
@@ -94,6 +95,9 @@ STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
 REMEMBERED: tuple[Kind, ...] = ("memory", "depth memory")
 BEYOND_REASON = 1e6  # limit for the odometry's numbers (m, rad, m/s, rad/s): larger ones would overflow
+UNSEEN_BEHIND = (
+    "no sensor has looked for table tops behind: hold “Turn and look”, or look behind the robot yourself"
+)
 PERIOD_S = 0.05  # longest time between two decisions
 # From one decision to the next, the safe speed is expected to rise by at most this factor and this step. A
 # wrong expectation costs time only.
@@ -136,6 +140,8 @@ class Gate:
         self._movers = {name: Movers() for name in self._lasers}
         self._heading = Heading(next(iter(self._lasers.values()))) if self._lasers else None
         self._depth = DepthCamera(profile.depth, self.footprint) if profile.depth else None
+        # A robot without a depth camera drives at its blind speed everywhere.
+        self._behind = Behind(self._base.reach(0.0)) if self._depth else None
         self._limits = SensorLimits(
             profile, self._odometry, self._trail, self._lasers.values(), self._sonars.values(), self._depth
         )
@@ -162,6 +168,8 @@ class Gate:
         self._unseen_motion.moved(STILL if stands else velocity, arrival_s)
         self.latency.arrived("odometry", stamp_s, arrival_s)
         self.latency.moved(velocity, arrival_s)
+        if self._behind and self._trail.newest is not None:
+            self._behind.moved(self._trail.newest, arrival_s)
         return True
 
     def _follow(self, missing_s: float, pose: Pose, velocity: Velocity, arrival_s: float) -> None:
@@ -201,6 +209,8 @@ class Gate:
         self._echoes.forget()
         if self._depth:
             self._depth.forget()
+        if self._behind:
+            self._behind.forget()
         if restarted:
             self._restarted = True
             self._trail.forget()
@@ -238,6 +248,8 @@ class Gate:
             base = None if taken_s is None or taken_s == before_s else self._trail.pose_at(taken_s)
             if base is not None:
                 self._echoes.look(frame, base, arrival_s)
+                if self._behind:
+                    self._behind.looked(self._depth, base, arrival_s)
 
     def observe_bad_depth(self, why: str) -> None:
         """Take the reason why a depth picture cannot be used."""
@@ -300,9 +312,16 @@ class Gate:
 
     def limits(self, now_s: float) -> tuple[SpeedLimit, ...]:
         """Return the limits that are independent of the command, for display and records. No command waits for it."""
-        return self._limits.of_any_command(
-            self._limits.everywhere(self.latency.in_force_s(now_s), now_s), now_s
-        )
+        everywhere = self._limits.everywhere(self.latency.in_force_s(now_s), now_s)
+        return (*self._limits.of_any_command(everywhere, now_s), *self._warning_of_reverse(now_s))
+
+    def _warning_of_reverse(self, now_s: float) -> tuple[SpeedLimit, ...]:
+        """Return a limit that only warns: the way back is as slow as ever, and nothing has looked there."""
+        base = self._trail.newest
+        if self._behind is None or base is None or self._behind.knows(base, now_s):
+            return ()
+        mps = min(self.profile.limits.reverse_mps, self.profile.parameters.between_sonars_mps)
+        return (SpeedLimit("behind_unseen", UNSEEN_BEHIND, mps, "reverse"),)
 
     def fault(self, now_s: float) -> Fault | None:
         """Return the missing data that forbids motion; afterwards the stick must return to the middle."""

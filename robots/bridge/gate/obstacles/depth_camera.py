@@ -294,16 +294,28 @@ class DepthCamera:
         """Return whether a usable picture came within half a second, and no gap of the odometry since."""
         return not self._is_doubtful and self.freshness.within(DEPTH_STALE_S, now_s)
 
+    @property
+    def sector(self) -> tuple[float, float] | None:
+        """The direction (base frame) and half the width of the newest picture, rad; None: it shows no table height."""
+        if self._frame is None or not self._shows_tables:
+            return None
+        to_base, right = self._frame.to_base, self._frame.picture.right
+        heading = math.atan2(to_base[1, 2], to_base[0, 2])
+        return heading, math.atan(min(-float(right[0]), float(right[-1])))
+
+    @property
+    def columns(self) -> Points:
+        """The places of the obstacles in the newest picture, base frame of its stamp."""
+        return NO_POINTS if self._frame is None else self._frame.columns.points
+
     def sight_m(self, direction: float, curvature: float) -> float:
         """Return how much of the way is visible (m): infinite if all of it is, 0 if the camera looks elsewhere.
 
         The way begins in `direction` (base frame) and bends by `curvature` (1/m, left positive).
         """
-        if self._frame is None or not self._shows_tables:
+        if (sector := self.sector) is None:
             return 0.0
-        to_base, right = self._frame.to_base, self._frame.picture.right
-        heading = math.atan2(to_base[1, 2], to_base[0, 2])
-        half = math.atan(min(-float(right[0]), float(right[-1]))) - EDGE_RAD
+        heading, half = sector[0], sector[1] - EDGE_RAD
         off = wrapped(direction - heading)
         if abs(off) > half:
             return 0.0

@@ -6,7 +6,7 @@
 import { takeControlFirst } from "../../control/lease.js";
 import { HeldKeys } from "../../hand/held_keys.js";
 import { PointerGrip } from "../../hand/pointer_grip.js";
-import { dim, show } from "../../lib/dom.js";
+import { dim, mark, show } from "../../lib/dom.js";
 import { NEUTRAL } from "./stick.js";
 
 const INPUT = "turn";
@@ -16,6 +16,11 @@ const TAP_MS = 300;
 /** Return whether sensors do not see the whole area behind the robot. */
 export function reverseIsBlind({ limits = [] }) {
   return limits.some(({ code, way }) => code === "blind_direction" && way === "reverse");
+}
+
+/** Return whether the driver pulls back to where nothing has looked for table tops. */
+export function behindIsUnseen({ limits = [], asked = [0] }) {
+  return asked[0] < 0 && limits.some(({ code }) => code === "behind_unseen");
 }
 
 export class TurnAndLook {
@@ -61,6 +66,7 @@ export class TurnAndLook {
   set state({ verdict }) {
     // The button does not disappear while it is pressed.
     if (this.#sinceMs === null) show(this.#button, reverseIsBlind(verdict));
+    mark(this.#button, "offered", behindIsUnseen(verdict));
   }
 
   /** @param {boolean} may whether this tab drives */

@@ -1,6 +1,10 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { NEUTRAL, Stick } from "../../../../static/js/drive/input/stick.js";
-import { reverseIsBlind, TurnAndLook } from "../../../../static/js/drive/input/turn.js";
+import {
+  behindIsUnseen,
+  reverseIsBlind,
+  TurnAndLook,
+} from "../../../../static/js/drive/input/turn.js";
 import { point } from "../../hand/events.js";
 
 const BLIND = {
@@ -41,6 +45,16 @@ describe("the Turn button", () => {
     expect(button.hidden).toBe(false);
     expect(reverseIsBlind({ limits: [{ ...BLIND, way: "left" }] })).toBe(false);
     expect(reverseIsBlind({})).toBe(false);
+  });
+
+  it("is offered while somebody pulls back to where nothing has looked", () => {
+    const limits = [BLIND, { ...BLIND, code: "behind_unseen" }];
+    turn.state = { verdict: { limits, asked: [-0.1, 0, 0] } };
+    expect(button.dataset.offered).toBeDefined();
+    turn.state = { verdict: { limits, asked: [0.3, 0, 0] } };
+    expect(button.dataset.offered).toBeUndefined();
+    expect(behindIsUnseen({ limits: [BLIND], asked: [-0.1, 0, 0] })).toBe(false);
+    expect(behindIsUnseen({ limits })).toBe(false);
   });
 
   it("turns as long as a finger holds it", () => {
