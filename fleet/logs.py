@@ -1,8 +1,30 @@
-"""Log messages with the names that the administrator knows, and one line for each request that is refused."""
+"""Log messages: names that the administrator knows, no secrets, and one line for each request that is refused."""
 
 from __future__ import annotations
 
 import logging
+import re
+
+# Secrets by the text before them: in addresses, of programs and webhooks, in headers and queries.
+_SECRETS = re.compile(
+    r"(/(?:join|welcome|bookings/ical|accounts/email)/|/accounts/password/new/[0-9A-Za-z]+-"
+    r"|\bfleet_(?=[\w-]{30})|\bwhsec_|\bBearer |\b(?:fleet_session\w*|\w*csrf\w*|token|code|key|state|ticket)=)"
+    r"([^\s/?&;\"'<>]{5,})"
+)
+_KEPT = 4  # characters of a secret, by which an administrator recognises it
+
+
+class Redacted(logging.Formatter):
+    """Writes lines, also tracebacks, in which secrets are cut to their first characters."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line."""
+        return redacted(super().format(record))
+
+
+def redacted(text: str) -> str:
+    """Return the text with each secret cut to its first characters."""
+    return _SECRETS.sub(lambda found: f"{found[1]}{found[2][:_KEPT]}…", text)
 
 
 def one_line(record: logging.LogRecord) -> bool:

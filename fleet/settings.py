@@ -297,7 +297,9 @@ USE_TZ = True
 LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
-    "formatters": {"line": {"format": "{asctime} {levelname} {name}: {message}", "style": "{"}},
+    "formatters": {
+        "line": {"()": logs.Redacted, "fmt": "{asctime} {levelname} {name}: {message}", "style": "{"}
+    },
     "filters": {"one_line": {"()": "django.utils.log.CallbackFilter", "callback": logs.one_line}},
     "handlers": {"stderr": {"class": "logging.StreamHandler", "formatter": "line", "filters": ["one_line"]}},
     "root": {"handlers": ["stderr"], "level": "INFO"},

@@ -6,11 +6,15 @@ import logging
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
-from smtplib import SMTPDataError, SMTPRecipientsRefused
+from smtplib import SMTPNotSupportedError, SMTPRecipientsRefused, SMTPResponseException
 
 from django.core.mail import EmailMessage, get_connection
-from django.db import transaction
+from django.db import connections, transaction
+
+from fleet.audit.errors import AuditUnavailable
+from fleet.audit.services import record
 
 log = logging.getLogger(__name__)
 
@@ -21,7 +25,7 @@ AGAIN_S = (60.0, 300.0, 1800.0, 7200.0)  # pauses after the first try, the secon
 def send_later(messages: Sequence[EmailMessage]) -> None:
     """Send the messages once the transaction is committed. If the server does not answer, try again for some hours.
 
-    A message that the server refuses is logged and lost; the others are sent.
+    A message that the server refuses is logged and recorded; the others are sent.
     """
     if messages:
         transaction.on_commit(partial(_in_background, messages))
@@ -32,12 +36,15 @@ def _in_background(messages: Sequence[EmailMessage]) -> None:
 
 
 def _send(waiting: list[EmailMessage]) -> None:
+    try:
+        _send_all(waiting)
+    finally:
+        connections.close_all()  # of this thread
+
+
+def _send_all(waiting: list[EmailMessage]) -> None:
     for pause_s in (*AGAIN_S, None):
-        try:
-            _try_to_send(waiting)
-            cause = "the server asks to try again later"
-        except OSError as error:  # also SMTPException
-            cause = str(error)
+        cause = _try_to_send(waiting)
         if not waiting:
             return
         again = "are lost" if pause_s is None else f"are tried again in {pause_s / 60:.0f} min"
@@ -45,22 +52,52 @@ def _send(waiting: list[EmailMessage]) -> None:
         time.sleep(pause_s or 0.0)
 
 
-def _try_to_send(waiting: list[EmailMessage]) -> None:
-    """Send the messages. Remove sent and refused messages from the list; the others wait for the next try."""
-    with get_connection(timeout=SERVER_TIMEOUT_S) as connection:
-        for message in list(waiting):
-            message.connection = connection
-            try:
-                message.send()
-            except (SMTPRecipientsRefused, SMTPDataError) as error:
-                if _is_busy(error):
-                    continue
-                log.warning("The mail server refused an e-mail: %s", error)
-            waiting.remove(message)
+def _try_to_send(waiting: list[EmailMessage]) -> str:
+    """Send each message alone, so that a fault of one ends no other. Return why the last one waits.
+
+    Sent and refused messages leave the list; the others wait for the next try.
+    """
+    connection, cause = get_connection(timeout=SERVER_TIMEOUT_S), ""
+    for message in list(waiting):
+        try:
+            connection.open()
+        except OSError as error:  # the server is out of reach for all messages; also SMTPException
+            return str(error)
+        message.connection = connection
+        try:
+            message.send()
+        except (OSError, ValueError) as error:
+            with suppress(OSError):
+                connection.close()  # the server may have ended it
+            if may_pass_later(error):
+                cause = str(error)
+                continue
+            _refused(message, error)
+        waiting.remove(message)
+    with suppress(OSError):
+        connection.close()
+    return cause
 
 
-def _is_busy(error: SMTPRecipientsRefused | SMTPDataError) -> bool:
-    """Return whether the server asks to try again later (codes 4xx)."""
-    if isinstance(error, SMTPDataError):
-        return error.smtp_code < 500
-    return any(code < 500 for code, _text in error.recipients.values())
+def may_pass_later(error: Exception) -> bool:
+    """Return whether a message that was not sent may be sent later; False: the mail server refuses it for good."""
+    match error:
+        case SMTPRecipientsRefused():
+            return any(code < 500 for code, _text in error.recipients.values())
+        case SMTPResponseException():
+            return int(error.smtp_code) < 500
+        case (
+            ValueError() | SMTPNotSupportedError()
+        ):  # such as letters of an address that the server does not take
+            return False
+    return True
+
+
+def _refused(message: EmailMessage, error: Exception) -> None:
+    """Log and record a message that the mail server refuses, so that staff find whom it did not reach."""
+    log.warning("The mail server refused an e-mail: %s", error)
+    private = {"address": ", ".join(message.to), "name": message.subject, "words": str(error)}
+    try:
+        record("account.email_refused", private=private)
+    except AuditUnavailable as unavailable:
+        log.error("The refused e-mail is not on record: %s", unavailable)

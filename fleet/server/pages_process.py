@@ -27,6 +27,7 @@ from twisted.web.http_headers import Headers
 from twisted.web.iweb import IAgentEndpointFactory
 from zope.interface import implementer
 
+from fleet.origin import PORT_HEADER
 from fleet.server import limits
 
 log = logging.getLogger(__name__)
@@ -190,6 +191,10 @@ def _headers(request: Any) -> Headers:
     for name, values in request.requestHeaders.getAllRawHeaders():
         if name.lower() not in NOT_FORWARDED:
             headers.setRawHeaders(name, values)
+    headers.removeHeader(PORT_HEADER.encode())  # no client decides it
+    proxied = request.server.proxy_forwarded_address_header is not None  # then its own port is unknown
+    if (port := getattr(request.getHost(), "port", None)) is not None and not proxied:
+        headers.setRawHeaders(PORT_HEADER.encode(), [b"%d" % port])
     client, scheme = request.seen_from()
     if client is not None:
         headers.setRawHeaders(b"X-Forwarded-For", [client[0].encode()])

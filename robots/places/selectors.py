@@ -76,6 +76,11 @@ def newest_maps(robots: Iterable[UUID]) -> dict[UUID, RobotMap]:
     return {one.robot_id: one for one in found}
 
 
+def robots_with(digest: str) -> list[Robot]:
+    """Return all robots that have or had this map. They share its name and places."""
+    return list(Robot.objects.filter(maps__digest=digest).distinct())
+
+
 def may_change(user: User, robots: Sequence[Robot]) -> bool:
     """Return whether a person supervises one of these robots, and so may change the places of their map."""
     return any(role >= Role.SUPERVISOR for role in roles_of(user, robots).values())

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import threading
-from smtplib import SMTPDataError, SMTPRecipientsRefused, SMTPServerDisconnected
-from types import TracebackType
+from smtplib import SMTPDataError, SMTPNotSupportedError, SMTPRecipientsRefused, SMTPServerDisconnected
 from typing import Any
 
 import pytest
@@ -19,13 +18,11 @@ class Server:
     def __init__(self) -> None:
         self.answers: dict[str, list[Exception]] = {}
         self.took: list[str] = []
+        self.recorded: list[str] = []  # in the log: addresses that were refused
 
-    def __enter__(self) -> Server:
-        return self
+    def open(self) -> None: ...
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
+    def close(self) -> None: ...
 
     def send_messages(self, messages: list[EmailMessage]) -> int:
         [message] = messages
@@ -38,6 +35,7 @@ class Server:
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Server:
     server = Server()
+    monkeypatch.setattr(emails, "record", lambda kind, private: server.recorded.append(private["address"]))
     monkeypatch.setattr(emails, "get_connection", lambda **_options: server)
     monkeypatch.setattr(emails, "AGAIN_S", (0.0, 0.0))
     return server
@@ -55,10 +53,22 @@ def refused(code: int, person: str) -> SMTPRecipientsRefused:
 
 
 def test_an_address_that_the_server_refuses_holds_up_no_other(server: Server, caplog: Any) -> None:
-    server.answers = {"ada": [refused(550, "ada")], "bob": [SMTPDataError(554, b"spam")]}
-    send("ada", "bob", "eve")
+    server.answers = {
+        "ada": [refused(550, "ada")],
+        "bob": [SMTPDataError(554, b"spam")],
+        "\u00e4da": [SMTPNotSupportedError("no SMTPUTF8")],
+        "b\u00f6b": [UnicodeEncodeError("ascii", "b\u00f6b", 1, 2, "no")],
+    }
+    send(*server.answers, "eve")
     assert server.took == ["eve"]
-    assert caplog.text.count("refused an e-mail") == 2
+    assert server.recorded == ["ada", "bob", "\u00e4da", "b\u00f6b"]
+    assert caplog.text.count("refused an e-mail") == 4
+
+
+def test_one_that_is_always_busy_holds_up_no_other(server: Server) -> None:
+    server.answers = {"ada": [refused(421, "ada")] * 3}  # the server ends the connection
+    send("ada", "bob", "eve")
+    assert server.took == ["bob", "eve"]
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any, cast
+from urllib.parse import urlsplit
 
 from allauth.account.adapter import DefaultAccountAdapter
 from allauth.account.internal.stagekit import clear_login
@@ -15,7 +16,6 @@ from allauth.socialaccount.adapter import DefaultSocialAccountAdapter
 from allauth.socialaccount.models import SocialAccount, SocialLogin
 from cryptography.fernet import InvalidToken
 from django.contrib import messages
-from django.contrib.sites.shortcuts import get_current_site
 from django.core.exceptions import ValidationError
 from django.db import IntegrityError, transaction
 from django.http import HttpRequest, HttpResponse
@@ -26,6 +26,7 @@ from fleet.accounts import emails, services
 from fleet.accounts.models import User
 from fleet.accounts.names import AccountNames
 from fleet.accounts.sign_in import second_factor, secrets, throttle
+from fleet.origin import public_origin, public_url
 
 
 class AccountAdapter(DefaultAccountAdapter):
@@ -65,9 +66,20 @@ class AccountAdapter(DefaultAccountAdapter):
 
     def send_mail(self, template_prefix: str, email: str, context: dict[str, Any]) -> None:
         """Send an e-mail in the background: so the response time does not show whether the account exists."""
-        site = get_current_site(self.request)
-        facts = {"email": email, "current_site": site, "request": self.request, **context}
+        site = {"domain": public_origin(self.request).partition("://")[2]}
+        facts = {"email": email, "request": self.request, **context, "current_site": site}
         emails.send_later([self.render_mail(template_prefix, email, facts)])
+
+    def get_reset_password_from_key_url(self, key: str) -> str:
+        """Return the link of an e-mail, at the console's known address."""
+        return self._at_home(super().get_reset_password_from_key_url(key))
+
+    def get_email_confirmation_url(self, request: HttpRequest, emailconfirmation: Any) -> str:
+        """Return the link of an e-mail, at the console's known address."""
+        return self._at_home(super().get_email_confirmation_url(request, emailconfirmation))
+
+    def _at_home(self, link: str) -> str:
+        return public_url(self.request, urlsplit(link).path)
 
     def reauthenticate(self, user: Any, password: str) -> bool:
         """Return whether this is the person's password.

@@ -44,6 +44,7 @@ from fleet.bookings.selectors import (
 )
 from fleet.bookings.services import BookingRefused
 from fleet.bookings.shared_facts import in_turn
+from fleet.origin import public_url
 from fleet.zones import viewers
 from robots.access.models import Course
 from robots.access.selectors import (
@@ -498,7 +499,7 @@ def feed_address(request: HttpRequest) -> HttpResponse:
         messages.success(request, _("The address no longer works."))
         return redirect("bookings-mine")
     token = address_make(person=person, robot=robot, now=timezone.now())
-    address = request.build_absolute_uri(reverse("bookings-ical", args=[token]))
+    address = public_url(request, reverse("bookings-ical", args=[token]))
     return render(request, "bookings/address.html", {"address": address, "robot": robot})
 
 

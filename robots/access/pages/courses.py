@@ -20,6 +20,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from fleet.accounts.requests import person_of
+from fleet.origin import public_origin, public_url
 from robots.access import enrolment, services, welcome
 from robots.access.models import Course, Invitation
 from robots.access.pages.forms import (
@@ -148,7 +149,7 @@ def _do(request: HttpRequest, course: Course, values: dict[str, Any]) -> str:
         text = ngettext("%(n)d person left %(course)s.", "%(n)d people left %(course)s.", count)
     elif action == "invite":
         waiting = welcome.waiting_among(people)
-        welcome.send_later(waiting, course=course, site=_site(request))
+        welcome.send_later(waiting, course=course, site=public_origin(request))
         count = len(waiting)
         text = ngettext("%(n)d e-mail is on its way.", "%(n)d e-mails are on their way.", count)
         if not count:
@@ -236,7 +237,7 @@ def _invitation(request: HttpRequest, slug: str, invitation_id: UUID) -> Invitat
 
 
 def _join_link(request: HttpRequest, found: Invitation) -> str:
-    return request.build_absolute_uri(reverse("join", args=[found.code]))
+    return public_url(request, reverse("join", args=[found.code]))
 
 
 # --- helpers --------------------------------------------------------------------------------------
@@ -256,10 +257,6 @@ def _managed(request: HttpRequest) -> Any:
 def _one(request: HttpRequest, slug: str) -> Course:
     found: Course = get_object_or_404(_managed(request), slug=slug)
     return found
-
-
-def _site(request: HttpRequest) -> str:
-    return request.build_absolute_uri("/").rstrip("/")
 
 
 def _lists(form: CourseForm) -> dict[str, Any]:
@@ -285,7 +282,7 @@ def _with_list(request: HttpRequest, form: PeopleForm) -> Any:
 
 def _enrol(request: HttpRequest, found: Course, form: PeopleForm) -> None:
     plan = enrolment.enrol_list(
-        course=found, people=form.people_list, actor=person_of(request), site=_site(request)
+        course=found, people=form.people_list, actor=person_of(request), site=public_origin(request)
     )
     facts = {"course": found.name, "people": plan.to_enrol, "new": len(plan.new)}
     if plan.undisclosed:

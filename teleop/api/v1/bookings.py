@@ -201,6 +201,12 @@ class BookingsBase(ApiView):
 
     seen_by = staticmethod(robots_bookable_by)
 
+    def concerned(self, *_path: Any, **asked: Any) -> list[Robot]:
+        """Return the robot of the booking, or of the slot in the body."""
+        if "booking_id" in asked:
+            return [self.one(asked["booking_id"]).robot]
+        return [self.robot(asked["body"].robot)]
+
     def seen(self) -> QuerySet[Booking]:
         """Return the bookings of all robots that the person may see, and the token serves."""
         return Booking.objects.filter(robot__in=self.robots()).select_related("robot", "person", "course")
@@ -444,13 +450,21 @@ class WaitingOneView(WaitingView):
 
     http_method_names = ["delete", "options"]
 
-    @_change("waiting_leave", "Wait no longer", answer=None, refuses=(404,))
-    def delete(self, _request: Request, number: int) -> None:
-        """Leave the line for one slot."""
+    def concerned(self, number: int, **_asked: Any) -> list[Robot]:
+        """Return the robot of the slot."""
+        return [self.one_waiting(number).robot]
+
+    def one_waiting(self, number: int) -> Waiting:
+        """Return one of the slots for which the person waits. Raises `Problem`: not found."""
         found = self.waiting().filter(pk=min(number, 2**62)).first()
         if found is None:
             raise Problem(NOT_FOUND)
-        waiting_leave(person=self.person, waiting_id=found.pk)
+        return found
+
+    @_change("waiting_leave", "Wait no longer", answer=None, refuses=(404,))
+    def delete(self, _request: Request, number: int) -> None:
+        """Leave the line for one slot."""
+        waiting_leave(person=self.person, waiting_id=self.one_waiting(number).pk)
 
 
 @contextmanager

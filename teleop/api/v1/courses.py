@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import date
 from functools import partial
 from typing import Annotated, Any, Literal
 
 from django.db import transaction
-from django.db.models import Count
+from django.db.models import Count, Q
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiExample
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
@@ -15,6 +16,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
+from fleet.origin import public_origin
 from robots.access import enrolment, services
 from robots.access.models import Course, Qualification
 from robots.access.pages.forms import ActionForm, end_of, free_slug
@@ -206,6 +208,20 @@ _course = partial(manages, tag="courses")
 class CoursesBase(SetupView):
     """Base of the views of courses."""
 
+    def concerned(
+        self, slug: str | None = None, qualification: str | None = None, body: Any = None, **_asked: Any
+    ) -> Iterable[Robot]:
+        """Return the robots of the course and its new ones, and those that demand the qualification."""
+        found = list(robots_of(self.course(slug))) if slug else []
+        if isinstance(groups := getattr(body, "groups", None), list):
+            found += [robot for group in named_groups(groups) for robot in group.robots.all()]
+        if isinstance(robots := getattr(body, "robots", None), list):
+            found += self.named_robots(robots)
+        if qualification:
+            demanded = Q(qualifications__slug=qualification) | Q(groups__qualifications__slug=qualification)
+            found += Robot.objects.filter(demanded)
+        return found
+
     def detail(self, course: Course) -> CourseDetail:
         """Return a course with its robots, supervisors, quotas and qualifications."""
         return CourseDetail(
@@ -233,8 +249,6 @@ class CoursesBase(SetupView):
             lists["supervisors"] = [account_named(name) for name in dict.fromkeys(body.supervisors)]
         if not lists["robots"] and not lists["groups"]:
             raise Problem(_NO_ROBOT)
-        for group in lists["groups"]:
-            self.require_served(group.robots.all())
         plain = {name: getattr(body, name) for name in ("name", "starts_on", "ends_on", "role")}
         quotas = structs.asdict(body.quotas) if isinstance(body.quotas, QuotasRequest) else {}
         for name, value in (plain | quotas).items():
@@ -408,7 +422,7 @@ class MembersView(CoursesBase):
         if body.preview:
             plan = enrolment.plan_of(people, course, self.person)
         else:
-            site = request.build_absolute_uri("/").rstrip("/")
+            site = public_origin(request._request)
             plan = enrolment.enrol_list(course=course, people=people, actor=self.person, site=site)
         return EnrolAnswer(
             enrolled=0 if body.preview else plan.to_enrol,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import date
 from functools import partial
 from typing import Annotated, Any, Literal
@@ -185,7 +186,7 @@ _records = partial(operation, scope=Scope.READ, refuses=(404,), tag="records")
 class RecordsBase(ApiView):
     """Base of the views of records."""
 
-    def serves(self, robot_id: UUID | None) -> bool:
+    def reads_of(self, robot_id: UUID | None) -> bool:
         """Return whether the token may be used for this robot.
 
         A token that is bound to robots may not be used for records without robot.
@@ -230,7 +231,7 @@ class RecordsBase(ApiView):
         found = (
             NO_ROBOT if slug == NONE else Robot.objects.filter(slug=slug).values_list("pk", flat=True).first()
         )
-        if found is None or not self.serves(None if found == NO_ROBOT else found):
+        if found is None or not self.reads_of(None if found == NO_ROBOT else found):
             raise Problem(NOT_FOUND)
         if found != NO_ROBOT and not self.person.is_staff:
             theirs = Record.objects.filter(robot_id=found, actor=str(self.person.pk))
@@ -277,7 +278,7 @@ class SessionView(RecordsBase):
     def get(self, _request: Request, session_id: UUID) -> SessionDetail:
         """Figures, and what happened in it."""
         session = session_visible_to(self.person, session_id)
-        if session is None or not self.serves(session.robot_id):
+        if session is None or not self.reads_of(session.robot_id):
             raise Problem(NOT_FOUND)
         report = report_of(session)
         figures = report.figures
@@ -324,13 +325,17 @@ class RecordView(RecordsBase):
             raise Problem(NOT_FOUND)
         row = row_of(found)
         mine = str(self.person.pk) in (row.record.actor_id, row.record.real_actor_id)
-        if not (mine or self.person.is_staff) or not self.serves(row.record.robot_id):
+        if not (mine or self.person.is_staff) or not self.reads_of(row.record.robot_id):
             raise Problem(NOT_FOUND)
         return _audit(row)
 
 
 class ExportView(RecordsBase):
     """`/audit/export`."""
+
+    def concerned(self, query: ExportAsked, **_asked: Any) -> Iterable[Robot]:
+        """Return the robot whose records are exported."""
+        return Robot.objects.filter(pk__in=[self._robot(query.robot)])
 
     @_records("audit_export", "Export the log", query=ExportAsked, content_type="application/jsonl text/csv")
     def post(self, _request: Request, query: ExportAsked) -> HttpResponseBase:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, TypeVar
 from uuid import UUID
@@ -28,6 +28,7 @@ from fleet.accounts.tokens.services import key_of
 from robots.access.selectors import robots_visible_to, role_on
 from robots.registry.known_robots import KnownRobot, known_robot_at
 from robots.registry.models import Robot, Role
+from robots.wire import Refusal
 from teleop.api.v1.framework.authentication import TokenAuthentication
 from teleop.api.v1.framework.idempotency import KEY_PARAMETER, Requester, once
 from teleop.api.v1.framework.parameters import parameters_of, query_of, require_declared
@@ -47,6 +48,10 @@ from teleop.recording import refusals
 from teleop.recording.refusals import RefusedRequest
 
 View = TypeVar("View", bound=Callable[..., Any])
+
+OTHER_ROBOTS = Refusal(
+    "other_robots", "This is about robots that the token does not serve: use another token.", "account"
+)
 
 
 class ApiView(APIView):
@@ -98,6 +103,27 @@ class ApiView(APIView):
         A session may be used for all robots.
         """
         return self.token is None or self.token.serves(robot_id)
+
+    def concerned(self, *_path: Any, **_asked: Any) -> Iterable[Robot]:
+        """Return the robots that a change concerns, from its path, body and query.
+
+        Before a change, a token that is bound to robots must serve them all, and there must be one: other robots may
+        be added to the entry later. Views say it here; those that do not are closed to such tokens.
+        """
+        return ()
+
+    def serves(self, robots: Iterable[Robot]) -> bool:
+        """Return whether the token may be used for all these robots. One that is bound to robots needs at least one."""
+        token = self.token
+        if token is None or not token.robots:
+            return True
+        served = [token.serves(robot.id) for robot in robots]
+        return bool(served) and all(served)
+
+    def require_served(self, robots: Iterable[Robot]) -> None:
+        """Raise `Problem` if the token does not serve all these robots."""
+        if not self.serves(robots):
+            raise Problem(OTHER_ROBOTS)
 
     def robot(self, slug: str) -> Robot:
         """Return one of these robots. Raises `Problem`: not found."""
@@ -152,6 +178,8 @@ class Operation:
         def call(view: ApiView, request: Request, *args: Any, **kwargs: Any) -> HttpResponseBase:
             self._require_scope(view.token)
             kwargs |= self._asked(request)
+            if request.method not in SAFE_METHODS and view.token is not None and view.token.robots:
+                view.require_served(view.concerned(**kwargs))
 
             def work() -> HttpResponseBase:
                 return self._response(method(view, request, *args, **kwargs))

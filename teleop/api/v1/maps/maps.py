@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 from django.db import transaction
@@ -86,6 +86,11 @@ class MapName(Struct, frozen=True, forbid_unknown_fields=True):
 class MapsBase(SetupView):
     """Base of the views of maps."""
 
+    def concerned(self, digest: str, **_asked: Any) -> list[Robot]:
+        """Return all robots that share the map, also those that the person does not see."""
+        self.seen_map(digest)
+        return selectors.robots_with(digest)
+
     def seen_map(self, digest: str) -> MapOfRobots:
         """Return a map of the robots that the person may see. Raises `Problem`: not found."""
         found = next((one for one in maps_of(self.robots()) if one.digest == digest), None)
@@ -112,7 +117,8 @@ class MapsBase(SetupView):
                 name=names.get(one.digest, ""),
                 robots=[robot.slug for robot in one.robots],
                 earlier=[robot.slug for robot in one.earlier],
-                changeable=any(robot.id in changed for robot in [*one.robots, *one.earlier]),
+                changeable=any(robot.id in changed for robot in [*one.robots, *one.earlier])
+                and self.serves(selectors.robots_with(one.digest)),
                 resolution_m=one.drawn.resolution_m,
                 width=one.drawn.width,
                 height=one.drawn.height,

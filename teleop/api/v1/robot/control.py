@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import partial
 from typing import Annotated, Any, Literal
 from uuid import UUID
@@ -95,6 +96,10 @@ class ProgramView(ApiView):
     def robot(self, slug: str) -> Robot:
         """Return one of the robots that the person may see, for reading only. Raises `Problem`: not found."""
         return self.known_robot(slug)[0].robot
+
+    def concerned(self, slug: str, **_asked: Any) -> Iterable[Robot]:
+        """Return the robot of the address."""
+        return [self.robot(slug)]
 
     def program_sign_in(self) -> ProgramSignIn:
         """Return how the program is signed in."""

@@ -6,7 +6,7 @@ import zlib
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 from django.core.exceptions import ValidationError
@@ -37,41 +37,20 @@ edits = partial(manages, refuses=(404, 412, 428), parameters=[IF_MATCH])
 
 _STAFF_ONLY = Refusal("permission_denied", "This is for staff and their service accounts.", "account")
 _CHANGED = Refusal("changed", "Somebody changed this entry after you read it: read it again.", "wire")
-_OF_ALL_ROBOTS = Refusal(
-    "other_robots", "This is about robots that the token does not serve: use another token.", "account"
-)
 
 
 class SetupView(ApiView):
     """Base of these views."""
+
+    def concerned(self, *_path: Any, **asked: Any) -> Iterable[Robot]:
+        """Return the robot of the address."""
+        return [self.robot(asked["slug"])] if "slug" in asked else ()
 
     def staff(self) -> User:
         """Return the person. Raises `Problem`: the person is not staff."""
         if not self.person.is_staff:
             raise Problem(_STAFF_ONLY)
         return self.person
-
-    def serves(self, robots: Iterable[Robot]) -> bool:
-        """Return whether the token may be used for all these robots.
-
-        A token that is bound to robots may not be used for an entry without robots: other robots may be added
-        to the entry later.
-        """
-        token = self.token
-        if token is None or not token.robots:
-            return True
-        served = [token.serves(robot.id) for robot in robots]
-        return bool(served) and all(served)
-
-    def require_served(self, robots: Iterable[Robot]) -> None:
-        """Raise `Problem` if the token does not serve all these robots."""
-        if not self.serves(robots):
-            raise Problem(_OF_ALL_ROBOTS)
-
-    def require_all_robots(self) -> None:
-        """Raise `Problem` if the token is bound to robots: the request concerns all robots."""
-        if self.token is not None and self.token.robots:
-            raise Problem(_OF_ALL_ROBOTS)
 
     def named_robots(self, slugs: Collection[str]) -> list[Robot]:
         """Return the robots with these slugs. Raises `Problem`: not found."""

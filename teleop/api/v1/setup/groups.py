@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal
 
 from django.db import transaction
 from msgspec import Meta, Struct
@@ -100,10 +101,14 @@ class GroupsBase(SetupView):
     A token sees and changes only groups of which it serves all robots.
     """
 
+    def concerned(self, slug: str = "", body: Any = None, **_asked: Any) -> Iterable[Robot]:
+        """Return the group's robots, and its new ones."""
+        found = list(self.group(slug).robots.all()) if slug else []
+        return found + self.named_robots(getattr(body, "robots", ()))
+
     def save_group(self, group: RobotGroup, body: GroupRequest) -> None:
         """Save a group. Raises `Problem`."""
         robots = self.named_robots(body.robots)
-        self.require_served(robots)
         group.name, group.slug = body.name, group.slug or free_slug(RobotGroup, body.name)
         with faults_named():
             services.group_save(group=group, robots=robots, actor=self.staff())
@@ -202,6 +207,16 @@ class RobotRolesView(SetupView):
 class QualificationsBase(SetupView):
     """Base of the views of qualifications: as for groups."""
 
+    def concerned(
+        self, slug: str = "", body: QualificationRequest | None = None, **_asked: Any
+    ) -> list[Robot]:
+        """Return the robots that demand the qualification now, and those that will."""
+        found = _demanding(self.qualification(slug)) if slug else []
+        if body is not None:
+            found += self.named_robots(body.robots)
+            found += [robot for group in named_groups(body.groups) for robot in group.robots.all()]
+        return found
+
     def qualification(self, slug: str) -> Qualification:
         """Return a qualification. Raises `Problem`: not found, not staff, or not served by the token."""
         self.staff()
@@ -214,8 +229,6 @@ class QualificationsBase(SetupView):
     def save_qualification(self, entry: Qualification, body: QualificationRequest) -> None:
         """Save a qualification. Raises `Problem`."""
         robots, groups = self.named_robots(body.robots), named_groups(body.groups)
-        for demanding in [list(group.robots.all()) for group in groups] or [robots]:
-            self.require_served(demanding)
         entry.name, entry.description = body.name, body.description
         entry.slug = entry.slug or free_slug(Qualification, body.name)
         with faults_named():

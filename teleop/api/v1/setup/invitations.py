@@ -11,6 +11,7 @@ from django.utils import timezone
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 
+from fleet.origin import public_origin, public_url
 from robots.access import enrolment, welcome
 from robots.access.models import Invitation
 from robots.access.pages.forms import InvitationForm, end_of
@@ -105,14 +106,14 @@ class WelcomeView(CoursesBase):
         course = self.course(slug)
         people = self.members(course, body.people)
         waiting = welcome.waiting_among(people)
-        welcome.send_later(waiting, course=course, site=request.build_absolute_uri("/").rstrip("/"))
+        welcome.send_later(waiting, course=course, site=public_origin(request._request))
         return Changed(len(waiting))
 
 
 def _entry(request: Request, one: Invitation) -> InvitationEntry:
     return InvitationEntry(
         id=one.pk,
-        link=request.build_absolute_uri(reverse("join", args=[one.code])),
+        link=public_url(request._request, reverse("join", args=[one.code])),
         made_at=one.made_at,
         expires_at=one.expires_at,
         most_uses=one.most_uses,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
@@ -184,7 +185,6 @@ class CommonPolicyView(PoliciesBase):
     def put(self, request: Request, body: Rules) -> Response:
         """For staff."""
         self.staff()
-        self.require_all_robots()
         return self.changed(request, body)
 
 
@@ -210,6 +210,10 @@ class RobotPolicyView(PoliciesBase):
 class GroupPolicyView(PoliciesBase):
     """`/policies/groups/{slug}`."""
 
+    def concerned(self, slug: str, **_asked: Any) -> Iterable[Robot]:
+        """Return the group's robots."""
+        return self.group(slug).robots.all()
+
     @reads("policies_read_group", "Read the policy of a robot group", answer=PolicyEntry, tag="policies")
     def get(self, _request: Request, slug: str) -> Response:
         """For staff: a group may have robots of several supervisors."""
@@ -234,6 +238,10 @@ class GroupPolicyView(PoliciesBase):
 
 class PeriodsView(PoliciesBase):
     """`/out-of-service`."""
+
+    def concerned(self, body: PeriodRequest, **_asked: Any) -> Iterable[Robot]:
+        """Return the robot of the period."""
+        return [self.robot(body.robot)]
 
     @operation(
         "out_of_service_list",
@@ -275,12 +283,21 @@ class PeriodsView(PoliciesBase):
 class PeriodView(PoliciesBase):
     """`/out-of-service/{id}`."""
 
-    @manages("out_of_service_end", "Put a robot back into service", tag="policies")
-    def delete(self, _request: Request, period_id: UUID) -> None:
-        """The period ends now; one that has not begun is removed."""
+    def concerned(self, period_id: UUID, **_asked: Any) -> Iterable[Robot]:
+        """Return the robot of the period."""
+        return [self.period(period_id).robot]
+
+    def period(self, period_id: UUID) -> OutOfService:
+        """Return a period of a robot that the person manages. Raises `Problem`: not found."""
         found = OutOfService.objects.filter(pk=period_id, robot__in=self.managed()).first()
         if found is None:
             raise Problem(NOT_FOUND)
+        return found
+
+    @manages("out_of_service_end", "Put a robot back into service", tag="policies")
+    def delete(self, _request: Request, period_id: UUID) -> None:
+        """The period ends now; one that has not begun is removed."""
+        found = self.period(period_id)
         policy_changes.out_of_service_end(period_id=found.pk, actor=self.person, now=timezone.now())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 from django.db import transaction
@@ -116,6 +117,10 @@ class ProfilesView(SetupView):
 class ProfilesBase(SetupView):
     """Base of the views of one profile."""
 
+    def concerned(self, slug: str, **_asked: Any) -> Iterable[Robot]:
+        """Return the robots of the profile."""
+        return self.profile(slug).robots.all()
+
     def profile(self, slug: str) -> RobotProfile:
         """Return a profile. Raises `Problem`: not found."""
         found = RobotProfile.objects.filter(slug=slug).first()
@@ -124,11 +129,9 @@ class ProfilesBase(SetupView):
         return found
 
     def changeable(self, slug: str) -> RobotProfile:
-        """Return a profile, for staff whose token serves all its robots. Raises `Problem`."""
+        """Return a profile, for staff. Raises `Problem`."""
         self.staff()
-        found = self.profile(slug)
-        self.require_served(found.robots.all())
-        return found
+        return self.profile(slug)
 
 
 class ProfileView(ProfilesBase):
@@ -186,6 +189,10 @@ class ProfilePhrasesView(PhrasesBase):
 
 class RobotPhrasesView(PhrasesBase):
     """`/registry/{slug}/phrases`."""
+
+    def concerned(self, slug: str, **_asked: Any) -> Iterable[Robot]:
+        """Return the robot of the address."""
+        return [self.robot(slug)]
 
     @reads(
         "registry_phrases_read",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import partial
 from typing import Annotated, Any
 
@@ -81,9 +82,9 @@ class RegisterView(RegistryView):
 
     @_registry("registry_add", "Register a robot", refuses=(), body=RegisterRequest, status=201, keyed=True)
     def post(self, _request: Request, body: RegisterRequest) -> Response:
-        """For staff. A bridge is started for it; `GET /robots/{slug}` says how it is."""
+        """For staff. A bridge is started for it; `GET /robots/{slug}` says how it is. No token that is bound to robots
+        serves the new one."""
         staff = self.staff()
-        self.require_all_robots()  # a token that is bound to robots does not serve the new one
         profile = RobotProfile.objects.filter(slug=body.profile).first()
         if profile is None:
             raise Problem(_NO_PROFILE)
@@ -96,6 +97,10 @@ class RegisterView(RegistryView):
 
 class RegistrationView(RegistryView):
     """`/registry/{slug}`."""
+
+    def concerned(self, slug: str, body: RegistrationChange, **_asked: Any) -> Iterable[Robot]:
+        """Return the robot of the address; with another master it is another robot, which no bound token serves."""
+        return [self.robot(slug)] if body.master_uri is UNSET else ()
 
     @_registry("registry_read", "Read a registration")
     def get(self, _request: Request, slug: str) -> Response:
@@ -113,8 +118,6 @@ class RegistrationView(RegistryView):
     def patch(self, request: Request, slug: str, body: RegistrationChange) -> Response:
         """For staff. The bridge is started again where that is needed."""
         staff, found = self.staff(), self.robot(slug)
-        if body.master_uri is not UNSET:
-            self.require_all_robots()  # another master is another robot
         with transaction.atomic():
             robot = locked(found)
             require_unchanged(request, _entry(robot))

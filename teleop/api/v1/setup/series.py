@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import date
-from typing import Annotated
+from typing import Annotated, Any
 from uuid import UUID
 
 from django.utils import timezone
@@ -135,6 +135,11 @@ class SeriesView(SetupView):
         return SeriesAnswer(made[0].series if made else None, sorted(entries, key=lambda week: week.day))
 
     seen_by = staticmethod(robots_bookable_by)
+
+    def concerned(self, body: SeriesRequest, **_asked: Any) -> list[Robot]:
+        """Return the robot of the series, and the robots of its course."""
+        course = self._course(body.course)
+        return [self.robot(body.robot), *(robots_of(course) if course else ())]
 
     def _supervised(self, slug: str) -> Robot:
         robot = self.robot(slug)

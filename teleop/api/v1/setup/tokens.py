@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import datetime, timedelta
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from allauth.account.internal.flows.reauthentication import did_recently_reauthenticate
@@ -110,6 +111,11 @@ class ServiceAccountRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 class TokensBase(SetupView):
     """Base of the views of tokens."""
+
+    def concerned(self, *_path: Any, **asked: Any) -> Iterable[Robot]:
+        """Return the robots of the token of the request: `_require_no_more` holds a new token to them."""
+        new = isinstance(asked.get("body"), TokenRequest)
+        return Robot.objects.filter(pk__in=self.token.robots) if self.token and new else ()
 
     def listed(self, owner: User) -> TokenList:
         """Return the tokens of a person."""
@@ -224,6 +230,12 @@ class TokensView(TokensBase):
 class TokenView(TokensBase):
     """`/tokens/{id}`."""
 
+    def concerned(self, token_id: UUID, **_asked: Any) -> Iterable[Robot]:
+        """Return the robots of the token that ends; a token may always end itself."""
+        own = self.token
+        ending = own if own and own.pk == token_id else Token.objects.filter(pk=token_id).first()
+        return Robot.objects.filter(pk__in=ending.robots) if ending else ()
+
     @operation("tokens_end", "End a token", scope=None, status=204, refuses=(404,), tag="tokens")
     def delete(self, _request: Request, token_id: UUID) -> None:
         """Ends its streams, its control and the tokens made with it, within a second. A token ends itself with any
@@ -234,8 +246,6 @@ class TokenView(TokensBase):
         found = Token.objects.select_related("user").filter(pk=token_id).first()
         if found is None or (found.user != self.person and not self.person.is_staff):
             raise Problem(NOT_FOUND)
-        if own != found:
-            self.require_served(Robot.objects.filter(pk__in=found.robots))
         token_end(token=found, actor=self.person)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
@@ -111,6 +112,10 @@ class TriedAgain(Struct, frozen=True):
 class WebhooksBase(SetupView):
     """Base of the views of webhooks."""
 
+    def concerned(self, webhook_id: UUID | None = None, body: Any = None, **_asked: Any) -> Iterable[Robot]:
+        """Return the webhook's robots, or those of a new one."""
+        return self.one(webhook_id).robots.all() if webhook_id else self.named_robots(body.robots)
+
     def seen(self) -> list[Webhook]:
         """Return the webhooks whose robots the token serves. Raises `Problem`: not staff."""
         self.staff()
@@ -161,7 +166,6 @@ class WebhooksView(WebhooksBase):
         """For staff; a token needs the scope `read`, too. The answer has its secret, which nothing shows again; so this
         takes no Idempotency-Key, and its name is taken by the first of two requests."""
         staff, robots = self.staff(), self.named_robots(body.robots)
-        self.require_served(robots)
         if self.token is not None and not self.token.opens(Scope.READ):
             raise Problem(
                 scope_missing((Scope.READ,))

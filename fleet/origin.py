@@ -1,0 +1,54 @@
+"""The console's address as links in e-mails, calendar feeds and invitations name it.
+
+A Host header comes from anybody, so it decides nothing: the name is the first of `FLEET_HOSTS` that other computers can
+use, the port is that of the socket at which the request came. `FLEET_ORIGINS` says it where a proxy has another port.
+"""
+
+from __future__ import annotations
+
+import os
+from ipaddress import ip_address
+
+from django.conf import settings
+from django.http import HttpRequest
+from django.http.request import split_domain_port
+
+PORT_HEADER = "X-Fleet-Port"  # from the web process to its pages process, which listens on a Unix socket
+_USUAL = {"http": "80", "https": "443"}
+
+
+def public_origin(request: HttpRequest) -> str:
+    """Return scheme, host and port, such as `https://fleet.lab.example` or `http://192.168.1.20:8000`."""
+    for origin in settings.FLEET_ORIGINS:
+        if origin.startswith("https:") or not settings.FLEET_TLS:
+            return str(origin)
+    scheme = "https" if settings.FLEET_TLS else "http"
+    port = _port(request)
+    suffix = f":{port}" if port and port != _USUAL[scheme] else ""
+    return f"{scheme}://{_host(request)}{suffix}"
+
+
+def public_url(request: HttpRequest, path: str) -> str:
+    """Return the whole address of a path of the console."""
+    return f"{public_origin(request)}{path}"
+
+
+def _host(request: HttpRequest) -> str:
+    hosts = [host for host in settings.ALLOWED_HOSTS if not host.startswith((".", "*"))]
+    reachable = (host for host in hosts if not _is_loopback(host))
+    # With this computer's own names only, nobody else follows a link: then the name in use, one of `FLEET_HOSTS`.
+    return next(reachable, None) or split_domain_port(request.get_host())[0]
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return host == "localhost" or host.endswith(".localhost")
+
+
+def _port(request: HttpRequest) -> str:
+    """Return the port of the socket at which browsers knock; blank: that of a proxy, which is the usual one."""
+    if "FLEET_PROGRAMS_SOCKET" in os.environ:  # this is the pages process
+        return request.headers.get(PORT_HEADER, "")
+    return "" if settings.FLEET_TLS else str(request.META["SERVER_PORT"])
