@@ -286,7 +286,7 @@ TABLE: dict[str, Row] = {
         BOOK,
         "/bookings/{offered}/accept",
         (
-            "200 200 not_found 200 200",
+            "role_too_low 200 not_found 200 200",
             "offer_over offer_over offer_over not_found offer_over",  # an offer to another person
             "not_found not_found not_found not_found offer_over",
         ),
