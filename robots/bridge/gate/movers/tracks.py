@@ -13,9 +13,7 @@ from dataclasses import dataclass, field
 from robots.bridge.gate.movers.arrivals import Arrival, Look
 
 PAIR_M = 0.8  # arrivals within this belong to one person
-ASIDE_M = (
-    0.75  # a shin's distance from the forecast hips: half of the longest step, and the error of the forecast
-)
+ASIDE_M = 0.75  # a shin's distance from the forecast hips: half of a long step, and the forecast's error
 MEASURED_M, ALONE_M = 0.12, 0.22  # error of the middle of several arrivals, and of one alone
 ACCELERATES_MPS2 = 1.5  # people start, stop and turn
 STARTS_M, STARTS_MPS = 0.15, 1.4  # errors of place and velocity at first sight
