@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections import defaultdict
 from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -52,7 +53,9 @@ _UNSEEN = (
     "Zl",
     "Zp",
 )  # controls, line ends, formats such as bidi overrides, unassigned
-_MOST_MARKS = 3  # on one letter; more of them cover the lines around
+# Marks on one letter; more of them cover the lines around. Burmese has four, so a mark of no script counts twice.
+_MOST_MARKS = 6
+_KEYCAP = "\u20e3"  # makes a key of a digit
 _EAST_ASIAN = {
     "CJK",
     "HIRAGANA",
@@ -92,7 +95,8 @@ def fault_of(name: str) -> Fault | None:
         return UNSEEN
     marks = 0
     for letter in unicodedata.normalize("NFC", name):
-        marks = marks + 1 if unicodedata.category(letter) in ("Mn", "Me") else 0
+        weight = 2 if _script(letter) == "COMBINING" else 1
+        marks = marks + weight if unicodedata.category(letter) in ("Mn", "Me") else 0
         if marks > _MOST_MARKS:
             return UNSEEN
     if folded(name) in _NOBODY:
@@ -127,51 +131,84 @@ def shape(name: str) -> str:
     return folded(name).translate(_LATIN).casefold()
 
 
-def _exact_shape(name: str) -> str:
-    return unicodedata.normalize("NFKC", name).translate(_LATIN).translate(_SAME_SCRIPT)
-
-
 class Looks:
     """The names that others have: `alike(name)` finds one that looks the same and is spelled differently.
 
-    The same spelling is no fault here: people may have the same name. An e-mail address as a name is proven by letters,
-    so digits in it may look like letters.
+    The same spelling is no fault here: people may have the same name. Two letters of one script look different to its
+    readers, such as the Greek letters sigma and omicron. An e-mail address as a name is proven by letters, so digits in
+    it may look like letters.
     """
 
     def __init__(self, names: Collection[str]) -> None:
-        self._spelled = {folded(name) for name in names}
-        self._seen = {look for name in names for look in _looks(name)}
+        self._spelled: set[str] = set()
+        self._seen: defaultdict[str, set[str]] = defaultdict(set)  # names by how they look in Latin letters
+        for name in names:
+            self.add(name)
 
     def alike(self, name: str) -> bool:
         """Return whether the name looks like one of these, but is another."""
-        return folded(name) not in self._spelled and not self._seen.isdisjoint(_looks(name))
+        return folded(name) not in self._spelled and any(
+            _may_be_taken_for(spelled, other)
+            for look, spelled in _looks(name)
+            for other in self._seen.get(look, ())
+        )
 
     def add(self, name: str) -> None:
-        """Add the name of a new account of a list."""
+        """Add a name, such as that of a new account of a list."""
         self._spelled.add(folded(name))
-        self._seen.update(_looks(name))
+        for look, spelled in _looks(name):
+            self._seen[look].add(spelled)
 
 
 def _looks(name: str) -> Iterator[tuple[str, str]]:
-    """Yield the two looks of a name: case apart, and as it stands, where I is no i."""
+    """Yield the two looks of a name in Latin letters: case apart, and as it stands, where I is no i.
+
+    With each look comes the name in its own letters, of the same length.
+    """
     if name:
-        yield "case apart", shape(name)
+        yield f"case apart: {shape(name)}", folded(name)
         if "@" not in name:
-            yield "exact", _exact_shape(name)
+            spelled = unicodedata.normalize("NFKC", name).translate(_SAME_SCRIPT)
+            yield f"exact: {spelled.translate(_LATIN).translate(_SAME_SCRIPT)}", spelled
+
+
+def _may_be_taken_for(name: str, other: str) -> bool:
+    """Return whether two names of one look differ only where their letters are of different scripts."""
+    return all(one == two or _script(one) != _script(two) for one, two in zip(name, other, strict=True))
 
 
 def _is_seen(text: str, place: int) -> bool:
-    letter = text[place]
-    before = text[place - 1] if place else ""
+    letter, before, after = text[place], text[:place][-1:], text[place + 1 :][:1]
     if letter in _JOINERS:
-        return bool(before) and (unicodedata.combining(before) == 9 or _script(before) == "ARABIC")
+        return bool(before) and _joins(before, after)
     if _BLANK.match(letter):  # a variant of the sign before it
-        return (
-            letter >= "\ufe00"
-            and bool(before)
-            and (unicodedata.category(before) == "So" or _script(before) == "CJK")
-        )
+        return bool(before) and _has_variants(before, letter, after)
     return unicodedata.category(letter) not in _UNSEEN
+
+
+def _joins(before: str, after: str) -> bool:
+    """Return whether a joiner between these changes how they are written."""
+    if _script(before) == "ARABIC" or _is_virama(before):
+        return True
+    if _is_virama(after):  # Bengali and Kannada: the first letter keeps its form
+        return unicodedata.category(before) == "Lo"
+    return (_is_sign(before) or before == "\ufe0f") and _is_sign(after)  # one emoji of several
+
+
+def _has_variants(before: str, selector: str, after: str) -> bool:
+    """Return whether this selector chooses how the character before it is written."""
+    if selector < "\ufe00":
+        return "\u180b" <= selector != before and _script(before) == "MONGOLIAN"
+    return _is_sign(before) or _script(before) == "CJK" or after == _KEYCAP
+
+
+def _is_virama(letter: str) -> bool:
+    return bool(letter) and unicodedata.combining(letter) == 9
+
+
+def _is_sign(letter: str) -> bool:
+    """Return whether this is a sign outside ASCII, such as an emoji, an arrow or a tone of skin."""
+    return letter > "\x7f" and unicodedata.category(letter) in ("So", "Sm", "Sk")
 
 
 def _scripts(word: str) -> set[str]:

@@ -26,7 +26,12 @@ OF_PEOPLE = (
     "Hawaiʻi Kāne",
     "Łukasz Yıldız",
     "olga@example.org",
+    "র\u200d্যাচেল",  # Bengali: a joiner before the virama
+    "ರ\u200d್ಯಾಂಕ್",  # Kannada
+    "လျှို့ဝှက်",  # Burmese: four marks on one letter
+    "ᠨ\u180b\u180eᠠ",  # Mongolian: a variant and the separator of a vowel
 )
+TEXTS = ("Demo 👩\u200d🏫", "🧑🏽\u200d🚀 Mars", "❤\ufe0f\u200d🔥", "A ↔\ufe0f B", "1\ufe0f⃣ first", "⏱\ufe0f")
 UNSEEN = (
     "a\nb",
     "a\r",
@@ -43,6 +48,12 @@ UNSEEN = (
     "\u3164",  # Hangul filler
     "\u2800",  # blank Braille
     "a\ufe0f",
+    "1\ufe0f",
+    "a\u180b",
+    "\u180b",
+    "ᠨ\u180b\u180b",
+    "👩\u200da",
+    "👩\u200d",
     "a\ue000",  # private use
     "\U000e0041",  # tag
     "a" + "\u0301" * 5,
@@ -53,6 +64,11 @@ UNSEEN = (
 def test_names_of_people_are_fine(name: str) -> None:
     assert fault_of_person(name) is None
     assert fault_of_word(name) is None
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_texts_may_have_signs_of_several_characters(text: str) -> None:
+    assert fault_of(text) is None
 
 
 @pytest.mark.parametrize("name", UNSEEN)
@@ -82,3 +98,15 @@ def test_names_that_look_the_same_are_found() -> None:
     for name in ("Olga Operator", "OLGA", "Olga Opera", "Ian", "Νίκος"):
         assert not looks.alike(name), name
     assert folded("ＯＬＧＡ  operator ") == folded("Olga Operator")
+
+
+@pytest.mark.parametrize(("one", "other"), [("Хулан", "Хүлан"), ("Σία", "Οία"), ("Хулан Olga", "Хүлан Olga")])
+def test_letters_of_one_script_tell_names_apart(one: str, other: str) -> None:
+    assert not Looks([one]).alike(other)
+    assert not Looks([other]).alike(one)
+
+
+def test_each_word_is_compared_in_its_own_script() -> None:
+    looks = Looks(["Cepa Хор", "Сера-Axe"])
+    assert looks.alike("Сера Xop")
+    assert looks.alike("Cepa-Ахе")
