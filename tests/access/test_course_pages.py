@@ -41,6 +41,7 @@ def form_of(preview: Any) -> dict[str, Any]:
         "encoding": form["encoding"].value() or "",
         "separator": preview.context["separator"],
         "separator_before": preview.context["separator"],
+        "encoding_before": form["encoding"].value() or "",
         "column": [column["role"] for column in columns],
         "seen": seen_in(preview),
     }
@@ -167,6 +168,14 @@ def test_encoding_separator_and_columns_can_be_changed(
     assert "The file is not in Shift JIS (Japanese)" in shown(wrong)
     assert client.post(address, form_of(again)).status_code == 302
     assert User.objects.get(email="z@example.org").full_name == "Zoé Čapek"
+
+
+def test_titles_are_read_again_in_another_encoding(signed_in: SignIn, course: Course, teacher: User) -> None:
+    client, address = signed_in(teacher), "/courses/hri-2026/enrol/"
+    content = "Фамилия;Имя;Почта\nИванов;Пётр;p@example.org".encode("cp1251")  # noqa: RUF001
+    preview = client.post(address, {"file": SimpleUploadedFile("class.csv", content)})
+    again = client.post(address, {**form_of(preview), "encoding": "cp1251", "again": "1"})
+    assert [row.name for row in again.context["rows"]] == ["Пётр Иванов"]
 
 
 def test_a_spreadsheet_and_a_damaged_preview_are_refused(

@@ -63,6 +63,7 @@ def test_a_header_in_unknown_words_is_a_note_and_no_wrong_line() -> None:
     assert not found.wrong
     assert found.notes == ("Name from: Nimi. E-mail address from: Sähköposti.",)
     foreign = read_people("Foo;Bar;Baz\nAda;Lovelace;ada@example.org")
+    assert "First and last name are guessed: check their order." in foreign.notes
     assert [(one.name, one.email) for one in foreign.people] == [ADA]
 
 
@@ -149,6 +150,32 @@ def test_no_line_and_no_name_is_lost(text: str, expected: list[tuple[str, str]])
     assert [(one.name, one.email) for one in found.people] == expected
     used = {one.line for one in (*found.people, *found.wrong)}
     assert len(used) + 1 >= len([line for line in text.split("\n") if "@" in line])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Ada Lovelace, ada@example.org\nBo Ek; bo@example.org",
+        "Foo;Bar;Baz\nAda;Lovelace;ada@example.org",
+        "Name,E-Mail\nAda Lovelace,ada@example.org",
+        "ada@example.org",
+        "Ada <ada@example.org>; Bo <bo@example.org>",
+    ],
+)
+def test_the_preview_reads_a_list_as_before(text: str) -> None:
+    """The form of the preview sends back how the list was read."""
+    found = read_people(text)
+    again = read_people(text, found.separator, [column.role for column in found.columns])
+    assert again == found
+
+
+def test_a_first_line_that_may_be_a_person_is_shown() -> None:
+    guessed = read_people("Ada Lovelace;ada(at)example.org\nBo Ek;bo@example.org")
+    assert [(one.line, one.reason) for one in guessed.titles] == [
+        (1, "It is taken as the titles of the columns.")
+    ]
+    incomplete = read_people("Ada Lovelace;\nBo Ek;bo@example.org")
+    assert [one.line for one in incomplete.wrong] == [1]
 
 
 def test_each_line_that_is_left_out_is_named() -> None:

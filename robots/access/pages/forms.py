@@ -147,9 +147,13 @@ class PeopleForm(forms.Form):
         return content
 
     def _how(self, values: dict[str, Any]) -> dict[str, Any]:
-        """Return how to read the list, as chosen in the preview; roles of columns count only for the same separator."""
+        """Return how to read the list, as chosen in the preview.
+
+        The roles of columns count only for the same separator and encoding: others may give other titles.
+        """
         separator = values.get("separator", "")
-        same = separator == self.data.get("separator_before")
+        now = (separator, values.get("encoding", ""))
+        same = now == (self.data.get("separator_before"), self.data.get("encoding_before", ""))
         return {"separator": separator, "roles": values.get("column", []) if same else []}
 
     @property

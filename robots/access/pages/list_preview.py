@@ -56,7 +56,8 @@ def _rows(people: PeopleList, plan: Plan) -> list[Row]:
     inside = {account.email for account in plan.enrolled}
     faults = {wrong.line: wrong.reason for wrong in plan.wrong}
     rows = [
-        Row(each.line, _cells(each, width), fault=each.reason) for each in (*people.wrong, *people.repeated)
+        Row(each.line, _cells(each, width), fault=each.reason)
+        for each in (*people.wrong, *people.repeated, *people.titles)
     ]
     for one in people.people:
         if one.line in faults:

@@ -17,14 +17,19 @@ ENCODINGS = {
     "mac_roman": gettext_lazy("Mac Roman (old Macs)"),
     "cp850": gettext_lazy("DOS 850 (Western Europe)"),
     "cp1250": gettext_lazy("Windows-1250 (Central Europe)"),
+    "iso8859_2": gettext_lazy("ISO 8859-2 (Central Europe)"),
+    "mac_latin2": gettext_lazy("Mac Central Europe"),
     "cp1257": gettext_lazy("Windows-1257 (Baltic)"),
     "cp1254": gettext_lazy("Windows-1254 (Turkish)"),
+    "iso8859_9": gettext_lazy("ISO 8859-9 (Turkish)"),
     "cp1253": gettext_lazy("Windows-1253 (Greek)"),
+    "iso8859_7": gettext_lazy("ISO 8859-7 (Greek)"),
     "cp1251": gettext_lazy("Windows-1251 (Cyrillic)"),
     "koi8_r": gettext_lazy("KOI8-R (Cyrillic)"),
     "cp1255": gettext_lazy("Windows-1255 (Hebrew)"),
     "cp1256": gettext_lazy("Windows-1256 (Arabic)"),
     "shift_jis": gettext_lazy("Shift JIS (Japanese)"),
+    "euc_jp": gettext_lazy("EUC-JP (Japanese)"),
     "gb18030": gettext_lazy("GB 18030 (Chinese)"),
     "big5": gettext_lazy("Big5 (Chinese)"),
     "euc_kr": gettext_lazy("EUC-KR (Korean)"),
@@ -35,7 +40,7 @@ _MARKS = {
     codecs.BOM_UTF16_BE: "utf-16",
 }
 # Windows-1252 contains all letters of Latin-1. The next ones are taken where they fit better.
-_GUESSES = ("cp1252", "iso8859_15", "mac_roman", "cp850", "cp1250")
+_GUESSES = ("cp1252", "iso8859_15", "mac_roman", "cp850", "cp1250", "iso8859_2")
 _PUNCTUATION = "\u2018\u2019\u201c\u201d\u201e\u2013\u2014\u2026\u00ab\u00bb\u00b7\u00b4\u00ba\u00aa\u00a0"
 
 

@@ -12,7 +12,7 @@ from django.core.exceptions import ValidationError
 from django.core.validators import validate_email
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from robots.access.people_lists.columns import Column, Role, columns_of, role_of
 
@@ -55,6 +55,7 @@ class PeopleList(Struct, frozen=True):
     wrong: tuple[Wrong, ...] = ()
     notes: tuple[str, ...] = ()
     repeated: tuple[Wrong, ...] = ()  # lines with an address of an earlier line
+    titles: tuple[Wrong, ...] = ()  # the header, if nothing but its place says that it is one
     columns: tuple[Column, ...] = ()
     separator: str = ""  # "": the list has one column
 
@@ -85,7 +86,7 @@ def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> P
             wrong=(Wrong(MOST_LINES + 2, "", reason % {"lines": len(texts), "most": MOST_LINES}),)
         )
     usual = separator or _separator(texts)
-    lines = [line for line in _lines(texts, usual, fixed=bool(separator)) if any(line.cells)]
+    lines = [line for line in _lines(texts, usual, fixed=usual != _separator(texts)) if any(line.cells)]
     header, lines = _without_header(lines)
     columns = columns_of(header.cells if header else (), [line.cells for line in lines])
     if roles:
@@ -93,7 +94,17 @@ def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> P
             Column(column.title, role)
             for column, role in zip(columns, [*roles, *_unused(columns, roles)], strict=False)
         )
-    return _people(lines, columns, usual if len(columns) > 1 else "")
+    found = _people(lines, columns, usual if len(columns) > 1 else "")
+    if header and not any(map(_names_a_column, header.cells)):
+        reason = _("It is taken as the titles of the columns.")
+        guessed = Wrong(header.number, header.text[:100], reason, header.cells)
+        note = _("Line %(line)d is taken as titles: %(text)s") % {"line": guessed.line, "text": guessed.text}
+        found = structs.replace(found, titles=(guessed,), notes=(note, *found.notes))
+    return found
+
+
+def _names_a_column(title: str) -> bool:
+    return role_of(title) is not Role.UNUSED
 
 
 def _unused(columns: Sequence[Column], roles: Sequence[Role]) -> list[Role]:
@@ -117,7 +128,12 @@ def _people(lines: Iterable[_Line], columns: tuple[Column, ...], separator: str)
             else:
                 people.append(Listed(line.number, name, email, line.cells))
     return PeopleList(
-        tuple(people), tuple(wrong), _notes(columns, people, repeated), tuple(repeated), columns, separator
+        people=tuple(people),
+        wrong=tuple(wrong),
+        notes=_notes(columns, people, repeated),
+        repeated=tuple(repeated),
+        columns=columns,
+        separator=separator,
     )
 
 
@@ -136,6 +152,9 @@ def _notes(columns: Sequence[Column], people: Sequence[Listed], repeated: Sequen
         for number, column in enumerate(columns, start=1)
         if column.role is Role.UNUSED and any(_is_lost(one, number - 1, column) for one in people)
     ]
+    parts = [each for each in columns if each.role in (Role.FIRST_NAME, Role.LAST_NAME)]
+    if any(role_of(each.title) is Role.UNUSED for each in parts):
+        notes.append(_("First and last name are guessed: check their order."))
     if unused:
         notes.append(_("Left out: %(columns)s.") % {"columns": ", ".join(unused)[:300]})
     if nameless := sum(not one.name for one in people):
@@ -222,7 +241,7 @@ def _without_header(lines: list[_Line]) -> tuple[_Line | None, list[_Line]]:
 def _is_header(line: _Line, following: _Line) -> bool:
     """Return whether a line has titles that are not known here: it has as many cells as the next, and no address."""
     addresses = [any("@" in cell for cell in each.cells) for each in (line, following)]
-    return addresses == [False, True] and len(line.cells) == len(following.cells) > 1
+    return addresses == [False, True] and all(line.cells) and len(line.cells) == len(following.cells) > 1
 
 
 # --- people ---------------------------------------------------------------------------------------
