@@ -1,10 +1,15 @@
-/** Keys that move something while they are held. A key counts by its position, not by its letter. */
+/**
+ * Keys that move something while they are held. A key counts by its position, not by its letter.
+ *
+ * Each key is a grip of its own: only its own events prove it, because its release may be lost while another key is
+ * held. When one grip ends without the hand, all keys of the set end with it, and each must be pressed again.
+ */
 
 import { isEditing } from "../lib/editing.js";
 import { hand, isComposing, isModified } from "./watch.js";
 
 export class HeldKeys {
-  #held = new Set();
+  #grips = new Map(); // by the codes of the held keys
   #codes;
   #changed;
   #listening = new AbortController();
@@ -26,13 +31,7 @@ export class HeldKeys {
 
   /** Forget all keys; each must be pressed again. */
   drop(reason) {
-    hand.lose(this, reason);
-  }
-
-  /** @param {string} reason called by the watch */
-  lose(reason) {
-    this.#held.clear();
-    this.#changed(this.#held, reason, null);
+    for (const grip of this.#grips.values()) hand.lose(grip, reason); // the first one clears them all
   }
 
   close() {
@@ -42,21 +41,38 @@ export class HeldKeys {
 
   #down(event, may) {
     if (isEditing(event.target) || isModified(event) || isComposing(event)) return;
-    if (!this.#codes.has(event.code)) return hand.prove(this); // a live keyboard: a hand is there
-    if (!may()) return;
+    if (!event.repeat) this.#expectNoRepeat(); // only the newest key repeats, also if it moves nothing
+    if (!this.#codes.has(event.code) || !may()) return;
     event.preventDefault();
-    if (this.#held.has(event.code)) return hand.prove(this, event);
+    const held = this.#grips.get(event.code);
+    if (held) return hand.prove(held, event);
     if (event.repeat) return; // it was held when input ended: it must be pressed again
-    if (this.#held.size === 0) hand.begin(this);
-    else hand.prove(this);
-    this.#held.add(event.code);
-    this.#changed(this.#held, null, event);
+    const grip = { lose: (reason) => this.#lose(reason), usesKeys: true };
+    this.#grips.set(event.code, grip);
+    hand.begin(grip);
+    this.#tell(null, event);
   }
 
   #up(event) {
-    hand.prove(this);
-    if (!this.#held.delete(event.code)) return;
-    if (this.#held.size === 0) hand.end(this);
-    this.#changed(this.#held, null, event);
+    const grip = this.#grips.get(event.code);
+    if (!grip) return;
+    this.#grips.delete(event.code);
+    hand.end(grip);
+    this.#expectNoRepeat();
+    this.#tell(null, event);
+  }
+
+  #lose(reason) {
+    for (const grip of this.#grips.values()) hand.end(grip);
+    this.#grips.clear();
+    this.#tell(reason, null);
+  }
+
+  #expectNoRepeat() {
+    for (const grip of this.#grips.values()) hand.expectNoRepeat(grip);
+  }
+
+  #tell(lost, event) {
+    this.#changed(new Set(this.#grips.keys()), lost, event);
   }
 }

@@ -24,9 +24,14 @@ export class Proof {
     this.#lastMs = nowMs;
   }
 
-  /** An event of the hand. A key repeat begins anew after it: of two held keys, only the newest repeats. */
+  /** An event of the hand. A key repeat begins anew after it. */
   renew(nowMs) {
     this.#lastMs = nowMs;
+    this.expectNoRepeat();
+  }
+
+  /** Another key may have ended the repeat of this one. That proves nothing: the patience goes on. */
+  expectNoRepeat() {
     this.#repeats = false;
     this.#longestGapMs = 0;
   }

@@ -5,7 +5,7 @@
  * a page that stood still; or when no event has proven it for too long (`proof.js`).
  */
 
-import { isEditing } from "../lib/editing.js";
+import { isEditing, takesText } from "../lib/editing.js";
 import { PATIENCE_MS, Proof } from "./proof.js";
 
 const TICK_MS = 100;
@@ -59,7 +59,10 @@ class HandWatch extends EventTarget {
     on(window, "keydown", "modifier", (event) => isModified(event) || MODIFIERS.has(event.key));
     on(window, "keydown", "text", isComposing);
     on(window, "compositionstart", "text");
-    on(document, "focusin", "text", ({ target }) => isEditing(target));
+    document.addEventListener("focusin", ({ target }) => {
+      // Another finger may slide or tick; but a slider takes the keys, too.
+      if (isEditing(target)) this.#loseHand("text", (grip) => grip.usesKeys || takesText(target));
+    });
     const opens = ({ target, newState }) => target.nodeName === "DIALOG" && newState === "open";
     document.addEventListener("toggle", (e) => opens(e) && this.#loseHand("dialog"), {
       capture: true,
@@ -68,8 +71,8 @@ class HandWatch extends EventTarget {
 
   /**
    * Begin a grip.
-   * @param {{lose: (reason: string) => void, withoutHand?: boolean}} grip `lose` is called when the grip has ended for
-   *   a reason of the watch; a grip `withoutHand` needs only the page
+   * @param {{lose: (reason: string) => void, withoutHand?: boolean, usesKeys?: boolean}} grip `lose` is called when the
+   *   grip has ended for a reason of the watch; a grip `withoutHand` needs only the page
    * @param {number} [patienceMs] how long it counts without a proof
    */
   begin(grip, patienceMs = PATIENCE_MS) {
@@ -86,6 +89,11 @@ class HandWatch extends EventTarget {
     const proof = this.#grips.get(grip);
     if (repeat) proof?.repeat(performance.now());
     else proof?.renew(performance.now());
+  }
+
+  /** Another key than that of the grip was pressed or released. */
+  expectNoRepeat(grip) {
+    this.#grips.get(grip)?.expectNoRepeat();
   }
 
   end(grip) {
@@ -111,6 +119,7 @@ class HandWatch extends EventTarget {
     const gapMs = Math.max(now - this.#tickMs, Date.now() - this.#wallMs);
     [this.#tickMs, this.#wallMs] = [now, Date.now()];
     if (gapMs > STOOD_STILL_MS) return this.#interrupt("stood-still");
+    this.#hadFocus ||= document.hasFocus(); // the press itself may have brought the focus
     if (this.#hadFocus && !document.hasFocus()) return this.#interrupt("blurred");
     for (const [grip, proof] of this.#grips) {
       const reason = proof.failure(now);
@@ -124,8 +133,9 @@ class HandWatch extends EventTarget {
     this.#emit("interrupted", { reason });
   }
 
-  #loseHand(reason) {
-    for (const grip of [...this.#grips.keys()]) if (!grip.withoutHand) this.lose(grip, reason);
+  #loseHand(reason, means = () => true) {
+    for (const grip of [...this.#grips.keys()])
+      if (!grip.withoutHand && means(grip)) this.lose(grip, reason);
   }
 
   #say(soon) {

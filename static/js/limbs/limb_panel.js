@@ -9,6 +9,7 @@ import { dim, setText, show } from "../lib/dom.js";
 import { centimetres, endNotice } from "./words.js";
 
 const HOME = "home"; // the motion that brings the arm home
+const PRIMARY = 1; // in `buttons`: the main button alone, a finger, the tip of a pen
 const KEYS_REST_MS = 400; // after the last press of an arrow key on a slider
 
 export class LimbPanel {
@@ -17,10 +18,10 @@ export class LimbPanel {
   #notify;
   #ranges = {};
   #home = null;
-  #pressed = new Set(); // limbs whose slider is under a finger
+  #grips = new Map(); // by limbs whose slider is under a finger
   #limbs = {}; // as the robot last reported
   #held = new Set(); // limbs whose slider is under a finger or moved by arrow keys
-  #left = new Set(); // limbs whose slider was under a finger when the page was left: its end counts no more
+  #left = new Set(); // limbs whose slider was under a finger that was lost: its end counts no more
   #timers = {};
   #ended = null; // ends that are known, by limb; null before the first state
   #listening = new AbortController();
@@ -39,19 +40,19 @@ export class LimbPanel {
     on("gripper-open", "click", () => this.#move("gripper", this.#ranges.gripper.most_m));
     on("gripper-close", "click", () => this.#move("gripper", this.#ranges.gripper.least_m));
     for (const limb of ["gripper", "torso"]) {
-      on(`${limb}-to`, "pointerdown", ({ button }) => {
-        if (button !== 0) return;
-        this.#left.delete(limb);
-        this.#pressed.add(limb);
-        this.#held.add(limb);
+      on(`${limb}-to`, "pointerdown", (event) => event.button === 0 && this.#press(limb, event));
+      on(`${limb}-to`, "contextmenu", (event) => {
+        if (event.pointerType === "touch") event.preventDefault(); // a long touch holds the slider
       });
-      on(`${limb}-to`, "keydown", () => this.#left.delete(limb));
       on(`${limb}-to`, "input", () => this.#slid(limb));
       on(`${limb}-to`, "change", (event) => this.#released(limb, event.target));
-      for (const type of ["pointerup", "pointercancel"])
-        on(`${limb}-to`, type, () => setTimeout(() => this.#letGo(limb)));
     }
-    hand.addEventListener("interrupted", () => this.#leave(), { signal });
+    for (const type of ["pointermove", "pointerup", "pointercancel"])
+      window.addEventListener(type, (event) => this.#judge(event), { signal, capture: true });
+    const leave = () => {
+      for (const limb of [...this.#held]) this.#leave(limb);
+    };
+    hand.addEventListener("interrupted", leave, { signal });
     this.mayAct = false;
   }
 
@@ -94,6 +95,7 @@ export class LimbPanel {
 
   close() {
     this.#listening.abort();
+    for (const limb of [...this.#held]) this.#letGo(limb);
     for (const timer of Object.values(this.#timers)) clearTimeout(timer);
   }
 
@@ -115,6 +117,25 @@ export class LimbPanel {
     this.#parts[`${limb}-to`].setAttribute("aria-valuetext", text);
   }
 
+  #press(limb, { pointerId }) {
+    this.#letGo(limb);
+    this.#left.delete(limb);
+    this.#held.add(limb);
+    const grip = { pointerId, lose: () => this.#leave(limb) };
+    this.#grips.set(limb, grip);
+    hand.begin(grip, Infinity); // a finger that rests sends nothing to the robot
+  }
+
+  /** Each pointer event says which buttons are down now: after a menu, a page hears of no release. A release comes before `change`. */
+  #judge({ type, pointerId, buttons }) {
+    for (const [limb, grip] of this.#grips) {
+      if (grip.pointerId !== pointerId) continue;
+      const letGo = () => this.#letGo(limb);
+      if (type !== "pointermove") setTimeout(letGo);
+      else if (buttons !== PRIMARY) hand.lose(grip, "button");
+    }
+  }
+
   #slid(limb) {
     clearTimeout(this.#timers[limb]);
     this.#label(limb, Number(this.#parts[`${limb}-to`].value));
@@ -125,7 +146,7 @@ export class LimbPanel {
     const to = Number(slider.value);
     clearTimeout(this.#timers[limb]);
     if (this.#left.delete(limb)) return this.#follow(limb);
-    if (this.#pressed.has(limb)) {
+    if (this.#grips.has(limb)) {
       slider.blur(); // keys drive the base again
       this.#move(limb, to);
       return;
@@ -134,14 +155,12 @@ export class LimbPanel {
     this.#timers[limb] = setTimeout(() => this.#move(limb, to), KEYS_REST_MS);
   }
 
-  /** The page was left while a slider was held: the limb stays where it is. */
-  #leave() {
-    for (const limb of this.#pressed) this.#left.add(limb);
-    for (const limb of [...this.#held]) {
-      clearTimeout(this.#timers[limb]);
-      this.#letGo(limb);
-      this.#follow(limb);
-    }
+  /** The hand or the page was lost while a slider was held: the limb stays where it is. */
+  #leave(limb) {
+    if (this.#grips.has(limb)) this.#left.add(limb);
+    clearTimeout(this.#timers[limb]);
+    this.#letGo(limb);
+    this.#follow(limb);
   }
 
   async #move(limb, to) {
@@ -152,7 +171,8 @@ export class LimbPanel {
   }
 
   #letGo(limb) {
-    this.#pressed.delete(limb);
+    hand.end(this.#grips.get(limb));
+    this.#grips.delete(limb);
     this.#held.delete(limb);
   }
 

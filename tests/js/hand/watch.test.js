@@ -72,6 +72,31 @@ describe("the watch on the hand", () => {
     expect(grip.lose).toHaveBeenCalledExactlyOnceWith("blurred");
   });
 
+  it("ends a grip when a focus is gone that came after the press", () => {
+    hand.end(grip);
+    focus.mockReturnValue(false);
+    hand.begin(grip);
+    vi.advanceTimersByTime(200);
+    focus.mockReturnValue(true);
+    vi.advanceTimersByTime(200);
+    expect(grip.lose).not.toHaveBeenCalled();
+    focus.mockReturnValue(false);
+    vi.advanceTimersByTime(200);
+    expect(grip.lose).toHaveBeenCalledExactlyOnceWith("blurred");
+  });
+
+  it.each(["range", "checkbox", "radio", "button"])(
+    "leaves a finger when another one goes to a %s, but no key",
+    (kind) => {
+      const key = { lose: vi.fn(), usesKeys: true };
+      hand.begin(key);
+      const input = Object.assign(document.createElement("input"), { type: kind });
+      happens(document.body.appendChild(input), "focusin");
+      expect(grip.lose).not.toHaveBeenCalled();
+      expect(key.lose).toHaveBeenCalledExactlyOnceWith("text");
+    },
+  );
+
   it("ends a grip when the page was frozen or the computer slept", () => {
     vi.setSystemTime(Date.now() + 3_600_000); // only the clock went on
     vi.advanceTimersByTime(100);
@@ -157,12 +182,52 @@ describe("held keys", () => {
     type(document.body, "keydown", "KeyW");
     repeat("KeyW", 1_000);
     type(document.body, "keydown", "KeyA");
-    repeat("KeyA", 6_000);
+    repeat("KeyA", 2_000);
     expect(held).toEqual(["KeyW", "KeyA"]);
     type(document.body, "keyup", "KeyA");
-    vi.advanceTimersByTime(3_500); // W does not repeat again
+    vi.advanceTimersByTime(1_800); // W does not repeat again
     expect(held).toEqual(["KeyW"]);
-    vi.advanceTimersByTime(1_000);
+    vi.advanceTimersByTime(400);
+    expect(held).toEqual([]);
+  });
+
+  it("go on together while each is pressed again", () => {
+    type(document.body, "keydown", "KeyW");
+    type(document.body, "keydown", "KeyA");
+    for (const code of ["KeyA", "KeyW", "KeyA"]) {
+      vi.advanceTimersByTime(2_500);
+      type(document.body, "keydown", code);
+    }
+    expect(held).toEqual(["KeyW", "KeyA"]);
+  });
+
+  it.each(["KeyI", "KeyX", "KeyA"])("are not proven by %s, which repeats for ever", (other) => {
+    type(document.body, "keydown", "KeyW");
+    repeat("KeyW", 1_000);
+    type(document.body, "keydown", other);
+    repeat(other, 3_800);
+    expect(held).toContain("KeyW");
+    repeat(other, 400);
+    expect(held).toEqual([]);
+  });
+
+  it.each(["KeyI", "KeyA"])("are not proven by %s, pressed again and again", (other) => {
+    type(document.body, "keydown", "KeyW");
+    repeat("KeyW", 1_000);
+    for (let ms = 0; ms < 4_200; ms += 700) {
+      vi.advanceTimersByTime(700);
+      type(document.body, "keydown", other);
+      type(document.body, "keyup", other);
+    }
+    expect(held).not.toContain("KeyW");
+  });
+
+  it("whose repeat ended are not helped by the release of a key of a menu", () => {
+    type(document.body, "keydown", "KeyW");
+    repeat("KeyW", 1_000);
+    vi.advanceTimersByTime(500);
+    type(document.body, "keyup", "Escape");
+    vi.advanceTimersByTime(700);
     expect(held).toEqual([]);
   });
 

@@ -3,7 +3,7 @@ import { parts } from "../../../static/js/lib/dom.js";
 import { HeadStick, shaped } from "../../../static/js/limbs/head_stick.js";
 import { LimbPanel } from "../../../static/js/limbs/limb_panel.js";
 import { endNotice, movingText } from "../../../static/js/limbs/words.js";
-import { point } from "../hand/events.js";
+import { point, type } from "../hand/events.js";
 
 const RANGES = { gripper: { least_m: 0, most_m: 0.09 }, torso: { least_m: 0, most_m: 0.35 } };
 const BUTTONS = ["robot-open", "head-open", "arm-home", "gripper-open", "gripper-close"];
@@ -88,6 +88,48 @@ describe("the drawer of arm, gripper and torso", () => {
     slider.dispatchEvent(new Event("change")); // the browser ends the drag
     vi.advanceTimersByTime(1000);
     expect(request).not.toHaveBeenCalled();
+  });
+
+  const lost = [
+    ["bare mouse", () => point(window, "pointermove", { buttons: 0 })],
+    ["second button", () => point(window, "pointermove", { buttons: 3 })],
+    ["menu", () => page["torso-to"].dispatchEvent(new Event("contextmenu", { bubbles: true }))],
+    ["Cmd", () => type(window, "keydown", "MetaLeft", { key: "Meta" })],
+  ];
+
+  it.each(lost)("leaves a limb where it is if its slider loses the hand: %s", (_, lose) => {
+    panel.state = { limbs: { torso: { at_m: 0.1 } } };
+    const slider = page["torso-to"];
+    point(slider, "pointerdown");
+    slider.dispatchEvent(new Event("focusin", { bubbles: true }));
+    const slide = (value) => {
+      slider.value = value;
+      slider.dispatchEvent(new Event("input"));
+    };
+    slide(0.2);
+    point(window, "pointermove", { clientX: 5 });
+    lose();
+    expect(slider.value).toBe("0.1");
+    type(slider, "keydown", "Escape");
+    slide(0.3); // the pointer wanders
+    slider.dispatchEvent(new Event("change")); // a click elsewhere
+    vi.advanceTimersByTime(1000);
+    expect([request.mock.calls, slider.value]).toEqual([[], "0.1"]);
+    point(slider, "pointerdown");
+    slide(0.2);
+    point(slider, "pointermove", { pointerId: 2, buttons: 0 }); // a mouse beside the finger
+    point(slider, "pointerup");
+    slider.dispatchEvent(new Event("change"));
+    expect(request).toHaveBeenCalledOnce();
+  });
+
+  it("waits for a finger that rests on a slider", () => {
+    const slider = page["torso-to"];
+    point(slider, "pointerdown");
+    vi.advanceTimersByTime(60_000);
+    slider.value = 0.2;
+    slider.dispatchEvent(new Event("change"));
+    expect(request).toHaveBeenCalledOnce();
   });
 
   it("waits until arrow keys rest", () => {

@@ -4,14 +4,15 @@ import { hand } from "../../hand/watch.js";
 import { fromGamepad } from "./shaping.js";
 import { isNeutral, NEUTRAL } from "./stick.js";
 
+const NOISE = 0.02; // share of full stick: a stick that an object holds is not quite still
 const STOP_BUTTON = 1; // B on an Xbox pad, circle on a PlayStation pad
 
 /**
  * One device. It drives only after it has been in the middle: a device that is plugged in may rest anywhere. A device
  * that the browser does not know as a gamepad may be a sensor that drifts: a person takes it into use by a button.
  *
- * Each change of an axis or a button proves the hand. The time stamp proves nothing: some systems write a new one at
- * each reading.
+ * Each change of what steers, and each press of a button, proves the hand. Other axes, triggers that are not pressed
+ * and the time stamp prove nothing: they change without a hand.
  */
 export class Pad {
   #input;
@@ -21,7 +22,7 @@ export class Pad {
   // A switch that is on when the device is plugged in is not pressed by a person.
   #wasPressed = true;
   #stopWasDown = true;
-  #seen = "";
+  #seen = []; // when the hand was last proven
   #isHeld = false;
 
   /** @param {import("./stick.js").Stick} stick @param {string} name of the device */
@@ -38,12 +39,18 @@ export class Pad {
     this.#rested ||= neutral;
     if (neutral) return this.#rest();
     if (!this.#rested) return;
-    const seen = JSON.stringify([pad.axes, pad.buttons.map(({ value }) => value)]);
-    if (!this.#isHeld) hand.begin(this);
-    else if (seen !== this.#seen) hand.prove(this);
+    this.#prove([...Object.values(axes), ...pad.buttons.map(({ pressed }) => Number(pressed))]);
+    this.#stick.feed(this.#input, axes);
+  }
+
+  /** @param {number[]} seen what steers, and which buttons are pressed */
+  #prove(seen) {
+    const isNew = seen.some((value, at) => Math.abs(value - this.#seen[at]) >= NOISE);
+    if (this.#isHeld && !isNew) return;
+    if (this.#isHeld) hand.prove(this);
+    else hand.begin(this);
     this.#isHeld = true;
     this.#seen = seen;
-    this.#stick.feed(this.#input, axes);
   }
 
   /** Drive no more until the device has been in the middle. @param {string} reason called by the watch */
