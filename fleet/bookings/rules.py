@@ -84,8 +84,8 @@ class Wish(Struct, frozen=True):
     role_until: date | None = None  # the last day on which a course lets the person drive the robot
     missing: tuple[str, ...] = ()  # qualifications that the person lacks at the start
     qualified_until: datetime | None = None  # when the first required qualification expires
-    own: tuple[Slot, ...] = ()  # the person's other bookings, of every robot
-    own_here: tuple[Slot, ...] = ()  # the person's other bookings of this robot
+    own: tuple[Slot, ...] = ()  # the person's other bookings, of every robot, but no lessons
+    own_here: tuple[Slot, ...] = ()  # the person's other bookings of this robot, also lessons
     other_robots: tuple[
         Taken, ...
     ] = ()  # the person's bookings of other robots, with robot names, without lessons
@@ -377,7 +377,7 @@ def _quota(
     subject: str,
     code: str = "",
 ) -> Refusal | None:
-    if most is None:
+    if most is None or wish.lesson:
         return None
     for period in periods:
         used = sum(period.shared_minutes(slot) for slot in own)
@@ -411,7 +411,7 @@ def _count(
     refuse: Callable[..., Refusal],
 ) -> Refusal | None:
     to_come = sum(1 for slot in own if slot.ends_at > wish.now)
-    if most is None or to_come < most:
+    if most is None or wish.lesson or to_come < most:
         return None
     text = f"{subject} may have {most} booking{'s' * (most != 1)} to come. You already have {to_come}."
     return refuse(
@@ -483,9 +483,10 @@ COURSE_QUOTAS: tuple[Rule, ...] = (
 )
 # Who may use an offered slot, or the rest of a slot that runs, and whose quotas must have room for it: the slot itself
 # was allowed before.
-RIGHTS: tuple[Rule, ...] = (has_role, by_a_course, qualified)
 REST: tuple[Rule, ...] = (
-    *RIGHTS,
+    has_role,
+    by_a_course,
+    qualified,
     within_day_quota,
     within_week_quota,
     within_count,

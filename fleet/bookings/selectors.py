@@ -291,7 +291,7 @@ def wish_of(
         role_until=_role_until(person, robot, starts, now) if _rank(role) < Role.OPERATOR.rank else None,
         missing=tuple(one.name for one in missing_qualifications(person, robot, starts, facts.demanded)),
         qualified_until=qualified_until(person, facts.demanded),
-        own=tuple(Slot(one.starts_at, one.held_until) for one in own),
+        own=tuple(Slot(one.starts_at, one.held_until) for one in own if not one.lesson),
         own_here=tuple(Slot(one.starts_at, one.held_until) for one in own if one.robot_id == robot.id),
         other_robots=_on_other_robots(own, robot, now),
         lesson=lesson,

@@ -30,7 +30,6 @@ from fleet.bookings.rules import (
     BINDING,
     LONGEST,
     REST,
-    RIGHTS,
     RULES,
     Rule,
     Slot,
@@ -394,14 +393,13 @@ def _hand_rest(booking: Booking, to: User, actor: User, now: datetime) -> Bookin
 
     The time that has passed stays with the person who had it, and counts for that person's quotas. The
     receiver's quotas must have room for the rest, also if the receiver had the slot before. The rest of a
-    lesson stays a lesson for people of its course: no quota counts it.
+    lesson stays a lesson for people of its course and who manage the booking: no quota counts it.
     """
     rest, before = Slot(now, booking.ends_at), booking.person
-    lesson = booking.series is not None and booking.course in courses_for(booking.robot, to, now)
+    lesson = _rest_is_lesson_of(to, booking)
     quotas_locked(booking.robot, to, rest)
-    rules = RIGHTS if lesson else REST
     asked: dict[str, Any] = {"actor": actor, "moved": booking, "lesson": lesson, "stays": True}
-    course = _check(booking.robot, to, rest, now, rules=rules, **asked)
+    course = _check(booking.robot, to, rest, now, rules=REST, **asked)
     handed = Booking(
         robot=booking.robot,
         person=to,
@@ -415,7 +413,7 @@ def _hand_rest(booking: Booking, to: User, actor: User, now: datetime) -> Bookin
     )
     booking.held_until = now
     if now > booking.starts_at:
-        booking.ends_at = now
+        booking.ends_at, booking.state = now, State.FINISHED  # its giver did not stay away
     else:  # nothing of it has passed
         booking.state = State.CANCELLED
     save_booking(booking)
@@ -555,6 +553,14 @@ def _is_lesson_of(person: User, booking: Booking) -> bool:
     """Return whether the booking is a lesson of a course, and stays a lesson if this person has it."""
     course = booking.course if booking.series is not None else None
     return course is not None and may_manage(person, course)
+
+
+def _rest_is_lesson_of(person: User, booking: Booking) -> bool:
+    """Return whether the booking is a lesson of a course, and its rest stays a lesson if this person gets it."""
+    course = booking.course if booking.series is not None else None
+    if course is None:
+        return False
+    return course.enrolments.filter(person=person).exists() or may_manage_booking(person, booking)
 
 
 def state_for(actor: User, robot: Robot, course: Course | None) -> State:

@@ -5,9 +5,11 @@ from uuid import uuid4
 
 import pytest
 
-from fleet.bookings.models import Booking, Policy
+from fleet.audit.models import Record
+from fleet.bookings.hours.quota_left import left_of
+from fleet.bookings.models import Booking, Policy, State
 from fleet.bookings.rules import Slot
-from fleet.bookings.services import BookingRefused, booking_hand, booking_make
+from fleet.bookings.services import BookingRefused, booking_hand, booking_make, store_no_shows
 from robots.access.models import Course, Enrolment
 from robots.access.services import role_set
 from robots.registry.models import Role
@@ -165,6 +167,48 @@ def test_the_rest_of_a_lesson_stays_a_lesson_for_its_people(robot, course, staff
     rest = Booking.objects.get(person=first)
     assert (rest.course, rest.series) == (hri, lesson.series)
     book(robot, first, 180, 60, 6)  # a lesson uses no quota of the course
+
+
+@pytest.mark.parametrize("own_role", [False, True])
+def test_a_lesson_stays_one_when_its_teacher_gets_it_back(own_role, robot, other_robot, course, supervisor):
+    hri, first, second = course
+    Policy.objects.create(day_min=60, at_once=1)
+    hri.supervisors.add(supervisor)
+    if own_role:
+        role_set(robot=robot, user=first, role=Role.OPERATOR, actor=None)
+    role_set(robot=other_robot, user=second, role=Role.OPERATOR, actor=None)
+    book(other_robot, second, 10, 60)  # uses the quotas of the second student
+    lesson = book(robot, supervisor, 0, 120, lesson_of=hri, series=uuid4())
+    take(robot, supervisor, 0)
+    for number, people in enumerate([(supervisor, first), (first, supervisor), (supervisor, second)]):
+        assert hand_control(robot, *people, 5 + number) is None
+    rests = Booking.objects.filter(robot=robot)
+    assert set(rests.values_list("course", "series")) == {(hri.pk, lesson.series)}
+
+
+def test_no_quota_of_a_policy_counts_a_lesson(robot, course, supervisor):
+    hri, *_students = course
+    Policy.objects.create(robot=robot, day_min=60, week_min=60, at_once=1, gap_min=10)
+    hri.supervisors.add(supervisor)
+    book(robot, supervisor, 0, 120, lesson_of=hri, series=uuid4())
+    with pytest.raises(BookingRefused) as caught:
+        book(robot, supervisor, 125, 60)
+    assert caught.value.refusal.code == "gap"
+    assert any("1 h of 1 h today" in rest for left in left_of(supervisor, at(0)) for rest in left.rests)
+    book(robot, supervisor, 130, 60)
+    with pytest.raises(BookingRefused) as caught:
+        book(robot, supervisor, 200, 15)
+    assert caught.value.refusal.code == "quota_day"
+
+
+def test_who_hands_an_unused_slot_on_is_no_no_show(robot, operator, second_operator):
+    given = book(robot, operator, 0, 60)
+    assert hand_booking(robot, operator, second_operator, 5) is None
+    store_no_shows(at(60 * 24))
+    noted = set(Record.objects.filter(kind="booking.no_show").values_list("parameters__person", flat=True))
+    assert noted == {str(second_operator.pk)}
+    given.refresh_from_db()
+    assert given.state == State.FINISHED
 
 
 def test_a_slot_is_handed_back_while_its_receiver_books(robot, other_robot, operator, second_operator):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from datetime import datetime, timedelta
 
-from django.db.models import F
+from django.db.models import F, Q
 from django.utils.translation import gettext as _
 from msgspec import Struct
 
@@ -31,9 +31,9 @@ def left_of(person: User, now: datetime) -> list[Left]:
     own = list(_counted(now, person=person))
     found = []
     for course in _courses_of(person, now):
-        mine = [slot for slot, key, lesson in own if key == course.pk and not lesson]
+        mine = [slot for slot, key in own if key == course.pk]
         found.append(Left(course.name, (*_rests(course, mine, now), *common_left(course, now))))
-    slots = [slot for slot, _key, _lesson in own]
+    slots = [slot for slot, _key in own]
     found += [Left(policy.of, tuple(_rests(policy, slots, now))) for policy in _policies_of(person)]
     return [one for one in found if one.rests]
 
@@ -42,17 +42,18 @@ def common_left(course: Course, now: datetime) -> tuple[str, ...]:
     """Return the text about the time left of the quota of a whole course; nothing without such a quota."""
     if course.course_week_min is None:
         return ()
-    slots = [slot for slot, _key, lesson in _counted(now, course=course) if not lesson]
+    slots = [slot for slot, _key in _counted(now, course=course)]
     rest = _rest(course.course_week_min, slots, _week(now))
     return (_("%(rest)s this week for the whole course") % {"rest": rest},)
 
 
-def _counted(now: datetime, **of: User | Course) -> Iterable[tuple[Slot, int | None, bool]]:
-    """Yield the slots from this week on, each with the key of its course and whether it is a lesson."""
+def _counted(now: datetime, **of: User | Course) -> Iterable[tuple[Slot, int | None]]:
+    """Yield the slots from this week on that are no lessons, each with the key of its course."""
     since = _week(now).starts_at - LONGEST
     rows = Booking.objects.filter(starts_at__gt=since, held_until__gt=F("starts_at"), **of)
-    for starts, ends, course, series in rows.values_list("starts_at", "held_until", "course_id", "series"):
-        yield Slot(starts, ends), course, series is not None
+    no_lessons = rows.filter(Q(series=None) | Q(course=None))
+    for starts, ends, course in no_lessons.values_list("starts_at", "held_until", "course_id"):
+        yield Slot(starts, ends), course
 
 
 def _courses_of(person: User, now: datetime) -> Iterable[Course]:
