@@ -1,7 +1,8 @@
 """The console's address as links in e-mails, calendar feeds and invitations name it.
 
-A Host header comes from anybody, so it decides nothing: the name is the first of `FLEET_HOSTS` that other computers can
-use, the port is that of the socket at which the request came. `FLEET_ORIGINS` says it where a proxy has another port.
+A Host header comes from anybody, so it only chooses among the names of `FLEET_HOSTS` that other computers can use: the
+one in use, which this reader can reach, else the first. The port is that of the socket at which the request came.
+`FLEET_ORIGINS` says it where a proxy has another port.
 """
 
 from __future__ import annotations
@@ -35,9 +36,10 @@ def public_url(request: HttpRequest, path: str) -> str:
 
 def _host(request: HttpRequest) -> str:
     hosts = [host for host in settings.ALLOWED_HOSTS if not host.startswith((".", "*"))]
-    reachable = (host for host in hosts if not _is_loopback(host))
+    reachable = [host for host in hosts if not _is_loopback(host)]
+    in_use = split_domain_port(request.get_host())[0]
     # With this computer's own names only, nobody else follows a link: then the name in use, one of `FLEET_HOSTS`.
-    return next(reachable, None) or split_domain_port(request.get_host())[0]
+    return in_use if in_use in reachable or not reachable else reachable[0]
 
 
 def _is_loopback(host: str) -> bool:

@@ -1,4 +1,4 @@
-"""The address of the console in links that others get: no Host header decides it."""
+"""The address of the console in links that others get: a Host header only chooses among its own names."""
 
 from __future__ import annotations
 
@@ -17,9 +17,23 @@ def lab(settings: Any) -> None:
     settings.ALLOWED_HOSTS, settings.FLEET_ORIGINS, settings.FLEET_TLS = HOSTS, [], False
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1:6666", "192.168.1.20:22", "fleet.lab.example", "localhost:8000"])
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1:6666", "fleet.lab.example:22", "fleet.lab.example", "localhost:8000"]
+)
 def test_name_and_port_are_those_of_the_console(host: str) -> None:
     request = RequestFactory().get("/", headers={"host": host}, SERVER_PORT="8000")
+    assert public_origin(request) == "http://fleet.lab.example:8000"
+
+
+@pytest.mark.parametrize("host", ["192.168.1.20", "192.168.1.20:22"])
+def test_readers_of_another_network_get_the_name_they_use(host: str) -> None:
+    request = RequestFactory().get("/", headers={"host": host}, SERVER_PORT="8000")
+    assert public_origin(request) == "http://192.168.1.20:8000"
+
+
+def test_a_name_under_a_domain_is_none_of_the_list(settings: Any) -> None:
+    settings.ALLOWED_HOSTS = [".lab.example", "fleet.lab.example"]
+    request = RequestFactory().get("/", headers={"host": "evil.lab.example"}, SERVER_PORT="8000")
     assert public_origin(request) == "http://fleet.lab.example:8000"
 
 
