@@ -161,7 +161,10 @@ class Gate:
         silent_s = self._odometry.age_s(arrival_s) or 0.0
         if not self._odometry.advances(stamp_s, arrival_s):
             return False
-        self._follow(self._trail.missing_s(stamp_s, silent_s), pose, velocity, arrival_s)
+        missing_s = self._trail.missing_s(stamp_s, silent_s)
+        if missing_s < 0.0 and self._trail.rewind(stamp_s):
+            missing_s = silent_s
+        self._follow(missing_s, pose, velocity, arrival_s)
         self._trail.add(stamp_s, pose, velocity)
         self._velocity = velocity
         stands = self._trail.rest.stands(STANDSTILL_MPS, STANDSTILL_RADPS)
@@ -193,6 +196,10 @@ class Gate:
         self._echoes.doubt(doubt, base)
         if self._depth:
             self._depth.doubt(doubt, base)
+        for movers in self._movers.values():
+            movers.doubt(doubt)
+        if self._behind:
+            self._behind.doubt(doubt)
 
     def forget(self, restarted: bool = False, code: ForgetCode = "asked") -> None:
         """Drop all memory, because of `code`; keep only current sensor data.

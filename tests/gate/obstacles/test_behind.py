@@ -7,7 +7,7 @@ import math
 import pytest
 
 from robots.bridge.gate.obstacles.behind import LASTS_S
-from robots.bridge.gate.values import Pose
+from robots.bridge.gate.values import Pose, Velocity
 from tests.gate.conftest import Feeder, tiago_profile
 from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, Looker, camera
 
@@ -49,6 +49,16 @@ def test_a_robot_backs_out_of_where_it_came_from(robot):
     assert not is_warned(robot)
     goes(robot, 0.1, looks=False)
     assert is_warned(robot)  # behind the place where it was switched on
+
+
+def test_after_a_gap_with_motion_nothing_is_known_behind(robot):
+    goes(robot, 1.0, looks=False)
+    robot.velocity = Velocity(0.3, 0.0, 0.0)
+    robot.stand(0.1, looks=False)
+    robot.now_s += 0.4
+    robot.gate.observe_odometry(robot.stamp_s, robot.now_s, robot.pose, robot.velocity)
+    robot._previous = robot.now_s, robot.pose
+    assert is_warned(robot)
 
 
 def test_a_robot_that_has_turned_and_looked_is_not_warned(robot):

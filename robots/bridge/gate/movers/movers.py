@@ -12,9 +12,12 @@ from robots.bridge.gate.movers.forecast import may_move
 from robots.bridge.gate.movers.tracks import KEPT_S, LOST_S, Track, followed
 from robots.bridge.gate.obstacles.sightings import sight
 from robots.bridge.gate.sensing.scan import Sweep
+from robots.bridge.gate.timing.unseen_motion import Doubt
 from robots.bridge.gate.values import Pose
 
 MOVER = "mover"
+# If the robot may have moved farther without odometry, standing things seem to have come in a later scan.
+CERTAIN_M, CERTAIN_RAD = 0.01, 0.01
 
 
 class Movers:
@@ -51,8 +54,16 @@ class Movers:
 
     def forget(self) -> None:
         """Forget all earlier scans."""
-        self._arrivals.forget()
+        self._forget_scans()
         self._tracks.clear()
+
+    def doubt(self, doubt: Doubt) -> None:
+        """Note that the robot's pose may be wrong by this much: later scans must not be compared with earlier ones."""
+        if doubt.metres > CERTAIN_M or doubt.radians > CERTAIN_RAD:
+            self._forget_scans()
+
+    def _forget_scans(self) -> None:
+        self._arrivals.forget()
         self._waiting.clear()
 
     def _take(self, look: Look) -> None:

@@ -15,6 +15,7 @@ from robots.bridge.gate.geometry.planar import Points, from_columns, placed
 from robots.bridge.gate.obstacles.depth_camera import DepthCamera
 from robots.bridge.gate.obstacles.point_memory import TURN_M
 from robots.bridge.gate.timing.tremble import Odometer
+from robots.bridge.gate.timing.unseen_motion import Doubt
 from robots.bridge.gate.values import Pose
 
 CELL_M = 0.1
@@ -26,6 +27,7 @@ SEEN_TO_M = 3.0  # from the middle of the base, in a picture that looks ahead
 BEARING_RAD = 0.05
 WAY_M = (0.1, 0.2, 0.3)  # of the hull's rear: farther than it needs to stand
 REAR_RAD = math.radians(60.0)  # of the hull to each side: farther forward, it moves along places beside it
+CERTAIN_M, CERTAIN_RAD = 0.05, 0.05  # half a cell: with a larger error of the pose, the floor may be another
 RIM_M = 0.06  # narrower than the hull: a cell counts as a whole
 
 
@@ -68,10 +70,15 @@ class Behind:
         self._mark(placed(from_columns(range_m * np.cos(bearing), range_m * np.sin(bearing)), pose), now_s)
 
     def forget(self) -> None:
-        """Forget everything: the poses are in a new frame, or a person asked for it."""
+        """Forget everything: the poses are in a new frame or doubtful, or a person asked for it."""
         self._until_s.fill(-math.inf)
         self._marked = None
         self._odometer.jump()
+
+    def doubt(self, doubt: Doubt) -> None:
+        """Note that the robot's pose may be wrong by this much."""
+        if doubt.metres > CERTAIN_M or doubt.radians > CERTAIN_RAD:
+            self.forget()
 
     def knows(self, pose: Pose, now_s: float) -> bool:
         """Return whether all of the way straight back from this pose was looked at."""

@@ -7,6 +7,7 @@ from bisect import bisect_left, bisect_right
 from typing import Literal
 
 from robots.bridge.gate.geometry.planar import ORIGIN, put, relative_to, wrapped
+from robots.bridge.gate.timing.freshness import CLOCK_SET_BACK_S
 from robots.bridge.gate.timing.tremble import Rest
 from robots.bridge.gate.timing.unseen_motion import Doubt, difference
 from robots.bridge.gate.values import Pose, Velocity
@@ -16,6 +17,7 @@ KEPT = 200  # poses: 4 s at 50 Hz; no sensor's data are used for longer than 0.5
 LARGEST_HOLE_S = 0.2
 JUMP_M = 0.3  # if a pose is farther away than the base can move plus this, the odometry was reset
 JUMP_RAD = 0.5
+JUST_BEFORE_S = 1e-6  # stamps since 1970 have a resolution of 0.24 us
 
 Break = Literal["stamps_back", "jump"]  # the next pose is in another frame
 
@@ -65,6 +67,19 @@ class Trail:
         of late messages, no hole in the stamps. Negative: the stamp went back.
         """
         return min(stamp_s - self._stamps[-1], silent_s) if self._stamps else 0.0
+
+    def rewind(self, stamp_s: float) -> bool:
+        """Put the newest pose just before a stamp that is a little older; return whether that is possible.
+
+        Not if the stamp went back by `CLOCK_SET_BACK_S` or more, or is older than all poses. Poses between the two
+        stamps are dropped: a time server set the clock back, or a single stamp was ahead.
+        """
+        before_s = stamp_s - JUST_BEFORE_S
+        at = bisect_left(self._stamps, before_s)
+        if at == 0 or self._stamps[-1] - stamp_s >= CLOCK_SET_BACK_S:
+            return False
+        self._stamps[at:], self._poses[at:] = [before_s], [self._poses[-1]]
+        return True
 
     def break_before(self, pose: Pose, missing_s: float, doubt: Doubt | None) -> Break | None:
         """Return why a pose is in another frame than the last one, if it is.
