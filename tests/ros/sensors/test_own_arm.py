@@ -35,8 +35,12 @@ class Robot:
         monkeypatch.setattr(posture_topics.time, "monotonic", lambda: self.looker.now_s)
         self.posture = ArmPosture(ARM)
         self.posture.describe(description)
+        self.posture.awaits_description = False  # as the node notes when the master has answered
         self.topics = PostureTopics(self.posture, self.looker.gate.observe_posture)
-        arm = SimpleNamespace(arm=lambda: self.posture.arm(self.looker.now_s))
+        arm = SimpleNamespace(
+            arm=lambda: self.posture.arm(self.looker.now_s),
+            arm_problem=lambda: self.posture.problem(self.looker.now_s),
+        )
         self.room = ArmClearance(self.looker.gate, arm)
         self.at = FOLDED
 
