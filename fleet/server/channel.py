@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from io import BytesIO
@@ -34,6 +35,8 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         self._place: str | None = None
         self._has_turn = False  # among the stops of strangers
         self.right: Any = None  # of a stop: its person's right to stop this robot (`teleop.stop.rights`)
+        self._is_judged = True  # False while a stop waits for its right
+        self._lost: Any = None  # why the connection ended meanwhile
 
     def gotLength(self, length: int | None) -> None:
         """Handle the end of the headers. `length` is the length of the body, None if it is sent in chunks."""
@@ -90,28 +93,45 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
 
     def _stop(self) -> None:
         """Handle a stop: first find out whose it is. The answers come in turns, like the bytes of requests."""
-        credential = credentials.credential_of(
+        found = credentials.credentials_of(
             self.requestHeaders, self.received_cookies, self.server.session_cookie, self.path
         )
-        if credential is None or self.server.rights is None:
+        if not found or self.server.rights is None:
             self._stop_of_stranger((self.address(),))
             return
+        self._is_judged = False
+        self._judge(found)
 
-        def judged(found: asyncio.Future[Any]) -> None:
+    def _judge(self, found: Sequence[credentials.Credential]) -> None:
+        """Handle a stop with the first of these credentials that gives a right.
+
+        A program may send a session that has ended next to its valid token.
+        """
+        credential, *others = found
+
+        def judged(answer: asyncio.Future[Any]) -> None:
+            right = answer.result()
+            if right is None and others:
+                self._judge(others)
+                return
             owner = self.server.owner_of(credential, self.address())
-            self.server.work.add(partial(self._stop_with, found.result()), owner)
+            self.server.work.add(partial(self._stop_with, right), owner)
 
         self.server.rights.ask(credential).add_done_callback(judged)
 
     def _stop_with(self, right: Any) -> None:
-        """Handle a stop of a known person here, with the links; None or another robot: in the pages process."""
-        if self._gone:
-            return
+        """Handle a stop of a known person here, with the links; None or another robot: in the pages process.
+
+        A known person's stop is sent also if its connection has closed meanwhile: it needs no reader.
+        """
+        self._is_judged = True
         if right is not None and right.robots_at(self.path.decode("latin-1")):
             self.right = right
             super().process()
-        else:
+        elif self._lost is None:
             self._stop_of_stranger(right.key if right is not None else (self.address(),))
+        if self._lost is not None and not self.finished:
+            super().connectionLost(self._lost)
 
     def _stop_of_stranger(self, key: Key) -> None:
         self.server.strangers.ask(key, self._begin_as_stranger)
@@ -177,9 +197,12 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         super().finish()
 
     def connectionLost(self, reason: Any) -> None:
-        """Handle the end of the connection."""
+        """Handle the end of the connection. A stop that waits for its right keeps its body until then."""
         self.over()
-        super().connectionLost(reason)
+        if self._is_judged:
+            super().connectionLost(reason)
+        else:
+            self._lost = reason
 
 
 class Channel(http.HTTPChannel):  # type: ignore[misc]
@@ -306,7 +329,8 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
     def allContentReceived(self) -> None:
         """Handle a complete request.
 
-        The connection of a stop may still close for a new one: it is sent at once, or it is a stranger's that waits.
+        The connection of a stop may still close for a new one: a known person's stop is sent all the same, and
+        many stops that wait for their answers refuse no new connection.
         """
         if not self._is_of_stop():
             self.server.working(self)

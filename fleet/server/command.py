@@ -98,8 +98,9 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         """
         if not data.startswith(b"POST "):
             return before
-        owner = self.owner_of(credentials.likely_credential(data, self.session_cookie), "")
-        return owner if owner[0] is STOPPERS else before
+        likely = credentials.likely_credentials(data, self.session_cookie)
+        owners = (self.owner_of(credential, "") for credential in likely)
+        return next((owner for owner in owners if owner[0] is STOPPERS), before)
 
     @staticmethod
     def address_of(transport: Any) -> str:

@@ -1,4 +1,4 @@
-"""Find a request's credential: a session's cookie, or a program's token. It is a hint until it is looked up.
+"""Find a request's credentials: a session's cookie, and a program's token. They are hints until they are looked up.
 
 All functions are pure.
 """
@@ -23,25 +23,26 @@ class Credential(NamedTuple):
     is_token: bool = False
 
 
-def credential_of(
+def credentials_of(
     headers: Headers, cookies: Mapping[bytes, bytes], session_cookie: bytes, path: bytes
-) -> Credential | None:
-    """Return the credential of a request: its session, else its token. The API alone accepts tokens."""
-    if key := cookies.get(session_cookie):
-        return Credential(key.decode("latin-1"))
+) -> list[Credential]:
+    """Return the credentials of a request in their order: the first valid one counts.
+
+    A session comes before a token. The API alone accepts tokens.
+    """
     token = _BEARER.fullmatch(headers.getRawHeaders(b"Authorization", [b""])[0])
-    if token is None or not path.startswith(b"/api/"):
-        return None
-    return Credential(token[1].decode("latin-1"), is_token=True)
+    return _in_order(cookies.get(session_cookie), token[1] if token and path.startswith(b"/api/") else None)
 
 
-def likely_credential(data: bytes, session_cookie: bytes) -> Credential | None:
-    """Guess the credential of the first bytes of a request, before they are parsed."""
-    if key := _cookie_line(session_cookie).search(data):
-        return Credential(key[1].decode("latin-1"))
-    if token := _BEARER_LINE.search(data):
-        return Credential(token[1].decode("latin-1"), is_token=True)
-    return None
+def likely_credentials(data: bytes, session_cookie: bytes) -> list[Credential]:
+    """Guess the credentials of the first bytes of a request, before they are parsed."""
+    key, token = _cookie_line(session_cookie).search(data), _BEARER_LINE.search(data)
+    return _in_order(key and key[1], token and token[1])
+
+
+def _in_order(key: bytes | None, token: bytes | None) -> list[Credential]:
+    session = [Credential(key.decode("latin-1"))] if key else []
+    return [*session, Credential(token.decode("latin-1"), is_token=True)] if token else session
 
 
 @cache

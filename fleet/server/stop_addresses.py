@@ -6,6 +6,7 @@ The process with the links answers them, also without the pages process. All fun
 from __future__ import annotations
 
 import re
+from urllib.parse import unquote
 
 from twisted.web.http_headers import Headers
 
@@ -22,7 +23,7 @@ def is_stop(method: bytes, path: bytes) -> bool:
 def slug_of(path: str) -> str | None:
     """Return the robot that a stop at this path is for; None: all robots."""
     found = _ADDRESSES.fullmatch(path.encode(errors="replace"))
-    return found["slug"].decode(errors="replace") if found and found["slug"] else None
+    return unquote(found["slug"].decode(errors="replace")) if found and found["slug"] else None
 
 
 def is_of_api(path: str) -> bool:

@@ -12,6 +12,7 @@ from io import BytesIO
 from typing import Any
 
 from django.core.handlers.asgi import ASGIRequest
+from django.utils import timezone
 
 from fleet.accounts.tokens.services import is_use_due, token_used
 from fleet.server.stop_addresses import RIGHT, is_of_api
@@ -48,6 +49,9 @@ class StopDoor:
             robots = right.robots_at(scope["path"])
             outcomes = await press_shared(robots, user=right.person, through="rest" if of_api else "page")
             if right.token is not None and is_use_due(right.token):
+                right.token.used_at = (
+                    timezone.now()
+                )  # now: many requests share this right before the row is written
                 in_database_background(token_used, right.token, str((scope["client"] or [""])[0]))
         async with self._answers.turn(right.key):
             end_s = time.monotonic() + ANSWER_S

@@ -110,6 +110,20 @@ def test_a_token_stops_without_its_body(crowd):
     assert crowd.says(head)[0] == 200
 
 
+def test_a_token_stops_next_to_a_session_that_has_ended(crowd, session_cookie):
+    """Here without the pages process: a known person's stop does not wait among those of strangers."""
+    token = f"Authorization: Bearer {crowd.colleagues[0]['token']}"
+    with crowd.pages_frozen():
+        assert crowd.says(crowd.head("/api/v1/stop", f"Cookie: {session_cookie}=ended", token))[0] == 200
+    assert [press.by for press in crowd.watchdog.heard] == ["colleagues 0"]
+
+
+def test_a_robot_may_be_named_in_an_encoded_address(crowd):
+    with crowd.pages_frozen():
+        stop = crowd.by_token(crowd.colleagues[0], "/api/v1/robots/in%2Dservice/stop")
+        assert robots_in(crowd.says(stop)[1]).keys() == {"in-service"}
+
+
 def test_a_stop_has_exactly_the_robots_of_its_person(crowd):
     person = crowd.colleagues[0]
     assert robots_in(crowd.says(crowd.by_token(person))[1]).keys() == {"in-service"}
