@@ -49,9 +49,8 @@ class StopDoor:
             robots = right.robots_at(scope["path"])
             outcomes = await press_shared(robots, user=right.person, through="rest" if of_api else "page")
             if right.token is not None and is_use_due(right.token):
-                right.token.used_at = (
-                    timezone.now()
-                )  # now: many requests share this right before the row is written
+                # The row is written later, and many requests share this right until then.
+                right.token.used_at = timezone.now()
                 in_database_background(token_used, right.token, str((scope["client"] or [""])[0]))
         async with self._answers.turn(right.key):
             end_s = time.monotonic() + ANSWER_S
