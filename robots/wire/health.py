@@ -39,5 +39,5 @@ class Health(Struct, frozen=True):
     parts_more: int  # further parts that are not well
     well: int  # number of parts
     temperatures: list[Temperature]  # at most 6, the hottest first
-    left_out: int = 0  # parts beyond the first 200
+    left_out: int = 0  # parts beyond the first 200, and parts with more than 8 reporters
     unread: int = 0  # reports without a name, or with an unknown level

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -105,7 +105,9 @@ class Diagnostics:
 
     def __init__(self) -> None:
         self._parts: dict[str, dict[Voice, Part]] = {}
-        self._left_out: set[str] = set()  # names of parts beyond `MOST_PARTS`; also bounded
+        self._left_out: set[str] = (
+            set()
+        )  # parts beyond `MOST_PARTS`, or with voices beyond `MOST_VOICES`; also bounded
         self._unread = 0
         self._view: wire.Health | None = None
         self._viewed_s = -math.inf
@@ -124,10 +126,13 @@ class Diagnostics:
                 said.setdefault((name, (status.hardware, status.node)), []).append(status)
             else:
                 self._unread += 1
+        if len(self._parts.keys() | {name for name, _ in said}) > MOST_PARTS:
+            self._forget(now_s, also_ill=True)
+        well = self._well(now_s)
         for (name, voice), all_said in said.items():
             worst = max(all_said, key=_badness)
             level = _LEVELS[worst.level]
-            if (part := self._part(name, voice, level, now_s)) is not None:
+            if (part := self._part(name, voice, level, now_s, well)) is not None:
                 part.become(level, now_s)
                 part.heard_s = now_s
                 if level != "silent" or part.reported == "ok":
@@ -135,35 +140,44 @@ class Diagnostics:
                 part.temperatures = _temperatures(value for status in all_said for value in status.values)
         self._viewed_s = -math.inf
 
-    def _part(self, name: str, voice: Voice, level: HealthLevel, now_s: float) -> Part | None:
-        if name not in self._parts and not self._has_room(name, level, now_s):
-            if len(self._left_out) < MOST_PARTS:
-                self._left_out.add(name)
-            return None
+    def _part(
+        self, name: str, voice: Voice, level: HealthLevel, now_s: float, well: Iterator[str]
+    ) -> Part | None:
+        if name not in self._parts:
+            if not self._has_room(level, well):
+                self._leave_out(name)
+                return None
+            self._left_out.discard(name)
         voices = self._parts.setdefault(name, {})
-        if voice not in voices and len(voices) >= MOST_VOICES:
-            del voices[min(voices, key=lambda other: voices[other].heard_s)]
+        if voice not in voices and len(voices) >= MOST_VOICES and not _make_room(voices, level, now_s):
+            self._leave_out(name)
+            return None
         return voices.setdefault(voice, Part(level, now_s, now_s))
 
-    def _has_room(self, name: str, level: HealthLevel, now_s: float) -> bool:
-        """Make room for a new part: by parts that are silent for long, and for an ill part by one that is well."""
-        if len(self._parts) >= MOST_PARTS:
-            self._forget(now_s, also_ill=True)
-        if len(self._parts) >= MOST_PARTS and level != "ok":
-            well = (other for other, voices in self._parts.items() if _chosen(voices, now_s).shown == "ok")
-            if (other := next(well, None)) is not None:
-                del self._parts[other]
-                if len(self._left_out) < MOST_PARTS:
-                    self._left_out.add(other)
-        self._left_out.discard(name)
+    def _has_room(self, level: HealthLevel, well: Iterator[str]) -> bool:
+        """Return whether there is room for a new part; an ill one takes the place of one that is well."""
+        if len(self._parts) >= MOST_PARTS and level != "ok" and (other := next(well, None)) is not None:
+            del self._parts[other]
+            self._leave_out(other)
         return len(self._parts) < MOST_PARTS
+
+    def _well(self, now_s: float) -> Iterator[str]:
+        """Yield the parts that are well. One iterator serves a whole report, so that many names cost one pass."""
+        for name, voices in list(self._parts.items()):
+            if _chosen(voices, now_s).shown == "ok":
+                yield name
+
+    def _leave_out(self, name: str) -> None:
+        if len(self._left_out) < MOST_PARTS:
+            self._left_out.add(name)
 
     def _forget(self, now_s: float, *, also_ill: bool = False) -> None:
         """Forget voices that are silent for long; ill parts only with `also_ill`, to make room."""
         for name, voices in list(self._parts.items()):
             for voice, part in list(voices.items()):
-                may_go = also_ill or part.reported == "ok" or _is_heard(_chosen(voices, now_s), now_s)
-                if now_s - part.heard_s > FORGOTTEN_S and may_go:
+                if now_s - part.heard_s <= FORGOTTEN_S:
+                    continue
+                if also_ill or part.reported == "ok" or _is_heard(_chosen(voices, now_s), now_s):
                     del voices[voice]
             if not voices:
                 del self._parts[name]
@@ -224,6 +238,20 @@ def _badness(status: Status) -> int:
 
 def _is_heard(part: Part, now_s: float) -> bool:
     return now_s - part.heard_s <= SILENT_S
+
+
+def _make_room(voices: dict[Voice, Part], level: HealthLevel, now_s: float) -> bool:
+    """Remove a voice for a new one of this level: one that is silent, else well, else less ill. Return whether."""
+    voice = min(voices, key=lambda one: _worth(voices[one], now_s))
+    heard, badness, _ = _worth(voices[voice], now_s)
+    if heard and badness and badness >= BADNESS[level]:
+        return False
+    del voices[voice]
+    return True
+
+
+def _worth(part: Part, now_s: float) -> tuple[bool, int, float]:
+    return _is_heard(part, now_s), BADNESS[part.shown], part.heard_s
 
 
 def _chosen(voices: dict[Voice, Part], now_s: float) -> Part:

@@ -76,7 +76,7 @@ export function leftOutText({ parts_more: more, left_out: leftOut, unread }) {
   const texts = [
     more && interpolate(gettext("%s more parts are not well."), [more]),
     leftOut &&
-      interpolate(gettext("At least %s more parts report: the console does not show them."), [
+      interpolate(gettext("At least %s parts, or some of their reporters, are not shown."), [
         leftOut,
       ]),
     unread &&

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from robots.bridge.health import diagnostics as module
 from robots.bridge.health.diagnostics import (
     FORGOTTEN_S,
     MOST_PARTS,
+    MOST_VOICES,
     RESTARTED_S,
     SHOWN,
     SILENT_S,
@@ -224,6 +226,28 @@ def test_a_part_with_only_a_hardware_id_is_called_by_it(diagnostics):
     assert (levels(diagnostics, 0.0), diagnostics.view(0.0).unread) == ({"arm_7": "error"}, 1)
 
 
+@pytest.mark.parametrize("count", [MOST_VOICES + 1, 20])
+@pytest.mark.parametrize("is_first", [True, False], ids=["ill first", "ill last"])
+@pytest.mark.parametrize("ill", [1, MOST_VOICES + 1])
+def test_an_ill_voice_yields_to_none_that_is_well(diagnostics, count, is_first, ill):
+    levels = [ERROR] * ill + [OK] * (count - ill)
+    said = [
+        Status("motor", level, "hot", hardware=f"hw{number}")
+        for number, level in enumerate(levels if is_first else levels[::-1])
+    ]
+    for now_s in range(5):
+        diagnostics.take(said, float(now_s))
+    health = diagnostics.view(4.0)
+    assert [(part.level, part.since_s) for part in health.parts] == [("error", 4)]
+    assert health.left_out == (ill > MOST_VOICES)
+
+
+def test_a_well_voice_takes_the_place_of_a_silent_ill_one(diagnostics):
+    diagnostics.take([Status("motor", ERROR, "hot", hardware=f"hw{one}") for one in range(MOST_VOICES)], 0.0)
+    diagnostics.take([Status("motor", OK, "OK", hardware="new")], SILENT_S + 1.0)
+    assert diagnostics.view(SILENT_S + 1.0).level == "ok"
+
+
 def test_names_that_change_their_hardware_id_fill_nothing(diagnostics):
     for now_s in range(300):
         diagnostics.take([Status("clock", OK, "", hardware=f"id {now_s}")], float(now_s))
@@ -292,6 +316,14 @@ def test_a_flood_of_names_is_bounded_and_counted(diagnostics):
     assert health.left_out == MOST_PARTS  # the count ends at this number
     diagnostics.take([Status("arm", ERROR, "broken")], FORGOTTEN_S + 20.0)
     assert diagnostics.view(FORGOTTEN_S + 20.0).parts[0].name == "arm"  # there is room again
+
+
+def test_a_flood_of_ill_names_looks_at_each_part_once(diagnostics, monkeypatch):
+    diagnostics.take([Status(f"part {number}", ERROR, "hot") for number in range(MOST_PARTS)], 0.0)
+    looks, chosen = [], module._chosen
+    monkeypatch.setattr(module, "_chosen", lambda *given: looks.append(given) or chosen(*given))
+    diagnostics.take([Status(f"other {number}", ERROR, "hot") for number in range(500)], 1.0)
+    assert len(looks) <= MOST_PARTS
 
 
 def test_unreadable_reports_are_counted(diagnostics):

@@ -114,7 +114,10 @@ def test_numbers_that_are_none_place_nothing(numbers):
         frames.pose_at("camera", 1.0, patience_s=0.0)
 
 
-@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, math.inf)])
+@pytest.mark.parametrize(
+    "turn",
+    [(0.0, 0.0, 0.0, 0.0), (1e-9, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, math.inf)],
+)
 def test_a_rotation_that_is_none_places_nothing(turn):
     packed = struct.pack("<7d", 1.0, 2.0, 3.0, *turn)
     with pytest.raises(PoseUnknown, match="invalid numbers"):

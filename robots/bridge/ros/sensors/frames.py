@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.values import Pose
-from robots.bridge.quaternions import rotation
+from robots.bridge.quaternions import LEAST, rotation
 from robots.bridge.ros.bounds.texts import NAME
 
 MAP, ODOM = "map", "odom"  # frames by their usual names (REP 105)
@@ -223,11 +223,11 @@ def _name(raw: bytes, at: int) -> tuple[str, int]:
 def _parts(packed: bytes) -> tuple[Matrix, Matrix]:
     """Unpack translation and unit quaternion. Raises PoseUnknown for implausible numbers.
 
-    A zero quaternion is refused, as tf2 does: by a camera in a wrong direction, obstacles would be elsewhere.
+    A quaternion without a direction is refused, as tf2 refuses zero: by a camera in a wrong direction, obstacles would be elsewhere.
     """
     *translation, x, y, z, w = _TRANSFORM.unpack(packed)
     turn = rotation(x, y, z, w)
-    if turn is None or not any((x, y, z, w)) or not all(map(math.isfinite, translation)):
+    if turn is None or math.hypot(x, y, z, w) < LEAST or not all(map(math.isfinite, translation)):
         raise PoseUnknown("tf has invalid numbers")
     return np.array(translation), np.array(turn)
 
