@@ -8,7 +8,6 @@ Values of depth are known to be lengths: millimetres as integers, metres as floa
 
 from __future__ import annotations
 
-import io
 import struct
 from typing import Any
 
@@ -63,8 +62,9 @@ def raw_deep(
 
 
 def png_deep(picture: bytes, is_depth: bool) -> tuple[PIL.Image.Image, PictureScale]:
-    """Return a PNG of 16 bits in grey, and its scale. Raises `Damaged`."""
+    """Return a PNG of 16 bits in grey (or colour), and its scale. Raises `Damaged`."""
     values = _decoded(picture)
+    is_depth = is_depth and values.ndim == 2
     return stretched(_lengths(values) if is_depth else values, is_depth)
 
 
@@ -120,13 +120,18 @@ def _lengths(values: _Numbers) -> _Numbers:
 
 
 def _decoded(picture: bytes) -> _Numbers:
+    """Return grey (height, width) or colours (height, width, 3) of a PNG; Pillow keeps 8 bits of colours."""
     if not read_header(picture).deep:
         raise Damaged("is no PNG of 16 bits")
-    from robots.bridge.camera.jpeg import UNDECODABLE
+    import av
 
     try:
-        return np.asarray(PIL.Image.open(io.BytesIO(picture), formats=("PNG",)))
-    except UNDECODABLE as error:
+        [frame] = av.VideoCodecContext.create("png", "r").decode(av.Packet(picture))
+        if frame.format.name == "ya16be":
+            return frame.reformat(format="gray16le").to_ndarray()
+        values = frame.to_ndarray()
+        return values if values.ndim == 2 else values[:, :, :3]
+    except (av.FFmpegError, ValueError) as error:
         raise Damaged(f"cannot be decoded ({str(error)[:100]})") from error
 
 

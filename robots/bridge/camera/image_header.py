@@ -26,7 +26,7 @@ class Damaged(Exception):
 
 
 class ImageHeader(NamedTuple):
-    """Format, width and height in pixels. `deep`: grey of 16 bits, which browsers show by its upper 8 bits."""
+    """Format, width and height in pixels. `deep`: of 16 bits, of which browsers show the upper 8."""
 
     format: PictureFormat
     width: int
@@ -68,8 +68,8 @@ def _png(picture: bytes | memoryview) -> ImageHeader:
         raise Damaged("is a damaged PNG")
     if _png_end(picture) is None:
         raise Damaged("is cut off")
-    width, height, bits, colours = struct.unpack(">IIBB", picture[16:26])
-    return ImageHeader("png", width, height, deep=(bits, colours) == (16, 0))
+    width, height, bits = struct.unpack(">IIB", picture[16:25])
+    return ImageHeader("png", width, height, deep=bits == 16)
 
 
 def _png_end(picture: bytes | memoryview) -> int | None:

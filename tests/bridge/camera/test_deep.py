@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+from zlib import compress, crc32
 
 import numpy as np
 import PIL.Image
@@ -140,6 +141,24 @@ def test_a_png_of_16_bits_is_alike_at_every_size(form):
     assert ends(shown.scale) == METRES
     large, little = looks(shown.encoded)
     assert abs(large.mean() - little.mean()) < 3
+    assert large[0].mean() < 40 and large[-1].mean() > 240
+
+
+@pytest.mark.parametrize(("kind", "count"), [(2, 3), (4, 2), (6, 4)], ids=["colour", "grey", "colour, alpha"])
+def test_other_pngs_of_16_bits_are_stretched_too(kind, count):
+    """Pillow keeps the upper 8 bits of these; alpha is left out."""
+
+    def chunk(name, content):
+        return struct.pack(">I", len(content)) + name + content + struct.pack(">I", crc32(name + content))
+
+    values = np.repeat(RAMP_MM[:, :, None], count, axis=2).astype(">u2")
+    values[:, :, 3 if count == 4 else 1] = 65_535 if count != 3 else values[:, :, 1]
+    rows = b"".join(b"\0" + row.tobytes() for row in values)
+    header = struct.pack(">IIBBBBB", WIDTH, HEIGHT, 16, kind, 0, 0, 0)
+    chunks = chunk(b"IHDR", header) + chunk(b"IDAT", compress(rows)) + chunk(b"IEND", b"")
+    shown = compressed_picture(b"\x89PNG\r\n\x1a\n" + chunks, "png", HEAT)
+    assert ends(shown.scale) == (pytest.approx(456, abs=2), pytest.approx(3144, abs=2), "")
+    large, _ = looks(shown.encoded)
     assert large[0].mean() < 40 and large[-1].mean() > 240
 
 
