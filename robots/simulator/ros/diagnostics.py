@@ -76,10 +76,13 @@ def _status(name: str, level: int, text: str, **values: str) -> DiagnosticStatus
 
 
 def _garbage() -> list[DiagnosticStatus]:
-    return [
+    garbage = [
         _status("No such level", 7, "level 7"),
         _status("", 2, "no name"),
         _status("///", 2, "no name"),
         _status("Furnace", 0, "OK", temperature="nan", temp="1e30", Temperature="hot"),
         _status("Long " * 1000, 1, "long " * 2000),
     ]
+    for status in garbage:
+        status.hardware_id = ""  # it would stand for a missing name
+    return garbage
