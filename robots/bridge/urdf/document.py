@@ -1,8 +1,8 @@
 """A description as XML, and the values of its attributes.
 
 The reader of RViz (TinyXML) takes texts that a strict reader of XML refuses: a mark or line before the declaration of
-XML, any encoding in that declaration, ``--`` in a comment, a bare ``&``, a prefix without a namespace. This one takes
-them, too.
+XML, any encoding in that declaration, ``--`` in a comment, a bare ``&``, a ``<`` in the value of an attribute, control
+characters, text behind the robot, a prefix without a namespace. This one takes them, too.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ LONGEST_NAME = 200
 
 _DECLARATION = re.compile(r"\A<\?xml\b[^>]*\?>")
 _BARE_AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#[0-9]{1,7}|#x[0-9a-fA-F]{1,6});)")
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")  # beside tab and line ends
+_VALUE = re.compile(r"""=\s*(?:"[^"<]*<[^"]*"|'[^'<]*<[^']*')(?=[\s/>])""")  # of an attribute, with a `<`
+_END = "</robot>"
 _NAME = re.compile(rf'[^\x00-\x1f\x7f"\\]{{1,{LONGEST_NAME}}}')  # a page puts names of links into selectors
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
@@ -64,14 +67,16 @@ def _refuse_declarations(_name: str, _system: str | None, _public: str | None, h
 
 
 def _tidied(text: str) -> str:
-    """Return the text without marks, declaration of XML and comments; numbers of lines stay."""
+    """Return the text as XML, without marks, comments and what follows the robot; numbers of lines stay."""
     text = _DECLARATION.sub("", text.strip("\ufeff\x00 \t\r\n"), count=1)
     first, *rest = text.split("<!--")
     kept = [first]
     for part in rest:
         comment, _, after = part.partition("-->")
         kept += ["\n" * comment.count("\n"), after]
-    return _BARE_AMPERSAND.sub("&amp;", "".join(kept))
+    robot, end, _ = "".join(kept).rpartition(_END)
+    plain = _CONTROL.sub("", robot + end if end else "".join(kept))
+    return _VALUE.sub(lambda value: value[0].replace("<", "&lt;"), _BARE_AMPERSAND.sub("&amp;", plain))
 
 
 def name_of(element: Element, attribute: str = "name") -> str:

@@ -130,6 +130,7 @@ def test_links_that_hang_on_nothing_of_the_robot_are_named(more, why):
         joint("b", "x", "y") + "<link name='y'><visual><geometry><box size='1 1 1'/></geometry>"
         "<material name=''><texture filename=''/></material></visual></link>",
         joint("überarm’s", "x", "y"),
+        joint("b", "x", "y", "<limit why='a < b'/>") + '<gazebo if = "1<2" unless="&lt;<&"/>\x0c\x00',
     ],
 )
 def test_what_rviz_shows_is_drawn_without_a_word(more):
@@ -148,6 +149,8 @@ def test_what_rviz_shows_is_drawn_without_a_word(more):
         ("\n \t<?xml version='1.0' encoding='utf-16'?>\r\n", "\n\x00"),
         ('<?xml version="1.1" encoding="latin-1" standalone="yes"?>', "<!-- end -->"),
         ("<!DOCTYPE robot>", ""),
+        ("", "\n# end of file <a & b\x0b"),
+        ("\x0b\x1b", "\x0b"),
         ('<!DOCTYPE robot SYSTEM "file:///etc/passwd">', ""),
     ],
 )
