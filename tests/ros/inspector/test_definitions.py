@@ -94,8 +94,16 @@ WHOLE = (
         (SHORT + STATION).replace("\n", "\r"),
         SHORT.replace(" header", "\t header  # why") + "\n\n" + STATION.replace("=" * 80, "=" * 60 + " "),
         SHORT + STATION.replace("MSG: lab_msgs/Station", "MSG:lab_msgs/Station ") + "\n  \n",
+        "\ufeff" + SHORT + STATION,
+        SHORT + STATION.replace("=", "-"),
+        SHORT + STATION.removeprefix("=" * 80 + "\n"),
+        SHORT + STATION * 2,
+        SHORT + STATION + STATION.removeprefix("=" * 80 + "\n"),
     ],
-    ids=["whole", "short", "CRLF", "CR", "other blanks", "other break"],
+    ids=[
+        *("whole", "short", "CRLF", "CR", "other blanks", "other break"),
+        *("mark", "dashes", "no break", "twice", "twice without a break"),
+    ],
 )
 def test_a_text_without_the_types_it_uses_is_completed(tmp_path: Path, text: str) -> None:
     known = parsed(LEVEL, WHOLE)

@@ -27,9 +27,8 @@ from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.message_types.classes import UnknownTypeError, message_class
 from robots.wire import Field
 
-EMBEDDED = re.compile(
-    r"^={3,}[ \t]*\n\s*MSG:[ \t]*(\S+)[ \t]*$", re.MULTILINE
-)  # before each type that a text embeds
+# Before each type that a text embeds; some publishers break by dashes, or not at all.
+EMBEDDED = re.compile(r"^(?:(?:={3,}|-{3,})[ \t]*\n\s*)?MSG:[ \t]*(\S+/\S+)[ \t]*$", re.MULTILINE)
 _BREAK = "=" * 80
 LARGEST_TEXT = 256 * 1024  # characters of a definition
 MOST_FIELDS = 3000  # of a definition; a nested message counts at each place of its use
@@ -284,8 +283,8 @@ class Definitions:
 
 
 def _unix(text: str) -> str:
-    """Return the text with line ends as on Unix."""
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    """Return the text with line ends as on Unix, without the mark of other editors at its beginning."""
+    return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _unknown(type_name: str, md5: str = "") -> Declined:

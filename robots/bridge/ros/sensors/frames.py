@@ -223,7 +223,8 @@ def _name(raw: bytes, at: int) -> tuple[str, int]:
 def _parts(packed: bytes) -> tuple[Matrix, Matrix]:
     """Unpack translation and unit quaternion. Raises PoseUnknown for implausible numbers.
 
-    A quaternion without a direction is refused, as tf2 refuses zero: by a camera in a wrong direction, obstacles would be elsewhere.
+    A quaternion that is zero or nearly so is refused, as tf2 does: by a camera in a wrong direction, obstacles would
+    be elsewhere.
     """
     *translation, x, y, z, w = _TRANSFORM.unpack(packed)
     turn = rotation(x, y, z, w)
