@@ -49,10 +49,12 @@ def test_an_origin_that_staff_entered_counts_first(settings: Any) -> None:
 
 
 def test_the_pages_process_hears_the_port_from_the_web_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    forged = RequestFactory().get("/", headers={PORT_HEADER: "6666"}, SERVER_PORT="8000")
+    forged = RequestFactory().get("/", headers={"host": "localhost", PORT_HEADER: "6666"}, SERVER_PORT="8000")
     assert public_origin(forged) == "http://fleet.lab.example:8000"
     monkeypatch.setenv("FLEET_PROGRAMS_SOCKET", "/run/x.sock")
-    request = RequestFactory().get("/", headers={PORT_HEADER: "8000"}, SERVER_PORT="unknown")
+    request = RequestFactory().get(
+        "/", headers={"host": "localhost", PORT_HEADER: "8000"}, SERVER_PORT="unknown"
+    )
     assert public_origin(request) == "http://fleet.lab.example:8000"
 
 
