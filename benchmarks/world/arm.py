@@ -54,7 +54,9 @@ class MovingArm:
         )
         self.posture = ArmPosture(tiago_arm())
         self.posture.describe(_described(show.lacks))
-        model = SimpleNamespace(arm=lambda: self.posture.arm(self._now_s))
+        model = SimpleNamespace(
+            arm=lambda: self.posture.arm(self._now_s), arm_problem=lambda: self.posture.problem(self._now_s)
+        )
         self._clearance = ArmClearance(controller.gate, model)
         physics = robot.physics.model
         for segment in SEGMENTS:

@@ -1,8 +1,8 @@
 /**
  * Keys that move something while they are held. A key counts by its position, not by its letter.
  *
- * Each key is a grip of its own: only its own events prove it, because its release may be lost while another key is
- * held. When one grip ends without the hand, all keys of the set end with it, and each must be pressed again.
+ * Each key is a grip of its own: its release may be lost while another key is held. Its own repeats prove it, and each
+ * press or release of a key of the set: a hand that steers is there. When one grip ends without the hand, all keys of the set end with it, and each must be pressed again.
  */
 
 import { isEditing } from "../lib/editing.js";
@@ -41,8 +41,9 @@ export class HeldKeys {
 
   #down(event, may) {
     if (isEditing(event.target) || isModified(event) || isComposing(event)) return;
-    if (!event.repeat) this.#expectNoRepeat(); // only the newest key repeats, also if it moves nothing
-    if (!this.#codes.has(event.code) || !may()) return;
+    const moves = this.#codes.has(event.code) && may();
+    if (!event.repeat) this.#endRepeats(moves); // only the newest key repeats, also if it moves nothing
+    if (!moves) return;
     event.preventDefault();
     const held = this.#grips.get(event.code);
     if (held) return hand.prove(held, event);
@@ -58,7 +59,7 @@ export class HeldKeys {
     if (!grip) return;
     this.#grips.delete(event.code);
     hand.end(grip);
-    this.#expectNoRepeat();
+    this.#endRepeats(true);
     this.#tell(null, event);
   }
 
@@ -68,8 +69,8 @@ export class HeldKeys {
     this.#tell(reason, null);
   }
 
-  #expectNoRepeat() {
-    for (const grip of this.#grips.values()) hand.expectNoRepeat(grip);
+  #endRepeats(proves) {
+    for (const grip of this.#grips.values()) proves ? hand.prove(grip) : hand.expectNoRepeat(grip);
   }
 
   #tell(lost, event) {
