@@ -70,7 +70,7 @@ Kind = type[Struct]
 def page() -> str:
     """Return the text of the page."""
     described_at: dict[Kind, str] = {}  # for each message, the section that describes it
-    left_out = _parts(*INTERNAL) - _parts(*DIRECTIONS.values())
+    left_out = _parts(*INTERNAL) - _parts(*DIRECTIONS.values(), wire.PictureHeader)  # of a binary message
     common = _common()
     fields = "\n".join(f"* {line}" for line in common.values())
     sections = [f"{HEAD}Fields that several messages have in common:\n\n{fields}\n"]

@@ -102,6 +102,12 @@ class Feeder:
         self.scan()
         self.sonars()
 
+    def stay(self, seconds: float) -> None:
+        """Feed what the sensors see for this time: what appeared before is furniture then, and no person."""
+        for _ in range(round(seconds / 0.1)):
+            self.now_s += 0.1
+            self.all()
+
     def ahead_at(self, distance_m: float, half_width_beams: int = 12) -> None:
         """Put an obstacle in front of the laser at this distance from the laser."""
         self.ranges = np.full(571, math.inf)

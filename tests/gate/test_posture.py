@@ -77,8 +77,7 @@ def test_a_posture_is_known_for_half_a_second(arm):
 
 def test_an_arm_that_reaches_ahead_stops_before_the_base_would(arm):
     arm.ahead_at(0.8)
-    arm.now_s += 0.05
-    arm.all()
+    arm.stay(5.0)
     arm.gate.observe_posture(AT_HOME, arm.now_s)
     base = arm.decide(0.3)
     arm.gate.observe_posture(ahead, arm.now_s)

@@ -27,6 +27,8 @@ def largest(kind: inspect.Type) -> Any:
             return False
         case inspect.LiteralType(values=values):
             return max(values, key=lambda value: len(str(value)))
+        case inspect.ListType(item_type=inspect.LiteralType(values=values)):
+            return list(values)
         case inspect.ListType(item_type=item):
             return [largest(item)] * ENTRIES
         case inspect.TupleType(item_types=items):

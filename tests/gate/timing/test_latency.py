@@ -247,8 +247,7 @@ def test_the_gate_uses_measured_latency_and_names_late_robots(tiago, delay_s):
         assert re.fullmatch("at most 0.9 m/s: the robot answers after 0.4[56] s", verdict.text)
         assert verdict.limits == (SpeedLimit("robot_late", verdict.text, pytest.approx(verdict.velocity.vx)),)
     tiago.ahead_at(0.9)
-    tiago.now_s += 0.05
-    tiago.all()
+    tiago.stay(5.0)
     assert tiago.decide(1.0).velocity.vx == pytest.approx({0.05: 0.85, 0.4: 0.67}[delay_s], abs=0.02)
 
 

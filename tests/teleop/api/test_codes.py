@@ -44,6 +44,7 @@ OF_NAMES = {
     "name_alike",
     "name_reserved",
 }  # `tests.teleop.api.test_names_at_doors`
+OF_BOUNDS = {"too_many_changes", "too_many_keys"}  # `tests.teleop.api.test_bounds`
 # Codes of a single operation are tested with that operation.
 WITH_THEIR_OPERATIONS = {
     *("too_many", "more_than_own", "other_robots", "paused", "name_taken", "password_needed"),
@@ -70,7 +71,7 @@ def built() -> Iterator[str]:
 
 
 def test_each_code_of_the_api_stands_in_the_docs() -> None:
-    assert {*built(), *OF_ACCOUNTS, *OF_WEBHOOKS, *OF_NAMES, *OF_THE_LIBRARY} == documented()
+    assert {*built(), *OF_ACCOUNTS, *OF_WEBHOOKS, *OF_NAMES, *OF_BOUNDS, *OF_THE_LIBRARY} == documented()
 
 
 class Asker:
@@ -295,7 +296,7 @@ CASES: dict[str, Case] = {
 
 
 def test_each_code_of_the_docs_is_asked_for() -> None:
-    assert {*CASES, *WITH_THEIR_OPERATIONS, *OF_NAMES} == documented()
+    assert {*CASES, *WITH_THEIR_OPERATIONS, *OF_NAMES, *OF_BOUNDS} == documented()
 
 
 @pytest.mark.parametrize("code", sorted(CASES))

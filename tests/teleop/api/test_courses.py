@@ -109,7 +109,8 @@ def test_a_token_for_one_robot_manages_only_its_courses(
         assert api(method, path, body).status_code == 404, path
     induction.robots.add(other_robot)
     assert api("GET", "/courses/hri").data["qualifications"] == []
-    assert api("POST", "/courses/hri/qualifications/induction/grant", {"people": None}).status_code == 404
+    refused = api("POST", "/courses/hri/qualifications/induction/grant", {"people": None})
+    assert (refused.status_code, refused.data["code"]) == (403, "other_robots")
     hri.robots.add(other_robot)
     assert api("GET", "/courses/hri").status_code == 404
 

@@ -214,7 +214,8 @@ class QualificationsBase(SetupView):
         found = _demanding(self.qualification(slug)) if slug else []
         if body is not None:
             found += self.named_robots(body.robots)
-            found += [robot for group in named_groups(body.groups) for robot in group.robots.all()]
+            for group in named_groups(body.groups):
+                self.require_served(group.robots.all())  # also of an empty group: robots may be added later
         return found
 
     def qualification(self, slug: str) -> Qualification:

@@ -392,7 +392,7 @@ def test_a_token_whose_robots_are_gone_makes_none_for_all(
     own = program(staff, robots=[other])
     other.delete()
     refused = own("POST", "/tokens", {"name": "more", "scopes": ["read"]})
-    assert (refused.status_code, refused.data["code"]) == (403, "more_than_own")
+    assert (refused.status_code, refused.data["code"]) == (403, "other_robots")
 
 
 def test_a_webhook_brings_a_token_no_news_that_it_may_not_read(
