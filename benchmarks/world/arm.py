@@ -54,6 +54,7 @@ class MovingArm:
         )
         self.posture = ArmPosture(tiago_arm())
         self.posture.describe(_described(show.lacks))
+        self.posture.awaits_description = False  # as the node notes when the master has answered
         model = SimpleNamespace(
             arm=lambda: self.posture.arm(self._now_s), arm_problem=lambda: self.posture.problem(self._now_s)
         )

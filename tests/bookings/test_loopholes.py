@@ -183,7 +183,7 @@ def test_a_slot_in_use_is_handed_to_a_colleague_who_can_use_it(signed_in, robot,
     assert change(signed_in(operator), booking, "hand", to=second_operator.username) == []
     rest = Booking.objects.get(person=second_operator)
     assert (stage(rest), rest.ends_at) == (Stage.DUE, minutes(60))
-    assert (booking.person, stage(booking)) == (operator, Stage.OVER)  # the time that has passed
+    assert (booking.person, stage(booking)) == (operator, Stage.FINISHED)  # the time that has passed
 
 
 # --- notice to cancel ------------------------------------------------------------------------------
