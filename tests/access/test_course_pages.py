@@ -223,6 +223,7 @@ def test_a_supervisor_does_not_learn_who_has_an_account(
     assert "This account is closed." in shown(preview)
 
 
+@pytest.mark.timeout(600)  # 40 s of computing: on a full machine more than the usual 240 s
 def test_5000_lines_are_enrolled_and_a_longer_file_is_refused(
     signed_in: SignIn, course: Course, teacher: User
 ) -> None:
