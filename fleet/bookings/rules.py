@@ -481,7 +481,7 @@ COURSE_QUOTAS: tuple[Rule, ...] = (
     within_common_quota,
     within_course_count,
 )
-# Who may use an offered slot, or the rest of a slot that runs, and whose quotas must have room for it: the slot itself
+# Rules for an offered slot or the rest of a slot that runs: rights, and room in the quotas. The slot itself
 # was allowed before.
 REST: tuple[Rule, ...] = (
     has_role,

@@ -1,4 +1,4 @@
-"""Who may stop which robots: read for many requests at once, and remembered for a second.
+"""The right to stop a robot: read for many requests at once, and remembered for a second.
 
 A stop by HTTP is judged here first, on a thread for nothing else, before any other work is done for it. So invented
 cookies and tokens, however many, cost one query together, and nobody waits behind them.

@@ -1,4 +1,4 @@
-"""What arrived: things that stand where earlier scans of the same laser saw free space (docs/gate.md, 10).
+"""Arrivals: things that stand where earlier scans of the same laser saw free space (docs/gate.md, 10).
 
 A walking person is two shins, of which one stands while the other swings. So within the time of one step, a
 shin alone looks like furniture. Within a stride each shin has come to a place that was free before. The newest
