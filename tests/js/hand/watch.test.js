@@ -195,9 +195,9 @@ describe("held keys", () => {
     type(document.body, "keydown", "KeyW");
     repeat("KeyW", 1_000);
     for (let ms = 0; ms < 9_000; ms += 3_000) {
-      vi.advanceTimersByTime(3_000);
-      type(document.body, "keydown", "KeyA");
+      type(document.body, "keydown", "KeyA"); // ends the repeats of W
       type(document.body, "keyup", "KeyA");
+      vi.advanceTimersByTime(3_000);
     }
     expect(held).toEqual(["KeyW"]);
   });
