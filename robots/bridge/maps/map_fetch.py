@@ -88,7 +88,7 @@ class MapFetcher:
             self._run, self._restarted_s, self._due_s = run, now_s, now_s
             if self._taking is not None:
                 self._taking.cancel()
-        if self._wanted is None or fence is None or self._taking is not None:
+        if self._wanted is None or fence is None or (self._taking is not None and not self._taking.done()):
             return
         if watched and not self._watched:
             begun_s = self._due_s - FRESH_S  # of the last fetch, if that is long ago
@@ -118,8 +118,6 @@ class MapFetcher:
         except (OSError, asyncio.TimeoutError, msgspec.MsgspecError) as error:
             self._say(f"the process that fetches it failed ({error!r})")
             self._fail("the console could not fetch it", now_s)
-        finally:
-            self._taking = None
 
     def _fail(self, why: str, now_s: float) -> None:
         restarts = self._restarted_s is not None and now_s - self._restarted_s < RESTARTS_S

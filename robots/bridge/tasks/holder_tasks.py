@@ -131,7 +131,7 @@ class HolderTasks:
             "memory.forget": self._why_not_forget,
             "pose.set": self._why_not_set_pose,
         }
-        self._pose: wire.SetPose | None = None  # the pose that waits for its record
+        self._pose: wire.SetPose | None = None  # the pose that waits for its record and the map
         self._turns: list[wire.TurnHead] = []  # turns that wait for their record
         # Fence of the recorded turns, and until when further turns need no new record.
         self._turning: tuple[int, float] = (0, float("-inf"))
@@ -243,8 +243,7 @@ class HolderTasks:
         self._move_head(sent, now_s)
         if self._granted("memory.forget", now_s):
             self._gate.forget()
-        if self._granted("pose.set", now_s) and (asked := self._pose):
-            self._performer.set_pose(Pose(asked.x, asked.y, asked.heading))
+        self._place(now_s)
 
     def stopped(self, by: str, now_s: float) -> None:
         """End tasks: stop was pressed."""
@@ -514,7 +513,9 @@ class HolderTasks:
             self.navigation.start(now_s)
 
     def _set_pose(self, order: wire.SetPose, requester: Requester, now_s: float) -> None:
-        if refusal := self.navigation.refuse_map(order.map) or self._why_not_set_pose(now_s):
+        self.navigation.controlled(order.fence, now_s)
+        refusal = self.navigation.refuse_map(order.map)
+        if refusal is not None and not self.navigation.may_come(refusal, now_s):
             requester.answer(refusal)
             return
         place = {"x_m": order.x, "y_m": order.y, "heading_rad": order.heading}
@@ -523,7 +524,23 @@ class HolderTasks:
         if len(self._asked["pose.set"]) > asked:  # else it was refused
             self._pose = order
 
+    def _place(self, now_s: float) -> None:
+        """Send the robot the pose that is recorded. It waits for the map, which is read when control begins."""
+        refusal = self._other_map()
+        if refusal is not None and self.navigation.may_come(refusal, now_s):
+            return
+        if self._granted("pose.set", now_s) and (asked := self._pose):
+            self._performer.set_pose(Pose(asked.x, asked.y, asked.heading))
+        if not self._asked["pose.set"]:
+            self._pose = None
+
+    def _other_map(self) -> Refusal | None:
+        """Return a refusal if the waiting pose is not one on the robot's map."""
+        return self.navigation.refuse_map(self._pose.map) if self._pose else None
+
     def _why_not_set_pose(self, now_s: float) -> Refusal | None:
+        if refusal := self._other_map():
+            return refusal
         navigation = self._config.topics.navigation
         if navigation is None or navigation.set_pose is None:
             return NO_NAVIGATION

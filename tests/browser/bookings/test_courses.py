@@ -26,7 +26,8 @@ def test_a_course_from_csv_to_the_wheel(person: Arrive, induction: str) -> None:
     file = {"name": "class.csv", "mimeType": "text/csv", "buffer": content}
     page.get_by_label("or a CSV file").set_input_files(files=[file])  # type: ignore[list-item]
     page.get_by_role("button", name="Make the course").click()
-    expect(page.get_by_role("alert")).to_contain_text("Line 3")
+    expect(page.get_by_role("alert")).to_contain_text("1 line is left out")
+    expect(page.get_by_role("row", name="3 Left out:")).to_contain_text("bob(at)example.org")
     page.get_by_role("button", name="Make the course with 1 person").first.click()
     expect(page.get_by_role("heading", name=name)).to_be_visible()
     expect(page.get_by_role("checkbox", name="Jürgen Größe")).to_be_visible()
