@@ -11,7 +11,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from robots.bridge.urdf.document import FARTHEST_M, Misfit, name_of, numbers_of, origin_of, robot_in
+from robots.bridge.urdf.document import FARTHEST_M, Misfit, description_of, name_of, numbers_of, origin_of
 from robots.bridge.urdf.joints import MOVING, Joint, Numbers, joints_of
 
 MOST_SHAPES = 2_000
@@ -30,15 +30,16 @@ class Drawable(NamedTuple):
 
 def drawable(text: str) -> Drawable:
     """Return the part of this description that a page draws. Raises `BadDescription` if nothing of it can be drawn."""
-    return _Reader(robot_in(text)).result()
+    found = description_of(text)
+    return _Reader(found.robot, found.problems).result()
 
 
 class _Reader:
-    def __init__(self, found: Element) -> None:
+    def __init__(self, found: Element, problems: list[str]) -> None:
         self._found = found
         self._robot = Element("robot", name="robot")
         self._meshes: dict[str, None] = {}
-        self._problems: list[str] = []
+        self._problems = problems
         self._shapes = 0
         self._materials: dict[str, Element] = {}  # with a colour, by name
 

@@ -54,7 +54,8 @@ class MapFetcher:
     """Fetches maps; runs on the event loop.
 
     `keep` receives each fetched map and must not block. `gone` receives the reason why there is no map; if
-    there was one before, only after the second failure in a row.
+    there was one before, only after the second failure in a row. A restarted robot has time to publish its map,
+    unless it drives to a place.
     """
 
     def __init__(
@@ -121,7 +122,7 @@ class MapFetcher:
 
     def _fail(self, why: str, now_s: float) -> None:
         restarts = self._restarted_s is not None and now_s - self._restarted_s < RESTARTS_S
-        if self._failed and not restarts:
+        if self._failed and (self._watched or not restarts):
             self._gone(why)
         if restarts or (self._watched and not self._failed):
             self._due_s = now_s + DOUBTED_S

@@ -404,16 +404,17 @@ class NavigationGoals(Goals[Target]):
             self.end("map_changed", "The robot’s map changed.", now_s)
 
     def map_doubted(self, now_s: float, *, restarted: bool) -> None:
-        """Note that the robot may have another map now: no goal until it is read.
+        """Note that the robot may have another map now: no new goal until it is read.
 
-        `restarted`: the robot may be anywhere on it, too. Else another map server publishes the map.
+        `restarted`: the robot may be anywhere on it, too, so a drive ends. Else another map server publishes the
+        map: a drive ends only if the map that is then read is another one.
         """
         self.map_run += 1
         self._map, self._map_problem = None, UNKNOWN_NOW
         if restarted:
             self.localisation.forget()
             self.path.take(NO_POINTS)
-        self.end("map_changed", "The robot’s map may be another one now.", now_s)
+            self.end("map_changed", "The robot’s map may be another one now.", now_s)
 
     def unmapped(self, why: str, now_s: float) -> None:
         """Note that the robot has no usable map now. End the drive."""

@@ -452,7 +452,7 @@ class RosBase:
         self._post(lambda: self._on_lost(name_taken))
 
     def _look_for_map_server(self, system: SystemState) -> None:
-        """Notice that another node, or another run of it, publishes the map. If all are gone, the map stays."""
+        """Notice that other nodes, or another run of one, publish the map. If all are gone, the map stays."""
         topic = self._config.topics.map
         nodes = system.publishers.get(topic.name, [])[:MOST_LOOKED_UP] if topic else []
         servers = {node: self._master.node_uri(node) for node in nodes}

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.urdf.document import BadDescription, robot_in
+from robots.bridge.urdf.document import BadDescription, description_of
 from robots.bridge.urdf.joints import Joint, joints_of
 
 Matrix = NDArray[np.float64]
@@ -32,7 +32,7 @@ class Tree:
 
     def __init__(self, text: str) -> None:
         """Read `text` as far as it can be used. Raises BadDescription if nothing of it can."""
-        found = joints_of(robot_in(text))
+        found = joints_of(description_of(text).robot)
         self._above = {joint.child: _joint(joint) for joint in found.joints}
         self.unplaced = found.unplaced  # links of the description whose places are not known
 

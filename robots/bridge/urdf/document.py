@@ -2,13 +2,15 @@
 
 The reader of RViz (TinyXML) takes texts that a strict reader of XML refuses: a mark or line before the declaration of
 XML, any encoding in that declaration, ``--`` in a comment, a bare ``&``, a ``<`` in the value of an attribute, control
-characters, text behind the robot, a prefix without a namespace. This one takes them, too.
+characters, also by their numbers, text behind the robot, a prefix without a namespace. This one takes them, too.
 """
 
 from __future__ import annotations
 
 import math
 import re
+import sys
+from typing import NamedTuple
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
@@ -19,9 +21,9 @@ LONGEST_NAME = 200
 
 _DECLARATION = re.compile(r"\A<\?xml\b[^>]*\?>")
 _BARE_AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#[0-9]{1,7}|#x[0-9a-fA-F]{1,6});)")
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")  # beside tab and line ends
+_FORBIDDEN = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")  # in XML
+_NUMBERED = re.compile(r"&#(?:x([0-9a-fA-F]{1,6})|([0-9]{1,7}));")
 _VALUE = re.compile(r"""=\s*(?:"[^"<]*<[^"]*"|'[^'<]*<[^']*')(?=[\s/>])""")  # of an attribute, with a `<`
-_END = "</robot>"
 _NAME = re.compile(rf'[^\x00-\x1f\x7f"\\]{{1,{LONGEST_NAME}}}')  # a page puts names of links into selectors
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
@@ -34,31 +36,56 @@ class Misfit(ValueError):
     """A part that cannot be used; the text says why."""
 
 
-def parsed(text: str) -> Element:
-    """Return the root element of a description. Entities are never expanded.
+class Description(NamedTuple):
+    """A description that was read."""
 
-    Raises BadDescription if it is not XML, too large, or contains declarations, which could do harm.
+    robot: Element
+    problems: list[str]  # what is left out
+
+
+def description_of(text: str) -> Description:
+    """Read a description up to the end of its robot. Entities are never expanded.
+
+    Raises BadDescription if it is not XML, too large, no <robot>, or contains declarations, which could do harm.
     """
     if len(text) > LARGEST:
         raise BadDescription("the robot’s description is too large")
-    builder = TreeBuilder()
-    parser = expat.ParserCreate("utf-8")  # without namespaces: a prefix is part of a name
-    parser.StartDoctypeDeclHandler = _refuse_declarations
-    parser.StartElementHandler = builder.start
-    parser.EndElementHandler = builder.end
-    try:
-        parser.Parse(_tidied(text).encode(errors="replace"), True)
-        return builder.close()
-    except expat.ExpatError as error:
-        raise BadDescription(f"the robot’s description cannot be parsed: {error}") from error
-
-
-def robot_in(text: str) -> Element:
-    """Return the <robot> of a description. Raises BadDescription."""
-    found = parsed(text)
-    if found.tag != "robot":
+    found = _Reader().read(_tidied(text))
+    if found.robot.tag != "robot":
         raise BadDescription("the robot’s description is no <robot>")
     return found
+
+
+class _Reader:
+    def __init__(self) -> None:
+        self._builder, self._open = TreeBuilder(), 0
+        self._robot: Element | None = None
+        self._parser = parser = expat.ParserCreate("utf-8")  # without namespaces: a prefix is part of a name
+        parser.StartDoctypeDeclHandler = _refuse_declarations
+        parser.StartElementHandler = self._begin
+        parser.EndElementHandler = self._end
+
+    def read(self, text: str) -> Description:
+        """Return the first element that stands in no other. Raises BadDescription if there is none."""
+        problems = []
+        try:
+            self._parser.Parse(text.encode(errors="replace"), True)
+        except expat.ExpatError as error:
+            if self._robot is None:
+                raise BadDescription(f"the robot’s description cannot be parsed: {error}") from error
+            problems = ["the text behind the end of the robot is left out"]
+        assert self._robot is not None  # noqa: S101  (else it is no XML)
+        return Description(self._robot, problems)
+
+    def _begin(self, tag: str, attributes: dict[str, str]) -> None:
+        self._open += 1
+        self._builder.start(tag, attributes)
+
+    def _end(self, tag: str) -> None:
+        self._open -= 1
+        self._builder.end(tag)
+        if not self._open and self._robot is None:
+            self._robot = self._builder.close()
 
 
 def _refuse_declarations(_name: str, _system: str | None, _public: str | None, has_declarations: int) -> None:
@@ -67,16 +94,23 @@ def _refuse_declarations(_name: str, _system: str | None, _public: str | None, h
 
 
 def _tidied(text: str) -> str:
-    """Return the text as XML, without marks, comments and what follows the robot; numbers of lines stay."""
+    """Return the text as XML, without marks, comments and characters that XML forbids; numbers of lines stay."""
     text = _DECLARATION.sub("", text.strip("\ufeff\x00 \t\r\n"), count=1)
     first, *rest = text.split("<!--")
     kept = [first]
     for part in rest:
         comment, _, after = part.partition("-->")
         kept += ["\n" * comment.count("\n"), after]
-    robot, end, _ = "".join(kept).rpartition(_END)
-    plain = _CONTROL.sub("", robot + end if end else "".join(kept))
+    plain = _NUMBERED.sub(_allowed, _FORBIDDEN.sub("", "".join(kept)))
     return _VALUE.sub(lambda value: value[0].replace("<", "&lt;"), _BARE_AMPERSAND.sub("&amp;", plain))
+
+
+def _allowed(number: re.Match[str]) -> str:
+    """Return a character's number as it stands, nothing if XML forbids the character."""
+    code = int(number[1], 16) if number[1] else int(number[2])
+    if code > sys.maxunicode:
+        return ""
+    return number[0] if not _FORBIDDEN.match(chr(code)) else ""
 
 
 def name_of(element: Element, attribute: str = "name") -> str:

@@ -138,6 +138,16 @@ async def test_a_known_map_is_gone_after_two_failed_fetches(answer, words, taker
     assert taker.gone == [words]
 
 
+@pytest.mark.parametrize("watched", [True, False])
+async def test_a_map_lost_with_a_restart_is_gone_at_once_for_a_drive(watched, taker):
+    await taker.tick(7, 0.0)
+    taker.answers(NoMap("nobody publishes it"))
+    for now_s in (10.0, 10.0 + map_fetch.DOUBTED_S):
+        taker.maps.tick(7, now_s, watched, run=1)
+        await settled()
+    assert len(taker.gone) == watched
+
+
 HANGS = ("sleep", "60")
 
 

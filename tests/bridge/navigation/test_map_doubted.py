@@ -83,14 +83,6 @@ def test_the_same_map_after_a_restart_is_good_again(bench):
     assert go(bench, "old") is None
 
 
-def test_another_map_server_ends_the_drive_and_keeps_the_pose(bench):
-    assert go(bench, "old") is None
-    bench.core.map_server_replaced(bench.now_s)
-    assert bench.core.tasks.navigation.driving_requester is None
-    bench.core.mapped(FreeMap("old"), bench.now_s)
-    assert bench.core.tasks.navigation.refuse_pose(bench.now_s) is None
-
-
 def test_a_pose_on_another_map_is_none(bench):
     bench.core.mapped(FreeMap("new"), bench.now_s)
     assert go(bench) == MISSING

@@ -11,6 +11,7 @@ from robots import wire
 from robots.bridge.config import HeadSource, NavigationSource, Topic
 from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.values import STILL, Pose, SpeedLimit, Velocity, Verdict
+from robots.bridge.navigation.goal_map import UNKNOWN_NOW
 from robots.bridge.navigation.hold import UNENDED, UNHEARD, WATCHED_S
 from robots.bridge.navigation.localisation import Localisation, Spread
 from robots.bridge.navigation.navigation_goals import LOOKS_S
@@ -31,7 +32,8 @@ GO = Go(1, 3.0, 1.0, 0.5, seq=7, place="desk")
 class FreeMap:
     """A map without obstacles."""
 
-    digest = "free"
+    def __init__(self, digest="free"):
+        self.digest = digest
 
     def refuse(self, goal, footprint):
         return None
@@ -100,10 +102,25 @@ def test_a_place_of_another_map_is_refused(bench):
     assert refusal.code == "map_changed"
     (refusal,) = bench.ask(wire.SetPose(1, 0.1, 0.0, 0.0, seq=9, map="another"))
     assert refusal.code == "map_changed" and not bench.base.goals
-    bench.ask(msgspec.structs.replace(GO, map=FreeMap.digest, seq=10))
+    bench.ask(msgspec.structs.replace(GO, map=FreeMap().digest, seq=10))
     bench.recorded()
     passed(bench, 0.2)
     assert len(bench.base.goals) == 1
+
+
+@pytest.mark.parametrize("read", ["free", "another", ""])
+def test_another_map_server_ends_a_drive_only_by_another_map(bench, read):
+    gone(bench)
+    bench.core.map_server_replaced(bench.now_s)
+    passed(bench, 1.0)
+    assert bench.navigation.driving_requester is not None
+    assert bench.navigation.refuse_map("") == UNKNOWN_NOW
+    if read:
+        bench.core.mapped(FreeMap(read), bench.now_s)
+    else:
+        bench.core.unmapped("nobody publishes /map", bench.now_s)
+    assert (bench.navigation.driving_requester is not None) == (read == "free")
+    assert (bench.navigation.refuse_pose(bench.now_s) is None) == (read != "another")
 
 
 def test_without_its_watchdog_the_robot_is_not_sent(bench):

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import time
+from xml.etree.ElementTree import Element
 
 import pytest
 
-from robots.bridge.urdf.document import BadDescription, parsed
+from robots.bridge.urdf.document import BadDescription, description_of
 from robots.description.drawable import drawable
 from robots.simulator.joints.frames import frames
 from robots.simulator.joints.looks import description
 from robots.simulator.sensors.body import BODIES
 
+BEHIND = ["the text behind the end of the robot is left out"]
 SHAPE = '<visual><geometry><box size="1 2 3"/></geometry></visual>'
 
 
 def robot(inside: str) -> str:
     return f'<robot name="r"><link name="base">{SHAPE}</link>{inside}</robot>'
+
+
+def parsed(urdf: str) -> Element:
+    return description_of(urdf).robot
 
 
 def joint(name: str, parent: str, child: str, more: str = "", kind: str = "revolute") -> str:
@@ -131,6 +137,7 @@ def test_links_that_hang_on_nothing_of_the_robot_are_named(more, why):
         "<material name=''><texture filename=''/></material></visual></link>",
         joint("überarm’s", "x", "y"),
         joint("b", "x", "y", "<limit why='a < b'/>") + '<gazebo if = "1<2" unless="&lt;<&"/>\x0c\x00',
+        joint("&#11;b&#x1F;", "x&#0;", "y&#xffff;", "<limit why='&#1114112; &#55296;'/>"),
     ],
 )
 def test_what_rviz_shows_is_drawn_without_a_word(more):
@@ -143,20 +150,21 @@ def test_what_rviz_shows_is_drawn_without_a_word(more):
 
 
 @pytest.mark.parametrize(
-    ("before", "after"),
+    ("before", "after", "problems"),
     [
-        ("\ufeff", ""),
-        ("\n \t<?xml version='1.0' encoding='utf-16'?>\r\n", "\n\x00"),
-        ('<?xml version="1.1" encoding="latin-1" standalone="yes"?>', "<!-- end -->"),
-        ("<!DOCTYPE robot>", ""),
-        ("", "\n# end of file <a & b\x0b"),
-        ("\x0b\x1b", "\x0b"),
-        ('<!DOCTYPE robot SYSTEM "file:///etc/passwd">', ""),
+        ("\ufeff", "", []),
+        ("\n \t<?xml version='1.0' encoding='utf-16'?>\r\n", "\n\x00", []),
+        ('<?xml version="1.1" encoding="latin-1" standalone="yes"?>', "<!-- end -->", []),
+        ("<!DOCTYPE robot>", "", []),
+        ("", "\n# end of file <a & b\x0b", BEHIND),
+        ("", "<robot><link name='other'/></robot>", BEHIND),
+        ("\x0b\x1b", "\x0b", []),
+        ('<!DOCTYPE robot SYSTEM "file:///etc/passwd">', "", []),
     ],
 )
-def test_beginnings_and_ends_of_other_editors_are_read(before, after):
-    found = drawable(before + robot(joint("é", "base", "x")) + after)
-    assert found.problems == []
+def test_beginnings_and_ends_of_other_editors_are_read(before, after, problems):
+    found = drawable(before + robot(joint("é", "base", "x")).replace("</robot>", "</robot >") + after)
+    assert found.problems == problems
     assert "é" in found.urdf
 
 

@@ -6,17 +6,21 @@ import math
 from contextlib import contextmanager
 
 import pytest
+import rosgraph
 import rospy
 from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 from nav_msgs.msg import OccupancyGrid
 
+from robots import wire
 from robots.bridge.config import Topic
+from robots.bridge.ros.network.master_monitor import SURVEY_S
 from tests.processes import until
 from tests.ros.bridge_support import WatchdogProcess, drivable, running_bridge, tiago_config
 from tests.ros.navigation.conftest import FAR, NEAR, TOPICS, Traveller, guarded_bridge, pause, place
 
 BEHIND_THE_WALL = (1.2, 5.5)
 WALL_Y_M = 3.5
+NOTICED_S = 2.0 * SURVEY_S
 
 
 def test_a_blind_planner_is_stopped_before_it_touches_anything(traveller, truth, fault):
@@ -95,6 +99,15 @@ def published(floor: int):
         publisher.unregister()
 
 
+@contextmanager
+def passing_publisher(rosmaster):
+    """Another node that publishes the map for a moment, and cannot be reached."""
+    master, uri = rosgraph.Master("/passing", rosmaster.uri), "http://127.0.0.1:9/"
+    master.registerPublisher("/other_map", "nav_msgs/OccupancyGrid", uri)
+    yield
+    master.unregisterPublisher("/other_map", uri)
+
+
 def grid(cells: int) -> OccupancyGrid:
     message = OccupancyGrid()
     message.header.frame_id = "map"
@@ -123,7 +136,7 @@ def test_without_a_map_goals_are_refused(on_other_map):
     assert traveller.refused(*FAR).code == "no_map"
 
 
-def test_a_map_that_changes_or_ends_ends_a_drive(ros, rosmaster, tmp_path):
+def test_a_map_that_changes_or_ends_ends_a_drive(truth, rosmaster, tmp_path):
     config = tiago_config(
         rosmaster, tmp_path, topics={**TOPICS, "map": Topic("/other_map", "nav_msgs/OccupancyGrid")}
     )
@@ -135,10 +148,17 @@ def test_a_map_that_changes_or_ends_ends_a_drive(ros, rosmaster, tmp_path):
         pause(traveller, 1.0)
         seq = traveller.go(*NEAR)
         traveller.ended(seq)
-        maps.publish(grid(150))
-        end = traveller.drives_until_ended()
+        seq = traveller.go(*FAR)
+        with passing_publisher(rosmaster):
+            pause(traveller, NOTICED_S)
+            assert traveller.drives().going_ended.seq != seq
+            maps.publish(grid(150))
+        end = traveller.ended(seq)
         assert (end.outcome, end.text) == ("map_changed", "The robot’s map changed.")
         traveller.stands()
+        assert (
+            hand.ask(wire.SetPose(traveller.fence, *place(truth), seq + 1_000)) is None
+        )  # it is none on this map
         maps.unregister()
         assert traveller.drives_until_ended().outcome == "map_gone"
         traveller.stands()
