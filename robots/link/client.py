@@ -26,8 +26,8 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.bridge.overload import LATE_S
-from robots.link.connections import DOWN, open_link, why_down
 from robots.link.connections import LinkRefused as LinkRefused
+from robots.link.connections import down, open_link, why_down
 from robots.link.lane import Lane
 from robots.link.pending_replies import PendingReplies
 from robots.stop import courier
@@ -129,7 +129,7 @@ class BridgeLink:
         self.robot_id = robot_id
         self.address = address
         self.up = False
-        self.refusal: Refusal | None = DOWN
+        self.refusal: Refusal | None = down(self.address)
         self.state: State | None = None
         self.seen_at: float | None = None  # time of the last message from the robot, seconds since 1970
         self.offers: wire.Offers | None = None
@@ -273,7 +273,7 @@ class BridgeLink:
     async def _stop_by_link(self, stop: wire.LinkStop) -> Stopped | Refusal:
         """Send a stop over this connection, even before the bridge's hello."""
         if self._open is None:
-            raise LinkRefused(self.refusal or DOWN)
+            raise LinkRefused(self.refusal or down(self.address))
         number = self._latch.number()
         with self._latch.waiting_for(number) as answer:
             try:
@@ -286,7 +286,7 @@ class BridgeLink:
                     raise
                 return refused.refusal
             except ConnectionClosed as error:
-                raise LinkRefused(DOWN) from error
+                raise LinkRefused(down(self.address)) from error
 
     async def _stop_by_new_connection(self, stop: wire.LinkStop) -> Stopped | Refusal:
         """Send a stop over a new connection: this link may be down, waiting to reconnect, or dead without notice."""
@@ -383,14 +383,14 @@ class BridgeLink:
 
     async def _ask(self, message: Struct) -> None:
         if self._socket is None:
-            raise LinkRefused(self.refusal or DOWN)
+            raise LinkRefused(self.refusal or down(self.address))
         encoded = wire.encode(message)
         if len(encoded) > wire.LARGEST_MESSAGE_BYTES:  # the bridge could not read it, and so could not answer
             raise LinkRefused(_too_large(len(encoded)))
         try:
             await self._socket.send(encoded, text=True)
         except ConnectionClosed as error:
-            raise LinkRefused(DOWN) from error
+            raise LinkRefused(down(self.address)) from error
 
     async def _send(self, message: Struct) -> None:
         if self._socket is not None:

@@ -21,7 +21,12 @@ _CLOSE_S = 0.2
 # `max_size` is far above the largest real report, because a larger message would close the link, also for stops.
 _COMMON_OPTIONS: dict[str, Any] = {"compression": None, "open_timeout": 2.0, "max_size": 8 * 1024 * 1024}
 
-DOWN = Refusal("bridge_down", "The robot’s bridge is not running; staff can start it.", "robot")
+_DOWN = Refusal("bridge_down", "The robot’s bridge is not running; staff can start it.", "robot")
+_DOWN_ELSEWHERE = Refusal(
+    "bridge_down",
+    "Nothing answers at the address of the robot’s bridge, on another computer: start the bridge there.",
+    "robot",
+)
 
 
 class LinkRefused(NotDone):
@@ -75,11 +80,18 @@ def _tls(address: LinkAddress) -> ssl.SSLContext:
     return ssl.create_default_context(cafile=address.authority)
 
 
-def why_down(error: Exception, address: LinkAddress | None = None) -> Refusal:
-    """Return the refusal that tells people why there is no connection; with the address, why no bridge runs."""
+def down(address: LinkAddress) -> Refusal:
+    """Return the refusal while no bridge runs at this address, with the reason if this computer knows it."""
+    if not address.unix_path:
+        return _DOWN_ELSEWHERE
+    why = last_words.read(address.unix_path, last_words.WHY)
+    return structs.replace(_DOWN, text=f"The robot’s bridge is not running: {why}") if why else _DOWN
+
+
+def why_down(error: Exception, address: LinkAddress) -> Refusal:
+    """Return the refusal that tells people why there is no connection."""
     if isinstance(error, FileNotFoundError | ConnectionRefusedError | ConnectionClosed):
-        why = last_words.read(address.unix_path, last_words.WHY) if address and address.unix_path else ""
-        return structs.replace(DOWN, text=f"The robot’s bridge is not running: {why}") if why else DOWN
+        return down(address)
     if isinstance(error, gaierror):
         return Refusal(
             "bridge_unresolvable", f"The name of the bridge’s host cannot be resolved ({error}).", "robot"

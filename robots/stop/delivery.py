@@ -19,7 +19,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from robots import wire
 from robots.bridge.config import LinkAddress
-from robots.link.connections import DOWN, LinkRefused, open_link, why_down
+from robots.link.connections import LinkRefused, down, open_link, why_down
 from robots.wire import LinkStop, Refusal, Refused, Stopped
 
 STOP_S = 2.0  # a stop that is not confirmed after this time is pending
@@ -81,13 +81,13 @@ async def ask_bridge(address: LinkAddress, stop: LinkStop) -> Stopped | Refusal:
             finally:
                 link.transport.abort()  # no closing handshake: the bridge may be frozen
     except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed) as error:
-        raise LinkRefused(why_down(error)) from error
+        raise LinkRefused(why_down(error, address)) from error
 
 
 async def ask_watchdog(address: LinkAddress, stop: LinkStop) -> Stopped | Refusal:
     """Send `stop` to the watchdog of a bridge on this computer. Raises LinkRefused if there is none."""
     if not address.unix_path:
-        raise LinkRefused(DOWN)
+        raise LinkRefused(down(address))
     loop = asyncio.get_running_loop()
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as lane:
@@ -96,7 +96,7 @@ async def ask_watchdog(address: LinkAddress, stop: LinkStop) -> Stopped | Refusa
             await loop.sock_sendall(lane, wire.encode(stop))
             answer = answer_of(await loop.sock_recv(lane, wire.LARGEST_MESSAGE_BYTES))
     except OSError as error:
-        raise LinkRefused(why_down(error)) from error
+        raise LinkRefused(why_down(error, address)) from error
     if answer is None:
         raise LinkRefused(SILENT)
     return answer

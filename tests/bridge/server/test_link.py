@@ -569,6 +569,10 @@ class TestTcp:
             async with connect(f"ws://127.0.0.1:{address.port}/", open_timeout=2):
                 pass
 
+    async def test_a_bridge_that_does_not_run_is_to_be_started_there(self, address):
+        with pytest.raises(LinkRefused, match="on another computer: start the bridge there"):
+            await asyncio.to_thread(stop_once, ROBOT, address, "the command line")
+
     async def test_tcp_link_needs_certificate_and_secret(self):
         server = LinkServer(LinkAddress(host="127.0.0.1", port=free_port()), print, print, print)
         with pytest.raises(ValueError, match="certificate, a private key and a shared secret"):
