@@ -23,7 +23,9 @@ TABS = ["Centre", "Drive", "Motions", "Speech", "Topics"]
 def go_to(person: Person, name: str) -> None:
     """Press a tab and wait until it is shown."""
     tab = person.page.get_by_role("tab", name=name)
-    expect(person.part("notices").locator("li")).to_have_count(0)  # a notice covers the tabs of a phone for 5 s
+    expect(person.part("notices").locator("li")).to_have_count(
+        0
+    )  # a notice covers the tabs of a phone for 5 s
     tab.click()
     person.until(lambda: tab.get_attribute("aria-selected") == "true", f"the tab {name}")
 
