@@ -319,7 +319,7 @@ class Gate:
 
     def limits(self, now_s: float) -> tuple[SpeedLimit, ...]:
         """Return the limits that are independent of the command, for display and records. No command waits for it."""
-        everywhere = self._limits.everywhere(self.latency.in_force_s(now_s), now_s)
+        everywhere = self._limits.everywhere(self.latency.in_force_s(now_s), self.latency.slow_clock, now_s)
         return (*self._limits.of_any_command(everywhere, now_s), *self._warning_of_reverse(now_s))
 
     def _warning_of_reverse(self, now_s: float) -> tuple[SpeedLimit, ...]:
@@ -455,7 +455,7 @@ class Gate:
 
     def _decided(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
         latency_s = self.latency.in_force_s(now_s)
-        everywhere = self._limits.everywhere(latency_s, now_s)
+        everywhere = self._limits.everywhere(latency_s, self.latency.slow_clock, now_s)
         if not is_finite(asked):
             return Verdict(STILL, STILL, "invalid", "stopped: the command is not a number")
         possible = clamped(asked, self.profile)

@@ -124,9 +124,9 @@ class SensorLimits:
                 return Fault("scan_unpaired", text, laser.name)
         return None
 
-    def everywhere(self, latency_s: float, now_s: float) -> list[SpeedLimit]:
-        """Return the limits for every direction, for a robot with this latency (s)."""
-        return [*self._arm_limit(now_s), *self._delay_limits(latency_s)]
+    def everywhere(self, latency_s: float, slow_clock: float | None, now_s: float) -> list[SpeedLimit]:
+        """Return the limits for every direction, for a robot with this latency (s) and pace of its clock."""
+        return [*self._arm_limit(now_s), *self._delay_limits(latency_s, slow_clock)]
 
     def of_any_command(self, everywhere: list[SpeedLimit], now_s: float) -> tuple[SpeedLimit, ...]:
         """Return all limits that are independent of the command: those `everywhere` and those of each direction."""
@@ -215,22 +215,32 @@ class SensorLimits:
         text = f"at most {words.figure(arm_discs.AWAY_MPS)} m/s: {why}"
         return [SpeedLimit("arm_away", text, arm_discs.AWAY_MPS)]
 
-    def _delay_limits(self, latency_s: float) -> list[SpeedLimit]:
+    def _delay_limits(self, latency_s: float, slow_clock: float | None) -> list[SpeedLimit]:
         """Return the limits for a late robot, page or camera picture, for the usual stopping distance."""
         parameters, full_mps = self._profile.parameters, self._profile.limits.forward_mps
         linear, _ = braking.deceleration(self._profile)
         limits = []
         camera_s = self.camera_view_s or 0.0
-        for code, delay_s, assumed_s, who in (
-            ("robot_late", latency_s, parameters.latency_s, "the robot answers"),
-            ("operator_late", self.operator_delay_s or 0.0, parameters.operator_delay_s, "the page answers"),
-            ("camera_late", camera_s, CAMERA_LATE_S, "the camera’s picture comes"),
+        clock = ""
+        if slow_clock is not None:
+            clock = (
+                f" by its clock, which runs at {slow_clock:.2f} of our pace (simulated? set /use_sim_time)"
+            )
+        for code, delay_s, assumed_s, who, why in (
+            ("robot_late", latency_s, parameters.latency_s, "the robot answers", clock),
+            (
+                "operator_late",
+                self.operator_delay_s or 0.0,
+                parameters.operator_delay_s,
+                "the page answers",
+                "",
+            ),
+            ("camera_late", camera_s, CAMERA_LATE_S, "the camera’s picture comes", ""),
         ):
             if delay_s > assumed_s:
                 mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)
-                limits.append(
-                    SpeedLimit(code, f"at most {words.figure(mps)} m/s: {who} after {delay_s:.2f} s", mps)
-                )
+                text = f"at most {words.figure(mps)} m/s: {who} after {delay_s:.2f} s{why}"
+                limits.append(SpeedLimit(code, text, mps))
         return limits
 
     def _depth_limit(self, wanted: Velocity, now_s: float) -> list[SpeedLimit]:

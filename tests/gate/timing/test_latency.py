@@ -506,3 +506,24 @@ def test_without_a_simulated_clock_stamps_that_fall_behind_count():
     for number in range(200):
         latency.arrived("odometry", 0.7 * number * 0.02, number * 0.02)
     assert latency.lateness_s(199 * 0.02) == pytest.approx(2.0, abs=0.4)
+
+
+@pytest.mark.parametrize(("pace", "named"), [(0.3, 0.3), (0.7, 0.7), (0.97, None), (1.0, None), (1.5, None)])
+def test_a_slow_clock_is_named_with_its_pace(pace, named):
+    latency = Latency(LIMITS, ASSUMED_S)
+    for number in range(1100):
+        latency.arrived("odometry", 7.0 + pace * number * 0.02, number * 0.02)
+    assert latency.slow_clock == (pytest.approx(named) if named else None)
+    for number in range(1100, 2200):  # the clock was set back, and is right now
+        latency.arrived("odometry", 1.0 + number * 0.02, number * 0.02)
+    assert latency.slow_clock is None
+
+
+def test_the_limit_of_a_robot_with_a_slow_clock_says_why(tiago):
+    for number in range(440):
+        tiago.now_s += 0.05
+        tiago.clock_offset_s = -0.3 * 0.05 * number
+        tiago.odometry()
+    tiago.all()
+    text = tiago.decide(1.0).text
+    assert "by its clock, which runs at 0.70 of our pace (simulated? set /use_sim_time)" in text

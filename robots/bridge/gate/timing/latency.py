@@ -58,6 +58,7 @@ USUAL = 0.1  # weight of the newest gap between two stamps in the usual gap
 ACCEPTED = 0.002
 MOST_BACKLOG_S = 1.0
 BOTH_WAYS = 2.0  # commands use the same connection as messages: both directions are late
+PACE_S, SLOW = 10.0, 0.9  # duration of a measurement of the clock's pace; a slower clock is named
 HICCUP_S = 0.06  # a silence that is normal for a radio connection
 
 Sample = tuple[float, float]  # seconds, m/s or rad/s
@@ -96,11 +97,14 @@ class Latency:
         self._backlogs = {"odometry": self._odometry}
         self._commands = Backlog()
         self._later_s = 0.0  # delay beyond the minimum, by the newest arrivals
+        self._pace = Pace()
 
     def arrived(self, source: str, stamp_s: float, arrival_s: float) -> None:
         """Take the arrival of a new message of a source: odometry, or a laser."""
         by_stamp_s = arrival_s if self.clock_is_simulated else stamp_s
         self._backlogs.setdefault(source, Backlog()).arrived(by_stamp_s, arrival_s)
+        if source == "odometry":
+            self._pace.arrived(by_stamp_s, arrival_s)
         self._compare_backlogs()
 
     def acknowledged(self, took_s: float, now_s: float) -> None:
@@ -147,6 +151,11 @@ class Latency:
     def measured_s(self) -> float | None:
         """Measured latency: the slowest recent measurement plus 50 ms; None with too few measurements."""
         return self._from_measurements(self._measured[-1][0]) if len(self._measured) >= ENOUGH else None
+
+    @property
+    def slow_clock(self) -> float | None:
+        """Seconds that the robot's clock counts in one of ours, if it runs slow: a cause of lateness. Else None."""
+        return self._pace.slow
 
     def in_force_s(self, now_s: float) -> float:
         """Return the latency for display and speed limits: measured, else assumed.
@@ -238,6 +247,23 @@ class Backlog:
             self._best_s, self._quicker_s = max(after_s, self._quicker_s), None
         quickest_s = min(after_s for _, after_s in self._lately)
         self.later_s = min(max(quickest_s - self._best_s - JITTER_S, 0.0), MOST_BACKLOG_S)
+
+
+class Pace:
+    """The pace of a robot's clock by the stamps of one source. A link that falls behind looks the same for a while."""
+
+    def __init__(self) -> None:
+        self._since: Sample | None = None  # stamp and arrival at the begin of the measurement
+        self.slow: float | None = None  # seconds of the clock per second, if that is less than `SLOW`
+
+    def arrived(self, stamp_s: float, arrival_s: float) -> None:
+        """Take the arrival of a new message."""
+        stamp_0_s, arrival_0_s = self._since or (stamp_s, arrival_s)
+        passed_s = arrival_s - arrival_0_s
+        if self._since and stamp_s >= stamp_0_s and passed_s < PACE_S:
+            return
+        pace = (stamp_s - stamp_0_s) / passed_s if passed_s > 0.0 else 1.0
+        self._since, self.slow = (stamp_s, arrival_s), pace if 0.0 <= pace < SLOW else None
 
 
 class _Seen(NamedTuple):
