@@ -12,6 +12,7 @@ import re
 import unicodedata
 from collections import defaultdict
 from collections.abc import Collection, Iterator
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from django.core.exceptions import ValidationError
@@ -44,6 +45,7 @@ _JOINERS = "\u200c\u200d"  # zero width: right in Persian and in scripts of Indi
 _BLANK = re.compile(
     "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u2800\u3164\ufe00-\ufe0f\uffa0\U000e0100-\U000e01ef]"
 )
+_NOT_COMPARED = re.compile(f"[{_JOINERS}]|{_BLANK.pattern}")
 _UNSEEN = (
     "Cc",
     "Cf",
@@ -95,13 +97,11 @@ def fault_of(name: str) -> Fault | None:
         return UNSEEN
     marks = 0
     for letter in unicodedata.normalize("NFC", name):
-        weight = 2 if _script(letter) == "COMBINING" else 1
-        marks = marks + weight if unicodedata.category(letter) in ("Mn", "Me") else 0
+        is_mark = unicodedata.category(letter) in ("Mn", "Me")
+        marks = marks + (2 if _script(letter) == "COMBINING" else 1) if is_mark else 0
         if marks > _MOST_MARKS:
             return UNSEEN
-    if folded(name) in _NOBODY:
-        return WORD
-    return None
+    return WORD if folded(name) in _NOBODY else None
 
 
 def fault_of_person(name: str) -> Fault | None:
@@ -122,13 +122,16 @@ def fault_of_word(name: str) -> Fault | None:
 
 def folded(name: str) -> str:
     """Return a name in the form that is compared: without differences of case, width, spaces and composition."""
-    shown = "".join(letter for letter in name if letter not in _JOINERS and not _BLANK.match(letter))
-    return " ".join(unicodedata.normalize("NFKC", shown).casefold().split())
+    return " ".join(unicodedata.normalize("NFKC", _NOT_COMPARED.sub("", name)).casefold().split())
 
 
 def shape(name: str) -> str:
     """Return how a name looks, case apart: letters of other scripts become the Latin ones that look the same."""
-    return folded(name).translate(_LATIN).casefold()
+    return _shape(folded(name))
+
+
+def _shape(compared: str) -> str:
+    return compared.translate(_LATIN).casefold()
 
 
 class Looks:
@@ -166,7 +169,8 @@ def _looks(name: str) -> Iterator[tuple[str, str]]:
     With each look comes the name in its own letters, of the same length.
     """
     if name:
-        yield f"case apart: {shape(name)}", folded(name)
+        compared = folded(name)
+        yield f"case apart: {_shape(compared)}", compared
         if "@" not in name:
             spelled = unicodedata.normalize("NFKC", name).translate(_SAME_SCRIPT)
             yield f"exact: {spelled.translate(_LATIN).translate(_SAME_SCRIPT)}", spelled
@@ -178,7 +182,10 @@ def _may_be_taken_for(name: str, other: str) -> bool:
 
 
 def _is_seen(text: str, place: int) -> bool:
-    letter, before, after = text[place], text[:place][-1:], text[place + 1 :][:1]
+    letter = text[place]
+    if letter.isascii():
+        return letter.isprintable()
+    before, after = text[:place][-1:], text[place + 1 :][:1]
     if letter in _JOINERS:
         return bool(before) and _joins(before, after)
     if _BLANK.match(letter):  # a variant of the sign before it
@@ -216,6 +223,7 @@ def _scripts(word: str) -> set[str]:
     return set() if scripts & _EAST_ASIAN else scripts
 
 
+@lru_cache(4096)
 def _script(letter: str) -> str:
     """Return the first word of a character's name in Unicode: of a letter, its script."""
     return unicodedata.name(letter, "").split(" ")[0].split("-")[0]

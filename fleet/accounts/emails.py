@@ -7,12 +7,16 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from datetime import datetime
 from functools import partial
 from smtplib import SMTPNotSupportedError, SMTPRecipientsRefused, SMTPResponseException
 
 from django.core.mail import EmailMessage, get_connection
-from django.db import connections, transaction
+from django.core.mail.backends.base import BaseEmailBackend
+from django.db import DatabaseError, connections, transaction
+from django.utils import timezone
 
+from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.services import record
 
@@ -25,7 +29,7 @@ AGAIN_S = (60.0, 300.0, 1800.0, 7200.0)  # pauses after the first try, the secon
 def send_later(messages: Sequence[EmailMessage]) -> None:
     """Send the messages once the transaction is committed. If the server does not answer, try again for some hours.
 
-    A message that the server refuses is logged and recorded; the others are sent.
+    A message that the server refuses ends no other.
     """
     if messages:
         transaction.on_commit(partial(_in_background, messages))
@@ -63,20 +67,43 @@ def _try_to_send(waiting: list[EmailMessage]) -> str:
             connection.open()
         except OSError as error:  # the server is out of reach for all messages; also SMTPException
             return str(error)
-        message.connection = connection
-        try:
-            message.send()
-        except (OSError, ValueError) as error:
-            with suppress(OSError):
-                connection.close()  # the server may have ended it
-            if may_pass_later(error):
-                cause = str(error)
-                continue
-            _refused(message, error)
+        if delay := put_off(message, connection):
+            cause = delay
+            continue
         waiting.remove(message)
     with suppress(OSError):
         connection.close()
     return cause
+
+
+def put_off(message: EmailMessage, connection: BaseEmailBackend) -> str:
+    """Send a message. Return why it must wait; empty: the mail server took it, or refused it for good.
+
+    A refusal is logged, recorded, and noted at the person (`User.email_refused_at`). `connection` is open; after a
+    failure it is closed.
+    """
+    message.connection = connection
+    refused_at: datetime | None = None
+    try:
+        message.send()
+    except (OSError, ValueError) as error:
+        with suppress(OSError):
+            connection.close()  # the server may have ended it
+        if may_pass_later(error):
+            return str(error) or repr(error)
+        _refused(message, error)
+        refused_at = timezone.now()
+    _note(message.to, refused_at)
+    return ""
+
+
+def _note(addresses: Sequence[str], refused_at: datetime | None) -> None:
+    """Note at these people when their e-mail was refused; None: the mail server took it."""
+    try:
+        people = User.objects.filter(email__in=[address.lower() for address in addresses])
+        people.exclude(email_refused_at=refused_at).update(email_refused_at=refused_at)
+    except DatabaseError as error:
+        log.error("It is not noted whether an e-mail was refused: %s", error)
 
 
 def may_pass_later(error: Exception) -> bool:

@@ -32,6 +32,9 @@ class User(RecordedUser):
     )
     # Panels of the control page, and whether hints were read; see `PageChoicesForm`. Only pages read this.
     page_choices = models.JSONField(default=dict, blank=True, editable=False)
+    email_refused_at = models.DateTimeField(
+        null=True, blank=True, editable=False
+    )  # None: the mail server took the last e-mail
     project = NameField(
         _("project"),
         max_length=80,

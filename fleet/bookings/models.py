@@ -284,7 +284,9 @@ class Notification(models.Model):
     text = models.TextField()
     made_at = models.DateTimeField()
     claimed_at = models.DateTimeField(null=True, blank=True)  # when a process last began to send it
-    sent_at = models.DateTimeField(null=True, blank=True)
+    sent_at = models.DateTimeField(
+        null=True, blank=True
+    )  # when the mail server took it, or refused it for good
     seen_at = models.DateTimeField(null=True, blank=True)  # when the person closed the notice
 
     class Meta:

@@ -79,6 +79,8 @@ def test_one_form_makes_a_class_of_forty(
     assert role_on(student, other_robot) is Role.OPERATOR
     assert Record.objects.filter(kind="course.create", actor_id=str(staff.pk)).count() == 1
     assert "40 people" in shown(client.get(made.url))
+    User.objects.filter(pk=student.pk).update(email_refused_at=timezone.now())
+    assert "The mail server refused the e-mail to 1 person." in shown(client.get(made.url))
 
 
 def test_a_list_that_changed_after_the_preview_is_shown_again(

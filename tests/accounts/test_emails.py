@@ -36,6 +36,7 @@ class Server:
 def server(monkeypatch: pytest.MonkeyPatch) -> Server:
     server = Server()
     monkeypatch.setattr(emails, "record", lambda kind, private: server.recorded.append(private["address"]))
+    monkeypatch.setattr(emails, "_note", lambda _addresses, _refused_at: None)
     monkeypatch.setattr(emails, "get_connection", lambda **_options: server)
     monkeypatch.setattr(emails, "AGAIN_S", (0.0, 0.0))
     return server

@@ -1,24 +1,26 @@
 """Notifications of bookings: stored with the change that they report, shown on the pages, sent by e-mail.
 
 Several housekeeping processes may run: each claims a notification before it sends it. If a process dies
-before it has sent the notification, or the mail server does not answer, it is tried again after `AGAIN`, and
-given up after `GIVEN_UP`.
+before it has sent the notification, or the mail server does not answer or puts it off, it is tried again after
+`AGAIN`, and given up after `GIVEN_UP`. A notification that the mail server refuses for good is not tried again.
 """
 
 from __future__ import annotations
 
 import logging
+import time
+from contextlib import suppress
 from datetime import datetime, timedelta
-from smtplib import SMTPDataError, SMTPException, SMTPRecipientsRefused
 from typing import Any
 from zoneinfo import ZoneInfo
 
-from django.core.mail import send_mail
+from django.core.mail import EmailMessage, get_connection
 from django.db import transaction
 from django.db.models import F, Q, QuerySet
 from django.dispatch import receiver
 from django.utils.translation import gettext as _
 
+from fleet.accounts import emails
 from fleet.accounts.models import User
 from fleet.accounts.services import erased
 from fleet.bookings.models import Booking, FeedAddress, Notification, State, Waiting
@@ -31,6 +33,7 @@ AHEAD = timedelta(hours=1)  # how long before its slot a reminder is sent
 AGAIN = timedelta(minutes=5)
 GIVEN_UP = timedelta(days=1)
 BATCH_SIZE = 20  # notifications that are sent in one round
+ROUND_S = 30.0  # a slow mail server ends a round: other housekeeping must not wait
 SHOWN = timedelta(days=7)
 MOST_SHOWN = 3
 KEPT = timedelta(days=30)
@@ -98,35 +101,35 @@ def write_reminders(now: datetime) -> None:
 
 
 def send_notifications(now: datetime) -> int:
-    """Send waiting notifications, at most `BATCH_SIZE`. Return how many were sent."""
+    """Send waiting notifications, at most `BATCH_SIZE`. Return how many the mail server took, or refused for good."""
     waiting = Notification.objects.filter(
         Q(claimed_at=None) | Q(claimed_at__lt=now - AGAIN), sent_at=None, made_at__gt=now - GIVEN_UP
     )
-    sent = 0
-    for notification in (
-        waiting.exclude(person__email="").select_related("person").order_by("made_at")[:BATCH_SIZE]
-    ):
+    waiting = waiting.exclude(person__email="").select_related("person").order_by("made_at")[:BATCH_SIZE]
+    connection, sent, until_s = get_connection(timeout=emails.SERVER_TIMEOUT_S), 0, time.monotonic() + ROUND_S
+    for notification in waiting:
+        if time.monotonic() > until_s:
+            break
         mine = Notification.objects.filter(
             pk=notification.pk, claimed_at=notification.claimed_at, sent_at=None
         )
         if not mine.update(claimed_at=now):
             continue
+        message = EmailMessage(notification.subject, notification.text, to=[notification.person.email])
         try:
-            send_mail(notification.subject, notification.text, None, [notification.person.email])
-        except (
-            SMTPRecipientsRefused,
-            SMTPDataError,
-            ValueError,
-        ) as error:  # other notifications must not wait for this one
-            log.warning(
-                "An e-mail to %s was refused and is tried again in 5 minutes: %s",
-                notification.person_id,
-                error,
-            )
-            continue
-        except (OSError, SMTPException) as error:
+            connection.open()
+        except OSError as error:  # the server is out of reach for all; also SMTPException
             log.warning("An e-mail was not sent and is tried again in 5 minutes: %s", error)
             break
+        if delay := emails.put_off(message, connection):  # other notifications must not wait for this one
+            log.warning(
+                "An e-mail to %s was put off and is tried again in 5 minutes: %s",
+                notification.person_id,
+                delay,
+            )
+            continue
         Notification.objects.filter(pk=notification.pk).update(sent_at=now)
         sent += 1
+    with suppress(OSError):
+        connection.close()
     return sent

@@ -338,6 +338,7 @@ def _course_page(
         "course": found,
         "robots": robots_of(found),
         "people": [{"person": one.person, "held": held.get(one.person_id, ())} for one in enrolments],
+        "refused": sum(one.person.email_refused_at is not None for one in enrolments),
         "qualifications": qualifications,
         "action": ActionForm(course=found, qualifications=qualifications),
         "invitations": [

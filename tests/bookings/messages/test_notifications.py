@@ -5,12 +5,14 @@ from smtplib import SMTPRecipientsRefused
 from unittest.mock import Mock
 
 import pytest
+from django.core.mail.backends.locmem import EmailBackend
 from django.urls import reverse
 from django.utils import timezone as django_timezone
 from icalendar import Calendar
 
 from fleet.accounts.services import account_erase
 from fleet.audit.command_line import here
+from fleet.audit.models import Record
 from fleet.bookings.changes.policy_changes import out_of_service_add
 from fleet.bookings.messages import notifications
 from fleet.bookings.models import Booking, FeedAddress, Notification, State
@@ -120,7 +122,7 @@ def test_a_dead_mail_server_delays_a_notification_and_loses_none(robot, olga, ma
         raise TimeoutError("timed out")
 
     with monkeypatch.context() as patch:
-        patch.setattr(notifications, "send_mail", away)
+        patch.setattr(EmailBackend, "open", away, raising=False)
         assert notifications.send_notifications(at(2.1)) == 0
     sent = notifications.send_notifications(at(2.1) + timedelta(minutes=1))
     assert sent == 0, "another process may still send it"
@@ -154,23 +156,36 @@ def test_a_robots_feed_ends_with_the_right_to_see_it(client, robot, operator, st
     assert client.get(address).status_code == 404
 
 
-def test_one_address_that_is_refused_keeps_no_other_notification_back(
-    robot, olga, second_operator, monkeypatch, mailoutbox
+@pytest.mark.parametrize(("code", "is_over"), [(550, True), (450, False)])
+def test_an_address_that_is_refused_keeps_no_other_notification_back(
+    robot, olga, second_operator, monkeypatch, mailoutbox, code, is_over
 ):
     second_operator.email = "olaf@example.org"
     second_operator.save()
     for person in (olga, second_operator):
         notifications.notification_write(to=person, subject="A slot", text="yours", now=NOW)
-    send = notifications.send_mail
+    send = EmailBackend.send_messages
 
-    def refuse_olga(subject, text, sender, to):
-        if to == ["olga@example.org"]:
-            raise SMTPRecipientsRefused({to[0]: (550, b"no such mailbox")})
-        return send(subject, text, sender, to)
+    def refuse_olga(self, messages):
+        if messages[0].to == ["olga@example.org"]:
+            raise SMTPRecipientsRefused({"olga@example.org": (code, b"no such mailbox")})
+        return send(self, messages)
 
-    monkeypatch.setattr(notifications, "send_mail", refuse_olga)
-    assert notifications.send_notifications(NOW) == 1
+    monkeypatch.setattr(EmailBackend, "send_messages", refuse_olga)
+    notifications.send_notifications(NOW)
     assert [one.to for one in mailoutbox] == [["olaf@example.org"]]
+    olga.refresh_from_db()
+    assert (olga.email_refused_at is not None) == is_over
+    assert Record.objects.filter(kind="account.email_refused").exists() == is_over
+    monkeypatch.undo()
+    notifications.send_notifications(
+        NOW + timedelta(minutes=6)
+    )  # a refused letter is over, another is tried again
+    assert [one.to for one in mailoutbox[1:]] == ([] if is_over else [["olga@example.org"]])
+    notifications.notification_write(to=olga, subject="Another slot", text="yours", now=NOW)
+    notifications.send_notifications(NOW + timedelta(minutes=12))
+    olga.refresh_from_db()
+    assert olga.email_refused_at is None, "the server took the last e-mail"
 
 
 @pytest.mark.django_db(transaction=True)
