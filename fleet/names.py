@@ -142,7 +142,7 @@ class Looks:
     it may look like letters.
     """
 
-    def __init__(self, names: Collection[str]) -> None:
+    def __init__(self, names: Collection[str] = ()) -> None:
         self._spelled: set[str] = set()
         self._seen: defaultdict[str, set[str]] = defaultdict(set)  # names by how they look in Latin letters
         for name in names:

@@ -21,10 +21,17 @@ class AccountNames:
     """
 
     def __init__(self, accounts: Any, but: RecordedUser | None = None) -> None:
-        found = accounts.objects.exclude(pk=but.pk if but else None).values_list("username", "full_name")
-        pairs = list(found)
-        self._usernames = {folded(username) for username, _full_name in pairs}
-        self._looks = Looks([name for pair in pairs for name in pair])
+        self._accounts = accounts.objects.exclude(pk=but.pk if but else None)
+        self._known = set[tuple[str, str]]()
+        self._usernames = set[str]()
+        self._looks = Looks()
+        self.catch_up()
+
+    def catch_up(self) -> None:
+        """Add the names of accounts that were made or renamed since."""
+        for pair in set(self._accounts.values_list("username", "full_name")) - self._known:
+            self._known.add(pair)
+            self.add(*pair)
 
     def fault_of_username(self, name: str) -> Fault | None:
         """Return why no account may have this user name."""

@@ -75,8 +75,12 @@ class Plan(Struct, frozen=True):
         return [*self.new, *(one.listed for one in self.undisclosed if one.account is None)]
 
 
-def plan_of(people: PeopleList, course: Course | None, actor: User) -> Plan:
+def plan_of(
+    people: PeopleList, course: Course | None, actor: User, names: AccountNames | None = None
+) -> Plan:
     """Return the effect of a list on a course; None: the course does not exist yet.
+
+    `names`: those of all accounts now; None: they are read. Those of new people are added.
 
     Staff see who has an account. Supervisors see this only for people in their courses. Other people are enrolled even
     if their account is closed: an error would show that the account exists, and a closed account has no role anyway.
@@ -93,7 +97,7 @@ def plan_of(people: PeopleList, course: Course | None, actor: User) -> Plan:
     enrolled: list[User] = []
     new: list[Listed] = []
     undisclosed: list[Undisclosed] = []
-    wrong, names = list(people.wrong), AccountNames(User)
+    wrong, names = list(people.wrong), names or AccountNames(User)
     for one in people.people:
         account = found.get(one.email.lower())
         if account is None and (fault := names.fault_of_name(one.name)):
@@ -124,13 +128,17 @@ def enrol_list(*, course: Course, people: PeopleList, actor: User, site: str) ->
     Each transaction enrols at most `BATCH_SIZE` people; after an error, call this again. New people get an e-mail with
     a link to set their password; `site` is the address of the console, such as `https://fleet.example.org`.
     """
-    plan = plan_of(people, course, actor)
+    names = AccountNames(User)
+    plan = plan_of(people, course, actor, names)
     for part in _parts(plan.accounts, BATCH_SIZE):
         enrol(course=course, people=part, actor=actor)
     for listed in _parts(plan.newcomers, BATCH_SIZE):
         with transaction.atomic():
             _lock_enrolments()
-            now = plan_of(PeopleList(tuple(listed)), course, actor)  # the button may have been pressed twice
+            names.catch_up()
+            now = plan_of(
+                PeopleList(tuple(listed)), course, actor, names
+            )  # the button may have been pressed twice
             made = _make_accounts(now.newcomers, actor)
             enrol(course=course, people=[*now.accounts, *made], actor=actor)
             welcome.send_later(made, course=course, site=site)
