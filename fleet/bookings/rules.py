@@ -441,9 +441,18 @@ def _robots_at(moment: datetime, slots: Sequence[Taken]) -> int:
 
 def with_gap(wish: Wish) -> Refusal | None:
     """Check the gap between two bookings of this robot by the same person."""
+    return _near(wish, wish.own_here)
+
+
+def with_gap_after(wish: Wish) -> Refusal | None:
+    """Check the gap to later bookings: a person may get back the rest of a slot."""
+    return _near(wish, [slot for slot in wish.own_here if slot.starts_at >= wish.slot.ends_at])
+
+
+def _near(wish: Wish, others: Sequence[Slot]) -> Refusal | None:
     gap = timedelta(minutes=wish.policy.gap_min)
     around = Slot(wish.slot.starts_at - gap, wish.slot.ends_at + gap)
-    near = [slot for slot in wish.own_here if slot.overlaps(around)]
+    near = [slot for slot in others if slot.overlaps(around)]
     if not gap or not near:
         return None
     text = f"Leave {duration(wish.policy.gap_min)} between your bookings of {wish.robot}: you have one"
@@ -481,8 +490,8 @@ COURSE_QUOTAS: tuple[Rule, ...] = (
     within_common_quota,
     within_course_count,
 )
-# Rules for an offered slot or the rest of a slot that runs: rights, and room in the quotas. The slot itself
-# was allowed before.
+# Rules for an offered slot or the rest of a slot that runs: rights, room in the quotas, and the gap to
+# the next booking. The slot itself was allowed before.
 REST: tuple[Rule, ...] = (
     has_role,
     by_a_course,
@@ -492,6 +501,7 @@ REST: tuple[Rule, ...] = (
     within_count,
     *COURSE_QUOTAS,
     within_robots_at_once,
+    with_gap_after,
 )
 # Nobody can override these rules. People who manage the robot may override others, with a recorded reason.
 BINDING: tuple[Rule, ...] = (in_order, not_in_past, ends_some_day, is_free)

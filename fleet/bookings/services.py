@@ -14,7 +14,7 @@ from typing import Any
 from uuid import UUID
 
 from django.db import IntegrityError, connection, transaction
-from django.db.models import F, QuerySet
+from django.db.models import Count, F, QuerySet
 from django.dispatch import Signal
 from django.utils.translation import gettext as _
 from msgspec import structs
@@ -65,6 +65,8 @@ LENGTHENED_BY = timedelta(minutes=15)
 NOTED_AFTER = timedelta(hours=14)
 NOTED_UNTIL = timedelta(days=3)
 CANCELLED_KEPT = timedelta(days=400)  # the report of a term counts cancelled bookings
+MOST_CANCELLED = 500  # of one person
+REMOVED_AT_ONCE = 10_000
 
 changed = Signal()  # sent after the commit of a change of a robot's bookings; argument: robot_id
 # Sent inside each transaction that locks a robot's bookings, before and after its change; arguments: robot, now.
@@ -612,9 +614,17 @@ def store_no_shows(now: datetime) -> None:
 
 
 def remove_old_cancelled(now: datetime) -> None:
-    """Remove bookings that were cancelled before they began, after `CANCELLED_KEPT`. The log has their records."""
-    old = Booking.objects.filter(state=State.CANCELLED, starts_at__lt=now - CANCELLED_KEPT)
-    old.filter(held_until=F("starts_at")).delete()
+    """Remove bookings that were cancelled before they began: old ones, and all but a person's latest `MOST_CANCELLED`.
+
+    The log has their records.
+    """
+    cancelled = Booking.objects.filter(state=State.CANCELLED, held_until=F("starts_at"))
+    cancelled.filter(starts_at__lt=now - CANCELLED_KEPT).delete()
+    people = cancelled.values("person").annotate(count=Count("pk")).filter(count__gt=MOST_CANCELLED)
+    for person in people.values_list("person", flat=True):
+        latest = cancelled.filter(person=person).order_by("-starts_at", "pk")
+        older = latest.values_list("pk", flat=True)[MOST_CANCELLED : MOST_CANCELLED + REMOVED_AT_ONCE]
+        Booking.objects.filter(pk__in=list(older)).delete()
 
 
 def _store_unused(booking: Booking, until: datetime) -> None:

@@ -100,6 +100,20 @@ def test_the_rest_of_a_slot_needs_room_in_the_receivers_quota(robot, operator, s
     assert (minutes_of(operator), minutes_of(second_operator)) == (30, 60)
 
 
+@pytest.mark.parametrize("hand", [hand_control, hand_booking], ids=["control", "booking"])
+def test_the_rest_of_a_slot_keeps_the_gap_to_the_next_one(hand, robot, operator, second_operator):
+    Policy.objects.create(robot=robot, gap_min=30)
+    book(robot, second_operator, 80, 30)
+    book(robot, operator, 0, 60)
+    take(robot, operator, 0)
+    assert hand(robot, operator, second_operator, 5) == "gap"
+    Policy.objects.update(gap_min=20)
+    assert hand(robot, operator, second_operator, 6) is None
+    if hand is hand_booking:
+        take(robot, second_operator, 6)
+    assert hand(robot, second_operator, operator, 7) is None
+
+
 def test_control_that_goes_back_and_forth_counts_each_minute_once(robot, operator, second_operator):
     Policy.objects.create(robot=robot, day_min=60)
     book(robot, operator, 0, 60)

@@ -10,6 +10,7 @@ from fleet.accounts import services as accounts
 from fleet.accounts.models import SignIn
 from fleet.audit import rates
 from fleet.audit.models import Record
+from fleet.bookings import services
 from fleet.bookings.models import Booking, State
 from fleet.bookings.services import CANCELLED_KEPT, remove_old_cancelled
 from teleop.api.v1.framework import idempotency
@@ -110,3 +111,13 @@ def test_cancelled_bookings_are_removed_when_no_report_needs_them(robot, operato
     assert Booking.objects.get().state == State.CANCELLED
     remove_old_cancelled(clock.now() + CANCELLED_KEPT + timedelta(days=1))
     assert not Booking.objects.exists()
+
+
+def test_only_the_latest_cancelled_bookings_of_a_person_stay(robot, operator, program, monkeypatch):
+    monkeypatch.setattr(services, "MOST_CANCELLED", 2)
+    api = program(operator)
+    made = [api("POST", "/bookings", wish(robot, number)).data["id"] for number in (1, 2, 3, 4)]
+    for booking in made[:3]:
+        api("DELETE", f"/bookings/{booking}", If_Match='"1"')
+    remove_old_cancelled(clock.now())
+    assert [str(one.pk) for one in Booking.objects.order_by("starts_at")] == made[1:]
