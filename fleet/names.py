@@ -1,4 +1,4 @@
-"""Names that people choose: of accounts, robots, places, courses, tokens, and short texts beside them.
+"""Names that people choose: of accounts, robots, places, courses, tokens, and short texts beside them, such as reasons.
 
 Every door asks `fault_of`: forms and the admin by `NameField`, REST and lists by their services. A name is one line of
 letters that all people can see. `folded` and `shape` are the forms in which names are compared.

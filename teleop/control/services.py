@@ -22,6 +22,7 @@ from fleet.audit.models import Record
 from fleet.bookings.models import Booking
 from fleet.bookings.schedule import schedule_of
 from fleet.bookings.services import booking_hand_running, booking_lengthen_running, booking_used
+from fleet.names import fault_of
 from robots.access.selectors import supervises
 from robots.registry.models import Robot, Role
 from robots.registry.services import fence_next
@@ -70,6 +71,8 @@ def lease_take_over(
 ) -> LeaseState:
     """Take control from its holder, or in another person's slot, as a supervisor or staff. The reason is recorded."""
     _require(None if reason.strip() else _NO_REASON)
+    if fault := fault_of(reason):
+        raise ControlRefused(Refusal(fault.code, str(fault.text), "wire"))
     with recorded_change():
         robot, user = robot_locked(robot_id), _user(user_id)
         before = lease_of(robot_id)

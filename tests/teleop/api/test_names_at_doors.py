@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
+from urllib.parse import urlencode
 
 import pytest
 from django.apps import apps
@@ -18,7 +19,7 @@ from django.test import Client
 
 from fleet.accounts.models import User
 from fleet.accounts.sign_in.adapters import AccountAdapter
-from fleet.bookings.models import Booking
+from fleet.bookings.models import Booking, State
 from fleet.names import NameField
 from robots.registry.models import Robot
 from tests.teleop.api.conftest import Caller
@@ -76,11 +77,15 @@ def test_rest_refuses_a_forged_name(address: str, name: str, robot: Robot, manag
 
 
 @pytest.mark.parametrize("name", FORGED)
-def test_a_purpose_has_no_hidden_characters(name: str, robot: Robot, operator: User, program: Any) -> None:
-    slot = {"starts_at": words(hour(24)), "ends_at": words(hour(25))}
-    answer = program(operator)("POST", "/bookings", {"robot": robot.slug, **slot, "purpose": name})
-    assert _refused(answer) == (400, "name_unseen")
+def test_words_about_bookings_have_no_hidden_characters(name: str, robot: Robot, manager: Caller) -> None:
+    slot = {"robot": robot.slug, "starts_at": words(hour(24)), "ends_at": words(hour(25))}
+    for field in ("purpose", "override"):
+        assert _refused(manager("POST", "/bookings", {**slot, field: name})) == (400, "name_unseen")
     assert not Booking.objects.exists()
+    made = manager("POST", "/bookings", slot).data
+    address = f"/bookings/{made['id']}?{urlencode({'reason': name})}"
+    assert _refused(manager("DELETE", address, If_Match='"1"')) == (400, "name_unseen")
+    assert Booking.objects.get().state == State.BOOKED
 
 
 def test_slugs_are_no_words_of_addresses(robot: Robot, manager: Caller) -> None:

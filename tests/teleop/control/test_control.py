@@ -407,6 +407,8 @@ async def test_holder_learns_the_reason_of_a_takeover(open_page, bridge):
     holder, boss = await open_page("operator"), await open_page("supervisor")
     await holder.take()
     assert (await boss.hears("control", state="other"))["may_take_over"]
+    await boss.say("take_over", reason="fire\u202edrill")
+    await boss.refused("name_unseen")
     await boss.say("take_over", reason="fire drill")
     fence = (await boss.hears("control", state="yours"))["fence"]
     message = await holder.hears("notice", code="taken_over")
