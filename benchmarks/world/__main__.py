@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.world.cases import (
@@ -55,6 +56,9 @@ def _parser() -> argparse.ArgumentParser:
     thing.add_argument("share", type=float)
     thing.add_argument("--blanked", action="store_true", help="PAL's /scan in place of /scan_raw")
     thing.add_argument("--cold", action="store_true", help="the robot was parked there and knows nothing")
+    thing.add_argument(
+        "--once", action="store_true", help="the driver does not pull again after a refused reverse"
+    )
     fault = part.add_parser("fault", help="full stick ahead while something fails")
     fault.add_argument("fault", choices=list(faults.FAULTS))
     fault.add_argument("thing", choices=faults.THINGS)
@@ -98,7 +102,7 @@ def _case(asked: argparse.Namespace) -> Case:
         job = objects.ObjectJob(
             asked.controller, asked.thing, asked.angle, asked.share, asked.seed, asked.blanked, asked.cold
         )
-        return objects.build(job)
+        return replace(objects.build(job), pulls_again=not asked.once)
     if asked.part == "fault":
         return faults.build(faults.Failing(asked.fault, asked.thing, asked.share, asked.seed))
     if asked.part == "drawn":

@@ -75,6 +75,8 @@ class GateController:
         self._fan = fan
         self._neutral: Output | None = None  # why the stick must return to neutral first
         self.posture = AT_HOME  # as joint states report it
+        self.pulls_again = True  # after a refused reverse, as a driver who has looked behind the robot
+        self._lets_go = False  # before that
 
     def odometry(self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity) -> None:
         self.gate.observe_odometry(stamp_s, arrival_s, pose, velocity)
@@ -116,9 +118,10 @@ class GateController:
         if asked == STILL:
             self._neutral = None
         self.gate.observe_posture(self.posture, now_s)
-        verdict = self.gate.decide(STILL if self._neutral else asked, sent, now_s)
+        verdict = self.gate.decide(STILL if self._neutral or self._lets_go else asked, sent, now_s)
+        self._lets_go = self.pulls_again and verdict.code == "behind_unseen"
         output = Output(verdict.velocity, verdict.code, verdict.text, self.gate.limits(now_s))
-        if verdict.neutral:
+        if verdict.neutral and not self._lets_go:
             self._neutral = output
         return output if self._neutral is None else self._neutral._replace(velocity=verdict.velocity)
 

@@ -200,6 +200,7 @@ class Case:
     leaving: Leaving | None = None
     glance: Glance | None = None
     arm: ArmShow | None = None  # motions before the stick is touched
+    pulls_again: bool = True  # the driver lets go after a refused reverse, and pulls back again
 
 
 class Loop:
@@ -226,6 +227,8 @@ class Loop:
             mount.longest_m,
         )
         self.controller = controller(fan)
+        if isinstance(self.controller, GateController):
+            self.controller.pulls_again = case.pulls_again
         self.arm = None
         if case.arm and isinstance(self.controller, GateController):
             self.arm = MovingArm(self.robot, self.controller, case.arm)

@@ -184,6 +184,7 @@ class Core:
             self._end_control("Control was given to somebody else.", now_s)
             self._inputs.restart()
             self._inputs.require_neutral("control_taken", "you have just taken control")
+            self._gate.observe_new_driver()
         elif self._page_gone_s is not None or link != self.lease.link:
             self._inputs.restart()
             self.halt("page_back", "the page came back", now_s)

@@ -89,6 +89,7 @@ class OpenGate:
         self.operator_delay_s: float | None = None
         self.velocity = STILL  # measured
         self.looks = True  # the depth camera looks ahead
+        self.drivers = 0  # how many took control
         self.forgot: list[bool] = []  # calls of `forget`, each with `restarted`
         self.forgotten: Forgotten | None = None
 
@@ -105,6 +106,9 @@ class OpenGate:
     def forget(self, restarted: bool = False, code: ForgetCode = "asked") -> None:
         self.forgot.append(restarted)
         self.forgotten = Forgotten(len(self.forgot), code)
+
+    def observe_new_driver(self) -> None:
+        self.drivers += 1
 
     def observe_camera_view(self, age_s):
         """Ignore it."""

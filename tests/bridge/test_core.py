@@ -460,6 +460,12 @@ def test_a_robot_without_drive_subscriber_is_not_driven(bench):
     assert "/key_vel" in refusal.text
 
 
+def test_the_gate_hears_of_each_new_driver_once(bench):
+    for fence in (1, 1, 2):
+        bench.granted(fence)
+    assert bench.gate.drivers == 2
+
+
 def test_a_stop_by_missing_sensor_data_asks_for_a_neutral_stick(bench):
     bench.granted().driving()
     bench.gate.says = lambda asked: Verdict(STILL, asked, "scan_stale", "the laser is silent", neutral=True)

@@ -235,13 +235,15 @@ class Person:
         sign_s = 0.0
 
         def there() -> bool:
+            if until():
+                return True
             if self.state["neutral_needed"] or (time.monotonic() > sign_s and self.rests):
                 self.let_go(*keys)
                 self.until(lambda: self.state["neutral_needed"] is None, "a free stick")
                 press()
             elif time.monotonic() > sign_s:
                 press(keys[-1])
-            return bool(until())
+            return False
 
         def press(*pressed: str) -> None:
             nonlocal sign_s

@@ -46,8 +46,19 @@ class End(NamedTuple):
 def measure_cold(repeats: int) -> list[Figure]:
     """Return contacts by way and by object, for a parked robot with standard sensors."""
     jobs = [job._replace(cold=True) for job in objects.cases("gate", repeats)]
-    ends = [End(_cold_command(job), job, "", outcome) for job, outcome in played("cold", jobs, objects.play)]
-    return figures("cold", ends)
+    once = [
+        job._replace(pulls_again=False) for job in jobs if job.thing in objects.UNSEEN and job.angle >= 135
+    ]
+    ends = [
+        End(_cold_command(job), job, "", outcome)
+        for job, outcome in played("cold", [*jobs, *once], objects.play)
+    ]
+    refused = [end for end in ends if not end.job.pulls_again]
+    touched = sum(end.outcome.touched is not None for end in refused)
+    return [
+        *figures("cold", [end for end in ends if end.job.pulls_again]),
+        Figure(f"cold, table tops behind, one pull only: contacts of {len(refused)}", touched, "", 0.0),
+    ]
 
 
 def measure_drawn(_: int) -> list[Figure]:
@@ -147,4 +158,4 @@ def name_worst(where: str, ends: Sequence[End]) -> None:
 
 
 def _cold_command(job: ObjectJob) -> str:
-    return f'object "{job.thing}" {job.angle} {job.share} {job.seed} --cold'
+    return f'object "{job.thing}" {job.angle} {job.share} {job.seed} --cold{"" if job.pulls_again else " --once"}'

@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -141,6 +142,7 @@ class ObjectJob(NamedTuple):
     seed: int
     blanked: bool = False
     cold: bool = False  # the robot was parked there: it has not moved or looked around before
+    pulls_again: bool = True  # the driver lets go after a refused reverse, and pulls back again
 
 
 class Outcome(NamedTuple):
@@ -197,7 +199,8 @@ def _figures(name: str, done: list[tuple[ObjectJob, Outcome]], *, ours: bool) ->
 
 def play(job: ObjectJob) -> Outcome:
     """Play one case."""
-    return outcome(build(job), job.controller, job.seed)
+    case = replace(build(job), pulls_again=job.pulls_again)
+    return outcome(case, job.controller, job.seed)
 
 
 def outcome(case: Case, controller: str, seed: int) -> Outcome:

@@ -36,6 +36,7 @@ _OUTCOMES = {
     "odometry_missing": "no_odometry",
     "odometry_stale": "no_odometry",
     "odometry_anew": "no_odometry",
+    "behind_unseen": "held_back",
 }
 _QUIET_CODES = frozenset({"idle", "free", "robot_limit"})  # the gate does not slow the robot down
 

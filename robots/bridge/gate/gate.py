@@ -30,6 +30,8 @@ A verdict's codes, in the order of the rules (the verdict names the last rule th
     obstacle          braking must end before contact; slowed or stopped
     near_miss         the robot passes an obstacle closely; slowed
     mover             the robot could meet a moving obstacle before it stands; slowed or stopped
+    behind_unseen     reverse to where neither the depth camera has looked nor the robot has been: stop, then neutral;
+                      asked again, reverse says that a person has looked
     free              the twist is unchanged
 """
 
@@ -95,9 +97,8 @@ STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
 REMEMBERED: tuple[Kind, ...] = ("memory", "depth memory")
 BEYOND_REASON = 1e6  # limit for the odometry's numbers (m, rad, m/s, rad/s): larger ones would overflow
-UNSEEN_BEHIND = (
-    "no sensor has looked for table tops behind: hold “Turn and look”, or look behind the robot yourself"
-)
+UNSEEN_BEHIND = "no sensor has looked for table tops behind"
+LOOK_BEHIND = "Hold “Turn and look”; or look behind the robot yourself, let go, and pull back again"
 PERIOD_S = 0.05  # longest time between two decisions
 # From one decision to the next, the safe speed is expected to rise by at most this factor and this step. A
 # wrong expectation costs time only.
@@ -141,7 +142,7 @@ class Gate:
         self._heading = Heading(next(iter(self._lasers.values()))) if self._lasers else None
         self._depth = DepthCamera(profile.depth, self.footprint) if profile.depth else None
         # A robot without a depth camera drives at its blind speed everywhere.
-        self._behind = Behind(self._base.reach(0.0)) if self._depth else None
+        self._behind = Behind(self._base.reach(0.0), deceleration(profile)[0]) if self._depth else None
         self._limits = SensorLimits(
             profile, self._odometry, self._trail, self._lasers.values(), self._sonars.values(), self._depth
         )
@@ -302,6 +303,11 @@ class Gate:
         """Take the round-trip time to the operator's page; None if unknown."""
         self._limits.operator_delay_s = delay_s
 
+    def observe_new_driver(self) -> None:
+        """Take that somebody else drives from now on: this person has not looked behind the robot."""
+        if self._behind:
+            self._behind.forget_look()
+
     def observe_camera_view(self, age_s: float | None) -> None:
         """Take the age of the camera picture by which the operator drives; None: without a camera."""
         self._limits.camera_view_s = age_s
@@ -323,12 +329,11 @@ class Gate:
         return (*self._limits.of_any_command(everywhere, now_s), *self._warning_of_reverse(now_s))
 
     def _warning_of_reverse(self, now_s: float) -> tuple[SpeedLimit, ...]:
-        """Return a limit that only warns: the way back is as slow as ever, and nothing has looked there."""
+        """Return the limit that says before a pull that it will be refused."""
         base = self._trail.newest
-        if self._behind is None or base is None or self._behind.knows(base, now_s):
+        if self._behind is None or base is None or not self._behind.warns(base, now_s):
             return ()
-        mps = min(self.profile.limits.reverse_mps, self.profile.parameters.between_sonars_mps)
-        return (SpeedLimit("behind_unseen", UNSEEN_BEHIND, mps, "reverse"),)
+        return (SpeedLimit("behind_unseen", f"reverse needs a look: {UNSEEN_BEHIND}", 0.0, "reverse"),)
 
     def fault(self, now_s: float) -> Fault | None:
         """Return the missing data that forbids motion; afterwards the stick must return to the middle."""
@@ -447,7 +452,7 @@ class Gate:
         self.latency.sent(sent, self._decided_s)
         self._commands.add(sent, now_s)
         self._unseen_motion.sent(sent, now_s)
-        verdict = self._decided(asked, sent, now_s)
+        verdict = self._seen_behind(self._decided(asked, sent, now_s), now_s)
         self._commands.add(verdict.velocity, now_s)
         self._unseen_motion.sent(verdict.velocity, now_s)
         self._decided_s = now_s
@@ -496,6 +501,18 @@ class Gate:
         if cause is None:
             return Verdict(risen, asked, held.code, held.text, way=held.way)
         return self._restrained(asked, wanted, allowed, cause)._replace(velocity=risen)
+
+    def _seen_behind(self, verdict: Verdict, now_s: float) -> Verdict:
+        """Refuse an allowed reverse to where nothing has looked for table tops."""
+        base = self._trail.newest
+        if self._behind is None or base is None:
+            return verdict
+        if verdict.code == "idle":
+            self._behind.rests()
+        if not self._behind.forbids(verdict.velocity, base, now_s):
+            return verdict
+        text = f"stopped: {UNSEEN_BEHIND}. {LOOK_BEHIND}"
+        return Verdict(STILL, verdict.asked, "behind_unseen", text, neutral=True, way="reverse")
 
     def _expected_share(self, wanted: Velocity) -> float:
         """Estimate from the last decision the largest share of a twist that obstacles will leave."""

@@ -111,6 +111,7 @@ INPUTS = {
         (Posture(at_home=False), 0.1),
     ],
     "observe_operator": [(1 / 3,), (None,)],
+    "observe_new_driver": [()],
     "observe_camera_view": [(1 / 3,), (None,)],
     "observe_lost_limb": [("torso",), (None,)],
     "forget": [(True,), (False,)],

@@ -313,6 +313,17 @@ def test_a_silent_sensor_ends_the_drive_for_good(bench, happens, outcome, becaus
         assert bench.last == STILL
 
 
+def test_a_refused_reverse_ends_it_and_the_next_drive_may_go(bench):
+    bench.begins(DriveBy(1, distance_m=-1.0, speed_mps=0.1, seq=7))
+    bench.gate.says = lambda asked: Verdict(STILL, asked, "behind_unseen", "stopped: nobody", neutral=True)
+    bench.step()
+    assert (bench.ended.outcome, bench.ended.because) == ("held_back", "behind_unseen")
+    bench.gate.says = None
+    bench.step()
+    bench.step()
+    bench.begins(DriveBy(1, distance_m=-1.0, speed_mps=0.1, seq=8))
+
+
 def test_frozen_odometry_ends_it(bench):
     bench.begins()
     for _ in range(30):

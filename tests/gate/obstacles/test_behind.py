@@ -1,4 +1,4 @@
-"""The page warns of reverse where nothing has looked for table tops, until somebody or something has looked."""
+"""Reverse where nothing has looked for table tops: refused, until somebody or something has looked."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import math
 
 import pytest
 
-from robots.bridge.gate.obstacles.behind import LASTS_S
+from robots.bridge.gate.obstacles.behind import LASTS_S, LOOKED_S
 from robots.bridge.gate.values import Pose, Velocity
 from tests.gate.conftest import Feeder, tiago_profile
 from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, Looker, camera
+
+BACK = Velocity(-0.1, 0.0, 0.0)
 
 
 @pytest.fixture
@@ -18,6 +20,7 @@ def robot() -> Looker:
     robot = Looker([FLOOR])
     robot.to_base = camera(LOOK_AHEAD)
     robot.stand(0.3)
+    robot.decide()
     return robot
 
 
@@ -30,25 +33,80 @@ def goes(robot: Looker, x: float, yaw: float = 0.0, looks: bool = True) -> None:
         robot.stand(0.1, looks=looks)
 
 
-def is_warned(robot: Feeder) -> bool:
+def waits(robot: Looker, seconds: float) -> None:
+    for _ in range(round(seconds / 0.5)):
+        robot.now_s += 0.5
+        robot.all()
+
+
+def may_reverse(robot: Looker, w: float = 0.0) -> bool:
+    """Pull back, and return whether the robot drives. The page must have said the same before."""
     robot.all()
-    return any(limit.code == "behind_unseen" for limit in robot.gate.limits(robot.now_s))
+    warned = any(limit.code == "behind_unseen" for limit in robot.gate.limits(robot.now_s))
+    verdict = robot.decide(vx=-0.1, w=w)
+    assert (verdict.code == "behind_unseen") == (verdict.velocity.vx == 0.0) == verdict.neutral
+    assert warned or not verdict.neutral or w
+    return verdict.velocity.vx < 0.0
 
 
-def test_a_parked_robot_is_warned_and_reverses_slowly(robot):
-    assert is_warned(robot)
-    [limit] = [limit for limit in robot.gate.limits(robot.now_s) if limit.code == "behind_unseen"]
-    assert limit.way == "reverse" and "Turn and look" in limit.text
-    assert robot.decide(vx=-0.1).velocity.vx < 0.0
+def pulls_again(robot: Looker) -> bool:
+    robot.decide()  # the stick is in the middle
+    return may_reverse(robot)
+
+
+def test_a_parked_robot_may_not_reverse(robot):
+    assert not may_reverse(robot)
+    assert not may_reverse(robot, w=0.5)  # also not on, while the stick stays there
+    verdict = robot.decide(vx=-0.1)
+    assert (verdict.code, verdict.way) == ("behind_unseen", "reverse")
+    assert "table tops" in verdict.text and "“Turn and look”" in verdict.text and "again" in verdict.text
+    assert robot.decide(w=1.0).velocity.w > 0.0 and robot.decide(vx=0.2).velocity.vx > 0.0
+
+
+def test_the_second_pull_says_that_a_person_has_looked(robot):
+    assert not may_reverse(robot)
+    assert pulls_again(robot)
+    waits(robot, LOOKED_S - 1.0)
+    assert may_reverse(robot)  # each reverse prolongs it
+    robot.decide()
+    waits(robot, LOOKED_S + 1.0)
+    assert not may_reverse(robot)
+    robot.decide()
+    waits(robot, LOOKED_S + 1.0)
+    assert not may_reverse(robot)  # it was refused too long ago
+
+
+def test_farther_on_a_person_looks_again(robot):
+    assert not may_reverse(robot)
+    assert pulls_again(robot)
+    goes(robot, -1.3, looks=False)
+    assert may_reverse(robot)
+    goes(robot, -1.7, looks=False)
+    assert not may_reverse(robot)
+
+
+def test_after_a_quarter_turn_ahead_a_person_looks_again(robot):
+    assert not may_reverse(robot)
+    assert pulls_again(robot)
+    goes(robot, 0.8, looks=False)
+    goes(robot, 0.8, 0.5 * math.pi, looks=False)
+    assert not may_reverse(robot)
+
+
+def test_another_driver_has_not_looked(robot):
+    assert not may_reverse(robot)
+    robot.decide()
+    robot.gate.observe_new_driver()
+    assert not may_reverse(robot)
 
 
 def test_a_robot_backs_out_of_where_it_came_from(robot):
     goes(robot, 1.0, looks=False)
-    assert not is_warned(robot)
+    assert may_reverse(robot)
     goes(robot, 0.5, looks=False)
-    assert not is_warned(robot)
+    assert may_reverse(robot)
     goes(robot, 0.1, looks=False)
-    assert is_warned(robot)  # behind the place where it was switched on
+    assert not may_reverse(robot)  # behind the place where it was switched on
 
 
 def test_after_a_gap_with_motion_nothing_is_known_behind(robot):
@@ -58,12 +116,22 @@ def test_after_a_gap_with_motion_nothing_is_known_behind(robot):
     robot.now_s += 0.4
     robot.gate.observe_odometry(robot.stamp_s, robot.now_s, robot.pose, robot.velocity)
     robot._previous = robot.now_s, robot.pose
-    assert is_warned(robot)
+    assert not may_reverse(robot)
 
 
-def test_a_robot_that_has_turned_and_looked_is_not_warned(robot):
+@pytest.mark.parametrize(("tilt", "sees"), [(LOOK_AHEAD, True), (0.0, False), (0.5, False)])
+def test_a_turn_shows_only_heights_in_the_picture(robot, tilt, sees):
+    """A raised head sees no table near the robot."""
+    robot.to_base = camera(tilt)
     goes(robot, 0.0, math.pi)
-    assert not is_warned(robot)
+    assert may_reverse(robot, w=0.2) == sees
+
+
+def test_a_head_that_looks_down_sees_no_table_farther_away(robot):
+    robot.to_base = camera(-1.0)
+    goes(robot, 0.0, math.pi)
+    assert not robot.gate._behind.forbids(BACK, robot.pose, robot.now_s)
+    assert robot.gate._behind.forbids(BACK, Pose(-0.7, 0.0, 0.0), robot.now_s)
 
 
 def test_behind_an_obstacle_nothing_was_seen():
@@ -71,23 +139,38 @@ def test_behind_an_obstacle_nothing_was_seen():
     robot.to_base = camera(LOOK_AHEAD)
     robot.stand(1.0)
     # The robot looks away from the obstacle, before it and behind it.
-    assert robot.gate._behind.knows(Pose(0.5, 0.0, math.pi), robot.now_s)
-    assert not robot.gate._behind.knows(Pose(1.3, 0.0, math.pi), robot.now_s)
+    assert not robot.gate._behind.forbids(BACK, Pose(0.6, 0.0, math.pi), robot.now_s)
+    assert robot.gate._behind.forbids(BACK, Pose(1.3, 0.0, math.pi), robot.now_s)
+
+
+def test_a_fast_robot_needs_a_longer_known_way(robot):
+    robot.stand(0.3)
+    away = Pose(1.0, 0.0, math.pi)  # 1 m of seen floor behind it
+    assert not robot.gate._behind.forbids(BACK, away, robot.now_s)
+    assert robot.gate._behind.forbids(Velocity(-1.0, 0.0, 0.0), away, robot.now_s)
 
 
 def test_what_was_seen_grows_old(robot):
     goes(robot, 1.0)
-    for _ in range(round((LASTS_S + 2.0) / 0.5)):
-        robot.now_s += 0.5
-        robot.all()
-    assert is_warned(robot)
+    waits(robot, LASTS_S + 2.0)
+    assert not may_reverse(robot)
 
 
 def test_it_forgets_with_all_other_memory(robot):
     goes(robot, 1.0)
     robot.gate.forget()
-    assert is_warned(robot)
+    assert not may_reverse(robot)
 
 
-def test_without_a_depth_camera_there_is_no_warning():
-    assert not is_warned(Feeder(tiago_profile()))
+def test_an_obstacle_that_holds_the_robot_is_named_first(robot):
+    robot.sonar_m = 0.05
+    waits(robot, 1.0)
+    verdict = robot.decide(vx=-0.1)
+    assert (verdict.code, verdict.neutral) == ("obstacle", False)
+
+
+def test_without_a_depth_camera_the_rule_does_not_apply():
+    robot = Feeder(tiago_profile())
+    robot.all()
+    robot.decide()
+    assert may_reverse(robot)

@@ -122,6 +122,36 @@ async def test_a_new_velocity_takes_the_place_of_the_old(tmp_path: Path) -> None
         await program.close()
 
 
+@pytest.mark.parametrize(("because", "goes_on"), [("control_taken", True), ("behind_unseen", False)])
+async def test_a_call_says_by_itself_that_nothing_is_asked(
+    tmp_path: Path, because: str, goes_on: bool
+) -> None:
+    """But only a second call says that somebody has looked behind the robot."""
+    is_neutral = False
+
+    def needs_neutral(message: object) -> Iterator[object]:
+        nonlocal is_neutral
+        if isinstance(message, wire.Drive):
+            is_neutral = is_neutral or message.x == 0.0
+            if not is_neutral:
+                text = "Let the stick return to the middle."
+                yield Refused("drive", Refusal("neutral_needed", text, "dead-man", {"because": because}))
+        yield from usual(message)
+
+    async with served(tmp_path / "s", needs_neutral) as heard:
+        program = await opened(tmp_path / "s")
+        await program.change(wire.Take())
+        if goes_on:
+            await program.drive(Velocity(-1.0, 0.0, 0.0, 1.0), 0.3)
+        else:
+            with pytest.raises(NotDone) as caught:
+                await program.drive(Velocity(-1.0, 0.0, 0.0, 1.0), 0.3)
+            assert caught.value.refusal.figures["because"] == because
+        driven = await eventually(lambda: found if (found := ways(heard))[-1] == 0.0 else None)
+        assert (-1.0 in driven[driven.index(0.0) :]) == goes_on
+        await program.close()
+
+
 async def test_the_seconds_of_control_run_down(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async with served(tmp_path / "s"):
         program = await opened(tmp_path / "s")

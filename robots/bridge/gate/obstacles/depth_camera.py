@@ -304,6 +304,23 @@ class DepthCamera:
         return heading, math.atan(min(-float(right[0]), float(right[-1])))
 
     @property
+    def table_range_m(self) -> tuple[float, float]:
+        """The distances from the lens (m, along the floor) between which table height is in the newest picture."""
+        if self._frame is None:
+            return math.inf, 0.0
+        lowest, highest = _view_down(self._frame)
+        drop = float(self._frame.to_base[2, 3]) - TABLE_M
+        return (
+            drop / math.tan(lowest) if 0.0 < lowest < math.pi / 2.0 else 0.0,
+            drop / math.tan(highest) if highest > 0.0 else math.inf,
+        )
+
+    @property
+    def lens(self) -> tuple[float, float]:
+        """The place of the lens, base frame."""
+        return (0.0, 0.0) if self._frame is None else tuple(self._frame.to_base[:2, 3].tolist())
+
+    @property
     def columns(self) -> Points:
         """The places of the obstacles in the newest picture, base frame of its stamp."""
         return NO_POINTS if self._frame is None else self._frame.columns.points
@@ -661,14 +678,19 @@ def all_seen_through(frame: Frame, columns: Columns, doubts_m: NDArray[np.float6
     return gone
 
 
+def _view_down(frame: Frame) -> tuple[float, float]:
+    """Return the lowest and the highest direction in the picture's middle column: radians below the horizon."""
+    to_base, down = frame.to_base, frame.picture.down
+    tilt = math.atan2(-to_base[2, 2], math.hypot(to_base[0, 2], to_base[1, 2]))
+    return tilt + math.atan(float(down[-1])), tilt + math.atan(float(down[0]))
+
+
 def _shows_tables(frame: Frame) -> bool:
     """Return whether the picture's middle column shows table height at one of the distances `AHEAD_M`."""
-    to_base, down = frame.to_base, frame.picture.down
-    level = math.hypot(to_base[0, 2], to_base[1, 2])  # length of the optical axis in the floor's plane
-    if level < 1e-3:
+    to_base = frame.to_base
+    if math.hypot(to_base[0, 2], to_base[1, 2]) < 1e-3:  # the camera looks straight down or up
         return False
-    tilt = math.atan2(-to_base[2, 2], level)  # downwards
     drop = float(to_base[2, 3]) - TABLE_M
-    lowest, highest = tilt + math.atan(float(down[-1])), tilt + math.atan(float(down[0]))
+    lowest, highest = _view_down(frame)
     out = math.hypot(float(to_base[0, 3]), float(to_base[1, 3]))
     return any(highest < math.atan2(drop, far - out) < lowest for far in AHEAD_M)

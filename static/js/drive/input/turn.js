@@ -18,9 +18,9 @@ export function reverseIsBlind({ limits = [] }) {
   return limits.some(({ code, way }) => code === "blind_direction" && way === "reverse");
 }
 
-/** Return whether the driver pulls back to where nothing has looked for table tops. */
-export function behindIsUnseen({ limits = [], asked = [0] }) {
-  return asked[0] < 0 && limits.some(({ code }) => code === "behind_unseen");
+/** Return whether reverse is refused, because nothing has looked for table tops behind. */
+function behindIsUnseen({ limits = [] }) {
+  return limits.some(({ code }) => code === "behind_unseen");
 }
 
 export class TurnAndLook {
@@ -28,6 +28,7 @@ export class TurnAndLook {
   #stick;
   #hint;
   #may = false;
+  #offered = false;
   #sinceMs = null; // when it was pressed; null: it is not
   #finger;
   #key; // the space bar stops, so only Enter holds this button
@@ -64,9 +65,12 @@ export class TurnAndLook {
 
   /** @param {object} state of the robot */
   set state({ verdict }) {
+    const unseen = behindIsUnseen(verdict);
     // The button does not disappear while it is pressed.
-    if (this.#sinceMs === null) show(this.#button, reverseIsBlind(verdict));
-    mark(this.#button, "offered", behindIsUnseen(verdict));
+    if (this.#sinceMs === null) show(this.#button, unseen || reverseIsBlind(verdict));
+    // Offered from a pull on until something has looked, or the driver says that he has.
+    this.#offered = unseen && (this.#offered || verdict.asked?.[0] < 0);
+    mark(this.#button, "offered", this.#offered);
   }
 
   /** @param {boolean} may whether this tab drives */

@@ -211,7 +211,7 @@ class ProgramConnection:
         refused: Refused | None = None
         while refused is None and self._goes_on(number, fence) and time.monotonic() - began_s < seconds:
             refused = await self._refused(await self._drive(fence, velocity))
-            if refused is not None and refused.refusal.code == "neutral_needed":
+            if refused is not None and _needs_only_neutral(refused.refusal):
                 refused = None
                 await self._drive(fence, zero)
                 await asyncio.sleep(NEUTRAL_S)
@@ -326,6 +326,11 @@ class ProgramConnection:
             self._count += 1
             self._received.append((self._count, message))
             self._news.notify_all()
+
+
+def _needs_only_neutral(refusal: Refusal) -> bool:
+    """Return whether a zero clears this refusal. After a refused reverse, only a new call says that somebody looked."""
+    return refusal.code == "neutral_needed" and refusal.figures.get("because") != "behind_unseen"
 
 
 def _left(seconds: float | None, age_s: float) -> float | None:

@@ -1,10 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { NEUTRAL, Stick } from "../../../../static/js/drive/input/stick.js";
-import {
-  behindIsUnseen,
-  reverseIsBlind,
-  TurnAndLook,
-} from "../../../../static/js/drive/input/turn.js";
+import { reverseIsBlind, TurnAndLook } from "../../../../static/js/drive/input/turn.js";
 import { point } from "../../hand/events.js";
 
 const BLIND = {
@@ -47,14 +43,17 @@ describe("the Turn button", () => {
     expect(reverseIsBlind({})).toBe(false);
   });
 
-  it("is offered while somebody pulls back to where nothing has looked", () => {
-    const limits = [BLIND, { ...BLIND, code: "behind_unseen" }];
-    turn.state = { verdict: { limits, asked: [-0.1, 0, 0] } };
-    expect(button.dataset.offered).toBeDefined();
+  it("is offered from a refused pull on until something has looked", () => {
+    const limits = [{ ...BLIND, code: "behind_unseen" }];
     turn.state = { verdict: { limits, asked: [0.3, 0, 0] } };
+    expect(button.hidden).toBe(false);
     expect(button.dataset.offered).toBeUndefined();
-    expect(behindIsUnseen({ limits: [BLIND], asked: [-0.1, 0, 0] })).toBe(false);
-    expect(behindIsUnseen({ limits })).toBe(false);
+    for (const asked of [-0.1, 0]) {
+      turn.state = { verdict: { limits, asked: [asked, 0, 0] } };
+      expect(button.dataset.offered).toBeDefined();
+    }
+    turn.state = { verdict: { limits: [BLIND], asked: [-0.1, 0, 0] } };
+    expect(button.dataset.offered).toBeUndefined();
   });
 
   it("turns as long as a finger holds it", () => {
