@@ -18,7 +18,7 @@ pytestmark = pytest.mark.django_db
 
 @pytest.fixture
 def log() -> Iterator[io.StringIO]:
-    """What the console writes to standard error, through the handler and the filters of its settings."""
+    """Lines that the console writes to standard error, through the handler and the filters of its settings."""
     handler = next(one for one in logging.getLogger("django").handlers if type(one) is logging.StreamHandler)
     heard = io.StringIO()
     before = handler.setStream(heard)

@@ -1,4 +1,4 @@
-/** What the darkest and the brightest grey of a picture of depth or heat mean. */
+/** The meaning of the darkest and the brightest grey of a picture of depth or heat. */
 
 const SMALL_PX = 300; // pictures that are not higher are shown small
 const SHARES = { small: 10, large: 20 }; // such a picture is so many times as high as the text

@@ -27,7 +27,7 @@ TAKE = """[...document.querySelectorAll('[data-part=actions] button')]
 
 
 class RobotSide:
-    """What the robot does, by its odometry: heard by a connection of its own, whatever the page believes."""
+    """The robot's motion by its odometry: heard by a connection of its own, whatever the page believes."""
 
     def __init__(self, stack: Stack) -> None:
         self.state: dict[str, Any] = {}
