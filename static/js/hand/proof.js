@@ -7,6 +7,7 @@
 
 export const PATIENCE_MS = 4_000;
 export const WITHOUT_HAND_MS = 30_000; // for motion that a person chose to leave alone: Drive on, repeated velocities
+export const MOST_REPEATED_MS = 30_000; // the computer repeats a key, also one that is jammed or whose release is lost
 export const SOON_MS = 1_500; // before the end of the patience, the page asks for a sign
 
 // Key repeat: its silence means that the key is up. The slowest repeat that systems offer is one in 1.8 s.
@@ -16,17 +17,18 @@ const LEAST_SILENCE_MS = 1_000; // a busy page reads keys late
 export class Proof {
   patienceMs;
   #lastMs;
+  #handMs; // the last event that was no repeat
   #repeats = false;
   #longestGapMs = 0; // between two repeats
 
   constructor(nowMs, patienceMs = PATIENCE_MS) {
     this.patienceMs = patienceMs;
-    this.#lastMs = nowMs;
+    this.#lastMs = this.#handMs = nowMs;
   }
 
   /** An event of the hand. A key repeat begins anew after it. */
   renew(nowMs) {
-    this.#lastMs = nowMs;
+    this.#lastMs = this.#handMs = nowMs;
     this.expectNoRepeat();
   }
 
@@ -43,19 +45,21 @@ export class Proof {
     this.#lastMs = nowMs;
   }
 
-  /** Why the grip is over: "repeat-ended" or "silent"; null: it is proven. */
+  /** Why the grip is over: "repeat-ended", "only-repeats" or "silent"; null: it is proven. */
   failure(nowMs) {
-    if (this.#leftMs(nowMs) > 0) return null;
+    if (nowMs >= this.#repeatedUntilMs) return "only-repeats";
+    if (nowMs < this.#lastMs + this.#limitMs) return null;
     return this.#limitMs < this.patienceMs ? "repeat-ended" : "silent";
   }
 
-  /** Return whether the patience is nearly over. */
+  /** Return whether the hand must give a sign soon. A key that repeats no more asks for none: it ends at once. */
   isSoonOver(nowMs) {
-    return this.#limitMs === this.patienceMs && this.#leftMs(nowMs) <= SOON_MS;
+    const silentMs = this.#limitMs < this.patienceMs ? Infinity : this.#lastMs + this.patienceMs;
+    return nowMs >= Math.min(silentMs, this.#repeatedUntilMs) - SOON_MS;
   }
 
-  #leftMs(nowMs) {
-    return this.#lastMs + this.#limitMs - nowMs;
+  get #repeatedUntilMs() {
+    return this.#repeats ? this.#handMs + MOST_REPEATED_MS : Infinity;
   }
 
   get #limitMs() {

@@ -22,9 +22,9 @@ export function isModified(event) {
   );
 }
 
-/** Return whether an input method takes this key to compose a text. */
+/** Return whether an input method takes this key to compose a text: Chromium then withholds releases of other keys. */
 export function isComposing(event) {
-  return event.isComposing || event.keyCode === 229;
+  return event.isComposing || event.keyCode === 229 || event.key === "Dead";
 }
 
 /**
@@ -47,7 +47,8 @@ class HandWatch extends EventTarget {
     const left = (target, type, reason) =>
       target.addEventListener(type, () => this.#interrupt(reason));
     left(window, "blur", "blurred"); // the window's own: that of an element does not bubble
-    left(window, "beforeprint", "dialog");
+    // Chromium pauses a page that prints: listeners of the page's own events would not hear of the end.
+    window.addEventListener("beforeprint", () => setTimeout(() => this.#interrupt("dialog")));
     left(window, "pagehide", "hidden");
     left(document, "visibilitychange", "hidden");
     for (const type of ["freeze", "resume"]) left(document, type, "stood-still");

@@ -11,6 +11,8 @@ export function lostText({ reason, patienceMs }) {
       );
     case "repeat-ended":
       return gettext("Input ended: the key was no longer reported. Press it again.");
+    case "only-repeats":
+      return gettext("Input ended: the key was held for 30 s. Press it again.");
     case "stood-still":
       return gettext("Input ended: this page stood still for a moment. Let go, then go on.");
     case "button":
@@ -21,9 +23,12 @@ export function lostText({ reason, patienceMs }) {
     case "blurred":
     case "dialog":
     case "drag":
+    case "hidden":
     case "taken":
     case "text":
       return gettext("Input ended: something else took the mouse, the finger or the keys.");
+    case "resized":
+      return gettext("Input ended: the page changed its size. Let go, then go on.");
     default:
       return null;
   }

@@ -121,17 +121,18 @@ export class LimbPanel {
     this.#letGo(limb);
     this.#left.delete(limb);
     this.#held.add(limb);
-    const grip = { pointerId, lose: () => this.#leave(limb) };
+    const grip = { pointerId, lifted: false, lose: () => this.#leave(limb) };
     this.#grips.set(limb, grip);
     hand.begin(grip, Infinity); // a finger that rests sends nothing to the robot
   }
 
-  /** Each pointer event says which buttons are down now: after a menu, a page hears of no release. A release comes before `change`. */
+  /** Each pointer event says which buttons are down now: after a menu, a page hears of no release. */
   #judge({ type, pointerId, buttons }) {
     for (const [limb, grip] of this.#grips) {
       if (grip.pointerId !== pointerId) continue;
-      const letGo = () => this.#letGo(limb);
-      if (type !== "pointermove") setTimeout(letGo);
+      grip.lifted = type === "pointerup"; // `change` follows at once
+      if (grip.lifted) setTimeout(() => this.#letGo(limb));
+      else if (type === "pointercancel") hand.lose(grip, "taken");
       else if (buttons !== PRIMARY) hand.lose(grip, "button");
     }
   }
@@ -145,8 +146,11 @@ export class LimbPanel {
   #released(limb, slider) {
     const to = Number(slider.value);
     clearTimeout(this.#timers[limb]);
+    const grip = this.#grips.get(limb);
+    // Chromium ends a drag, before its `blur`, when something takes the focus from the window.
+    if (grip && !grip.lifted) return hand.lose(grip, "taken");
     if (this.#left.delete(limb)) return this.#follow(limb);
-    if (this.#grips.has(limb)) {
+    if (grip) {
       slider.blur(); // keys drive the base again
       this.#move(limb, to);
       return;

@@ -137,6 +137,6 @@ def page(window: Window, robot: RobotSide) -> Iterator[Window]:
     yield window
     for button in (1, 3):
         desk.hand("mouseup", button)
-    for key in ("a", "Left", "Return", "super"):
+    for key in ("a", "Right", "Return", "super"):
         desk.hand("keyup", key)
     robot.until_still()

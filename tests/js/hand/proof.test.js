@@ -34,6 +34,14 @@ describe("the proof of a grip", () => {
     expect([both.failure(5_900), both.failure(6_000)]).toEqual([null, "silent"]);
   });
 
+  it("ends a key that only repeats for 30 s, as a jammed key does, and asks for a sign before", () => {
+    const jammed = repeating(50, 29_950);
+    expect([jammed.failure(29_950), jammed.failure(30_000)]).toEqual([null, "only-repeats"]);
+    expect([jammed.isSoonOver(28_400), jammed.isSoonOver(28_500)]).toEqual([false, true]);
+    jammed.renew(29_950); // another key that steers
+    expect(jammed.failure(30_000)).toBeNull();
+  });
+
   it("may have another patience, or none to lose", () => {
     expect(new Proof(0, 30_000).failure(29_999)).toBeNull();
     const patient = new Proof(0, Number.POSITIVE_INFINITY);

@@ -47,12 +47,13 @@ describe("the drawer of arm, gripper and torso", () => {
 
   it("sends one bounded goal when a slider is let go", () => {
     const slider = page["torso-to"];
-    slider.dispatchEvent(Object.assign(new Event("pointerdown"), { button: 0 }));
+    point(slider, "pointerdown");
     for (const value of [0.1, 0.2, 0.25]) {
       slider.value = value;
       slider.dispatchEvent(new Event("input"));
     }
     expect(request).not.toHaveBeenCalled();
+    point(slider, "pointerup");
     slider.dispatchEvent(new Event("change"));
     expect(request.mock.calls).toEqual([
       [{ t: "move_limb", limb: "torso", to_m: 0.25, quiet: true }],
@@ -65,9 +66,10 @@ describe("the drawer of arm, gripper and torso", () => {
     expect([slider.disabled, slider.title]).toEqual([false, "Take control first."]);
     panel.state = { limbs: { torso: { at_m: 0.1 } } };
     request.mockResolvedValueOnce({ code: "no_lease" });
-    slider.dispatchEvent(Object.assign(new Event("pointerdown"), { button: 0 }));
+    point(slider, "pointerdown");
     slider.value = 0.2;
     slider.dispatchEvent(new Event("input"));
+    point(slider, "pointerup");
     slider.dispatchEvent(new Event("change"));
     expect(request).toHaveBeenCalledOnce();
     await vi.waitFor(() =>
@@ -94,6 +96,8 @@ describe("the drawer of arm, gripper and torso", () => {
     ["bare mouse", () => point(window, "pointermove", { buttons: 0 })],
     ["second button", () => point(window, "pointermove", { buttons: 3 })],
     ["menu", () => page["torso-to"].dispatchEvent(new Event("contextmenu", { bubbles: true }))],
+    ["a finger that scrolls", () => point(window, "pointercancel")],
+    ["a window that opens", () => page["torso-to"].dispatchEvent(new Event("change"))], // in Chromium
     ["Cmd", () => type(window, "keydown", "MetaLeft", { key: "Meta" })],
   ];
 
@@ -128,6 +132,7 @@ describe("the drawer of arm, gripper and torso", () => {
     point(slider, "pointerdown");
     vi.advanceTimersByTime(60_000);
     slider.value = 0.2;
+    point(slider, "pointerup");
     slider.dispatchEvent(new Event("change"));
     expect(request).toHaveBeenCalledOnce();
   });

@@ -48,15 +48,15 @@ class Turn:
 
 
 class Key:
-    """A key that turns the robot. In a menu, a letter would choose an entry."""
+    """A key that turns the robot. In a menu, a letter would choose an entry; Alt+Left would leave the page."""
 
     def press(self, page: Window) -> None:
         """Begin to hold."""
-        page.desk.hand("keyup", "Left", "keydown", "Left")
+        page.desk.hand("keyup", "Right", "keydown", "Right")
 
     def release(self, page: Window) -> None:
         """End the hold."""
-        page.desk.hand("keyup", "Left")
+        page.desk.hand("keyup", "Right")
 
 
 class Enter:
@@ -217,6 +217,14 @@ class Fingers:
 
     def __init__(self, page: Window) -> None:
         self._page = page
+        self._is_down = False
+
+    def touch(self, point: dict[str, float]) -> None:
+        """Begin a touch; another one ends first."""
+        if self._is_down:
+            self.send("touchCancel")
+        self._is_down = True
+        self.send("touchStart", point)
 
     def at(self, right: float, up: float = 0.0) -> dict[str, float]:
         """Return a point of the joystick."""
@@ -237,8 +245,7 @@ def test_a_finger_that_rests_is_asked_and_ends(page: Window, robot: RobotSide) -
     fingers = Fingers(page)
 
     def press() -> None:
-        fingers.send("touchCancel")
-        fingers.send("touchStart", fingers.at(0.0))
+        fingers.touch(fingers.at(0.0))
         fingers.send("touchMove", fingers.at(LEFT))
 
     robot.until_turns(press)
