@@ -42,9 +42,9 @@ class AuditUnavailable(Exception):
 class TooManyChanges(AuditUnavailable):
     """A person has made as many changes as one person may make in a period (`fleet.audit.rates`)."""
 
-    def __init__(self, period: str, most: int, wait_s: float) -> None:
+    def __init__(self, did: str, period: str, most: int, wait_s: float) -> None:
         minutes = ceil(wait_s / 60)
-        text = f"Not done: you have made {most} changes within one {period}, the most for one person."
+        text = f"Not done: you have {did} within one {period}, the most for one person."
         super().__init__("too_many_changes", f"{text} Go on in {minutes} min, or ask the staff.")
         self.wait_s = max(1, ceil(wait_s))
         self.figures: dict[str, int | str] = {"most": most, "per": period, "wait_s": self.wait_s}

@@ -3,25 +3,66 @@
 Browsers send cookies with a WebSocket from any page, so the origin of the page is checked. A program sends
 its token in the header Authorization, which a page in a browser cannot set. A program needs no origin unless
 it also sends a cookie.
+
+Django judges handshakes on one thread. So handshakes wait in turns, fair per person, and those that no valid session
+or token signs have a turn of their own: whatever strangers send, people and programs do not wait for it.
 """
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
+from contextlib import AsyncExitStack
 from types import SimpleNamespace
 from typing import Any
 
 from channels.auth import AuthMiddlewareStack
 from channels.db import database_sync_to_async
 from django.conf import settings
+from django.http import parse_cookie
 from django.http.request import split_domain_port, validate_host
 
 from fleet.accounts.sign_in.second_factor import is_missing, require_for_token
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid, key_of, token_of
+from fleet.server.connections import network_of
+from fleet.server.credentials import Credential
+from fleet.server.turns import Turns
 from teleop.live.consumers.message_socket import CloseCode
+from teleop.stop.rights import rights
 
 logger = logging.getLogger(__name__)
+
+
+PEOPLE_AT_ONCE = 3
+STRANGERS_AT_ONCE = 1
+_JUDGED = "fleet.judged"  # in the scope: ends the turn
+
+
+class InTurn:
+    """Judge handshakes with `guards(inner)`, in turn. The turn ends before `inner` runs the connection."""
+
+    def __init__(self, guards: Callable[[Any], Any], inner: Any) -> None:
+        self._guarded = guards(self._run)
+        self._inner = inner
+        self._people = Turns(PEOPLE_AT_ONCE)
+        self._strangers = Turns(STRANGERS_AT_ONCE)
+
+    async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
+        """Run the ASGI application."""
+        credential = _credential(scope["headers"])
+        right = await rights.ask(credential) if credential else None
+        async with AsyncExitStack() as turn:
+            if right is not None:
+                await turn.enter_async_context(self._people.turn((right.person.pk,)))
+            else:
+                address = network_of(str((scope.get("client") or [""])[0]))
+                await turn.enter_async_context(self._strangers.turn((address,)))
+            return await self._guarded({**scope, _JUDGED: turn.aclose}, receive, send)
+
+    async def _run(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
+        await scope[_JUDGED]()
+        return await self._inner(scope, receive, send)
 
 
 class SameOrigin:
@@ -72,12 +113,11 @@ class Programs:
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
         """Run the ASGI application."""
-        [header, *_] = [*_values(scope["headers"], b"authorization"), ""]
-        scheme, _, text = header.partition(" ")
-        if scheme.lower() != "bearer" or _values(scope["headers"], b"cookie"):
+        credential = _credential(scope["headers"])
+        if credential is None or not credential.is_token:
             return await self._people(scope, receive, send)
         try:
-            token = await database_sync_to_async(_token)(text.strip())
+            token = await database_sync_to_async(_token)(credential.text)
         except TokenInvalid as error:
             await receive()  # websocket.connect
             await send({"type": "websocket.accept"})
@@ -105,7 +145,17 @@ def _token(text: str) -> Token:
 
 def guarded(inner: Any) -> Any:
     """Wrap an application in all access checks: origin and person, or a program's token."""
-    return Programs(inner, SameOrigin(AuthMiddlewareStack(SignedIn(inner))))
+    return InTurn(lambda run: Programs(run, SameOrigin(AuthMiddlewareStack(SignedIn(run)))), inner)
+
+
+def _credential(headers: list[tuple[bytes, bytes]]) -> Credential | None:
+    """Return what signs a handshake: the cookie of a session, else a program's token. Nobody has checked it yet."""
+    if cookies := _values(headers, b"cookie"):
+        key = parse_cookie("; ".join(cookies)).get(settings.SESSION_COOKIE_NAME)
+        return Credential(key) if key else None
+    [header, *_] = [*_values(headers, b"authorization"), ""]
+    scheme, _, text = header.partition(" ")
+    return Credential(text.strip(), is_token=True) if scheme.lower() == "bearer" else None
 
 
 def origin_allowed(headers: list[tuple[bytes, bytes]]) -> bool:

@@ -20,12 +20,14 @@ from django.core.exceptions import ValidationError
 from django.db import IntegrityError, transaction
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
+from django.utils import timezone
 from django.utils.translation import gettext as _
 
 from fleet.accounts import emails, services
 from fleet.accounts.models import User
 from fleet.accounts.names import AccountNames
 from fleet.accounts.sign_in import second_factor, secrets, throttle
+from fleet.audit.rates import require_sign_in_rate
 from fleet.origin import public_origin, public_url
 
 
@@ -52,10 +54,11 @@ class AccountAdapter(DefaultAccountAdapter):
         return request.headers.get("User-Agent", "")
 
     def pre_login(self, request: HttpRequest, user: Any, **options: Any) -> HttpResponse | None:
-        """Refuse a closed account, and a service account by every way of sign-in: it has tokens only."""
+        """Refuse a closed account, one that has signed in too often, and a service account: it has tokens only."""
         if user.project:
             clear_login(request)
             return cast(HttpResponse, self.respond_user_inactive(request, user))
+        require_sign_in_rate(user, timezone.now())
         return cast("HttpResponse | None", super().pre_login(request, user, **options))
 
     def add_message(self, request: HttpRequest, level: int, *arguments: Any, **options: Any) -> None:

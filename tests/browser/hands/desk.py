@@ -103,11 +103,17 @@ class Desk:
             ["xdotool", *words_], env=self.environment, check=True, capture_output=True, text=True
         ).stdout
 
+    def layout(self, *words: str) -> None:
+        """Choose the layout of the keyboard: `layout("us", "-variant", "intl")`."""
+        subprocess.run(["setxkbmap", *words], env=self.environment, check=True)
+
 
 class Window:
     """A browser's window on a desk, with one page."""
 
     name: ClassVar[str]
+    dialog_opens: ClassVar[str]  # the events of the browser's own dialogs
+    dialog_ends: ClassVar[str]
     process: Child
     _socket: ClientConnection
 
@@ -141,6 +147,11 @@ class Window:
         assert "result" in answer, answer
         return answer["result"]
 
+    def hear(self, event: str) -> None:
+        """Wait for an event of the browser's own protocol."""
+        while json.loads(self._socket.recv(timeout=START_S)).get("method") != event:
+            pass
+
     def place(self, part: str, right: float = 0.0, up: float = 0.0) -> tuple[int, int]:
         """Return a pixel of the screen: the middle of a part of the control page, moved by shares of its size."""
         x, y = self.evaluate(f"""(() => {{
@@ -173,6 +184,7 @@ class Chromium(Window):
     """Debian's Chromium, by the DevTools protocol; nothing emulates the focus."""
 
     name = "chromium"
+    dialog_opens, dialog_ends = "Page.javascriptDialogOpening", "Page.javascriptDialogClosed"
 
     def _begin(self) -> None:
         self.process = self.desk.start(
@@ -188,6 +200,7 @@ class Chromium(Window):
             return pages[0]["webSocketDebuggerUrl"] if pages else None
 
         self._socket = self.desk.ending.enter_context(connect(wait_for(page, "a page"), max_size=None))
+        self.call("Page.enable")
 
     def open(self, url: str) -> None:
         self.call("Page.navigate", url=url)
@@ -209,6 +222,7 @@ class Firefox(Window):
     """Debian's Firefox, by WebDriver BiDi, without the settings that make its windows believe in the focus."""
 
     name = "firefox"
+    dialog_opens, dialog_ends = "browsingContext.userPromptOpened", "browsingContext.userPromptClosed"
 
     def _begin(self) -> None:
         (self.profile / "user.js").write_text(
@@ -224,6 +238,7 @@ class Firefox(Window):
         self.call(
             "session.new", capabilities={"alwaysMatch": {"unhandledPromptBehavior": {"default": "ignore"}}}
         )
+        self.call("session.subscribe", events=[self.dialog_opens, self.dialog_ends])
         self._page = self.call("browsingContext.getTree")["contexts"][0]["context"]
 
     def open(self, url: str) -> None:

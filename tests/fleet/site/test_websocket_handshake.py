@@ -1,5 +1,7 @@
 """Access to WebSockets: signed-in people, from the console's own pages."""
 
+import asyncio
+
 import pytest
 from channels.db import database_sync_to_async
 from channels.routing import URLRouter
@@ -8,7 +10,7 @@ from django.contrib.sessions.models import Session
 from django.urls import path
 
 from fleet.site.asgi import application
-from fleet.site.websocket_handshake import guarded
+from fleet.site.websocket_handshake import SameOrigin, guarded
 from teleop.live.consumers.message_socket import CloseCode
 from tests.fleet.support import websocket_answer
 
@@ -99,3 +101,21 @@ async def test_anonymous_page_is_closed_with_4401(headers):
 async def test_cookie_of_an_ended_session_is_anonymous(headers, operator):
     await database_sync_to_async(Session.objects.all().delete)()
     assert (await _answer(headers))["code"] == CloseCode.SIGNED_OUT
+
+
+async def test_strangers_are_judged_in_turn_and_people_pass_them(headers, monkeypatch):
+    judged, begun = asyncio.Event(), []
+
+    async def slow(self, scope, receive, send):
+        if b"cookie" not in dict(scope["headers"]):
+            begun.append(scope)
+            await judged.wait()
+        return await whole(self, scope, receive, send)
+
+    whole = SameOrigin.__call__
+    monkeypatch.setattr(SameOrigin, "__call__", slow)
+    strangers = [asyncio.ensure_future(_answer({b"origin": b"null"})) for _ in range(5)]
+    assert (await _answer(headers))["text"] == "hello operator"
+    assert len(begun) == 1
+    judged.set()
+    assert await asyncio.gather(*strangers) == [FORBIDDEN] * 5

@@ -52,6 +52,20 @@ def test_booking_and_cancelling_ends_at_the_rate(most, robot, operator, second_o
         assert program(other)("POST", "/bookings", wish(robot, 3 if other is staff else 1)).status_code == 201
 
 
+def test_signing_in_and_out_ends_at_its_own_rate(monkeypatch, operator, second_operator):
+    monkeypatch.setattr(rates, "MOST_SIGN_INS", ((timedelta(hours=1), "hour", 2),))
+
+    def signs_in(person):
+        browser = Client()
+        return browser.post("/accounts/sign-in/", {"username": person.username, "password": PASSWORD})
+
+    answers = [signs_in(operator) for _ in range(4)]
+    assert [answer.status_code for answer in answers] == [302, 302, 429, 429]
+    assert "signed in 2 times within one hour" in answers[-1].content.decode()
+    assert SignIn.objects.filter(user=operator).count() == 2
+    assert signs_in(second_operator).status_code == 302
+
+
 def test_a_booking_is_cancelled_whatever_the_rate(most, robot, operator, program):
     api = program(operator)
     made = [api("POST", "/bookings", wish(robot, number)).data for number in range(1, most + 2)]

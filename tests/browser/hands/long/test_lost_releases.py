@@ -16,7 +16,7 @@ from tests.browser.hands.conftest import RobotSide
 from tests.browser.hands.desk import Chromium, Window
 from tests.browser.hands.test_held_input import LEFT, rests
 
-ENDS_S = 5.0  # a key that comes back from a dialog without a repeat counts for 4 s
+ENDS_S = 5.0  # the patience with a hand that sends nothing is 4 s
 RELEASED_S = 0.5
 
 
@@ -110,6 +110,12 @@ def menu_elsewhere(page: Window, door: Door) -> None:
     page.desk.hand("key", "Escape")
 
 
+def address_bar(page: Window, door: Door) -> None:
+    """Release the door while the address bar has the keyboard, then return to the page."""
+    presses("key", "F6")(page, door)
+    page.desk.hand("mousemove", *page.place("words"), "click", 1)
+
+
 def hidden(page: Window, door: Door) -> None:
     """Release the door while the window is an icon."""
     window = page.desk.hand("getactivewindow").strip()
@@ -133,10 +139,11 @@ def unfocused(page: Window, door: Door) -> None:
 def a_dialog(page: Window, door: Door) -> None:
     """Release the door while a dialog of the browser waits for an answer."""
     page.evaluate("void setTimeout(() => confirm('Really?'), 100)")
-    time.sleep(2 * RELEASED_S)
+    page.hear(page.dialog_opens)
+    time.sleep(RELEASED_S)
     door.release(page)
     page.desk.hand("key", "Escape")
-    time.sleep(RELEASED_S)
+    page.hear(page.dialog_ends)
 
 
 def a_dialog_of_the_page(page: Window, door: Door) -> None:
@@ -174,12 +181,65 @@ def full_screen(page: Window, door: Door) -> None:
     time.sleep(2 * RELEASED_S)
 
 
+def workspace(page: Window, door: Door) -> None:
+    """Release the door while another workspace is shown."""
+    page.desk.hand("set_num_desktops", 2, "set_desktop", 1)
+    time.sleep(RELEASED_S)
+    door.release(page)
+    page.desk.hand("set_desktop", 0)
+    time.sleep(RELEASED_S)
+
+
+def dead_key(page: Window, door: Door) -> None:
+    """Release the door while a dead key waits for its letter."""
+    page.desk.layout("us", "-variant", "intl")
+    page.desk.hand("key", "dead_acute")
+    door.release(page)
+    time.sleep(RELEASED_S)
+    page.desk.hand("key", "dead_acute")
+    page.desk.layout("us")
+
+
+def clicks_on(element: str) -> Loss:
+    """Release the door while a new element of the page, which a click opened, has the keyboard."""
+
+    def lose(page: Window, door: Door) -> None:
+        page.evaluate(f"""(() => {{
+          const made = {element};
+          made.dataset.part = "opened";
+          made.style.cssText = "position: fixed; left: 45%; top: 45%; z-index: 9";
+          document.body.append(made);
+        }})()""")
+        page.desk.hand("mousemove", *page.place("opened"), "click", 1)
+        time.sleep(3 * RELEASED_S)
+        door.release(page)
+        page.desk.hand("key", "Escape")
+        time.sleep(RELEASED_S)
+        page.evaluate("document.querySelector('[data-part=opened]').remove()")
+
+    return lose
+
+
+def drag_of_text(page: Window, door: Door) -> None:
+    """Release the door while the mouse drags a text of the page."""
+    page.evaluate("getSelection().selectAllChildren(document.querySelector('[data-part=words]'))")
+    x, y = page.place("words")
+    page.desk.hand("mousemove", x, y, "mousedown", 1)
+    for step in range(6):
+        page.desk.hand("mousemove", x + 10 * step, y - 10 * step)
+        time.sleep(0.05)
+    time.sleep(RELEASED_S)
+    door.release(page)
+    page.desk.hand("mouseup", 1)
+    page.evaluate("getSelection().empty()")
+
+
 LOSSES: dict[str, tuple[Loss, tuple[Door, ...]]] = {
     "second button": (presses("click", 3), MOUSE),
     "middle button": (presses("click", 2), MOUSE),
     "menu": (menu_elsewhere, (Key(),)),  # a held Enter would choose from the menu
     "menu key": (presses("key", "Menu"), (*MOUSE, Key())),
-    "address bar": (presses("key", "F6"), KEYS),
+    "address bar": (address_bar, KEYS),
     "menu of the window system": (presses("key", "F9"), KEYS),
     "Ctrl": (holds("ctrl"), (*MOUSE, Key())),
     "Alt": (holds("alt"), (*MOUSE, Key())),
@@ -191,7 +251,16 @@ LOSSES: dict[str, tuple[Loss, tuple[Door, ...]]] = {
     "dialog of the page": (a_dialog_of_the_page, (*MOUSE, *KEYS)),
     "print": (print_preview, (Stick(), Key())),
     "frozen": (frozen, (*MOUSE, *KEYS)),
-    "full screen": (full_screen, (Stick(),)),
+    "full screen": (full_screen, (Stick(), Key())),
+    "find bar": (presses("key", "F3"), (Key(),)),
+    "workspace": (workspace, (Stick(), Key())),
+    "dead key": (dead_key, (Key(),)),
+    "list": (clicks_on("Object.assign(document.createElement('select'), {size: 1})"), (Key(),)),
+    "choice of a file": (
+        clicks_on("Object.assign(document.createElement('input'), {type: 'file'})"),
+        (Key(),),
+    ),
+    "drag of text": (drag_of_text, (Key(),)),
 }
 CASES = [
     pytest.param(lose, door, id=f"{name} while {type(door).__name__}")
@@ -210,6 +279,24 @@ def test_a_lost_hand_ends_motion(page: Window, robot: RobotSide, lose: Loss, doo
     robot.until_turns(lambda: door.press(page))
     door.release(page)
     robot.until_still(ENDS_S)
+
+
+@pytest.mark.parametrize(
+    "lose",
+    [pytest.param(LOSSES[name][0], id=name) for name in ("focus", "dialog of the browser", "print", "Super")],
+)
+def test_a_slider_whose_hand_is_lost_sends_no_goal(page: Window, robot: RobotSide, lose: Loss) -> None:
+    if page.evaluate("document.querySelector('[data-part=torso-to]').getBoundingClientRect().width === 0"):
+        page.evaluate("document.querySelector('[data-part=robot-open]').click()")
+    goal = robot.state["limbs"]["torso"].get("to_m")
+    for target in (0.3, -0.3):  # one of both is elsewhere than the robot
+        x, y = page.place("torso-to", target)
+        page.desk.hand("mousemove", *page.place("torso-to"), "mousedown", 1, "mousemove", x, y)
+        time.sleep(RELEASED_S)
+        lose(page, Stick())
+        page.desk.hand("mousemove", x + 20, y, "mousemove", *page.place("words"), "click", 1)
+        time.sleep(RELEASED_S)
+        assert robot.state["limbs"]["torso"].get("to_m") == goal
 
 
 class Fingers:
