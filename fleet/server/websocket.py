@@ -51,6 +51,13 @@ class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  #
         finally:
             self.maxMessagePayloadSize = limit
 
+    def handle_reply(self, message: dict[str, Any]) -> None:
+        """Do as the application says. Daphne would close without the reason, which a program shows to people."""
+        if message["type"] == "websocket.close" and self.state == self.STATE_OPEN:
+            self.sendClose(message.get("code") or 1000, message.get("reason") or None)
+        else:
+            super().handle_reply(message)
+
     def onConnect(self, request: Any) -> Any:
         """Take a place among the connections after the handshake, or drop the connection."""
         answer = super().onConnect(request)

@@ -15,7 +15,8 @@ def test_a_stranger_must_sign_in(web):
     with connect(f"ws://127.0.0.1:{web.port}/ws/fleet/", origin=f"http://127.0.0.1:{web.port}") as stranger:
         with pytest.raises(ConnectionClosed) as closed:
             stranger.recv()
-        assert closed.value.rcvd.code == CloseCode.SIGNED_OUT
+        said = closed.value.rcvd
+        assert (said.code, said.reason) == (CloseCode.SIGNED_OUT, "Sign in first.")
 
 
 def test_a_handshake_with_much_behind_it_is_cut_off(web):
