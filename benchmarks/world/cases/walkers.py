@@ -157,7 +157,7 @@ def play(job: Job) -> End:
         ended.met,
         cause_of(ended.met, run.plan),
         ended.way_m / _asked_m(run.plan, ended.moments),
-        sum(moment.code == "mover" for moment in tried) / len(tried),
+        sum(moment.code == "mover" for moment in tried) / max(len(tried), 1),
         ended.cost_us,
     )
 
@@ -166,12 +166,12 @@ def cause_of(met: Met | None, plan: Plan) -> str:
     """Return why no braking could have prevented a contact while the robot moved; "" if it could."""
     if met is None or met.mps <= MOVING_MPS:
         return ""
-    if met.seen_s < ANSWERS_S + met.seen_mps / (BRAKES_MPS2 * min(plan.brake_share, 1.0)):
-        return "seen too late"
-    return "from where no laser looks" if abs(met.bearing) > plan.laser.view / 2.0 else ""
+    if met.seen_s >= ANSWERS_S + met.seen_mps / (BRAKES_MPS2 * min(plan.brake_share, 1.0)):
+        return ""
+    return "from where no laser looks" if abs(met.bearing) > plan.laser.view / 2.0 else "seen too late"
 
 
 def _asked_m(plan: Plan, moments: Sequence[Moment]) -> float:
-    """Return the way of a robot that nothing slows until the end of the run."""
-    driven_s = moments[-1].time_s - plans.WARM_UP_S
+    """Return the way of a robot that nothing slows until the end of the run (it may end before the first decision)."""
+    driven_s = max([moment.time_s for moment in moments], default=0.0) - plans.WARM_UP_S
     return max(plan.asked.vx * (driven_s - plan.asked.vx / 2.0), 0.01)

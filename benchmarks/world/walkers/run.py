@@ -30,6 +30,7 @@ JITTER_S = 0.01
 GHOSTS = 0.0005  # share of beams that measure what is not there
 NEAREST_M, FARTHEST_M = 0.05, 25.0
 SEEN_M, SEEN_BEAMS = 6.0, 3  # a person counts as seen from this many beams on, within this distance
+LOST_S = 1.0  # somebody who was out of sight for longer may be anywhere
 NEAR_M = 2.0  # of a trunk: a farther person's shins touch nothing
 PASSED_S, PASSED_M = (
     0.5,
@@ -39,13 +40,13 @@ EDGE_M = 0.2  # neighbouring beams that differ by more are at an edge
 
 
 class Met(NamedTuple):
-    """A contact: what was touched, at which speed of the robot (m/s), where on its hull, since when it was seen."""
+    """A contact: what was touched, at which speed of the robot (m/s), where, since when it was seen."""
 
     time_s: float
     part: str
     mps: float
-    bearing: float
-    seen_s: float  # how long before the contact a laser first had it; 0: never
+    bearing: float  # of the person, from the laser
+    seen_s: float  # how long before the contact the last sight of them began; 0: nobody was seen in the last second
     seen_mps: float  # the robot's speed then
 
 
@@ -95,7 +96,8 @@ class Run:
         self._decides_s = STARTS_S + float(self._random.uniform(0.0, PERIOD_S))
         self._command_s = 0.0
         self._sent = STILL
-        self._first_seen: tuple[float, float] | None = None  # time and the robot's speed
+        self._sight_began: tuple[float, float] | None = None  # time and the robot's speed
+        self._last_seen_s = -math.inf
         self._spent_us = 0.0
         self.moments: list[Moment] = []
         self.cost_us: list[float] = []
@@ -193,8 +195,11 @@ class Run:
             (hits.things >= lines + standing) & (hits.things < lines + standing + len(people.discs))
         )
         seen = np.count_nonzero(of_people & (hits.ranges < SEEN_M))
-        if self._first_seen is None and seen >= SEEN_BEAMS:
-            self._first_seen = now_s - STARTS_S, self._twist.vx
+        if seen >= SEEN_BEAMS:
+            time_s = now_s - STARTS_S
+            if time_s - self._last_seen_s > LOST_S:
+                self._sight_began = time_s, self._twist.vx
+            self._last_seen_s = time_s
 
     def _measured(self, true: Floats) -> Ranges:
         laser, random, count = self.plan.laser, self._random, len(true)
@@ -211,11 +216,14 @@ class Run:
         return ranges.astype(np.float32)
 
     def _contact(self, time_s: float, part: str, at: tuple[float, float]) -> Met:
-        bearing = math.atan2(at[1] - self._pose.y, at[0] - self._pose.x) - self._pose.yaw
-        seen_s, seen_mps = self._first_seen or (time_s, abs(self._twist.vx))
-        return Met(
-            time_s, part, abs(self._twist.vx), math.remainder(bearing, math.tau), time_s - seen_s, seen_mps
-        )
+        x, y, yaw = self._pose
+        ahead, left = at[0] - x - LASER.x * math.cos(yaw), at[1] - y - LASER.x * math.sin(yaw)
+        bearing = math.remainder(math.atan2(left, ahead) - yaw, math.tau)
+        mps = abs(self._twist.vx)
+        if self._sight_began is None or time_s - self._last_seen_s > LOST_S:
+            return Met(time_s, part, mps, bearing, 0.0, mps)
+        began_s, seen_mps = self._sight_began
+        return Met(time_s, part, mps, bearing, time_s - began_s, seen_mps)
 
     def _gap(self, time_s: float) -> tuple[float, str, tuple[float, float]]:
         """Return the distance from the hull to the nearest person, which part it is, and the person's place."""

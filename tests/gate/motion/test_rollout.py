@@ -17,6 +17,7 @@ from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.rollout import (
     CLEAR,
     MOVER_MARGIN_M,
+    RESTS_S,
     SHARES,
     Commands,
     Sent,
@@ -89,11 +90,14 @@ def played(profile, candidate, queue, velocity, step_s=0.002):
 
 
 def least_gaps(kind, candidate, points, queue, velocity, drift=None):
-    """The least gap of each point in the simulation."""
+    """The least gap of each point in the simulation; moving points (`drift`) also count at the end of the rest."""
     profile = PROFILES[kind]
     hull = footprint_of(profile)
-    drift = np.zeros_like(points) if drift is None else drift
     moments = np.array([moment[:4] for moment in played(profile, candidate, queue, velocity)])
+    if drift is None:
+        drift = np.zeros_like(points)
+    else:
+        moments = np.vstack((moments, np.add(moments[-1], (RESTS_S, 0.0, 0.0, 0.0))))
     time_s, x, y, yaw = moments.T[:, :, None]
     east, north = points.T[:, None] + time_s * drift.T[:, None] - (x, y)
     local = np.cos(yaw) * east + np.sin(yaw) * north, np.cos(yaw) * north - np.sin(yaw) * east
@@ -328,6 +332,28 @@ def test_the_base_brakes_fully_if_it_cannot_stand_in_time():
     forward, ahead = Velocity(1.0, 0.0, 0.0), [(0.8, 0.0)]
     driving = [Sent(forward, LATENCY_S)]
     assert roll("disc", forward, ahead, driving, forward, drift=[(-0.5, 0.0)]).share == 0.0
+
+
+@pytest.mark.parametrize("w", [0.0, 0.004, 0.5])
+def test_it_brakes_fully_for_a_mover_also_while_it_turns(w):
+    """A smaller turn alone is no milder braking: only zeros make the base brake as hard as it can."""
+    on_arc = Velocity(0.85, 0.0, w)
+    driving = [Sent(on_arc, LATENCY_S)]
+    assert roll("disc", on_arc, [(0.5, -1.2)], driving, on_arc, drift=[(0.0, 1.2)]).share == 0.0
+
+
+def test_it_does_not_run_on_ahead_of_somebody_who_is_faster():
+    """Braking meets them, and so does driving on: later, but while the robot still moves."""
+    forward = Velocity(1.0, 0.0, 0.0)
+    driving = [Sent(forward, LATENCY_S)]
+    assert roll("disc", forward, [(0.1, -1.4)], driving, forward, drift=[(0.6, 1.3)]).share == 0.0
+
+
+def test_it_stands_a_moment_before_somebody_may_be_there():
+    forward, beside = Velocity(0.6, 0.0, 0.0), [(0.45, -1.5)]
+    driving = [Sent(forward, LATENCY_S)]
+    assert roll("disc", forward, beside, driving, forward, drift=[(0.0, 0.6)]) == CLEAR
+    assert roll("disc", forward, beside, driving, forward, drift=[(0.0, 0.85)]).share < 1.0
 
 
 def test_a_robot_may_leave_a_near_moving_person():

@@ -100,15 +100,14 @@ def walked(scene, start, velocity, seconds, robot=STILL, radius=0.15):
     return seen
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize(
-    ("start", "velocity"),
+    ("start", "velocity", "seed"),
     [
-        ((2.0, -1.5), (0.0, 1.0)),  # crossing
-        ((1.5, 1.2), (0.0, -0.6)),
-        ((3.5, 0.2), (-1.0, 0.0)),  # straight at the robot
-        ((3.0, -1.5), (-0.8, 0.8)),
-        ((2.5, 1.5), (-0.4, -1.2)),
+        ((2.0, -1.5), (0.0, 1.0), 1),  # crossing
+        ((1.5, 1.2), (0.0, -0.6), 2),
+        ((3.5, 0.2), (-1.0, 0.0), 3),  # straight at the robot
+        ((3.0, -1.5), (-0.8, 0.8), 1),
+        ((2.5, 1.5), (-0.4, -1.2), 2),
     ],
 )
 def test_a_walker_is_seen_with_about_the_right_velocity(start, velocity, seed):
@@ -119,9 +118,8 @@ def test_a_walker_is_seen_with_about_the_right_velocity(start, velocity, seed):
     assert np.median(errors) < 0.25
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_only_the_person_moves(seed):
-    seen = walked(Scene(seed, FURNITURE), (2.5, -0.7), (0.0, 0.9), 1.5)
+def test_only_the_person_moves():
+    seen = walked(Scene(1, FURNITURE), (2.5, -0.7), (0.0, 0.9), 1.5)
     assert any(len(found) for _, found in seen)
     for (x, y), found in seen:
         assert np.hypot(found[:, 0] - x, found[:, 1] - y).max(initial=0.0) < 0.35
@@ -154,7 +152,7 @@ STANDING = {
 }
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("robot", STANDING.values(), ids=STANDING)
 def test_in_a_standing_world_nothing_moves(robot, seed):
     """Noise 1 cm, 2% drop-outs; odometry wrong by 5% of the way and 1.2 deg/s."""
@@ -164,6 +162,27 @@ def test_in_a_standing_world_nothing_moves(robot, seed):
         scene.scan()
         assert not scene.movers.tracks
         scene.drive(robot)
+
+
+def test_somebody_in_a_place_that_one_scan_saw_free_moves_at_once():
+    """A desk hides the place, is taken away, and the next scan but one has somebody there."""
+    scene = Scene(13, drop_out=0.0)
+    desk = wall(1.2, -0.6, 1.2, 0.6)
+    for hidden in (desk, desk, desk, desk, []):
+        scene.scan(hidden)
+        scene.drive(STILL)
+    assert not scene.movers.tracks
+    scene.scan(person(2.0, 0.0))
+    assert len(scene.movers.tracks) == 1
+
+
+def test_a_leg_that_some_scans_miss_does_not_move():
+    scene = Scene(14, drop_out=0.0)
+    post = leg(2.0, 0.0, 0.06)
+    for number in range(21):  # the last scan is compared with the 9th and 12th first
+        scene.scan([] if number in (9, 12, 17) else post)
+        scene.drive(STILL)
+        assert not scene.movers.tracks
 
 
 def test_a_person_who_stops_no_longer_moves():
@@ -248,9 +267,8 @@ class Crossing(World):
             self.touched_at_mps = abs(self.velocity.vx)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("early_s", [0.0, 0.3, 0.6])
-def test_the_robot_stands_when_a_person_walks_into_its_way(seed, early_s):
+@pytest.mark.parametrize(("early_s", "seed"), [(0.0, 1), (0.6, 2)])
+def test_the_robot_stands_when_a_person_walks_into_its_way(early_s, seed):
     """At 0.6 m/s, the robot would hit the person 2 m ahead, with its front or its side."""
     world = Crossing(seed, (2.0, -3.3 + 0.8 * early_s), (0.0, 0.8))
     codes = set()
@@ -263,9 +281,8 @@ def test_the_robot_stands_when_a_person_walks_into_its_way(seed, early_s):
     assert "mover" in codes
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_robot_may_turn_away_from_an_approaching_person(seed):
-    world = Crossing(seed, (2.0, 0.0), (-0.8, 0.0))
+def test_a_robot_may_turn_away_from_an_approaching_person():
+    world = Crossing(1, (2.0, 0.0), (-0.8, 0.0))
     world.drive(STILL, 1.6)
     world.start, world.walk = (0.72, 0.0), (0.0, 0.0)
     assert world.drive(Velocity(0.0, 0.0, 1.0), 0.5).velocity.w == pytest.approx(1.0)

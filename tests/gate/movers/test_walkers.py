@@ -19,7 +19,8 @@ from tests.gate.conftest import tiago_profile
 
 PROFILE = tiago_profile(sonar_poses={}, sonar_fov={})
 AHEAD_M, MEETS_S = 2.0, plans.WARM_UP_S + 2.5  # the robot would be there then
-DRAWN = [0, 3, 5, 6]  # hidden, hesitating and turning people: without a gate all are hit
+# Without a gate all are hit: a turning person, a hesitating one; hidden by a desk, from the front and from the side
+DRAWN = [1168, 6, 45, 1158]
 
 
 def played(plan, seed, controller=lambda fan: GateController(PROFILE, fan)):
@@ -42,8 +43,7 @@ def crossing(mps, side, phase_m):
     )
 
 
-@pytest.mark.parametrize("phase_m", [0.0, 0.3, 0.6])
-@pytest.mark.parametrize("side", [-1, 1], ids=["from the left", "from the right"])
+@pytest.mark.parametrize(("side", "phase_m"), [(-1, 0.0), (1, 0.3)], ids=["from the left", "from the right"])
 def test_a_robot_stands_before_a_crossing_person_with_swinging_legs(side, phase_m):
     plan = crossing(1.2, side, phase_m)
     unhindered = played(plan, 1, lambda fan: PassThrough(fan))
@@ -64,7 +64,7 @@ def test_a_robot_stands_before_people_drawn_by_seed(seed):
     assert ended.met is None or ended.met.mps <= MOVING_MPS
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 2013, 2044], ids=["empty", "legs far away", "a leg that flickers"])
 def test_nothing_moves_in_a_still_room(seed):
     ended = played(plans.drawn(seed, alone=True), seed)
     assert {moment.code for moment in ended.moments} <= {

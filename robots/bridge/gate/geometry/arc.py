@@ -218,7 +218,8 @@ def disc_meets_s(x: float, y: float, twist: Velocity, radius_m: float, reserve_m
     squares = radial * radial + x * x
     if not max(rho - radius_m, 0.0) ** 2 < squares < (rho + radius_m) ** 2:
         return math.inf
-    cosine = (squares + rho * rho - radius_m * radius_m) / (2.0 * rho * math.sqrt(squares))
+    # Nearly straight, the cosine is nearly 1 and its last bit counts: the operations have the same order as there.
+    cosine = (squares + (rho * rho - radius_m * radius_m)) / (2.0 * rho * math.sqrt(squares))
     onward = math.atan2(x, radial) % math.tau - math.acos(min(cosine, 1.0))
     return max(onward, 0.0) / turning - reserve_m / v
 

@@ -26,6 +26,7 @@ from robots.bridge.gate.motion.safe_twist import STANDING_MPS, allowed_margin
 from robots.bridge.gate.values import GateProfile, Pose, Velocity
 
 MOVER_MARGIN_M = 0.10  # margin of moving points, instead of m_hard: their future place is uncertain
+RESTS_S = 0.4  # the robot stands this long before a mover may be there: people turn and start within a step
 SHARES = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1, 0.0)  # of the candidate; the largest clear share is taken
 PIECE_S = 0.05  # longest time step in which queued commands are played
 MOST_POSES = 60  # largest number of poses of one braking
@@ -124,7 +125,7 @@ def safe_share(
             return CLEAR
         first = _stopped([whole], rates, footprint, onset)
     else:
-        first = _stopped([whole], rates, footprint, onset)
+        first = _rested(_stopped([whole], rates, footprint, onset))
         met = _within(points, drift, first, footprint)
         if not len(met):
             return CLEAR
@@ -138,25 +139,38 @@ def safe_share(
     onward = [whole, *(_moved(onset[-1], candidate.scaled(share), rates, period_s) for share in SHARES[1:])]
     distinct = list(dict.fromkeys(onward))
     paths, braking_row = _stopped(distinct, rates, footprint), distinct.index(onward[-1])
+    if drift is not None:
+        paths = _rested(paths)
     after = footprint.least_gaps(paths, points, drift)
     stopping = after[braking_row]
     onset_gaps = footprint.least_gaps(_path(onset), points, drift)[0]
     demanded = _demanded(np.minimum(onset_gaps, stopping), drift, profile, footprint)
     clear = after - demanded >= 0.0
+    meets_movers = False
     if drift is not None:
         met_braking = (drift.moves & (stopping < 0.0) & (onset_gaps >= 0.0)).nonzero()[0]
-        if len(met_braking):
-            clear[:, met_braking] = _met_no_earlier(
+        meets_movers = len(met_braking) > 0
+        if meets_movers:
+            clear[:, met_braking] = _met_no_worse(
                 paths, braking_row, points[met_braking], drift.chosen(met_braking), footprint
             )
     # If even braking now ends too near, a share that brakes as hard as share 0 in this calculation is not tried: the
     # real base may brake harder than assumed, but only if zero is sent.
     in_time = bool((stopping >= margins).all())
     tried = [
-        (share, state) for share, state in zip(SHARES, onward, strict=True) if in_time or state != onward[-1]
+        (share, state)
+        for share, state in zip(SHARES, onward, strict=True)
+        if in_time or not _brakes_as_hard(state, onward[-1], whatever_turn=meets_movers)
     ]
     share = next((share for share, state in tried if clear[distinct.index(state)].all()), 0.0)
     return CLEAR if share == 1.0 else Rolled(share, worst)
+
+
+def _brakes_as_hard(state: _State, braking: _State, *, whatever_turn: bool) -> bool:
+    """Return whether the base is no faster than if it brakes; `whatever_turn`: and it does not only turn."""
+    if state == braking:
+        return True
+    return whatever_turn and any(braking.velocity[:2]) and state.velocity[:2] == braking.velocity[:2]
 
 
 def stepped_up(sent: Velocity, wanted: Velocity, profile: GateProfile, dt_s: float) -> Velocity:
@@ -303,6 +317,13 @@ def _braked(passed_s: Metres, speeds: Sequence[float], rate: float) -> Metres:
     return distance
 
 
+def _rested(path: Path) -> Path:
+    """Return the path with a rest at its end."""
+    x, y, yaw, time_s = (np.concatenate((axis, axis[:, -1:]), axis=1) for axis in path)
+    time_s[:, -1] += RESTS_S
+    return Path(x, y, yaw, time_s)
+
+
 def _column(numbers: Sequence[float]) -> Metres | float:
     """Return a column of numbers, one for each row; a single number stays a float: an array is slower."""
     return numbers[0] if len(numbers) == 1 else np.array(numbers)[:, None]
@@ -413,12 +434,13 @@ def _within(points: Points, drift: Drift | None, path: Path, footprint: Footprin
     )
 
 
-def _met_no_earlier(
+def _met_no_worse(
     paths: Path, braking_row: int, points: Points, drift: Drift, footprint: Footprint
 ) -> NDArray[np.bool_]:
-    """Return which points each path meets no earlier than the path that brakes, (rows, N).
+    """Return which points each path meets no earlier, and no faster, than the path that brakes, (rows, N).
 
-    If somebody cannot be avoided, gaps do not tell which path is better: one that drives through is no deeper.
+    `paths` end with a rest. If somebody cannot be avoided, gaps do not tell which path is better: one that drives
+    through is no deeper.
     """
     each = Path(*(axis.reshape(-1, 1) for axis in paths))
     gaps = footprint.least_gaps(each, points, drift).reshape(*paths.x.shape, -1)
@@ -427,8 +449,9 @@ def _met_no_earlier(
     with np.errstate(divide="ignore", invalid="ignore"):
         between_s = earlier_s + (later_s - earlier_s) * before / (before - after)
     met_s = np.where(after < 0.0, np.where(before < 0.0, earlier_s, between_s), math.inf).min(axis=1)
-    no_earlier: NDArray[np.bool_] = met_s >= met_s[braking_row]
-    return no_earlier
+    moves_on_s = np.maximum(paths.time_s[:, -2, None] - met_s, 0.0)  # speed, at the same deceleration
+    no_worse: NDArray[np.bool_] = (met_s >= met_s[braking_row]) & (moves_on_s <= moves_on_s[braking_row])
+    return no_worse
 
 
 def _margins(count: int, drift: Drift | None, profile: GateProfile) -> Metres:

@@ -22,18 +22,17 @@ from robots.bridge.gate.obstacles.sightings import BEHIND_M, beams_at
 from robots.bridge.gate.sensing.scan import Sweep
 from robots.bridge.gate.values import Pose
 
-NEAR_M = 6.0  # a thing farther from the sensor cannot reach the robot before it stands
-AGES_S = (0.15, 0.3, 0.5, 0.8, 1.15)  # of the scans to compare with; the last is a slow person's stride
+NEAR_M = 4.5  # a thing farther from the sensor cannot reach the robot before it stands; farther legs flicker
+AGES_S = (0.07, 0.15, 0.3, 0.5, 0.8, 1.15)  # of the scans to compare with; the last is a slow person's stride
 OLDEST_S = 1.4
-LEAST_FREE = (
-    2  # scans that must have seen a place free, or all that saw it at all: it may be in view only now
-)
-BEFORE_M = 0.15  # a beam that ends farther before a place did not reach it
+LEAST_FREE = 2  # scans that saw a place free, so that it surely was
 LEAST_POINTS = 2  # of an arrival: a shin 4 m away, or a child's
 APART_M = 0.15  # between two neighbouring points of different things
 LEAST_SHARE = 0.5  # of the points of a thing: at edges of standing things, single points seem new
 MANY = 4  # points that are an arrival, even if they touch a standing thing
-LIKELY_POINTS = 3  # of an arrival in a place that a single scan had in view
+# A thing near the sensor came if one scan saw its place free: it may be in view only now. It has this many points, and
+# older scans than this saw nothing there: thin legs are missed in some scans.
+LIKELY_M, LIKELY_POINTS, LIKELY_S = 3.0, 3, 0.25
 # Errors of the odometry between two scans: by time, by turn, by way; and along a scan while the robot turns.
 DRIFT_RADPS, DRIFT_PER_RAD, DRIFT_PER_M = 0.02, 0.05, 0.03
 SWEEP_S = 0.03  # the ends of a scan are this much older or younger than its middle
@@ -77,8 +76,8 @@ class Look:
         filled[1:-1][lost] = np.minimum(ends[:-2], ends[2:])[lost]
         return filled
 
-    def saw(self, places: Points, tolerance: float) -> tuple[Flags, Flags, Flags]:
-        """Return which places were in view, which of them this scan saw free, and at which something stood.
+    def saw(self, places: Points, tolerance: float) -> tuple[Flags, Flags]:
+        """Return which places this scan saw free, and at which something stood.
 
         `tolerance`: possible error of the sensor's heading.
         """
@@ -86,8 +85,7 @@ class Look:
         x, y = placed(places, relative_to(ORIGIN, self.sensor)).T
         beams, away = beams_at(self.sweep, np.arctan2(y, x)), np.sqrt(x * x + y * y)
         beyond = np.append(_least_about(self._ends, around), -math.inf)[beams] - away
-        in_view = np.append(self._ends, -math.inf)[beams] > away - BEFORE_M
-        return in_view | (beyond > BEHIND_M), beyond > BEHIND_M, np.abs(beyond) <= BEHIND_M
+        return beyond > BEHIND_M, np.abs(beyond) <= BEHIND_M
 
     def has_hit(self, x: float, y: float, radius_m: float) -> bool:
         """Return whether a point lies within a disc."""
@@ -136,19 +134,22 @@ class Arrivals:
 def _came(points: Points, look: Look, before: list[Look]) -> tuple[Flags, Flags]:
     """Return which points of a scan stand where earlier scans (oldest first) saw free space: surely, and likely.
 
-    Likely: a single scan had the place in view. A thin leg is missed in some scans: what the oldest scan that shows
-    the place had there did not come.
+    Likely: one scan is enough, near the sensor. A thin leg is missed in some scans. So a thing did not come if the
+    oldest scan that shows its place had something there, or if a scan missed what an older one had.
     """
-    in_view, free = np.zeros((2, len(points)), dtype=np.intp)
-    known, stood = np.zeros((2, len(points)), dtype=np.bool_)
+    free = np.zeros(len(points), dtype=np.intp)
+    known, hits, lasting, stood = np.zeros((4, len(points)), dtype=np.bool_)
     for earlier in before:
-        saw, through, hit = earlier.saw(points, earlier.tolerance_to(look))
-        in_view += saw
+        through, hit = earlier.saw(points, earlier.tolerance_to(look))
         free += through
-        stood |= hit & ~known
+        stood |= (hit & ~known) | (through & hits)
         known |= hit | through
+        hits |= hit
+        if look.stamp_s - earlier.stamp_s > LIKELY_S:
+            lasting |= hit
     surely: Flags = ~stood & (free >= LEAST_FREE)
-    return surely, surely | (~stood & (free > 0) & (free == in_view))
+    near = np.hypot(points[:, 0] - look.sensor.x, points[:, 1] - look.sensor.y) < LIKELY_M
+    return surely, surely | (near & ~stood & ~lasting & (free > 0))
 
 
 def _things(points: Points, surely: Flags, likely: Flags) -> Iterator[Arrival]:

@@ -22,7 +22,8 @@ LEAST_MPS = 0.2  # a slower one stands
 SHARES = (1.0, 0.6, 0.2)  # of its velocity, with which a mover may go on
 ERRORS = 1.2  # sigmas of the velocity
 LEAST_ERROR_MPS = 0.45  # people who walk speed up by that within half a second
-NEW_ERROR_MPS, NEW_S = 1.6, 0.5  # error of a new one's velocity (ISO 13855), until it was followed this long
+NEW_ERROR_MPS = 2.0  # error of a new one's velocity: they may run,
+NEW_S = 1.0  # until they were followed for a stride
 BODY_M = 0.2  # radius of a body above the shins
 
 
@@ -36,7 +37,7 @@ class Forecast(NamedTuple):
 
 def may_move(track: Track) -> bool:
     """Return whether a track may move, as far as its errors show."""
-    return track.sure and track.mps + track.error_mps > LEAST_MPS
+    return track.mps + track.error_mps > LEAST_MPS
 
 
 def forecast(tracks: Sequence[Track], stamp_s: float) -> Forecast:
@@ -64,6 +65,6 @@ def _discs(track: Track, number: int, stamp_s: float) -> list[tuple[float, ...]]
 
 
 def _error_mps(track: Track) -> float:
-    """Return the largest probable error of a velocity: large at first, since a shin may stand for half a second."""
+    """Return the largest probable error of a velocity: large at first, since one shin may be all that is in view."""
     followed = min((track.seen_s - track.began_s) / NEW_S, 1.0)
     return max(ERRORS * track.error_mps, LEAST_ERROR_MPS, NEW_ERROR_MPS * (1.0 - followed))

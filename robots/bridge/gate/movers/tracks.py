@@ -17,7 +17,7 @@ ASIDE_M = 0.75  # a shin's distance from the forecast hips: half of a long step,
 MEASURED_M, ALONE_M = 0.12, 0.22  # error of the middle of several arrivals, and of one alone
 ACCELERATES_MPS2 = 1.5  # people start, stop and turn
 STARTS_M, STARTS_MPS = 0.15, 1.4  # errors of place and velocity at first sight
-LEAST_BEAMS, SURE_BEAMS = 3, 4  # that begin a track; with fewer than the second, another scan must confirm it
+LEAST_BEAMS = 3  # that begin a track
 LEAST_M = 0.022  # radius of what begins a track: a chair's leg that flickers is thinner than a shin
 KEPT_S = 1.0  # unseen, while no scan shows the place
 LOST_S = 0.3  # the same, while scans show it
@@ -34,7 +34,6 @@ class Track:
     x: float
     y: float
     parts: list[Arrival]  # its last arrivals; their places are offsets
-    sure: bool = False  # not only noise: many beams, or two scans
     vx: float = 0.0
     vy: float = 0.0
     place: float = STARTS_M**2
@@ -111,7 +110,7 @@ def followed(tracks: list[Track], arrivals: list[Arrival], look: Look) -> list[T
     for track, some in zip(tracks, own, strict=True):
         if some:
             track.correct(some)
-            track.moved_s, track.sure = look.stamp_s, True
+            track.moved_s = look.stamp_s
         elif standing := _standing(track, look):
             track.correct(standing)
     tracks = _without_doubles(tracks)
@@ -122,13 +121,13 @@ def followed(tracks: list[Track], arrivals: list[Arrival], look: Look) -> list[T
         x, y = _middle(pair)
         beams = sum(one.beams for one in pair)
         if beams >= LEAST_BEAMS and max(one.radius_m for one in pair) >= LEAST_M:
-            tracks.append(Track(look.stamp_s, x, y, _about(x, y, pair), sure=beams >= SURE_BEAMS))
+            tracks.append(Track(look.stamp_s, x, y, _about(x, y, pair)))
     return tracks
 
 
 def _standing(track: Track, look: Look) -> list[Arrival]:
     """Return what still stands where a mover was last seen: somebody who stops is no arrival any more."""
-    if not track.sure or look.stamp_s - track.moved_s > STANDS_S:
+    if look.stamp_s - track.moved_s > STANDS_S:
         return []
     return [place for place in track.places if look.has_hit(place.x, place.y, place.radius_m + STANDS_M)]
 
