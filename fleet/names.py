@@ -120,6 +120,11 @@ def fault_of_word(name: str) -> Fault | None:
     return WORD if {folded(name), shape(name).casefold()} & RESERVED else None
 
 
+def spelled_out(text: str) -> str:
+    """Return a refused text for a sentence: each hidden character stands there by its number, and does nothing."""
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+
+
 def folded(name: str) -> str:
     """Return a name in the form that is compared: without differences of case, width, spaces and composition."""
     return " ".join(unicodedata.normalize("NFKC", _NOT_COMPARED.sub("", name)).casefold().split())

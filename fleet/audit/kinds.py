@@ -14,7 +14,7 @@ from msgspec import Struct
 class Kept(TextChoices):
     """Retention class of a record's expiring parts. The settings give each class its days."""
 
-    SPEECH = "speech", _("what robots were made to say")
+    SPEECH = "speech", _("speech of robots")
     DRIVING = "driving", _("drives, motions and what the robot refused")
     OTHER = "other", _("everything else")
 

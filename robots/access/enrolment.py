@@ -19,6 +19,7 @@ from fleet.accounts.models import User
 from fleet.accounts.names import AccountNames
 from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.services import lock_chain, record
+from fleet.names import spelled_out
 from robots.access import welcome
 from robots.access.models import Course, Enrolment, Invitation
 from robots.access.people_lists.reading import Listed, PeopleList, Wrong
@@ -101,7 +102,7 @@ def plan_of(
     for one in people.people:
         account = found.get(one.email.lower())
         if account is None and (fault := names.fault_of_name(one.name)):
-            wrong.append(Wrong(one.line, one.email, f"{one.name[:60]}: {fault.text}"))
+            wrong.append(Wrong(one.line, one.email, f"{spelled_out(one.name[:60])}: {fault.text}"))
             continue
         names.add("", one.name)
         if familiar is not None and (account is None or account.pk not in familiar):

@@ -14,6 +14,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 from msgspec import Struct, structs
 
+from fleet.names import spelled_out
 from robots.access.people_lists.columns import Column, Role, columns_of, role_of
 
 MOST_LINES = 5000
@@ -98,7 +99,10 @@ def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> P
     if header and not any(map(_names_a_column, header.cells)):
         reason = _("It is taken as the titles of the columns.")
         guessed = Wrong(header.number, header.text[:100], reason, header.cells)
-        note = _("Line %(line)d is taken as titles: %(text)s") % {"line": guessed.line, "text": guessed.text}
+        note = _("Line %(line)d is taken as titles: %(text)s") % {
+            "line": guessed.line,
+            "text": spelled_out(guessed.text),
+        }
         found = structs.replace(found, titles=(guessed,), notes=(note, *found.notes))
     return found
 
@@ -156,7 +160,7 @@ def _notes(columns: Sequence[Column], people: Sequence[Listed], repeated: Sequen
     if any(role_of(each.title) is Role.UNUSED for each in parts):
         notes.append(_("First and last name are guessed: check their order."))
     if unused:
-        notes.append(_("Left out: %(columns)s.") % {"columns": ", ".join(unused)[:300]})
+        notes.append(_("Left out: %(columns)s.") % {"columns": spelled_out(", ".join(unused)[:300])})
     if nameless := sum(not one.name for one in people):
         text = ngettext(
             "%(number)d person has no name in the list.",
@@ -299,7 +303,7 @@ def _fault(name: str, email: str) -> str:
     try:
         validate_email(email)
     except ValidationError:
-        return _("%(address)s is no e-mail address.") % {"address": email[:60]}
+        return _("%(address)s is no e-mail address.") % {"address": spelled_out(email[:60])}
     if len(email) > ADDRESS_LENGTH or len(name) > NAME_LENGTH:
         return _("The name or the address is too long.")
     return ""

@@ -141,8 +141,10 @@ def test_lists_of_people_leave_out_refused_names(
 ) -> None:
     manager("POST", "/courses", {"name": "HRI", "robots": [robot.slug], **TERM})
     people = "Оlga Operator <a@example.org>\nNíkos Quill <n@example.org>\nOlga Operator <o@example.org>\n"
+    people += "Eve\u202e Night <e@example.org>\n"
     answer = manager("POST", "/courses/hri/members", {"list": people})
-    assert [one["line"] for one in answer.data["wrong"]] == [1]
+    assert [one["line"] for one in answer.data["wrong"]] == [1, 4]
+    assert answer.data["wrong"][1]["reason"].startswith("Eve\\u202e Night: There is a line end")
     assert [one["name"] for one in answer.data["new"]] == ["Níkos Quill", "Olga Operator"]  # a namesake
     assert not User.objects.filter(email="a@example.org").exists()
 
