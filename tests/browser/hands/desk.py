@@ -121,6 +121,7 @@ class Window:
         self.desk = desk
         self.profile = Path(tempfile.mkdtemp(dir=desk.folder))
         self._numbers = itertools.count(1)
+        self._events: list[str | None] = []
         self._begin()
 
     def _begin(self) -> None:
@@ -143,14 +144,19 @@ class Window:
         number = next(self._numbers)
         self._socket.send(json.dumps({"id": number, "method": method, "params": parameters}))
         while (answer := json.loads(self._socket.recv(timeout=START_S))).get("id") != number:
-            pass
+            self._events.append(answer.get("method"))
         assert "result" in answer, answer
         return answer["result"]
 
-    def hear(self, event: str) -> None:
-        """Wait for an event of the browser's own protocol."""
-        while json.loads(self._socket.recv(timeout=START_S)).get("method") != event:
-            pass
+    def hears(self, event: str, timeout_s: float = START_S) -> bool:
+        """Return whether an event of the browser's protocol has come, or comes in this time; forget those before."""
+        try:
+            while event not in self._events:
+                self._events.append(json.loads(self._socket.recv(timeout=timeout_s)).get("method"))
+        except TimeoutError:
+            return False
+        self._events.clear()
+        return True
 
     def place(self, part: str, right: float = 0.0, up: float = 0.0) -> tuple[int, int]:
         """Return a pixel of the screen: the middle of a part of the control page, moved by shares of its size."""

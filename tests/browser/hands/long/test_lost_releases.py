@@ -13,7 +13,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.browser.hands.conftest import RobotSide
-from tests.browser.hands.desk import Chromium, Window
+from tests.browser.hands.desk import Chromium, Window, wait_for
 from tests.browser.hands.test_held_input import LEFT, rests
 
 ENDS_S = 5.0  # the patience with a hand that sends nothing is 4 s
@@ -139,11 +139,15 @@ def unfocused(page: Window, door: Door) -> None:
 def a_dialog(page: Window, door: Door) -> None:
     """Release the door while a dialog of the browser waits for an answer."""
     page.evaluate("void setTimeout(() => confirm('Really?'), 100)")
-    page.hear(page.dialog_opens)
+    assert page.hears(page.dialog_opens)
     time.sleep(RELEASED_S)
     door.release(page)
-    page.desk.hand("key", "Escape")
-    page.hear(page.dialog_ends)
+
+    def ends() -> bool:
+        page.desk.hand("key", "Escape")  # Firefox's dialog is deaf at first
+        return page.hears(page.dialog_ends, RELEASED_S)
+
+    wait_for(ends, "the end of the dialog")
 
 
 def a_dialog_of_the_page(page: Window, door: Door) -> None:
