@@ -125,6 +125,12 @@ class Looker(Feeder):
             if looks:
                 self.look()
 
+    def back(self, vx):
+        """Decide on a reverse by a driver who has looked behind the robot: the first pull is refused."""
+        self.decide(vx)
+        self.decide()
+        return self.decide(vx)
+
     def nearest_by(self, name):
         known = self.gate.obstacles(self.now_s)
         mine = known.points[known.source == known.names.index(name)]

@@ -484,7 +484,7 @@ def test_a_silent_camera_means_blind_speed_after_half_a_second():
     verdict = looker.decide(1.0)
     assert (verdict.velocity.vx, verdict.code) == (pytest.approx(0.3), "depth_stale")
     assert verdict.text == "at most 0.3 m/s: the depth camera’s picture is 0.6 s old"
-    assert looker.decide(-0.2).velocity.vx == pytest.approx(-0.2)
+    assert looker.back(-0.2).velocity.vx == pytest.approx(-0.2)
     assert looker.sensor().text == "nothing new for 0.6 s"
 
 
@@ -563,7 +563,7 @@ def test_in_reverse_the_head_need_not_look_there():
     looker = Looker([FLOOR], limits=Limits(1.0, 0.5, 0.0, 2.0944, 1.0, 2.0944), blind_mps=0.5)
     looker.to_base = camera(pan=1.2)
     looker.stand(0.3)
-    assert looker.decide(-0.5).velocity.vx == -0.5
+    assert looker.back(-0.5).velocity.vx == -0.5
 
 
 @pytest.mark.parametrize("tilt", [0.5, -1.0])
