@@ -80,7 +80,7 @@ class Rights:
             asked = self._asked[credential] = loop.create_future()
             if self._reading is None:
                 self._reading = loop.create_task(self._read_all())
-        return asked
+        return asyncio.shield(asked)  # others wait for it, too, if this request is cancelled
 
     def person_behind(self, credential: Credential) -> UUID | None:
         """Return the person who has stopped a robot, or could have, with this credential before. Reads nothing."""
