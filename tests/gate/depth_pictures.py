@@ -111,10 +111,15 @@ class Looker(Feeder):
         self.boxes = boxes
         self.to_base = camera()
         self.seed = 0
+        self.black = []  # boxes of which the camera measures nothing
 
     def look(self):
         self.seed += 1
-        shown = picture(self.boxes, self.to_base, at=self.pose, noise=0.0015, seed=self.seed)
+        depth = drawn(self.boxes, self.to_base, at=self.pose, noise=0.0015, seed=self.seed)
+        if self.black:
+            hidden = drawn([*self.boxes, *self.black], self.to_base, at=self.pose)
+            depth[hidden < drawn(self.boxes, self.to_base, at=self.pose)] = math.nan
+        shown = picture_of_image(image(depth), LENS)
         frame = frame_of(shown, self.to_base, self.gate.profile.depth)
         self.gate.observe_depth(frame, self.stamp_s, self.now_s)
 

@@ -326,12 +326,15 @@ class HolderTasks:
         asked.requester.answer(refusal)
         self._records.outcome(asked, kind, refusal.code if refusal else "sent", {}, now_s)
 
-    def _granted(self, kind: str, now_s: float) -> bool:
-        """Answer recorded requests of this kind. Return whether one of them may be carried out."""
+    def _granted(self, kind: str, now_s: float, barred: Refusal | None = None) -> bool:
+        """Answer recorded requests of this kind. Return whether one of them may be carried out.
+
+        `barred`: a refusal that holds for all of them.
+        """
         granted = False
         for asked in pop_due(self._asked[kind]):
             refusal = asked.unrecorded or self._rules.why_not_begin(asked.requester, now_s)
-            refusal = refusal or self._why_not[kind](now_s)
+            refusal = refusal or self._why_not[kind](now_s) or barred
             granted = granted or refusal is None
             self._answer(kind, asked, refusal, now_s)
         return granted
@@ -526,21 +529,17 @@ class HolderTasks:
 
     def _place(self, now_s: float) -> None:
         """Send the robot the pose that is recorded. It waits for the map, which is read when control begins."""
-        refusal = self._other_map()
+        if self._pose is None:
+            return
+        refusal = self.navigation.refuse_map(self._pose.map)
         if refusal is not None and self.navigation.may_come(refusal, now_s):
             return
-        if self._granted("pose.set", now_s) and (asked := self._pose):
-            self._performer.set_pose(Pose(asked.x, asked.y, asked.heading))
+        if self._granted("pose.set", now_s, refusal):
+            self._performer.set_pose(Pose(self._pose.x, self._pose.y, self._pose.heading))
         if not self._asked["pose.set"]:
             self._pose = None
 
-    def _other_map(self) -> Refusal | None:
-        """Return a refusal if the waiting pose is not one on the robot's map."""
-        return self.navigation.refuse_map(self._pose.map) if self._pose else None
-
     def _why_not_set_pose(self, now_s: float) -> Refusal | None:
-        if refusal := self._other_map():
-            return refusal
         navigation = self._config.topics.navigation
         if navigation is None or navigation.set_pose is None:
             return NO_NAVIGATION

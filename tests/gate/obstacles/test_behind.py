@@ -85,6 +85,15 @@ def test_farther_on_a_person_looks_again(robot):
     assert not may_reverse(robot)
 
 
+def test_a_refusal_elsewhere_is_no_look_here(robot):
+    assert not may_reverse(robot)
+    robot.decide()
+    for place in ((0.0, math.pi), (-1.6, math.pi), (-1.6, 1.5 * math.pi)):  # within 20 s
+        goes(robot, *place, looks=False)
+    assert not may_reverse(robot)
+    assert pulls_again(robot)
+
+
 def test_after_a_quarter_turn_ahead_a_person_looks_again(robot):
     assert not may_reverse(robot)
     assert pulls_again(robot)
@@ -132,6 +141,19 @@ def test_a_head_that_looks_down_sees_no_table_farther_away(robot):
     goes(robot, 0.0, math.pi)
     assert not robot.gate._behind.forbids(BACK, robot.pose, robot.now_s)
     assert robot.gate._behind.forbids(BACK, Pose(-0.7, 0.0, 0.0), robot.now_s)
+
+
+@pytest.mark.parametrize("is_black", [False, True])
+def test_where_the_picture_has_a_hole_nothing_was_seen(is_black):
+    """The camera measures nothing of a black table top, and the laser looks below it."""
+    robot = Looker([FLOOR])
+    robot.black = [((0.55, -0.25, 0.7), (0.95, 0.25, 0.74))] if is_black else []
+    robot.to_base = camera(LOOK_AHEAD)
+    robot.stand(0.3)
+    goes(robot, 0.0, math.pi, looks=False)
+    assert may_reverse(robot)
+    goes(robot, 0.2, math.pi, looks=False)
+    assert may_reverse(robot) != is_black
 
 
 def test_behind_an_obstacle_nothing_was_seen():

@@ -67,7 +67,7 @@ class Behind:
         self._mark(placed(self._body, pose), now_s)
 
     def looked(self, camera: DepthCamera, pose: Pose, now_s: float) -> None:
-        """Take that the depth camera looks: up to the first obstacle in each direction, as far as it sees tables."""
+        """Take that the depth camera looks: up to the first obstacle or hole of its picture in each direction."""
         if (sector := camera.sector) is None:
             return
         begins_m, ends_m = camera.table_range_m
@@ -77,7 +77,10 @@ class Behind:
         ranges = np.arange(
             near_m if begins_m < near_m + TOP_M else begins_m, min(ends_m, SEEN_TO_M), 0.8 * CELL_M
         )
-        free_m = _nearest_m(camera.columns - lens, bearings)
+        x, y = (camera.columns - lens).T
+        free_m = np.minimum(
+            _nearest_m(np.arctan2(y, x), np.hypot(x, y), bearings), _nearest_m(*camera.measured, bearings)
+        )
         bearing, range_m = np.meshgrid(bearings, ranges)
         visible = range_m < free_m[None, :]
         bearing, range_m = bearing[visible], range_m[visible]
@@ -93,7 +96,7 @@ class Behind:
 
     def forget_look(self) -> None:
         """Forget that a person has looked: another one drives."""
-        self._refused_s = -math.inf  # the last time
+        self._refused_s = self._refused_m = -math.inf  # when and where reverse was last refused
         self._rested = False  # since then, no motion was asked
         self._looked_until_s = self._looked_to_m = -math.inf  # end of a person's look
 
@@ -116,11 +119,11 @@ class Behind:
             return False
         if self._rested and now_s - self._refused_s <= LOOKED_S:
             self._refused_s = -math.inf
-            self._looked_until_s, self._looked_to_m = now_s, self._travelled_m + LOOKED_M
+            self._looked_until_s, self._looked_to_m = now_s, self._refused_m + LOOKED_M
         if self._is_looked_at(now_s):
             self._looked_until_s = now_s + LOOKED_S
             return False
-        self._refused_s, self._rested = now_s, False
+        self._refused_s, self._refused_m, self._rested = now_s, self._travelled_m, False
         return True
 
     def warns(self, pose: Pose, now_s: float) -> bool:
@@ -171,14 +174,13 @@ def _entries(points: Points) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return cells, wrapped[:, 0] * CELLS + wrapped[:, 1]
 
 
-def _nearest_m(columns: Points, bearings: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the distance of the nearest of these obstacles in each direction; infinite: none."""
-    if not len(columns):
-        return np.full(len(bearings), math.inf)
-    x, y = columns.T
-    off = np.abs(np.arctan2(y, x)[None, :] - bearings[:, None])
-    away: NDArray[np.float64] = np.where(off < BEARING_RAD, np.hypot(x, y)[None, :], math.inf).min(axis=1)
-    return away
+def _nearest_m(
+    towards: NDArray[np.float64], away_m: NDArray[np.float64], bearings: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the shortest of the distances `away_m`, with bearings `towards`, in each direction; infinite: none."""
+    near = np.abs(towards[None, :] - bearings[:, None]) < BEARING_RAD
+    nearest: NDArray[np.float64] = np.where(near, away_m[None, :], math.inf).min(axis=1, initial=math.inf)
+    return nearest
 
 
 def _disc(radius_m: float) -> Points:

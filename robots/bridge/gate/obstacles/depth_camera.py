@@ -55,12 +55,14 @@ from robots.bridge.gate.obstacles.sightings import (
 )
 from robots.bridge.gate.sensing.depth import (
     Columns,
+    Floats,
     Picture,
     Transform,
     came_since,
     check_shown,
     columns_of,
     is_one_thing,
+    measured_to_m,
     seen_through,
     top_m,
 )
@@ -103,6 +105,7 @@ class Frame(NamedTuple):
     picture: Picture
     to_base: Transform
     columns: Columns
+    measured_m: Floats  # how far each column of pixels is measured at table height, m from the lens
 
 
 def frame_of(picture: Picture, to_base: Transform, view: DepthView) -> Frame:
@@ -111,7 +114,8 @@ def frame_of(picture: Picture, to_base: Transform, view: DepthView) -> Frame:
     This is the costly part. It needs no odometry and may run on any thread.
     """
     check_shown(picture, to_base)
-    return Frame(picture, to_base, columns_of(picture, to_base, top_m(to_base, view.height_m)))
+    columns = columns_of(picture, to_base, top_m(to_base, view.height_m))
+    return Frame(picture, to_base, columns, measured_to_m(picture, to_base, TABLE_M))
 
 
 class DepthCamera:
@@ -324,6 +328,15 @@ class DepthCamera:
     def columns(self) -> Points:
         """The places of the obstacles in the newest picture, base frame of its stamp."""
         return NO_POINTS if self._frame is None else self._frame.columns.points
+
+    @property
+    def measured(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The bearings of the newest picture's columns of pixels (base frame), and how far each is measured (m)."""
+        if self._frame is None:
+            return np.empty(0), np.empty(0)
+        to_base, right = self._frame.to_base, self._frame.picture.right
+        bearings = math.atan2(to_base[1, 2], to_base[0, 2]) - np.arctan(right)
+        return bearings.astype(np.float64), self._frame.measured_m.astype(np.float64)
 
     def sight_m(self, direction: float, curvature: float) -> float:
         """Return how much of the way is visible (m): infinite if all of it is, 0 if the camera looks elsewhere.

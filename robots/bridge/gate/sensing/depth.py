@@ -45,6 +45,8 @@ LEVEL_M = 0.1  # height of a level; a column seen at every level is one thing, p
 TALL_M = 0.25  # shorter columns have no inner part
 END_M = 0.08  # ends of a thing that are not its inner part: noise may have made it longer
 
+PATCH_ROWS = 8  # of a thinned picture: as high as a shallow table far away
+
 _HALF = math.ceil((FARTHEST_M + 1.0) / CELL_M)  # cells from the base to the edge of the counting grid
 _SIDE = 2 * _HALF
 
@@ -328,6 +330,24 @@ def _rim(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
 
 
 # --- evidence of free space ------------------------------------------------------------------------
+
+
+def measured_to_m(picture: Picture, to_base: Transform, height_m: float) -> Floats:
+    """Return how far each column of pixels is measured without a hole: m along the floor from the lens.
+
+    A hole is a patch of rows of which less than `LEAST_SHOWN_SHARE` is measured. It begins where its nearest ray
+    passes `height_m`: something black or glossy may be there. Infinite: there is no hole.
+    """
+    rise = _rise(picture, to_base)
+    level = np.sqrt(picture.right**2 + (picture.down**2)[:, None] + 1.0 - rise**2)
+    with np.errstate(divide="ignore"):
+        passes_m = np.where(rise < 0.0, (height_m - to_base[2, 3]) / rise * level, np.inf)
+    rows = min(PATCH_ROWS, len(passes_m))
+    measured = np.pad(~np.isnan(picture.ahead), ((1, 0), (0, 0))).cumsum(axis=0)
+    holes = measured[rows:] - measured[:-rows] < LEAST_SHOWN_SHARE * rows
+    begins_m = np.minimum(passes_m[: len(holes)], passes_m[rows - 1 :])
+    to_m: Floats = np.where(holes, begins_m, np.inf).min(axis=0).astype(np.float32)
+    return to_m
 
 
 class _Evidence(NamedTuple):
