@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
+import re
 import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
 from datetime import datetime
 from functools import partial
-from smtplib import SMTPNotSupportedError, SMTPRecipientsRefused, SMTPResponseException
+from smtplib import SMTPNotSupportedError, SMTPRecipientsRefused, SMTPSenderRefused
 
 from django.core.mail import EmailMessage, get_connection
 from django.core.mail.backends.base import BaseEmailBackend
@@ -23,13 +24,16 @@ from fleet.audit.services import record
 log = logging.getLogger(__name__)
 
 SERVER_TIMEOUT_S = 20.0
-AGAIN_S = (60.0, 300.0, 1800.0, 7200.0)  # pauses after the first try, the second, and so on
+# Pauses after the first try, the second, and so on: a day in all, for a quota of a day is free again then.
+AGAIN_S = (60.0, 300.0, 1800.0, *(7200.0,) * 12)
+# Status codes (RFC 3463) that refuse the sender, a quota or a policy. Many servers check the sender only after RCPT.
+NOT_THE_ADDRESS = re.compile(r"\b5\.(1\.[78]|4\.5|7\.\d+)\b")
 
 
 def send_later(messages: Sequence[EmailMessage]) -> None:
-    """Send the messages once the transaction is committed. If the server does not answer, try again for some hours.
+    """Send the messages once the transaction is committed. If the server does not take them, try again for a day.
 
-    A message that the server refuses ends no other.
+    A message whose address the server refuses is not tried again, and ends no other.
     """
     if messages:
         transaction.on_commit(partial(_in_background, messages))
@@ -64,24 +68,29 @@ def _try_to_send(waiting: list[EmailMessage]) -> str:
     connection, cause = get_connection(timeout=SERVER_TIMEOUT_S), ""
     for message in list(waiting):
         try:
-            connection.open()
-        except OSError as error:  # the server is out of reach for all messages; also SMTPException
+            delay = put_off(message, connection)
+        except OSError as error:  # also SMTPException
             return str(error)
-        if delay := put_off(message, connection):
+        if delay:
             cause = delay
-            continue
-        waiting.remove(message)
+        else:
+            waiting.remove(message)
     with suppress(OSError):
         connection.close()
     return cause
 
 
 def put_off(message: EmailMessage, connection: BaseEmailBackend) -> str:
-    """Send a message. Return why it must wait; empty: the mail server took it, or refused it for good.
+    """Send a message. Return why it must wait; empty: the mail server took it, or refuses its address for good.
 
-    A refusal is logged, recorded, and noted at the person (`User.email_refused_at`). `connection` is open; after a
-    failure it is closed.
+    A refusal is logged, recorded, and noted at the person (`User.email_refused_at`). After a failure, `connection` is
+    closed.
+
+    Raises:
+        OSError: the server takes no message now: it is out of reach, or it refuses the sender.
+
     """
+    connection.open()
     message.connection = connection
     refused_at: datetime | None = None
     try:
@@ -89,7 +98,9 @@ def put_off(message: EmailMessage, connection: BaseEmailBackend) -> str:
     except (OSError, ValueError) as error:
         with suppress(OSError):
             connection.close()  # the server may have ended it
-        if may_pass_later(error):
+        if isinstance(error, SMTPSenderRefused):
+            raise
+        if not is_of_address(error):
             return str(error) or repr(error)
         _refused(message, error)
         refused_at = timezone.now()
@@ -106,22 +117,19 @@ def _note(addresses: Sequence[str], refused_at: datetime | None) -> None:
         log.error("It is not noted whether an e-mail was refused: %s", error)
 
 
-def may_pass_later(error: Exception) -> bool:
-    """Return whether a message that was not sent may be sent later; False: the mail server refuses it for good."""
+def is_of_address(error: Exception) -> bool:
+    """Return whether an error says that the address is wrong; else the message may be sent later."""
     match error:
         case SMTPRecipientsRefused():
-            return any(code < 500 for code, _text in error.recipients.values())
-        case SMTPResponseException():
-            return int(error.smtp_code) < 500
-        case (
-            ValueError() | SMTPNotSupportedError()
-        ):  # such as letters of an address that the server does not take
-            return False
-    return True
+            is_for_good = all(code >= 500 for code, _text in error.recipients.values())
+            return is_for_good and not NOT_THE_ADDRESS.search(str(error))
+        case ValueError() | SMTPNotSupportedError():  # the address cannot be written
+            return True
+    return False
 
 
 def _refused(message: EmailMessage, error: Exception) -> None:
-    """Log and record a message that the mail server refuses, so that staff find whom it did not reach."""
+    """Log and record a message whose address the mail server refuses, so that staff find whom it did not reach."""
     log.warning("The mail server refused an e-mail: %s", error)
     private = {"address": ", ".join(message.to), "name": message.subject, "words": str(error)}
     try:

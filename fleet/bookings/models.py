@@ -286,7 +286,7 @@ class Notification(models.Model):
     claimed_at = models.DateTimeField(null=True, blank=True)  # when a process last began to send it
     sent_at = models.DateTimeField(
         null=True, blank=True
-    )  # when the mail server took it, or refused it for good
+    )  # when the mail server took it, or refused its address
     seen_at = models.DateTimeField(null=True, blank=True)  # when the person closed the notice
 
     class Meta:

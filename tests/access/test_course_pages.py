@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import re
+import threading
 from collections.abc import Callable
 from datetime import timedelta
+from smtplib import SMTPRecipientsRefused
 from typing import Any
 
 import pytest
 from django.core.files.uploadedfile import SimpleUploadedFile
+from django.core.mail import EmailMessage
+from django.core.mail.backends.locmem import EmailBackend
 from django.test import Client
 from django.utils import timezone
 
@@ -79,8 +83,6 @@ def test_one_form_makes_a_class_of_forty(
     assert role_on(student, other_robot) is Role.OPERATOR
     assert Record.objects.filter(kind="course.create", actor_id=str(staff.pk)).count() == 1
     assert "40 people" in shown(client.get(made.url))
-    User.objects.filter(pk=student.pk).update(email_refused_at=timezone.now())
-    assert "The mail server refused the e-mail to 1 person." in shown(client.get(made.url))
 
 
 def test_a_list_that_changed_after_the_preview_is_shown_again(
@@ -144,6 +146,28 @@ def test_a_supervisor_enrols_by_csv_after_a_preview(signed_in: SignIn, course: C
         assert done.status_code == 302
     assert User.objects.get(email="j@example.org").full_name == "Jürgen"
     assert Enrolment.objects.count() == 2
+
+
+@pytest.mark.django_db(transaction=True)
+def test_the_page_shows_whom_the_welcome_letter_did_not_reach(
+    signed_in: SignIn, course: Course, teacher: User, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse_ada(_server: EmailBackend, letters: list[EmailMessage]) -> int:
+        if letters[0].to == ["ada@example.org"]:
+            raise SMTPRecipientsRefused({"ada@example.org": (550, b"5.1.1 no such mailbox")})
+        return 1
+
+    monkeypatch.setattr(EmailBackend, "send_messages", refuse_ada)
+    client, address = signed_in(teacher), "/courses/hri-2026/enrol/"
+    preview = client.post(address, {"people": "Ada <ada@example.org>\nBob <bob@example.org>"})
+    assert client.post(address, form_of(preview)).status_code == 302
+    for thread in threading.enumerate():
+        if thread.name == "email":
+            thread.join(10)
+    words = shown(client.get("/courses/hri-2026/"))
+    assert "The mail server refused the e-mail to 1 person." in words
+    assert words.count("e-mail refused") == 1
+    assert "ada@example.org no password yet e-mail refused" in words
 
 
 def test_encoding_separator_and_columns_can_be_changed(

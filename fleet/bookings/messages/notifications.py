@@ -1,8 +1,8 @@
 """Notifications of bookings: stored with the change that they report, shown on the pages, sent by e-mail.
 
 Several housekeeping processes may run: each claims a notification before it sends it. If a process dies
-before it has sent the notification, or the mail server does not answer or puts it off, it is tried again after
-`AGAIN`, and given up after `GIVEN_UP`. A notification that the mail server refuses for good is not tried again.
+before it has sent the notification, or the mail server does not answer or does not take it, it is tried again after
+`AGAIN`, and given up after `GIVEN_UP`. If the mail server refuses the address, it is not tried again.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def write_reminders(now: datetime) -> None:
 
 
 def send_notifications(now: datetime) -> int:
-    """Send waiting notifications, at most `BATCH_SIZE`. Return how many the mail server took, or refused for good."""
+    """Send waiting notifications, at most `BATCH_SIZE`. Return how many are over: sent, or to a wrong address."""
     waiting = Notification.objects.filter(
         Q(claimed_at=None) | Q(claimed_at__lt=now - AGAIN), sent_at=None, made_at__gt=now - GIVEN_UP
     )
@@ -117,11 +117,11 @@ def send_notifications(now: datetime) -> int:
             continue
         message = EmailMessage(notification.subject, notification.text, to=[notification.person.email])
         try:
-            connection.open()
-        except OSError as error:  # the server is out of reach for all; also SMTPException
-            log.warning("An e-mail was not sent and is tried again in 5 minutes: %s", error)
+            delay = emails.put_off(message, connection)
+        except OSError as error:  # also SMTPException
+            log.warning("The mail server takes no e-mail now; all wait and are tried again: %s", error)
             break
-        if delay := emails.put_off(message, connection):  # other notifications must not wait for this one
+        if delay:  # other notifications must not wait for this one
             log.warning(
                 "An e-mail to %s was put off and is tried again in 5 minutes: %s",
                 notification.person_id,

@@ -1,7 +1,7 @@
 """E-mails about bookings, and calendar feeds."""
 
 from datetime import datetime, timedelta, timezone
-from smtplib import SMTPRecipientsRefused
+from smtplib import SMTPDataError, SMTPRecipientsRefused, SMTPSenderRefused
 from unittest.mock import Mock
 
 import pytest
@@ -10,6 +10,7 @@ from django.urls import reverse
 from django.utils import timezone as django_timezone
 from icalendar import Calendar
 
+from fleet.accounts.models import User
 from fleet.accounts.services import account_erase
 from fleet.audit.command_line import here
 from fleet.audit.models import Record
@@ -186,6 +187,31 @@ def test_an_address_that_is_refused_keeps_no_other_notification_back(
     notifications.send_notifications(NOW + timedelta(minutes=12))
     olga.refresh_from_db()
     assert olga.email_refused_at is None, "the server took the last e-mail"
+
+
+@pytest.mark.parametrize(
+    ("error", "tries"),
+    [
+        (SMTPSenderRefused(553, b"sender not allowed", "us"), 1),  # it would refuse each: the round ends
+        (SMTPDataError(550, b"5.4.5 daily sending limit exceeded"), 2),
+    ],
+)
+def test_a_refused_sender_or_quota_loses_nothing_and_marks_nobody(
+    olga, second_operator, monkeypatch, mailoutbox, caplog, error, tries
+):
+    second_operator.email = "olaf@example.org"
+    second_operator.save()
+    for person in (olga, second_operator):
+        notifications.notification_write(to=person, subject="A slot", text="yours", now=NOW)
+    with monkeypatch.context() as patch:
+        refuse = Mock(side_effect=error)
+        patch.setattr(EmailBackend, "send_messages", refuse)
+        assert notifications.send_notifications(NOW) == 0
+    assert refuse.call_count == tries
+    assert Notification.objects.filter(sent_at=None).count() == 2
+    assert not User.objects.exclude(email_refused_at=None).exists()
+    assert error.smtp_error.decode() in caplog.text
+    assert notifications.send_notifications(NOW + timedelta(minutes=6)) == 2
 
 
 @pytest.mark.django_db(transaction=True)
