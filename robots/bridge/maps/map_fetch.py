@@ -42,9 +42,10 @@ class MapWanted(Struct, frozen=True):
 
 
 class NoMap(Struct, frozen=True, tag=True):
-    """There is no usable map; `why` is the reason in words."""
+    """There is no usable map; `why` is the reason in words. `is_certain`: a second fetch would find the same."""
 
     why: str
+    is_certain: bool = False
 
 
 _answer = msgspec.msgpack.Decoder(TakenMap | NoMap)
@@ -54,8 +55,8 @@ class MapFetcher:
     """Fetches maps; runs on the event loop.
 
     `keep` receives each fetched map and must not block. `gone` receives the reason why there is no map; if
-    there was one before, only after the second failure in a row. A restarted robot has time to publish its map,
-    unless it drives to a place.
+    there was one before, only if the reason is certain, or after the second failure in a row. A restarted robot
+    has time to publish its map, unless it drives to a place.
     """
 
     def __init__(
@@ -113,16 +114,16 @@ class MapFetcher:
                     self._due_s = now_s + (WATCHED_S if self._watched else FRESH_S)
                     self._logged, self._failed, self._restarted_s = "", False, None
                     self._keep(taken)
-                case NoMap(why=why):
+                case NoMap(why=why, is_certain=is_certain):
                     self._say(why)
-                    self._fail(why, now_s)
+                    self._fail(why, now_s, is_certain)
         except (OSError, asyncio.TimeoutError, msgspec.MsgspecError) as error:
             self._say(f"the process that fetches it failed ({error!r})")
             self._fail("the console could not fetch it", now_s)
 
-    def _fail(self, why: str, now_s: float) -> None:
+    def _fail(self, why: str, now_s: float, is_certain: bool = False) -> None:
         restarts = self._restarted_s is not None and now_s - self._restarted_s < RESTARTS_S
-        if self._failed and (self._watched or not restarts):
+        if is_certain or (self._failed and (self._watched or not restarts)):
             self._gone(why)
         if restarts or (self._watched and not self._failed):
             self._due_s = now_s + DOUBTED_S

@@ -36,6 +36,9 @@ REPORTS_S = 2.0  # a report of running goals is valid for this long
 OBEYS_S = 3.0  # after a cancel, navigation has this long to end the goal
 STANDS_S = 2.0  # from the end of a drive until the robot stands
 LOOKS_S = 4.0  # from the request until the depth camera looks ahead: the head turns, then a picture arrives
+DOUBT_S = (
+    10.0  # a drive ends after this time without a reading of the map that another node may have replaced
+)
 BEGIN_TIMEOUT_S = 5.0  # after control begins, map and localisation may arrive within this time
 MOVES_MPS, MOVES_RADPS = 0.02, 0.05
 # Refusals whose cause may end by itself in the first seconds of control.
@@ -123,6 +126,7 @@ class NavigationGoals(Goals[Target]):
         self.hold = Hold(records, navigator.cancel_navigation, earlier_goal)
         self._map: GoalMap | None = None
         self._digest = ""  # of the last known map, also while the present one is unknown
+        self._doubted_s = math.inf  # since when the robot may have another map
         self.map_run = 0  # grows when the robot may have another map than the last one that was read
         self._map_problem = NO_MAP
         self._at_home_s = -math.inf  # when the arm was last at home
@@ -345,6 +349,9 @@ class NavigationGoals(Goals[Target]):
             self.end("location_jumped", text, now_s)
         if self.driving_requester and (refusal := self.localisation.refuse(now_s)):
             self.end("location_lost", refusal.text, now_s, refusal.code)
+        if self.driving_requester and now_s - self._doubted_s > DOUBT_S:
+            text = f"Another node publishes the robot’s map, and no map could be read for {DOUBT_S:.0f} s."
+            self.end("map_gone", text, now_s)
         goal = self._current
         if goal is not None and self.driving_requester and now_s - goal.what.heard_s > ANSWERS_S:
             text = f"Navigation reported nothing for {ANSWERS_S:.0f} s, and the robot stood still."
@@ -398,7 +405,7 @@ class NavigationGoals(Goals[Target]):
         if self._digest not in ("", goal_map.digest):
             self.localisation.forget()
             self.path.take(NO_POINTS)
-        self._map, self._digest = goal_map, goal_map.digest
+        self._map, self._digest, self._doubted_s = goal_map, goal_map.digest, math.inf
         goal = self._current
         if goal is not None and self.driving_requester and goal.what.digest != goal_map.digest:
             self.end("map_changed", "The robot’s map changed.", now_s)
@@ -407,9 +414,10 @@ class NavigationGoals(Goals[Target]):
         """Note that the robot may have another map now: no new goal until it is read.
 
         `restarted`: the robot may be anywhere on it, too, so a drive ends. Else another map server publishes the
-        map: a drive ends only if the map that is then read is another one.
+        map: a drive ends only if the map that is then read is another one, or if none is read for `DOUBT_S`.
         """
         self.map_run += 1
+        self._doubted_s = min(self._doubted_s, now_s)
         self._map, self._map_problem = None, UNKNOWN_NOW
         if restarted:
             self.localisation.forget()
@@ -420,6 +428,7 @@ class NavigationGoals(Goals[Target]):
         """Note that the robot has no usable map now. End the drive."""
         text = f"The robot has no map that can be used: {why}"
         self._map, self._map_problem = None, Refusal("no_map", _sentence(text), "robot")
+        self._doubted_s = math.inf
         self.end("map_gone", self._map_problem.text, now_s)
 
     def planned(self, places: Points) -> None:

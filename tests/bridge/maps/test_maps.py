@@ -138,6 +138,13 @@ async def test_a_known_map_is_gone_after_two_failed_fetches(answer, words, taker
     assert taker.gone == [words]
 
 
+async def test_a_known_map_is_gone_at_once_for_a_certain_reason(taker):
+    await taker.tick(7, 0.0)
+    taker.answers(NoMap("two nodes publish different maps", is_certain=True))
+    await taker.tick(7, FRESH_S)
+    assert taker.gone == ["two nodes publish different maps"]
+
+
 @pytest.mark.parametrize("watched", [True, False])
 async def test_a_map_lost_with_a_restart_is_gone_at_once_for_a_drive(watched, taker):
     await taker.tick(7, 0.0)

@@ -14,7 +14,7 @@ from robots.bridge.gate.values import STILL, Pose, SpeedLimit, Velocity, Verdict
 from robots.bridge.navigation.goal_map import UNKNOWN_NOW
 from robots.bridge.navigation.hold import UNENDED, UNHEARD, WATCHED_S
 from robots.bridge.navigation.localisation import Localisation, Spread
-from robots.bridge.navigation.navigation_goals import LOOKS_S
+from robots.bridge.navigation.navigation_goals import DOUBT_S, LOOKS_S
 from robots.bridge.navigation.path import PlannedPath
 from robots.wire import Go, GoCancel, LookAhead
 from tests.bridge.support import CONFIG, Bench
@@ -121,6 +121,20 @@ def test_another_map_server_ends_a_drive_only_by_another_map(bench, read):
         bench.core.unmapped("nobody publishes /map", bench.now_s)
     assert (bench.navigation.driving_requester is not None) == (read == "free")
     assert (bench.navigation.refuse_pose(bench.now_s) is None) == (read != "another")
+
+
+def test_another_map_server_ends_a_drive_if_no_map_is_read(bench):
+    gone(bench)
+    bench.core.map_server_replaced(bench.now_s)
+    passed(bench, DOUBT_S - 1.0)
+    bench.core.mapped(FreeMap(), bench.now_s)
+    passed(bench, 2.0)
+    for _ in range(2):  # the second change does not begin the time anew
+        assert bench.navigation.driving_requester is not None
+        bench.core.map_server_replaced(bench.now_s)
+        passed(bench, 0.5 * DOUBT_S + 0.2)
+    going = bench.core.state(bench.now_s, []).going
+    assert bench.navigation.driving_requester is None and "no map could be read" in going.ending
 
 
 def test_without_its_watchdog_the_robot_is_not_sent(bench):

@@ -14,7 +14,7 @@ from nav_msgs.msg import OccupancyGrid
 from robots import wire
 from robots.bridge.config import Topic
 from robots.bridge.ros.network.master_monitor import SURVEY_S
-from tests.processes import until
+from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import WatchdogProcess, drivable, running_bridge, tiago_config
 from tests.ros.navigation.conftest import FAR, NEAR, TOPICS, Traveller, guarded_bridge, pause, place
 
@@ -118,6 +118,17 @@ def grid(cells: int) -> OccupancyGrid:
     return message
 
 
+@contextmanager
+def also_published(maps: OccupancyGrid):
+    """A second node, this one, publishes the robot's map."""
+    publisher = rospy.Publisher("/map", OccupancyGrid, queue_size=1, latch=True)
+    try:
+        publisher.publish(maps)
+        yield publisher
+    finally:
+        publisher.unregister()
+
+
 @pytest.fixture
 def on_other_map(rosmaster, tmp_path):
     config = tiago_config(
@@ -162,6 +173,24 @@ def test_a_map_that_changes_or_ends_ends_a_drive(truth, rosmaster, tmp_path):
         maps.unregister()
         assert traveller.drives_until_ended().outcome == "map_gone"
         traveller.stands()
+
+
+def test_nodes_with_different_maps_end_a_drive(traveller, robot):
+    office = rospy.wait_for_message("/map", OccupancyGrid, PATIENCE_S)
+    seq = traveller.go_away()
+    traveller.drives()
+    with also_published(grid(200)) as other:
+        end = traveller.ended(seq)
+        assert end.outcome == "map_gone"
+        traveller.stands()
+        refusal = traveller.refused(*traveller.goal)
+        assert refusal.code == "no_map"
+        for told in (end.text, refusal.text):
+            assert robot.node in told and rospy.get_name() in told and "different maps" in told
+        other.publish(office)
+        seq = traveller.go(*traveller.goal)
+        traveller.drives()
+    assert traveller.ended(seq).outcome == "arrived"
 
 
 def test_without_a_watchdog_nobody_is_sent(rosmaster, tmp_path, config):

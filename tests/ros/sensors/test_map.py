@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import socket
+from contextlib import contextmanager
 from io import BytesIO
 
 import numpy as np
 import pytest
+import rosgraph
 import rospy
 from geometry_msgs.msg import Pose2D
 from nav_msgs.msg import OccupancyGrid
@@ -131,7 +134,7 @@ def test_a_bad_map_and_a_missing_map_are_refused(ros, rosmaster, monkeypatch):
     try:
         silent = take(wanted)
         assert isinstance(silent, NoMap)
-        assert "timed out" in silent.why
+        assert "has published no map yet" in silent.why
         grid = OccupancyGrid()
         grid.header.frame_id = "map"
         grid.info.resolution, grid.info.width, grid.info.height = math.nan, 2, 2
@@ -143,6 +146,42 @@ def test_a_bad_map_and_a_missing_map_are_refused(ros, rosmaster, monkeypatch):
         assert "nan m wide" in refused.why
     finally:
         hostile.unregister()
+
+
+@contextmanager
+def registered(rosmaster, uri: str):
+    """Another publisher of the map, as the master knows it."""
+    master = rosgraph.Master("/second", rosmaster.uri)
+    master.registerPublisher(MAP.name, MAP.type, uri)
+    try:
+        yield
+    finally:
+        master.unregisterPublisher(MAP.name, uri)
+
+
+def test_a_publisher_that_has_ended_hides_no_map(rosmaster):
+    with registered(rosmaster, "http://127.0.0.1:9/"):
+        assert isinstance(take(MapWanted(rosmaster.uri, MAP)), TakenMap)
+
+
+def test_a_publisher_that_hangs_makes_the_map_unknown(rosmaster):
+    with (
+        socket.create_server(("127.0.0.1", 0)) as hangs,
+        registered(rosmaster, f"http://127.0.0.1:{hangs.getsockname()[1]}/"),
+    ):
+        found = take(MapWanted(rosmaster.uri, MAP))
+    assert isinstance(found, NoMap)
+    assert "/second" in found.why and "does not answer" in found.why
+
+
+@pytest.mark.parametrize("latched", [True, False])
+def test_a_latched_topic_without_a_map_hides_none(ros, rosmaster, monkeypatch, latched):
+    monkeypatch.setattr("robots.bridge.ros.sensors.map.MESSAGE_S", 0.5)
+    silent = rospy.Publisher(MAP.name, OccupancyGrid, queue_size=1, latch=latched)
+    try:
+        assert isinstance(take(MapWanted(rosmaster.uri, MAP)), TakenMap if latched else NoMap)
+    finally:
+        silent.unregister()
 
 
 def test_without_a_master_it_says_so(tmp_path):

@@ -7,41 +7,75 @@ subscribes by a TCPROS handshake instead of a rospy node, so nothing is register
 from __future__ import annotations
 
 import signal
+import struct
 import sys
 import time
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import msgspec
+from msgspec import Struct
 
 from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.maps.map_fetch import END_S, MapWanted, NoMap
 from robots.bridge.maps.occupancy import LARGEST_MESSAGE, BadMap, taken
 from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.network.master import Master, MasterError
-from robots.bridge.ros.network.tcpros import Conversation, first_response
+from robots.bridge.ros.network.tcpros import Conversation, connect_to_publisher
 from robots.processes.shutdown import exit_within
 
 CALLER = "/fleet_map"
 MESSAGE_S = 5.0  # the map's topic is latched: its publisher sends the map at once
+AT_ONCE = 3  # publishers that are read at the same time: a map has up to 16 MB
+
+
+class _Without(Struct, frozen=True):
+    """A publisher from which navigation has no map either: it has ended, or has published none. `why` in words."""
+
+    why: str
 
 
 def take(wanted: MapWanted) -> TakenMap | NoMap:
-    """Return the map of the first publisher that can be reached."""
+    """Return the map on which all publishers agree. If they differ, navigation may have any of them."""
     master, name = Master(wanted.master_uri, CALLER), wanted.topic.name
     try:
         nodes = master.system_state().publishers.get(name, [])
         addresses = {node: master.node_uri(node) for node in nodes}
     except MasterError as error:
         return NoMap(str(error))
-
-    def read(conversation: Conversation) -> TakenMap:
-        return taken(_message(conversation, wanted))
-
-    heard, unheard = first_response(read, name, addresses, CALLER)
-    whys = "; ".join(f"{node}: {why}" for node, why in unheard.items())
-    return heard or NoMap(whys or f"nobody publishes {name}")
+    with ThreadPoolExecutor(AT_ONCE) as readers:
+        answers = readers.map(partial(_map_of, wanted), addresses.values())
+        return _agreed(dict(zip(addresses, answers, strict=True)), name)
 
 
-def _message(conversation: Conversation, wanted: MapWanted) -> bytes:
+def _agreed(answers: Mapping[str, TakenMap | NoMap | _Without], topic: str) -> TakenMap | NoMap:
+    """Return the one map of these nodes. A node whose answer is unknown may publish another one."""
+    maps = {node: answer for node, answer in answers.items() if isinstance(answer, TakenMap)}
+    if len({taken_map.digest for taken_map in maps.values()}) > 1:
+        return NoMap(f"the nodes {' and '.join(maps)} publish different maps on {topic}", is_certain=True)
+    unknown = {node: answer.why for node, answer in answers.items() if isinstance(answer, NoMap)}
+    if maps and not unknown:
+        return next(iter(maps.values()))
+    without = {node: answer.why for node, answer in answers.items() if isinstance(answer, _Without)}
+    whys = "; ".join(f"{node}: {why}" for node, why in (unknown or without).items())
+    return NoMap(whys or f"nobody publishes {topic}")
+
+
+def _map_of(wanted: MapWanted, address: str | None) -> TakenMap | NoMap | _Without:
+    """Return the map of the publisher with this XML-RPC address; None: the master has no address of it."""
+    if address is None:
+        return _Without("has no address at the master")
+    try:
+        with connect_to_publisher(wanted.topic.name, address, CALLER) as conversation:
+            message = _message(conversation, wanted)
+            return message if isinstance(message, _Without) else taken(message)
+    except (OSError, MasterError, ValueError, struct.error) as error:
+        has_ended = isinstance(error.__cause__ or error, ConnectionRefusedError)
+        return _Without(str(error)) if has_ended else NoMap(str(error))
+
+
+def _message(conversation: Conversation, wanted: MapWanted) -> bytes | _Without:
     """Return the first message of a publisher. Raises ValueError for another definition of the type."""
     offered = conversation.read_header()
     if offered.get("md5sum") != message_class(wanted.topic.type)._md5sum:
@@ -51,7 +85,12 @@ def _message(conversation: Conversation, wanted: MapWanted) -> bytes:
             why = f"it publishes {found}, not {wanted.topic.type}"
         raise ValueError(offered.get("error") or why)
     conversation.until_s = time.monotonic() + MESSAGE_S
-    length = conversation.read_length()
+    try:
+        length = conversation.read_length()
+    except TimeoutError:
+        if offered.get("latching") != "1":
+            raise  # it may have published a map before
+        return _Without("has published no map yet")
     if length > LARGEST_MESSAGE:
         raise BadMap(f"a message of {length} bytes is too large")
     return conversation.read(length)
