@@ -55,7 +55,6 @@ from robots.bridge.gate.obstacles.sightings import (
 )
 from robots.bridge.gate.sensing.depth import (
     Columns,
-    Floats,
     Picture,
     Transform,
     came_since,
@@ -105,7 +104,6 @@ class Frame(NamedTuple):
     picture: Picture
     to_base: Transform
     columns: Columns
-    measured_m: Floats  # how far each column of pixels is measured at table height, m from the lens
 
 
 def frame_of(picture: Picture, to_base: Transform, view: DepthView) -> Frame:
@@ -114,8 +112,7 @@ def frame_of(picture: Picture, to_base: Transform, view: DepthView) -> Frame:
     This is the costly part. It needs no odometry and may run on any thread.
     """
     check_shown(picture, to_base)
-    columns = columns_of(picture, to_base, top_m(to_base, view.height_m))
-    return Frame(picture, to_base, columns, measured_to_m(picture, to_base, TABLE_M))
+    return Frame(picture, to_base, columns_of(picture, to_base, top_m(to_base, view.height_m)))
 
 
 class DepthCamera:
@@ -136,6 +133,9 @@ class DepthCamera:
         self._spans = _Spans(self._memory)
         self._frame: Frame | None = None
         self._shows_tables = False  # whether the newest picture shows table height ahead
+        self._measured_m = np.empty(
+            0, np.float32
+        )  # how far its columns of pixels are measured at table height
         self._seen = NO_POINTS  # odometry frame
         self._near_side = NearSide(view.blind_m)
         self._hidden = NO_POINTS  # possible obstacles in the blind range, odometry frame
@@ -173,6 +173,7 @@ class DepthCamera:
         self._is_doubtful = False
         self._frame = frame
         self._shows_tables = _shows_tables(frame)
+        self._measured_m = measured_to_m(frame.picture, frame.to_base, TABLE_M)
         self._frames += 1
         self._learn(frame, base, self._clock.pass_to(base, arrival_s), arrival_s)
         if stamp_s - self._looked_s >= LOOK_EVERY_S:
@@ -336,7 +337,7 @@ class DepthCamera:
             return np.empty(0), np.empty(0)
         to_base, right = self._frame.to_base, self._frame.picture.right
         bearings = math.atan2(to_base[1, 2], to_base[0, 2]) - np.arctan(right)
-        return bearings.astype(np.float64), self._frame.measured_m.astype(np.float64)
+        return bearings.astype(np.float64), self._measured_m.astype(np.float64)
 
     def sight_m(self, direction: float, curvature: float) -> float:
         """Return how much of the way is visible (m): infinite if all of it is, 0 if the camera looks elsewhere.
