@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import gc
 import os
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
@@ -62,6 +63,14 @@ def pytest_collection_finish() -> None:
     """Exclude collected tests and loaded code from garbage collection: each full run would check them all."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_teardown() -> None:
+    """Wait for letters that a test sent on a thread: they use its database."""
+    for thread in threading.enumerate():
+        if thread.name == "email":
+            thread.join(1.0)
 
 
 @pytest.fixture(scope="session")
