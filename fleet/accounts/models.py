@@ -32,9 +32,8 @@ class User(RecordedUser):
     )
     # Panels of the control page, and whether hints were read; see `PageChoicesForm`. Only pages read this.
     page_choices = models.JSONField(default=dict, blank=True, editable=False)
-    email_refused_at = models.DateTimeField(
-        null=True, blank=True, editable=False
-    )  # None: the mail server took the last e-mail
+    # None: the mail server took the last e-mail.
+    email_refused_at = models.DateTimeField(null=True, blank=True, editable=False)
     project = NameField(
         _("project"),
         max_length=80,

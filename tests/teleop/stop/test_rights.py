@@ -1,4 +1,4 @@
-"""Who may stop is read for many requests together."""
+"""The right to stop robots is read for many requests together."""
 
 import asyncio
 import threading
