@@ -68,9 +68,8 @@ def _join(sources: Path, into: Path, entries: set[str]) -> set[str]:
 
     Return the names of all files that were read.
     """
-    programs = list(
-        settings.BASE_DIR.glob("node_modules/@esbuild/*/bin/esbuild")
-    )  # npm installs the program for this kind of computer
+    # npm installs the program for this kind of computer
+    programs = list(settings.BASE_DIR.glob("node_modules/@esbuild/*/bin/esbuild"))
     if not programs:
         raise ImproperlyConfigured("esbuild is not installed. Run: script/setup web")
     facts = sources / "facts"

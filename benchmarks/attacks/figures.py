@@ -38,9 +38,8 @@ class Taken:
     sent: int = 0  # drive commands
     lost: int = 0  # commands of `sent` that were never seen on the drive topic
     control_lost: int = 0  # times
-    halts: dict[str, int] = field(
-        default_factory=dict
-    )  # number of halts that the driver did not cause, by code
+    # Number of halts that the driver did not cause, by code
+    halts: dict[str, int] = field(default_factory=dict)
     bridge_mb: tuple[float, float] = (math.nan, math.nan)  # before, maximum
     web_mb: tuple[float, float] = (math.nan, math.nan)
     records: int = 0  # added to the audit log

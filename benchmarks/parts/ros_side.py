@@ -93,9 +93,8 @@ def publish() -> None:
     while not rospy.is_shutdown():
         message.linear.z = time.monotonic()
         publisher.publish(message)
-        due_s = max(
-            due_s + 1.0 / RATE_HZ, time.monotonic()
-        )  # after a pause (SIGSTOP) missed messages are not sent
+        # After a pause (SIGSTOP) missed messages are not sent
+        due_s = max(due_s + 1.0 / RATE_HZ, time.monotonic())
         time.sleep(max(0.0, due_s - time.monotonic()))
 
 

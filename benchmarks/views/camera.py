@@ -272,9 +272,8 @@ class Bench:
             for number in range(RIGHTS_LOST):
                 async with Crowd(self._stack, ROBOT, self._cookie, 1, camera=CAMERA) as crowd:
                     await crowd.until_all_see()
-                    await asyncio.sleep(
-                        0.1 * number
-                    )  # so the role ends at different times between two checks of rights
+                    # So the role ends at different times between two checks of rights
+                    await asyncio.sleep(0.1 * number)
                     taken_s = await switch("")
                     await asyncio.sleep(2.0 * ENDS_S)
                     last_s = max(at_s for arrivals in crowd.seen.values() for at_s in arrivals.values())

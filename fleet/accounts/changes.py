@@ -14,11 +14,8 @@ from fleet.audit.services import RecordBody, actor_renamed, record, record_all
 
 SHOWN = ("username", "full_name", "email", "time_zone", "project", "is_active", "is_staff", "is_superuser")
 RECORDED = (*SHOWN, "password")  # the record says that the password changed, and does not contain it
-RIGHTS = (
-    "is_active",
-    "is_staff",
-    "is_superuser",
-)  # their values are kept as long as the record; values of the other fields are personal data and expire
+# Their values are kept as long as the record; values of the other fields are personal data and expire
+RIGHTS = ("is_active", "is_staff", "is_superuser")
 
 
 # Arguments: user, actor. Sent when somebody else sets or removes an account's password, in that transaction.

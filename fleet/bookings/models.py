@@ -74,9 +74,8 @@ class Booking(models.Model):
     used_at = models.DateTimeField(null=True, blank=True)  # when the person first took control in this slot
     offer_until = models.DateTimeField(null=True, blank=True)
     reminded_at = models.DateTimeField(null=True, blank=True)
-    version = models.PositiveIntegerField(
-        default=1
-    )  # grows with each change, so that two tabs cannot overwrite each other's changes
+    # Grows with each change, so that two tabs cannot overwrite each other's changes
+    version = models.PositiveIntegerField(default=1)
     made_at = models.DateTimeField()  # when it was made, moved to another start, approved or accepted
 
     class Meta:
@@ -284,9 +283,8 @@ class Notification(models.Model):
     text = models.TextField()
     made_at = models.DateTimeField()
     claimed_at = models.DateTimeField(null=True, blank=True)  # when a process last began to send it
-    sent_at = models.DateTimeField(
-        null=True, blank=True
-    )  # when the mail server took it, or refused its address
+    # When the mail server took it, or refused its address
+    sent_at = models.DateTimeField(null=True, blank=True)
     seen_at = models.DateTimeField(null=True, blank=True)  # when the person closed the notice
 
     class Meta:

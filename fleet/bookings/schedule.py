@@ -23,9 +23,8 @@ GAP = timedelta(minutes=1)  # a shorter time between two bookings does not count
 
 _DEFAULTS = (timedelta(minutes=Policy().grace_min), Policy().free_time)  # without any policy
 
-_OWN, _OF_GROUP, _OF_ALL, _BOOKING, _OUT = range(
-    5
-)  # kinds of rows, in their order; the first policy of a robot counts
+# Kinds of rows, in their order; the first policy of a robot counts
+_OWN, _OF_GROUP, _OF_ALL, _BOOKING, _OUT = range(5)
 
 _ROWS = f"""
 SELECT {_BOOKING} AS kind, robot_id, starts_at, held_until, used_at, made_at, b.id, person_id,

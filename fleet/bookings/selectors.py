@@ -63,13 +63,8 @@ class Stage(Enum):
     CANCELLED = "cancelled"
 
 
-OPEN = (
-    Stage.AWAITING,
-    Stage.OFFERED,
-    Stage.BOOKED,
-    Stage.DUE,
-    Stage.IN_USE,
-)  # people may still change bookings in these stages
+# People may still change bookings in these stages
+OPEN = (Stage.AWAITING, Stage.OFFERED, Stage.BOOKED, Stage.DUE, Stage.IN_USE)
 _ENDED: dict[str, Stage] = {
     State.FINISHED: Stage.FINISHED,
     State.NO_SHOW: Stage.NO_SHOW,
@@ -239,10 +234,8 @@ def robot_facts(robot: Robot, slot: Slot) -> RobotFacts:
 def _held(robot: Robot, time: Slot) -> Iterator[_Held]:
     """Return the robot's bookings that hold some of this time."""
     asked = (robot.id, _before(time.starts_at, LONGEST), time.ends_at, time.starts_at)
-    moment, person_key = (
-        cache(rows.moment),
-        cache(rows.key),
-    )  # the end of one booking is often the start of the next: parse it only once
+    # The end of one booking is often the start of the next: parse it only once
+    moment, person_key = cache(rows.moment), cache(rows.key)
     for key, starts_at, held_until, used_at, person, name in rows.read(_TAKEN, asked):
         times = moment(starts_at), moment(held_until), used_at and moment(used_at)
         yield _Held(rows.key(key), *times, person_key(person), name)

@@ -267,9 +267,8 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         if not (self._head_open and self._is_of_stop()):
             return False
         self._damaged = True
-        super().lineReceived(
-            b"X-Cut: 1"
-        )  # completes the header before, which might have continued on another line
+        # Completes the header before, which might have continued on another line
+        super().lineReceived(b"X-Cut: 1")
         if not stop_addresses.needs_no_body(self._command, self._path, self.requests[-1].requestHeaders):
             return False
         super().lineReceived(b"")
@@ -312,9 +311,8 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         self._head_open = False
         request = self.requests[-1]
         if len(request.requestHeaders.getRawHeaders(b"Host", [])) > 1 and not self._is_of_stop():
-            raise Refused(
-                limits.malformed()
-            )  # by the rules of HTTP: two programs might read another one each
+            # By the rules of HTTP: two programs might read another one each
+            raise Refused(limits.malformed())
         says_all = stop_addresses.needs_no_body(self._command, self._path, request.requestHeaders)
         if self._damaged or (self.length != 0 and says_all):
             request.requestHeaders.removeHeader(b"Expect")

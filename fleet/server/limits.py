@@ -41,9 +41,8 @@ STRANGERS_AT_ONCE = (
     2  # stops of people who may not stop that robot, which the pages process answers; others wait
 )
 
-MESSAGE_BYTES = (
-    64 * 1024
-)  # one message of a WebSocket: pages send 8 KiB at most; the console answers larger messages with a refusal
+# One message of a WebSocket: pages send 8 KiB at most; the console answers larger messages with a refusal
+MESSAGE_BYTES = 64 * 1024
 HANDSHAKE_BYTES = 16384  # bytes that a WebSocket may send before it is accepted
 MESSAGES_WAITING = 1000  # messages of one WebSocket that the console has not handled yet
 

@@ -60,9 +60,8 @@ class Keeper:
 
     def __init__(self, run_directory: Path, application: str) -> None:
         self.path = run_directory / f"web-{os.getpid()}.sock"
-        self.programs = (
-            run_directory / f"programs-{os.getpid()}.sock"
-        )  # the pages process connects to this process here
+        # The pages process connects to this process here
+        self.programs = run_directory / f"programs-{os.getpid()}.sock"
         self._application = application
         self._ending = threading.Event()
         self._process: subprocess.Popen[bytes] | None = None
@@ -169,9 +168,8 @@ class Forward:
 
     async def _answer(self, request: Any, headers: Headers, body: bytes) -> Any:
         """Return the head of the response. If the process is just starting, wait for it."""
-        if not request.uri.startswith(
-            b"/"
-        ):  # a part of such a URL would be another host's name, with separate connections
+        # A part of such a URL would be another host's name, with separate connections
+        if not request.uri.startswith(b"/"):
             raise ValueError("The address is none.")
         if request.method not in METHODS:
             raise ValueError("The method is none of HTTP's for pages.")

@@ -124,13 +124,11 @@ class Programs:
             return await send(
                 {"type": "websocket.close", "code": CloseCode.SIGNED_OUT, "reason": error.text[:120]}
             )
-        if scope["path"].startswith(
-            "/ws/fleet/"
-        ):  # this WebSocket shows and stops all robots, also those that the token does not include
+        # This WebSocket shows and stops all robots, also those that the token does not include
+        if scope["path"].startswith("/ws/fleet/"):
             return await self._people(scope, receive, send)
-        session = SimpleNamespace(
-            session_key=key_of(token)
-        )  # with this key, the rights of the connection are checked later
+        # With this key, the rights of the connection are checked later
+        session = SimpleNamespace(session_key=key_of(token))
         return await self._inner(
             {**scope, "user": token.user, "token": token, "session": session}, receive, send
         )

@@ -137,9 +137,8 @@ def enrol_list(*, course: Course, people: PeopleList, actor: User, site: str) ->
         with transaction.atomic():
             _lock_enrolments()
             names.catch_up()
-            now = plan_of(
-                PeopleList(tuple(listed)), course, actor, names
-            )  # the button may have been pressed twice
+            # The button may have been pressed twice
+            now = plan_of(PeopleList(tuple(listed)), course, actor, names)
             made = _make_accounts(now.newcomers, actor)
             enrol(course=course, people=[*now.accounts, *made], actor=actor)
             welcome.send_later(made, course=course, site=site)

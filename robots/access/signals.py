@@ -8,9 +8,8 @@ from uuid import UUID
 from django.db import transaction
 from django.dispatch import Signal
 
-access_changed = (
-    Signal()
-)  # `people`: a frozenset of their identifiers, None for everybody; sent after the commit
+# `people`: a frozenset of their identifiers, None for everybody; sent after the commit
+access_changed = Signal()
 
 
 def publish_access_changed(people: Iterable[UUID] | None) -> None:

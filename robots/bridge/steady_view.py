@@ -17,10 +17,8 @@ from robots.bridge.gate.values import SpeedLimit, Velocity, Verdict
 
 STANDS_S = 2.0  # the words are held for this time if the robot may hardly move
 DRIVES_S = 0.5  # ... and for this time if it may
-CRAWLS_MPS, CRAWLS_RADPS = (
-    0.05,
-    0.1,
-)  # below these speeds, noise of a few millimetres stops the robot and frees it
+# Below these speeds, noise of a few millimetres stops the robot and frees it
+CRAWLS_MPS, CRAWLS_RADPS = 0.05, 0.1
 LIMITS_S = 1.0  # a speed limit is shown for this time after its end
 # Verdicts of other rules, and of silent sensors, change seldom. They are shown as they come.
 PASSING = frozenset(

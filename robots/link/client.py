@@ -56,10 +56,8 @@ _QUERY_TIMEOUT_S = 12.0  # the bridge reports a failure after 2 s, or after 10 s
 _MOST_TASK_REQUESTS, _MOST_QUERIES = 64, 32  # at once, for all pages together
 SILENT_S = 2.0  # a bridge reports its state twice a second
 _LINK_STOP_S = 0.3  # if a stop has no answer after this time, the link may be dead
-_NAMES, _NAME_LENGTH = (
-    20,
-    40,
-)  # names of viewers; further viewers are only counted, because the size of a message is limited
+# Names of viewers; further viewers are only counted, because the size of a message is limited
+_NAMES, _NAME_LENGTH = 20, 40
 _SUBSCRIPTIONS_PACE_S = 0.1  # changes of subscriptions within this time are sent as one
 _LATENESS_CHECK_S = 0.1  # how often the loop's lateness is measured
 _WAITING_PACE_S = 0.5  # between two searches for pending stops
@@ -152,9 +150,8 @@ class BridgeLink:
         )
         self._grants: PendingReplies[None] = PendingReplies()  # by fence
         self._latch: PendingReplies[Stopped] = PendingReplies()  # by number
-        self._task_requests: PendingReplies[Accepted | Refused] = (
-            PendingReplies()
-        )  # by kind, fence and number
+        # By kind, fence and number
+        self._task_requests: PendingReplies[Accepted | Refused] = PendingReplies()
         self._queries: PendingReplies[str] = PendingReplies()  # by number
         self._pause_s = _BACK_OFF_S[0]
         self.tried = asyncio.Event()  # set after the first attempt to connect, with or without success

@@ -73,13 +73,8 @@ ENDS = {
     "memory.forget": ("memory.forget", "unknown"),
     "stop.moves": ("stop.moves", "unknown"),
 }
-_EXPIRING = (
-    "fields",
-    "place",
-    "x_m",
-    "y_m",
-    "heading_rad",
-)  # parameters of a request that may expire: places, and what a person wrote (sentences are in `text`)
+# Parameters of a request that may expire: places, and what a person wrote (sentences are in `text`)
+_EXPIRING = ("fields", "place", "x_m", "y_m", "heading_rad")
 
 
 _File = tuple[int, int]  # device and inode

@@ -134,9 +134,8 @@ def require_link_settings(robot: Robot) -> None:
 
 def bridge_config(robot: Robot) -> BridgeConfig:
     """Return the configuration of the robot's bridge. Raises `Problems` if the robot's entry is wrong."""
-    check_master_uri(
-        robot.master_uri
-    )  # an entry of an earlier version may have an address that is refused now
+    # An entry of an earlier version may have an address that is refused now
+    check_master_uri(robot.master_uri)
     known = robot_config.of(robot)
     return BridgeConfig(
         robot_id=str(robot.id),

@@ -64,9 +64,8 @@ class PendingStops:
         self._folder = run_dir / FOLDER if run_dir else None
         self._lock = threading.Lock()
         self._unwritten: dict[str, WaitingStop] = {}
-        self._on_answer: defaultdict[str, list[OnSettled]] = defaultdict(
-            list
-        )  # by robot: callbacks for the answer
+        # By robot: callbacks for the answer
+        self._on_answer: defaultdict[str, list[OnSettled]] = defaultdict(list)
 
     def keep(self, stop: WaitingStop, on_answer: OnSettled | None = None) -> bool:
         """Keep `stop` until it is settled; it replaces older stops of this robot. Pass the answer to `on_answer`.

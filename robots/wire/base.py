@@ -23,9 +23,8 @@ TopicName = Annotated[str, Meta(max_length=200, pattern=r"^/[A-Za-z][A-Za-z0-9_]
 TypeName = Annotated[str, Meta(max_length=120, pattern=r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*\Z")]
 Language = Annotated[str, Meta(max_length=35, pattern=r"^[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*\Z")]  # BCP 47
 Use = Literal["drive", "speech", "motions"]
-Role = Literal[
-    "observer", "operator", "supervisor", "staff"
-]  # each role includes the rights of those before it
+# Each role includes the rights of those before it
+Role = Literal["observer", "operator", "supervisor", "staff"]
 Rule = Literal[
     "account", "booking", "lease", "dead-man", "gate", "stop", "audit", "wire", "robot", "database", "limits"
 ]

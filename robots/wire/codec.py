@@ -66,15 +66,10 @@ def encode(message: Struct) -> bytes:
     return _encoder.encode(message)
 
 
-LARGEST_REPORT_BYTES = (
-    1024 * 1024
-)  # the largest report of a bridge; the link itself allows eight times as much
-_CUTS = (
-    (2000, 1000),
-    (500, 200),
-    (100, 50),
-    (30, 10),
-)  # (longest text, most entries of a list): the first pair by which the report fits
+# The largest report of a bridge; the link itself allows eight times as much
+LARGEST_REPORT_BYTES = 1024 * 1024
+# (longest text, most entries of a list): the first pair by which the report fits
+_CUTS = ((2000, 1000), (500, 200), (100, 50), (30, 10))
 
 
 def encode_report(message: Struct) -> bytes:

@@ -33,9 +33,8 @@ class Health(Struct, frozen=True):
     """The summary of the robot's diagnostics. `level` is the level of the worst part."""
 
     level: HealthLevel
-    parts: list[
-        HealthPart
-    ]  # at most 8 that are not well, always with the newest; the worst first, among equals the oldest
+    # At most 8 that are not well, always with the newest; the worst first, among equals the oldest
+    parts: list[HealthPart]
     parts_more: int  # further parts that are not well
     well: int  # number of parts
     temperatures: list[Temperature]  # at most 6, the hottest first

@@ -156,9 +156,8 @@ LinkRequest = (
 class BridgeFigures(Struct, frozen=True):
     """Counts of a bridge since its start."""
 
-    decisions: list[
-        int
-    ]  # drive messages by their time from reading to twist, in the steps of `robots.processes.durations`
+    # Drive messages by their time from reading to twist, in the steps of `robots.processes.durations`
+    decisions: list[int]
     decisions_s: float  # sum of these times
     interventions: int  # of the gate, counted as in the audit log
 

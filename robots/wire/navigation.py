@@ -98,6 +98,5 @@ class GoEnd(Struct, frozen=True):
 class GoPath(Struct, frozen=True, tag_field="t", tag="go_path"):
     """The path that navigation plans, with fewer points; empty without a drive. At most once a second."""
 
-    path_cm: Annotated[
-        list[int], Meta(max_length=2 * MOST_PATH)
-    ]  # flat [x0, y0, x1, y1, ...], frame of the map
+    # Flat [x0, y0, x1, y1, ...], frame of the map
+    path_cm: Annotated[list[int], Meta(max_length=2 * MOST_PATH)]

@@ -92,9 +92,8 @@ class MovesAlthoughStopped(Struct, frozen=True):
     parts: list[Part]  # that move
     speed_mps: float | None  # of the base, by odometry; None: odometry is silent, and nobody knows
     turn_radps: float | None
-    publishers: dict[
-        str, list[str]
-    ]  # nodes that publish velocities for the base, without the console's, by topic
+    # Nodes that publish velocities for the base, without the console's, by topic
+    publishers: dict[str, list[str]]
     text: str  # the motion and its possible cause, in words
 
 

@@ -184,9 +184,8 @@ class Sample(Struct, frozen=True, tag_field="t", tag="sample"):
     number: int  # of this message among all received messages of the topic
     rate_hz: float | None
     bytes: int
-    age_s: (
-        float | None
-    )  # since the stamp in its header, by the robot's clock; None: no stamp, or of another clock
+    # Since the stamp in its header, by the robot's clock; None: no stamp, or of another clock
+    age_s: float | None
     publishers: int
     fields: dict[str, Any]
     shortened: dict[str, int] = {}  # full lengths of shortened arrays, by path

@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 from uuid import UUID
 
 import msgspec
@@ -47,12 +47,8 @@ DIRECTIONS: Mapping[str, Any] = {
     "From the console to readers of cameras": wire.CameraReport,
     "From the console to the calendar": wire.BookingsReport,
 }
-INTERNAL = (
-    wire.LinkRequest,
-    wire.LinkReport,
-    wire.CameraRequest,
-    wire.TakenPicture,
-)  # messages between the console's own processes
+# Messages between the console's own processes
+INTERNAL = (wire.LinkRequest, wire.LinkReport, wire.CameraRequest, wire.TakenPicture)
 WORDS = {
     bool: "boolean",
     int: "integer",
@@ -229,22 +225,29 @@ def _bounded(hint: Any, bounds: tuple[Meta, ...]) -> str:
 
 
 def _comments(kind: Kind) -> dict[str, str]:
-    """Return the comment next to each field, by the field's name."""
+    """Return the comment before or next to each field, by the field's name."""
     source = inspect.getsource(kind)
     comments = {
         token.start[0]: token.string.lstrip("# ")
         for token in tokenize.generate_tokens(io.StringIO(source).readline)
         if token.type == tokenize.COMMENT
     }
-    return {
-        node.target.id: " ".join(
-            _renamed(comments[line])
-            for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
-            if line in comments
-        )
+    fields = [
+        node
         for node in ast.walk(ast.parse(source))
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
-    }
+    ]
+    code = {line for node in fields for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)}
+    found: dict[str, str] = {}
+    for node in fields:
+        first = node.lineno
+        while first - 1 in comments and first - 1 not in code:
+            first -= 1
+        lines = range(first, (node.end_lineno or node.lineno) + 1)
+        found[cast(ast.Name, node.target).id] = " ".join(
+            _renamed(comments[line]) for line in lines if line in comments
+        )
+    return found
 
 
 def openapi() -> str:

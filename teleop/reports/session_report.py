@@ -141,9 +141,8 @@ def booking_life(session: ControlSession, reader: Reader) -> BookingLife | None:
         robot=session.robot, starts_at__lt=ended, held_until__gt=session.started_at
     )
     slots = slots.exclude(held_until=F("starts_at"))  # without bookings that were cancelled before they began
-    of_another = Case(
-        When(person=session.user, then=0), default=1
-    )  # another person's: taken over in it, or handed over since
+    # Another person's: taken over in it, or handed over since
+    of_another = Case(When(person=session.user, then=0), default=1)
     booking = slots.select_related("person").order_by(of_another, "starts_at").first()
     of_robot = Record.objects.filter(robot_id=session.robot_id, of=None)
     line = of_robot.filter(

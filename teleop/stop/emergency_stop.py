@@ -36,10 +36,8 @@ from teleop.control.services import clear_authorize
 from teleop.recording.repeat_suppression import RepeatSuppressor
 
 PACE_S = 0.05  # between two presses for one robot that wait for their answers
-REPEATS_PER_S, REPEATS_BURST = (
-    20.0,
-    40.0,
-)  # presses of one person's pages that are sent while another has no answer yet
+# Presses of one person's pages that are sent while another has no answer yet
+REPEATS_PER_S, REPEATS_BURST = 20.0, 40.0
 GAP_S = 3.0  # between two records of one person's presses for one robot through one interface
 
 Key = tuple[UUID, UUID, str, UUID | None]

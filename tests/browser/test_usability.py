@@ -86,9 +86,8 @@ def do_tasks(stack: Stack, browser: Browser, contacts: Path) -> tuple[float, int
     person = Person(stack, browser, "operator")
     tasks = Tasks(person)
     with ThreadPoolExecutor(1) as pool, closing(person.context):
-        by_keys = pool.submit(
-            driven_by_keys, stack.robots[BESIDE.slug]
-        )  # ends before the other course begins
+        # Ends before the other course begins
+        by_keys = pool.submit(driven_by_keys, stack.robots[BESIDE.slug])
         with tasks.task("connect", at_most=3):
             person.sign_in()
             person.watch(DRIVEN.slug)

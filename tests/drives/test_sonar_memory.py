@@ -206,9 +206,8 @@ def test_an_odometry_that_trembles_adds_no_distance():
 
 def test_far_echoes_do_not_push_out_a_near_leg():
     """Turning on the spot between table legs overfills the list of places within half a turn."""
-    places = [
-        (0.9 * math.cos(yaw), 0.9 * math.sin(yaw), 0.03) for yaw in np.linspace(-2.6, 2.6, 13)
-    ]  # no leg behind the near one
+    # No leg behind the near one
+    places = [(0.9 * math.cos(yaw), 0.9 * math.sin(yaw), 0.03) for yaw in np.linspace(-2.6, 2.6, 13)]
     world = World(tiago_profile(has_depth=True), leg(-0.55, 0.0) + legs(*places), 1, sonar_noise_m=0.03)
     world.drive(STILL, 3.0)
     world.drive(Velocity(0.0, 0.0, 0.4), 13.0)

@@ -133,9 +133,8 @@ def test_a_web_processes_query_limit_can_be_set_by_the_url():
     for entry in (plain, own):
         environment.limit_queries(entry)
     assert plain["OPTIONS"]["options"] == "-c statement_timeout=30s -c lock_timeout=5s"
-    assert (
-        own["OPTIONS"]["options"] == "-c statement_timeout=30s -c statement_timeout=5min"
-    )  # the last value is valid
+    # The last value is valid
+    assert own["OPTIONS"]["options"] == "-c statement_timeout=30s -c statement_timeout=5min"
     file = environment.database("sqlite:////var/lib/fleet/fleet.sqlite3")
     environment.limit_queries(file)
     assert file == environment.database("sqlite:////var/lib/fleet/fleet.sqlite3")

@@ -39,12 +39,8 @@ from tests.teleop.support import Page
 NAME, USERNAME, WORDS = "Zora Quill", "zora.quill", "Violet rehearsal"
 TO_COME = "Pia Present"  # has a booking to come: the present, for all who see the robot
 CAST = ("stranger", "observer", "operator", "teacher", "staff")
-TOKENS = (
-    "observer token",
-    "teacher token",
-    "staff token",
-    "bound token",
-)  # bound: of staff, for another robot
+# Bound: of staff, for another robot
+TOKENS = ("observer token", "teacher token", "staff token", "bound token")
 READERS = {"teacher", "staff"}
 PROGRAMS = {"teacher token", "staff token"}
 

@@ -37,10 +37,8 @@ JUMP_WITHIN_S = (-0.4, 0.3)
 HICCUP_S = (0.06, 0.10)
 HICCUP_EVERY_S = 2.0  # on average
 SPARE_S = Parameters().latency_spare_s
-SPARES_S = (
-    0.2,
-    0.3,
-)  # other values of `latency_spare_s`: a larger one costs speed, and should prevent crashes
+# Other values of `latency_spare_s`: a larger one costs speed, and should prevent crashes
+SPARES_S = (0.2, 0.3)
 SEEDS = 12  # at least, because a share needs several runs
 # Share of the runs at 1 m/s that may crash, by ms: none at +200; at +300 and +400 half as many as with the
 # former gate, which waited for a silence of 0.2 s. Slower runs may not crash.

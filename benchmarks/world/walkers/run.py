@@ -32,10 +32,8 @@ NEAREST_M, FARTHEST_M = 0.05, 25.0
 SEEN_M, SEEN_BEAMS = 6.0, 3  # a person counts as seen from this many beams on, within this distance
 LOST_S = 1.0  # somebody who was out of sight for longer may be anywhere
 NEAR_M = 2.0  # of a trunk: a farther person's shins touch nothing
-PASSED_S, PASSED_M = (
-    0.5,
-    1.5,
-)  # this long after the meeting and this far away, nobody meets the robot any more
+# This long after the meeting and this far away, nobody meets the robot any more
+PASSED_S, PASSED_M = 0.5, 1.5
 EDGE_M = 0.2  # neighbouring beams that differ by more are at an edge
 
 

@@ -196,9 +196,8 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
         parts = (data.get("first_name"), data.get("last_name"))
         name = data.get("name") or " ".join(filter(None, parts))
         user.full_name = " ".join(name.split())[:150]
-        if AccountNames(User).fault_of_name(
-            user.full_name
-        ):  # the provider may take any: then the user name is shown
+        # The provider may take any: then the user name is shown
+        if AccountNames(User).fault_of_name(user.full_name):
             user.full_name = ""
         return user
 

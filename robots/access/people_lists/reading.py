@@ -26,9 +26,8 @@ LINES_OF_CELL = 5  # a cell in quotes may go on in the next lines; a forgotten q
 HEADER_WITHIN = 10  # lines: some exports begin with the name of the course
 
 IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*<(?P<email>[^<>]*)>\s*$")
-LINE_ENDS = re.compile(
-    r"\r\n|\r|\n"
-)  # `splitlines` also splits at characters that stand in names of broken files
+# `splitlines` also splits at characters that stand in names of broken files
+LINE_ENDS = re.compile(r"\r\n|\r|\n")
 
 
 class Listed(Struct, frozen=True):
@@ -286,9 +285,8 @@ def _by_columns(cells: Sequence[str], columns: Sequence[Column]) -> tuple[str, s
     email = " ".join(of(Role.EMAIL))
     addresses = [cell for cell in cells if "@" in cell]
     if "@" not in email and len(addresses) == 1 and not any(column.title for column in columns):
-        return " ".join(cell for cell in cells if cell and "@" not in cell), addresses[
-            0
-        ]  # an order of its own
+        # An order of its own
+        return " ".join(cell for cell in cells if cell and "@" not in cell), addresses[0]
     return " ".join(of(Role.NAME) + of(Role.FIRST_NAME) + of(Role.LAST_NAME)), email
 
 

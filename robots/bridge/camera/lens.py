@@ -14,12 +14,8 @@ from typing import Protocol
 
 MOST_BENT = 0.05  # the largest deviation from the model, as a share of the distance from the middle
 _RECTIFIED = re.compile(r"(^|[/_])rect(ified|_color|_raw)?(/|$)")  # topics whose pictures have no distortion
-_RADII = (
-    0.25,
-    0.5,
-    0.75,
-    1.0,
-)  # shares of the farthest corner's distance: a lens may bend inwards and outwards
+# Shares of the farthest corner's distance: a lens may bend inwards and outwards
+_RADII = (0.25, 0.5, 0.75, 1.0)
 
 Lens = tuple[float, float, float, float]  # fx, fy, cx, cy in pixels
 

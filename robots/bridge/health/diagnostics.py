@@ -105,9 +105,8 @@ class Diagnostics:
 
     def __init__(self) -> None:
         self._parts: dict[str, dict[Voice, Part]] = {}
-        self._left_out: set[str] = (
-            set()
-        )  # parts beyond `MOST_PARTS`, or with voices beyond `MOST_VOICES`; also bounded
+        # Parts beyond `MOST_PARTS`, or with voices beyond `MOST_VOICES`; also bounded
+        self._left_out: set[str] = set()
         self._unread = 0
         self._view: wire.Health | None = None
         self._viewed_s = -math.inf

@@ -137,9 +137,8 @@ class Watchdog:
     def _act(self, now_s: float) -> None:
         """Send zeros and cancels when due; answer each stop that has reached the robot."""
         if self._rules.zeros(now_s) and now_s - self._zero_s >= PERIOD_S:
-            self._zero_s = max(
-                self._zero_s + PERIOD_S, now_s - PERIOD_S
-            )  # keep the pace; missed zeros are not sent later
+            # Keep the pace; missed zeros are not sent later
+            self._zero_s = max(self._zero_s + PERIOD_S, now_s - PERIOD_S)
             if self._robot.zero():
                 self._answer(now_s)
         if self._rules.cancel(now_s) and now_s - self._cancelled_s >= CANCEL_AGAIN_S:

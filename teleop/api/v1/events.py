@@ -43,9 +43,8 @@ CHECK_S = 0.7  # between two reads of the log: a stream ends within a second aft
 REST_S = 0.1  # between two reads while older records remain to be read
 QUIET_S = 15.0  # after this time without events, a comment shows that the stream is alive
 LONGEST_S = 600.0  # then the stream ends and the client connects again: unread bytes are not kept for ever
-RECENT = timedelta(
-    minutes=15
-)  # events of others that come to those who do not read their past; for a new connection
+# Events of others that come to those who do not read their past; for a new connection
+RECENT = timedelta(minutes=15)
 MOST_STREAMS = 50  # of this process
 MOST_OF_PERSON = 10
 

@@ -42,9 +42,8 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 1.0
 END_S = 4.0  # from the signal to the end of the process, even while the database hangs
-RIGHTS_S = (
-    5 * 60.0
-)  # between two searches for unused bookings, and bookings of people without the right to book
+# Between two searches for unused bookings, and bookings of people without the right to book
+RIGHTS_S = 5 * 60.0
 DAY_S = 24 * 60 * 60.0
 AGAIN_S = 60 * 60.0  # pause after the daily work failed
 SET_S = 60 * 60.0  # a change of the clock by more than this starts the daily work again
@@ -82,9 +81,8 @@ class Command(BaseCommand):
         while not over.wait(EVERY_S):
             try:
                 end_lapsed()
-                if (
-                    time.monotonic() - looked_s > RIGHTS_S
-                ):  # a process may have died before it freed the bookings
+                # A process may have died before it freed the bookings
+                if time.monotonic() - looked_s > RIGHTS_S:
                     lost_rights.bookings_free_lost(None, timezone.now())
                     store_no_shows(timezone.now())
                     looked_s = time.monotonic()

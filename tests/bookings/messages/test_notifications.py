@@ -179,9 +179,8 @@ def test_an_address_that_is_refused_keeps_no_other_notification_back(
     assert (olga.email_refused_at is not None) == is_over
     assert Record.objects.filter(kind="account.email_refused").exists() == is_over
     monkeypatch.undo()
-    notifications.send_notifications(
-        NOW + timedelta(minutes=6)
-    )  # a refused letter is over, another is tried again
+    # A refused letter is over, another is tried again
+    notifications.send_notifications(NOW + timedelta(minutes=6))
     assert [one.to for one in mailoutbox[1:]] == ([] if is_over else [["olga@example.org"]])
     notifications.notification_write(to=olga, subject="Another slot", text="yours", now=NOW)
     notifications.send_notifications(NOW + timedelta(minutes=12))

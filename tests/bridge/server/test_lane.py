@@ -116,9 +116,8 @@ async def test_the_end_of_the_lane_is_the_end_of_the_link(bridge, link):
     link._lane.close()
     await asyncio.wait_for(bridge.closed.wait(), PATIENCE_S)
     assert end.lane is not None
-    await bridge.until(
-        lambda: bridge.server.links and end not in bridge.server.links
-    )  # the bridge makes a new lane
+    # The bridge makes a new lane
+    await bridge.until(lambda: bridge.server.links and end not in bridge.server.links)
 
 
 async def test_a_bridge_that_ends_the_lane_ends_the_link(bridge, link):

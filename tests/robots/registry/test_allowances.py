@@ -343,9 +343,8 @@ def test_the_list_says_which_entries_count_not_and_why(
     allow(robot, staff)
     allow(tiago, staff, what="call", name="/demo/lamp", type="std_srvs/Trigger")
     assert "frames and clocks" not in admin.get(reverse("admin:robots_allowance_changelist")).content.decode()
-    Allowance.objects.filter(what="publish").update(
-        name="/tf"
-    )  # an older version of the console allowed this
+    # An older version of the console allowed this
+    Allowance.objects.filter(what="publish").update(name="/tf")
     Allowance.objects.filter(what="call").update(type="")
     page = admin.get(reverse("admin:robots_allowance_changelist")).content.decode()
     assert "the gate uses frames and clocks" in page

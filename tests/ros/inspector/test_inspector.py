@@ -643,9 +643,8 @@ def test_a_nested_message_is_published_at_a_rate_until_stop(inspector, ros):
         with pytest.raises(AssertionError):
             goals.next(0.3)
     assert (first.pose.position.x, first.pose.orientation.w, first.header.frame_id) == (1.5, 1.0, "map")
-    assert (
-        0 < second.header.stamp.to_sec() - first.header.stamp.to_sec() < PATIENCE_S
-    )  # each message has its own stamp
+    # Each message has its own stamp
+    assert 0 < second.header.stamp.to_sec() - first.header.stamp.to_sec() < PATIENCE_S
 
 
 def test_fields_that_do_not_fit_are_refused_with_their_path(inspector):

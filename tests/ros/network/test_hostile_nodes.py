@@ -35,9 +35,8 @@ def answering(answer: bytes) -> Iterator[str]:
 
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
-            self.rfile.read(
-                int(self.headers["Content-Length"])
-            )  # an unread request would cut off a long answer
+            # An unread request would cut off a long answer
+            self.rfile.read(int(self.headers["Content-Length"]))
             self.send_response(200)
             self.send_header("Content-Length", str(len(answer)))
             self.end_headers()
@@ -89,9 +88,8 @@ def dripping(parts: Iterable[bytes], pause_s: float) -> Iterator[tuple[str, queu
         connection, _ = listener.accept()
         began_s = time.monotonic()
         with connection, connection.makefile("rb") as asked, suppress(OSError):
-            any(
-                line.startswith(b"</methodCall>") for line in asked
-            )  # an unread request would cut off the answer
+            # An unread request would cut off the answer
+            any(line.startswith(b"</methodCall>") for line in asked)
             connection.sendall(b"HTTP/1.0 200 OK\r\n\r\n")
             for part in parts:
                 if over.wait(pause_s):

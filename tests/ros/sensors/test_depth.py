@@ -184,9 +184,8 @@ def test_a_drag_turns_the_head_from_where_another_node_left_it(ros, rosmaster, s
         hand.take_control(1)
         head.publish(turned(0.6))
         pans_to(0.6)
-        for _ in range(
-            20
-        ):  # 0.4 s at 50 Hz: the bridge reads joints ten times a second, so it has read the last position
+        # 0.4 s at 50 Hz: the bridge reads joints ten times a second, so it has read the last position
+        for _ in range(20):
             joints.next()
         hand.send(wire.TurnHead(1, 0.2, 0.0))
         pans_to(0.8)

@@ -103,9 +103,8 @@ def test_one_person_has_a_number_of_keys_a_day(robot, operator, program, monkeyp
     ]
     assert [answer.status_code for answer in answers] == [201, 201, 201, 429, 429]
     assert (answers[4].data["code"], answers[4].data["figures"]) == ("too_many_keys", {"most": 2000})
-    assert (
-        api("POST", "/bookings", wish(robot, 1), Idempotency_Key="key-1").status_code == 201
-    )  # the kept answer
+    # The kept answer
+    assert api("POST", "/bookings", wish(robot, 1), Idempotency_Key="key-1").status_code == 201
 
 
 def test_a_person_has_a_number_of_sign_ins_at_a_time(operator, monkeypatch):

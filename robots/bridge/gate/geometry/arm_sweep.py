@@ -18,9 +18,8 @@ CELL_M = 0.05
 _CORNER_M = CELL_M * math.sqrt(0.5)  # no disc's middle is farther than this from the middle of its cell
 
 Floats = NDArray[np.float64]
-LinksAt = Callable[
-    [Mapping[str, float | Floats]], Floats
-]  # places of the links (moments, links, 2 or 3), from the joints at these moments
+# Places of the links (moments, links, 2 or 3), from the joints at these moments
+LinksAt = Callable[[Mapping[str, float | Floats]], Floats]
 
 
 class Motion(NamedTuple):

@@ -27,10 +27,8 @@ MARKED_M, MARKED_S = 0.04, 1.0  # the robot's own place is marked again after th
 SEEN_TO_M = 3.0  # from the camera; farther away, a table top is too thin for the picture
 TOP_M = 0.35  # tables are deeper than this: if a near edge is below the picture, other parts are in it
 BEARING_RAD = 0.05
-WAY_M, STEP_M = (
-    0.2,
-    0.1,
-)  # the hull's rear is checked along this way: farther than a slow robot needs to stand
+# The hull's rear is checked along this way: farther than a slow robot needs to stand
+WAY_M, STEP_M = 0.2, 0.1
 REACTS_S = 0.5  # a fast robot drives on for this time before it brakes
 REAR_RAD = math.radians(60.0)  # of the hull to each side: farther forward, it moves along places beside it
 CERTAIN_M, CERTAIN_RAD = 0.05, 0.05  # half a cell: with a larger error of the pose, the floor may be another

@@ -133,9 +133,8 @@ class DepthCamera:
         self._spans = _Spans(self._memory)
         self._frame: Frame | None = None
         self._shows_tables = False  # whether the newest picture shows table height ahead
-        self._measured_m = np.empty(
-            0, np.float32
-        )  # how far its columns of pixels are measured at table height
+        # How far its columns of pixels are measured at table height
+        self._measured_m = np.empty(0, np.float32)
         self._seen = NO_POINTS  # odometry frame
         self._near_side = NearSide(view.blind_m)
         self._hidden = NO_POINTS  # possible obstacles in the blind range, odometry frame
@@ -151,10 +150,8 @@ class DepthCamera:
         # revision, points in the odometry frame, possible error of each
         self._unseen: tuple[int, Points, NDArray[np.float64]] = (-1, NO_POINTS, np.empty(0))
         self._shown = NO_POINTS, NO_POINTS, NO_POINTS  # seen, hidden, and both
-        self._cells = (
-            NO_POINTS,
-            self._memory.entries(NO_POINTS),
-        )  # seen points, and their cells: computed once for each picture
+        # Seen points, and their cells: computed once for each picture
+        self._cells = (NO_POINTS, self._memory.entries(NO_POINTS))
         self._known: tuple[int, int, int, bool] = (0, 0, 0, False)
         self._revision = 0
 

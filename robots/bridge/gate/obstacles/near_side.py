@@ -32,9 +32,8 @@ from robots.bridge.gate.values import Pose
 
 Flags = NDArray[np.bool_]
 
-STEP_M = (
-    2.0 * CELL_M
-)  # one step nearer to the robot; if the camera can measure there, it shows the obstacle's end
+# One step nearer to the robot; if the camera can measure there, it shows the obstacle's end
+STEP_M = 2.0 * CELL_M
 FLAT_M = 0.10  # a taller column is a vertical face: its near side was measured
 ASIDE_M = 1.5 * CELL_M  # an edge this near to the line from a flat point to the robot is of the same obstacle
 SAME_M = 0.06  # largest distance between an edge and its remembered place

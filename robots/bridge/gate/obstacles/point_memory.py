@@ -54,17 +54,15 @@ class Layer(NamedTuple):
     shortest_life_s: float
     longest_life_s: float
     travel_m: float
-    near_m: float = (
-        0.0  # from the robot's middle: nearer points are not forgotten by time, and later by distance
-    )
+    # From the robot's middle: nearer points are not forgotten by time, and later by distance
+    near_m: float = 0.0
     cell_m: float = 0.025
 
 
 LASER_LAYER = Layer(2.0, 30.0, 6.0)
 # A remembered place becomes wrong by driving, not by time: a table behind the robot is still there.
-DEPTH_LAYER = Layer(
-    20.0, 90.0, 6.0, near_m=1.2
-)  # a table top is out of view for long before the robot is past it
+# A table top is out of view for long before the robot is past it.
+DEPTH_LAYER = Layer(20.0, 90.0, 6.0, near_m=1.2)
 
 
 def moved_nearer(points: Points, errors_m: NDArray[np.float64], footprint: Footprint) -> Points:
@@ -111,9 +109,8 @@ class Memory:
         self._x, self._y, self._watched_s, self._seen_s, self._expires_s, self._expires_m = np.zeros(
             (6, CELLS * CELLS)
         )
-        self._doubts_m = np.zeros(
-            CELLS * CELLS
-        )  # error by gaps of the odometry since the point was last seen
+        # Error by gaps of the odometry since the point was last seen
+        self._doubts_m = np.zeros(CELLS * CELLS)
         self._passes = np.zeros(CELLS * CELLS, dtype=np.int8)
         self._lives = np.zeros(CELLS * CELLS, dtype=np.bool_)
         # working memory: which of several points in a cell is last

@@ -227,9 +227,8 @@ class Backlog:
 
     def age_s(self, now_s: float) -> float:
         """Return by how much the newest message is older than usual, by its stamp (s)."""
-        best_s = (
-            min(self._best_s, self._lately[-1][1]) if self._lately else self._best_s
-        )  # a stamp may be ahead
+        # A stamp may be ahead
+        best_s = min(self._best_s, self._lately[-1][1]) if self._lately else self._best_s
         return min(max(now_s - self._stamp_s - best_s - self._gap_s - JITTER_S, 0.0), MOST_BACKLOG_S)
 
     def took(self, after_s: float, now_s: float) -> None:

@@ -79,9 +79,8 @@ class Producer:
         self._sources = {camera.name: camera for camera in config.topics.cameras}
         self._emit = emit
         self._state = state
-        self.looked_s = (
-            time.monotonic()
-        )  # when the last round of `run` began: a recent time shows that the thread works
+        # When the last round of `run` began: a recent time shows that the thread works
+        self.looked_s = time.monotonic()
         self.clock = RobotClock()  # as the bridge knows it
         self._awake = threading.Condition()
         self._wants: Wants = {}

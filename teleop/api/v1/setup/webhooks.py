@@ -25,9 +25,8 @@ from teleop.webhooks.addresses import LONGEST
 
 State = WebhookDelivery.State
 SHOWN = 100  # deliveries
-EventCategoryName = Literal[
-    "bookings", "control", "stops", "motions", "speech"
-]  # the names of `EVENT_CATEGORIES`
+# The names of `EVENT_CATEGORIES`
+EventCategoryName = Literal["bookings", "control", "stops", "motions", "speech"]
 
 
 class WebhookEntry(Struct, frozen=True):
@@ -167,9 +166,8 @@ class WebhooksView(WebhooksBase):
         takes no Idempotency-Key, and its name is taken by the first of two requests."""
         staff, robots = self.staff(), self.named_robots(body.robots)
         if self.token is not None and not self.token.opens(Scope.READ):
-            raise Problem(
-                scope_missing((Scope.READ,))
-            )  # the webhook would send data that the token may not read
+            # The webhook would send data that the token may not read
+            raise Problem(scope_missing((Scope.READ,)))
         made, secret = services.webhook_make(
             name=body.name,
             address=body.address,

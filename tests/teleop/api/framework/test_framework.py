@@ -160,6 +160,5 @@ def test_a_429_says_when_to_ask_again(robot: Robot, made: Any, monkeypatch: pyte
     assert (answers[-1].status_code, answers[-1].json()["code"]) == (429, "too_often")
     assert int(answers[-1]["Retry-After"]) >= 1
     assert Client().get("/api/v1/robots", headers=other).status_code == 200
-    assert (
-        Client().post(f"/api/v1/robots/{robot.slug}/stop", headers=headers).status_code == 202
-    )  # a stop is never limited
+    # A stop is never limited
+    assert Client().post(f"/api/v1/robots/{robot.slug}/stop", headers=headers).status_code == 202

@@ -72,9 +72,8 @@ def test_a_mesh_is_fetched_once(ask, robot, describe, share):
     describe(urdf("package://arm_description/meshes/base.stl"))
     path = "meshes/arm_description/meshes/base.stl"
     first = ask(path)
-    assert (
-        first["Cache-Control"] == "private, no-cache"
-    )  # the file behind an address without a version may change
+    # The file behind an address without a version may change
+    assert first["Cache-Control"] == "private, no-cache"
     assert ask(path, If_None_Match=first["ETag"]).status_code == 304
     (share / "arm_description/meshes/base.stl").write_bytes(MESH + b"\n")
     assert ask(path, If_None_Match=first["ETag"]).status_code == 200
