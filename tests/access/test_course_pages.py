@@ -208,10 +208,16 @@ def test_a_spreadsheet_and_a_damaged_preview_are_refused(
     signed_in: SignIn, course: Course, teacher: User
 ) -> None:
     client, address = signed_in(teacher), "/courses/hri-2026/enrol/"
-    book = SimpleUploadedFile("class.csv", b"PK\x03\x04 and so on")
-    assert "Save it there as CSV" in shown(client.post(address, {"file": book}))
-    for content in ("not base64!", "é", "AAA"):
-        assert "choose it again" in shown(client.post(address, {"content": content}))
+    for content in (
+        b"PK\x03\x04 and so on",
+        b"\xef\xbb\xbf\n<HTML><table>",
+        b"\xd0\xcf\x11\xe0\xa1\xb1",
+        b"{\\rtf1",
+    ):
+        book = SimpleUploadedFile("class.csv", content)
+        assert "This is no CSV file" in shown(client.post(address, {"file": book}))
+    for damaged in ("not base64!", "é", "AAA"):
+        assert "choose it again" in shown(client.post(address, {"content": damaged}))
     assert client.post(address, {"people": "a@example.org", "column": ["emperor"]}).status_code == 400
 
 

@@ -47,6 +47,7 @@ def test_lists_of_many_forms_name_the_same_person(text: str) -> None:
         "Imię;Nazwisko;Adres e-mail (uczelnia)*",
         "Ad;Soyad;E-posta",
         "Имя;Фамилия;Электронная почта",
+        "Nombre;Primer apellido;Correo electrónico",
         "First name;Unknown title;Email",
     ],
 )
@@ -104,12 +105,31 @@ def test_wrong_lines_are_named_by_number_and_reason() -> None:
         ("mac_roman", "Zoé D’Arc Œuvré"),
         ("cp850", "Jürgen Größe"),
         ("cp1250", "Łukasz Świątek"),
+        ("mac_latin2", "Łukasz Świątek"),
+        ("cp1251", "Юлия Щукина"),
+        ("koi8_r", "Юлия Щукина"),
+        ("cp1253", "Ελένη Παπαδάκη"),
+        ("shift_jis", "鈴木 一郎"),
     ],
 )
 def test_the_encoding_of_a_file_is_found(encoding: str, name: str) -> None:
     read = decoded(f"Name;E-Mail\r\n{name};jg@example.org".encode(encoding))
     assert people(read.text) == [(name, "jg@example.org")]
     assert read.certain is encoding.startswith("utf")
+
+
+@pytest.mark.parametrize(
+    ("encoding", "header", "name"),
+    [
+        ("cp1254", "Adı Soyadı;E-posta", "Ayşe Işık"),  # noqa: RUF001
+        ("euc_jp", "氏名;メールアドレス", "山田 花子"),
+        ("gb18030", "姓名;邮箱", "王小明"),
+        ("cp866", "ФИО;Почта", "Юлия Щукина"),
+    ],
+)
+def test_titles_tell_encodings_with_the_same_letters(encoding: str, header: str, name: str) -> None:
+    read = decoded(f"{header}\r\n{name};a@example.org".encode(encoding))
+    assert people(read.text) == [(name, "a@example.org")]
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -137,6 +157,17 @@ def test_a_name_with_a_character_that_is_no_text_is_named() -> None:
         ("sep=;\nName;Mail\nAda Lovelace;ada@example.org", [ADA]),  # Excel
         ('Name,Mail\n"Ada\nLovelace",ada@example.org', [ADA]),  # a cell of two lines
         ("Kurs 2026\n\nNachname|Vorname|Mail\nLovelace|Ada|ada@example.org", [ADA]),
+        (
+            'Name;Note;Mail\n"Ada\nLovelace";"a\nb";ada@example.org',
+            [ADA],
+        ),  # the quote comes before the separator
+        ("Lovelace, Ada;ada@example.org", [("Lovelace, Ada", "ada@example.org")]),
+        ("Name;Mail\nAda Lovelace;mailto:ada@example.org", [ADA]),
+        ("Name;Mail\nAda Lovelace;A. L. <ada@example.org>", [ADA]),
+        ("First name,E-mail - Type,E-mail - Value\nAda,* Work,ada@example.org", [("Ada", ADA[1])]),
+        ("Segundo apellido;Nombre;Primer apellido;Correo\n;Ada;Lovelace;ada@example.org", [ADA]),
+        ("Foo;Bar;Baz\nAda Lovelace;ada@example.org;", [ADA]),
+        ("sep=^\nName;Mail\nAda Lovelace;ada@example.org", [ADA]),
         ("Ada Lovelace <ada@example.org>; Bo <b@example.org>", [ADA, ("Bo", "b@example.org")]),
         ("ada@example.org, b@example.org", [("", "ada@example.org"), ("", "b@example.org")]),
         (
@@ -179,6 +210,11 @@ def test_a_first_line_that_may_be_a_person_is_shown() -> None:
 
 
 def test_each_line_that_is_left_out_is_named() -> None:
+    wide = read_people("Name;Mail\nAda;a@example.org\n" + ";" * 200_000 + "x\n" + ";" * 200_000)
+    assert [one.line for one in wide.wrong] == [3]
+    assert len(wide.columns) == 2
+    second = read_people("Name;Mail\nAda;a@example.org;second@example.org")
+    assert "Left out: column 3." in second.notes
     found = read_people("Name,Mail\nA,a@example.org\nB,A@example.org\nA <a@x.org> B <b@x.org>,c@example.org")
     assert [(one.line, one.reason) for one in found.repeated] == [(3, "The address stands in line 2, too.")]
     assert [one.line for one in found.wrong] == [4]

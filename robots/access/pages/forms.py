@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from base64 import b64decode, b64encode
+from codecs import BOM_UTF8
 from datetime import date, datetime, time, timedelta
 from decimal import Decimal
 from typing import Any
@@ -31,7 +32,17 @@ from robots.access.selectors import lab_date
 from robots.registry.models import Robot
 
 FILE_BYTES = 1_500_000  # 5,000 lines of 300 letters; the preview repeats a file within Django's 2.5 MB
-ZIP_START = b"PK\x03\x04"  # .xlsx and .ods
+# In small letters: .xlsx and .ods; .xls; pages and XML that programs write as .xls; .pdf; .rtf
+NO_LIST_STARTS = (
+    b"pk\x03\x04",
+    b"\xd0\xcf\x11\xe0",
+    b"<html",
+    b"<!doctype",
+    b"<table",
+    b"<?xml",
+    b"%pdf",
+    b"{\\rtf",
+)
 SEPARATORS = {
     ",": gettext_lazy("comma"),
     ";": gettext_lazy("semicolon"),
@@ -130,9 +141,11 @@ class PeopleForm(forms.Form):
         if file is not None and file.size > FILE_BYTES:
             raise ValidationError(_("The file is larger than 1.5 MB: is it a list of people?"))
         content: bytes = file.read() if file is not None else b64decode(values.get("content") or "")
-        if content[:4] == ZIP_START:
+        if content[:200].removeprefix(BOM_UTF8).lstrip().lower().startswith(NO_LIST_STARTS):
             raise ValidationError(
-                _("This is a file of a spreadsheet program. Save it there as CSV, and choose that file.")
+                _(
+                    "This is no CSV file. Open it in a spreadsheet program, save it as CSV, and choose that file."
+                )
             )
         self.content_again = b64encode(content).decode()
         return content or None

@@ -40,16 +40,16 @@ def _plain(title: str) -> str:
     return " ".join(re.sub(r"[\W_]+", " ", kept).split())
 
 
-_ROLES = {
-    _plain(title): Role(role)
-    for role, titles in yaml.safe_load(Path(__file__).with_name("titles.yaml").read_text("utf-8")).items()
-    for title in titles
-}
+_TITLES = yaml.safe_load(Path(__file__).with_name("titles.yaml").read_text("utf-8"))
+_SECOND_LAST_NAMES = {_plain(title) for title in _TITLES.pop("second last")}
+_ROLES = {_plain(title): Role(role) for role, titles in _TITLES.items() for title in titles}
 
 
 def role_of(title: str) -> Role:
     """Return the role that a title names."""
     plain = _plain(title)
+    if plain in _SECOND_LAST_NAMES:
+        return Role.LAST_NAME
     if plain in _ROLES:
         return _ROLES[plain]
     return Role.EMAIL if "@" not in title and {"mail", "email"} & set(plain.split()) else Role.UNUSED
@@ -64,12 +64,14 @@ def columns_of(header: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[Co
     titles = [*header, *[""] * (width - len(header))]
     cells = [[cell for cell in column if cell] for column in zip_longest(*rows[:200], fillvalue="")]
     cells += [[] for _ in range(width - len(cells))]
-    roles = _once(_last_names([_plain(title) for title in titles], [role_of(title) for title in titles]))
-    if Role.EMAIL not in roles:
-        addresses = [sum("@" in cell for cell in column) for column in cells]
-        if any(addresses):
-            roles[addresses.index(max(addresses))] = Role.EMAIL
-    _find_names(roles, [_are_names(column) for column in cells])
+    plain = [_plain(title) for title in titles]
+    addresses = [sum("@" in cell for cell in column) for column in cells]
+    roles = _one_address([role_of(title) for title in titles], addresses)
+    roles = _once(_last_names(plain, roles), [title in _SECOND_LAST_NAMES for title in plain])
+    if Role.EMAIL not in roles and any(addresses):
+        roles[addresses.index(max(addresses))] = Role.EMAIL
+    unknown = [role_of(title) is Role.UNUSED for title in titles]
+    _find_names(roles, [free and _are_names(column) for free, column in zip(unknown, cells, strict=True)])
     return tuple(Column(title, role) for title, role in zip(titles, roles, strict=True))
 
 
@@ -91,13 +93,26 @@ def _last_names(titles: list[str], roles: list[Role]) -> list[Role]:
     ]
 
 
-def _once(roles: list[Role]) -> list[Role]:
-    """Return the roles, each at most once; first and last name make the whole name unnecessary."""
+def _one_address(roles: list[Role], addresses: list[int]) -> list[Role]:
+    """Return the roles with one column of addresses, the one with most: "E-mail type; E-mail value" has two titles."""
+    titled = [place for place, role in enumerate(roles) if role is Role.EMAIL]
+    best = max(titled, key=lambda place: addresses[place], default=None)
+    return [Role.UNUSED if role is Role.EMAIL and place != best else role for place, role in enumerate(roles)]
+
+
+def _once(roles: list[Role], repeated: list[bool]) -> list[Role]:
+    """Return the roles, each at most once unless it is one to be repeated, as the second of two last names.
+
+    First and last name make the whole name unnecessary.
+    """
     parts = {Role.FIRST_NAME, Role.LAST_NAME} <= set(roles)
     once: list[Role] = []
-    for role in roles:
-        unnecessary = role in once or (role is Role.NAME and parts)
+    first: set[Role] = set()
+    for role, again in zip(roles, repeated, strict=True):
+        unnecessary = not again and (role in first or (role is Role.NAME and parts))
         once.append(Role.UNUSED if unnecessary else role)
+        if not again:
+            first.add(role)
     return once
 
 

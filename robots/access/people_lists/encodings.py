@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import codecs
+import re
+from collections.abc import Sequence
 
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from msgspec import Struct
+
+from robots.access.people_lists.columns import Role, role_of
 
 # Python's names, in the order in which the preview offers them.
 ENCODINGS = {
@@ -19,6 +23,7 @@ ENCODINGS = {
     "cp1250": gettext_lazy("Windows-1250 (Central Europe)"),
     "iso8859_2": gettext_lazy("ISO 8859-2 (Central Europe)"),
     "mac_latin2": gettext_lazy("Mac Central Europe"),
+    "cp852": gettext_lazy("DOS 852 (Central Europe)"),
     "cp1257": gettext_lazy("Windows-1257 (Baltic)"),
     "cp1254": gettext_lazy("Windows-1254 (Turkish)"),
     "iso8859_9": gettext_lazy("ISO 8859-9 (Turkish)"),
@@ -26,6 +31,7 @@ ENCODINGS = {
     "iso8859_7": gettext_lazy("ISO 8859-7 (Greek)"),
     "cp1251": gettext_lazy("Windows-1251 (Cyrillic)"),
     "koi8_r": gettext_lazy("KOI8-R (Cyrillic)"),
+    "cp866": gettext_lazy("DOS 866 (Cyrillic)"),
     "cp1255": gettext_lazy("Windows-1255 (Hebrew)"),
     "cp1256": gettext_lazy("Windows-1256 (Arabic)"),
     "shift_jis": gettext_lazy("Shift JIS (Japanese)"),
@@ -40,7 +46,25 @@ _MARKS = {
     codecs.BOM_UTF16_BE: "utf-16",
 }
 # Windows-1252 contains all letters of Latin-1. The next ones are taken where they fit better.
-_GUESSES = ("cp1252", "iso8859_15", "mac_roman", "cp850", "cp1250", "iso8859_2")
+_GUESSES = (
+    *(
+        "cp1252",
+        "iso8859_15",
+        "mac_roman",
+        "cp850",
+        "cp1250",
+        "iso8859_2",
+        "cp1254",
+        "cp1251",
+        "koi8_r",
+        "cp1253",
+    ),
+    *("iso8859_7", "shift_jis", "euc_jp", "gb18030", "euc_kr", "mac_latin2", "cp852", "cp866"),
+)
+_JUDGED_LINES = 500  # with letters that are not ASCII: enough to tell the encoding
+_HEADER_LINES = 10
+_SCRIPTS = {"latin": range(0x250), "greek": range(0x370, 0x400), "cyrillic": range(0x400, 0x530)}
+_NARROW_KANA = range(0xFF61, 0xFFA0)  # one byte each in Shift JIS; not in names
 _PUNCTUATION = "\u2018\u2019\u201c\u201d\u201e\u2013\u2014\u2026\u00ab\u00bb\u00b7\u00b4\u00ba\u00aa\u00a0"
 
 
@@ -76,7 +100,7 @@ def decoded(content: bytes, encoding: str = "") -> Decoded:
     if (found := _text(content, "utf-8")) is not None:
         return Decoded(found, "utf-8")
     texts = {codec: found for codec in _GUESSES if (found := _text(content, codec)) is not None}
-    best = min(texts, key=lambda codec: _oddities(texts[codec]))
+    best = min(texts, key=lambda codec: _oddness(texts[codec]))
     return Decoded(texts[best], best, certain=False)
 
 
@@ -105,12 +129,40 @@ def _text(content: bytes, codec: str) -> str | None:
         return None
 
 
-def _oddities(text: str) -> int:
-    """Return how many characters stand where names have none: symbols, or a capital within small letters."""
+def _oddness(text: str) -> tuple[int, int]:
+    """Return how little a text looks like a list of people: without known titles first, then by its letters."""
+    lines = text.splitlines()
+    cells = re.split(r"[\t;,|\"\n]", "\n".join(lines[:_HEADER_LINES]))
+    titles = sum(role_of(cell) is not Role.UNUSED for cell in cells)
+    return -titles, sum(map(_oddities, [line for line in lines if not line.isascii()][:_JUDGED_LINES]))
+
+
+def _oddities(line: str) -> int:
+    """Return how many characters stand where names have none: symbols, a capital within small letters, letters of
+    another script beside this one, three accented letters in a row.
+    """
     odd = 0
-    for before, letter, after in zip(" " + text, text, text[1:] + " ", strict=False):
+    scripts = [_script(letter) for letter in f" {line} "]
+    for place, letter in enumerate(line):
         if letter.isascii() or letter in _PUNCTUATION:
             continue
+        before, after = line[place - 1 : place], line[place + 1 : place + 2]
         amid = letter.isupper() and (before.islower() or (before.isalpha() and after.islower()))
-        odd += amid or not letter.isalpha()
+        odd += amid or not letter.isalpha() or ord(letter) in _NARROW_KANA or _is_strange(scripts, place)
     return odd
+
+
+def _is_strange(scripts: Sequence[str], place: int) -> bool:
+    """Return whether a letter that is not ASCII does not fit its neighbours: `scripts` begins one place earlier."""
+    before, own, after = scripts[place : place + 3]
+    beside = {name.removeprefix("plain ") for name in (before, after) if name}
+    return beside - {own} != set() or (before, own, after) == ("latin",) * 3
+
+
+def _script(letter: str) -> str:
+    """Return the script of a letter, "plain latin" for ASCII; "" for other characters."""
+    if not letter.isalpha():
+        return ""
+    if letter.isascii():
+        return "plain latin"
+    return next((name for name, codes in _SCRIPTS.items() if ord(letter) in codes), "other")

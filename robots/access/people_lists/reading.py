@@ -25,6 +25,8 @@ SEPARATORS = ",;\t|"
 LINES_OF_CELL = 5  # a cell in quotes may go on in the next lines; a forgotten quote must not swallow the list
 HEADER_WITHIN = 10  # lines: some exports begin with the name of the course
 
+MOST_JUDGED = 2000  # characters of a line that tell the separator
+ADDRESS = re.compile(r"^(.*<)?[^\s@<>;,|]+@[^\s@<>;,|]+>?$")
 IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*<(?P<email>[^<>]*)>\s*$")
 # `splitlines` also splits at characters that stand in names of broken files
 LINE_ENDS = re.compile(r"\r\n|\r|\n")
@@ -86,8 +88,9 @@ def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> P
             wrong=(Wrong(MOST_LINES + 2, "", reason % {"lines": len(texts), "most": MOST_LINES}),)
         )
     usual = separator or _separator(texts)
-    lines = [line for line in _lines(texts, usual, fixed=usual != _separator(texts)) if any(line.cells)]
-    header, lines = _without_header(lines)
+    lines = [line for line in _lines(texts, usual, fixed=usual != _separator(texts)) if line.cells]
+    wide = [line for line in lines if len(line.cells) > MOST_COLUMNS]
+    header, lines = _without_header([line for line in lines if len(line.cells) <= MOST_COLUMNS])
     columns = columns_of(header.cells if header else (), [line.cells for line in lines])
     if roles:
         columns = tuple(
@@ -95,6 +98,8 @@ def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> P
             for column, role in zip(columns, [*roles, *_unused(columns, roles)], strict=False)
         )
     found = _people(lines, columns, usual if len(columns) > 1 else "")
+    if wide:
+        found = structs.replace(found, wrong=(*found.wrong, *map(_too_wide, wide)))
     if header and not any(map(_names_a_column, header.cells)):
         reason = _("It is taken as the titles of the columns.")
         guessed = Wrong(header.number, header.text[:100], reason, header.cells)
@@ -104,6 +109,12 @@ def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> P
         }
         found = structs.replace(found, titles=(guessed,), notes=(note, *found.notes))
     return found
+
+
+def _too_wide(line: _Line) -> Wrong:
+    reason = _("The line has %(columns)d columns; at most %(most)d are read.")
+    facts = {"columns": len(line.cells), "most": MOST_COLUMNS}
+    return Wrong(line.number, line.text[:100], reason % facts, line.cells[:1])
 
 
 def _names_a_column(title: str) -> bool:
@@ -143,17 +154,22 @@ def _people(lines: Iterable[_Line], columns: tuple[Column, ...], separator: str)
 def _notes(columns: Sequence[Column], people: Sequence[Listed], repeated: Sequence[Wrong]) -> tuple[str, ...]:
     """Return sentences about parts of the list that are not used."""
     notes = []
-    titles = {each.role: each.title for each in columns if each.title}
-    if titles:
-        names = ", ".join(
-            titles[role] for role in (Role.NAME, Role.FIRST_NAME, Role.LAST_NAME) if role in titles
-        )
-        facts = {"names": names or "-", "email": titles.get(Role.EMAIL, "-")}
+    titled = any(column.title for column in columns)
+    if titled:
+
+        def titles(*roles: Role) -> str:
+            found = (each.title for role in roles for each in columns if each.role is role and each.title)
+            return ", ".join(found) or "-"
+
+        facts = {
+            "names": titles(Role.NAME, Role.FIRST_NAME, Role.LAST_NAME),
+            "email": titles(Role.EMAIL),
+        }
         notes.append(_("Name from: %(names)s. E-mail address from: %(email)s.") % facts)
     unused = [
         column.title or _("column %(number)d") % {"number": number}
         for number, column in enumerate(columns, start=1)
-        if column.role is Role.UNUSED and any(_is_lost(one, number - 1, column) for one in people)
+        if column.role is Role.UNUSED and any(_is_lost(one, number - 1, titled=titled) for one in people)
     ]
     parts = [each for each in columns if each.role in (Role.FIRST_NAME, Role.LAST_NAME)]
     if any(role_of(each.title) is Role.UNUSED for each in parts):
@@ -177,10 +193,10 @@ def _notes(columns: Sequence[Column], people: Sequence[Listed], repeated: Sequen
     return tuple(notes)
 
 
-def _is_lost(one: Listed, place: int, column: Column) -> bool:
+def _is_lost(one: Listed, place: int, *, titled: bool) -> bool:
     """Return whether this person's cell is not used. Without titles, an address is a person of its own."""
     cell = one.cells[place] if place < len(one.cells) else ""
-    return bool(cell) and (bool(column.title) or "@" not in cell)
+    return bool(cell) and (titled or "@" not in cell)
 
 
 # --- lines and cells ------------------------------------------------------------------------------
@@ -190,12 +206,20 @@ def _separator(texts: Sequence[str]) -> str:
     first = next((text for text in texts if text.strip()), "")
     if ">;" in first:  # addresses of a letter, in which a comma may be part of a name
         return ";"
-    if first.lower().startswith("sep=") and len(first) == 5:  # Excel's own way to say it
+    if first.lower() in {f"sep={mark}" for mark in SEPARATORS}:  # Excel's own way to say it
         return first[4]
-    # The first line may be a title, so the first lines with an address decide if it has none.
+    # "Lovelace, Ada;ada@example.org": the mark beside the address counts. The first line may be a title.
     samples = [first, *[text for text in texts if "@" in text][:5]]
-    counts = {mark: [sample.count(mark) for sample in samples] for mark in SEPARATORS}
-    return max(SEPARATORS, key=lambda mark: (counts[mark][0], sum(counts[mark])))
+
+    def fit(mark: str) -> tuple[int, int, int]:
+        beside = sum(any(map(ADDRESS.match, _rough_cells(sample, mark))) for sample in samples)
+        return beside, first.count(mark), sum(sample.count(mark) for sample in samples)
+
+    return max(SEPARATORS, key=fit)
+
+
+def _rough_cells(text: str, mark: str) -> list[str]:
+    return [cell.strip(' "') for cell in text[:MOST_JUDGED].split(mark)]
 
 
 def _lines(texts: Sequence[str], separator: str, *, fixed: bool) -> Iterable[_Line]:
@@ -203,7 +227,8 @@ def _lines(texts: Sequence[str], separator: str, *, fixed: bool) -> Iterable[_Li
     at = 0
     while at < len(texts):
         number, text = at + 1, texts[at]
-        own = separator if fixed or separator in text else _separator([text])
+        inside = fixed or separator in text or text.startswith('"')
+        own = separator if inside else _separator([text])
         cells, count = _cells_of(texts[at : at + LINES_OF_CELL], own)
         yield _Line(number, text, cells)
         at += count
@@ -224,7 +249,9 @@ def _cells_of(texts: Sequence[str], separator: str) -> tuple[tuple[str, ...], in
 
 def _cells(text: str, separator: str, *, strict: bool) -> tuple[str, ...]:
     rows = csv.reader([text], delimiter=separator, skipinitialspace=True, strict=strict)
-    return tuple(" ".join(cell.split()) for cell in next(rows, []))
+    cells = [" ".join(cell.split()) for cell in next(rows, [])]
+    filled = [place for place, cell in enumerate(cells, start=1) if cell]
+    return tuple(cells[: filled[-1]] if filled else ())  # spreadsheets end lines with empty cells
 
 
 def _without_header(lines: list[_Line]) -> tuple[_Line | None, list[_Line]]:
@@ -242,9 +269,9 @@ def _without_header(lines: list[_Line]) -> tuple[_Line | None, list[_Line]]:
 
 
 def _is_header(line: _Line, following: _Line) -> bool:
-    """Return whether a line has titles that are not known here: it has as many cells as the next, and no address."""
+    """Return whether a line has titles that are not known here: no fewer cells than the next, and no address."""
     addresses = [any("@" in cell for cell in each.cells) for each in (line, following)]
-    return addresses == [False, True] and all(line.cells) and len(line.cells) == len(following.cells) > 1
+    return addresses == [False, True] and all(line.cells) and len(line.cells) >= len(following.cells) > 1
 
 
 # --- people ---------------------------------------------------------------------------------------
@@ -260,19 +287,30 @@ def _persons(cells: Sequence[str], columns: Sequence[Column]) -> list[tuple[str,
     ):
         return [_as_address(cell) for cell in filled]
     if any(IN_BRACKETS.match(cell) and "@" in cell for cell in cells):
-        return [_in_brackets(cells)]
+        return [_in_brackets(cells, columns)]
     return [_by_columns(cells, columns)]
 
 
 def _as_address(cell: str) -> tuple[str, str]:
     found = IN_BRACKETS.match(cell)
-    return (found["name"].strip('" '), found["email"].strip()) if found else ("", cell)
+    return (found["name"].strip('" '), _bare(found["email"])) if found else ("", cell)
 
 
-def _in_brackets(cells: Sequence[str]) -> tuple[str, str]:
-    """Return name and address of `Ada Lovelace <ada@example.org>` or `Lovelace, Ada <ada@example.org>`."""
+def _bare(email: str) -> str:
+    """Return an address without the `mailto:` of a link."""
+    return re.sub(r"^\s*mailto:", "", email, flags=re.IGNORECASE).strip()
+
+
+def _in_brackets(cells: Sequence[str], columns: Sequence[Column]) -> tuple[str, str]:
+    """Return name and address of `Ada Lovelace <ada@example.org>` or `Lovelace, Ada <ada@example.org>`.
+
+    In a list with titles, the columns of names go before the name in the address.
+    """
     place = next(place for place, cell in enumerate(cells) if IN_BRACKETS.match(cell) and "@" in cell)
     name, email = _as_address(cells[place])
+    if columns[place].title:
+        named, _address = _by_columns(cells, columns)
+        return named if columns[place].role is Role.EMAIL and named else name, email
     before = " ".join(filter(None, cells[:place]))
     return f"{name} {before}".strip(), email
 
@@ -282,7 +320,7 @@ def _by_columns(cells: Sequence[str], columns: Sequence[Column]) -> tuple[str, s
         pairs = zip(columns, cells, strict=False)
         return [cell for column, cell in pairs if cell and column.role is role]
 
-    email = " ".join(of(Role.EMAIL))
+    email = _bare(" ".join(of(Role.EMAIL)))
     addresses = [cell for cell in cells if "@" in cell]
     if "@" not in email and len(addresses) == 1 and not any(column.title for column in columns):
         # An order of its own
@@ -294,6 +332,8 @@ def _fault(name: str, email: str) -> str:
     """Return why a line cannot be used; "" if it can."""
     if any(_is_no_text(letter) for letter in name + email):
         return _("It contains a character that is no text: choose another encoding, or save the file as CSV.")
+    if len(email) > ADDRESS_LENGTH or len(name) > NAME_LENGTH:
+        return _("The name or the address is too long.")
     if re.search(r"\S@\S", name):
         return _("There are two addresses: write one person in a line.")
     if not email:
@@ -302,8 +342,6 @@ def _fault(name: str, email: str) -> str:
         validate_email(email)
     except ValidationError:
         return _("%(address)s is no e-mail address.") % {"address": spelled_out(email[:60])}
-    if len(email) > ADDRESS_LENGTH or len(name) > NAME_LENGTH:
-        return _("The name or the address is too long.")
     return ""
 
 
