@@ -22,6 +22,7 @@ from robots.wire import Refusal
 FAR = datetime.max.replace(tzinfo=timezone.utc)  # stands for "no end"
 # No policy allows a longer slot. So queries for slots that still run look back only this far.
 LONGEST = timedelta(days=7)
+INSTANT = timedelta(microseconds=1)
 MOST_DAYS = 3650  # a booking farther ahead than this is a typing error
 
 
@@ -573,17 +574,24 @@ def _dates(slot: Slot, lab: ZoneInfo) -> Iterator[date]:
 # --- typed local times ----------------------------------------------------------------------------
 
 
-def to_utc(local: datetime, zone: ZoneInfo) -> datetime | Refusal:
+def to_utc(local: datetime, zone: ZoneInfo, *, is_end: bool = False) -> datetime | Refusal:
     """Return the moment of a wall-clock time without zone.
 
     If the clock skips the time, because daylight saving begins, return a refusal. If the clock shows the time
-    twice, return the first moment.
+    twice, return the first moment. An end at the first time that is skipped is the moment of the change: until
+    00:00, where clocks go from 23:59 to 01:00.
     """
-    moment = local.replace(tzinfo=zone, fold=0)
-    utc = moment.astimezone(timezone.utc)
-    if utc.astimezone(zone).replace(tzinfo=None) != local.replace(fold=0):
+    local = local.replace(fold=0)
+    utc = local.replace(tzinfo=zone).astimezone(timezone.utc)
+    if is_end and _wall(utc - INSTANT, zone) == local - INSTANT:
+        return utc
+    if _wall(utc, zone) != local:
         text = (
             f"{local:%H:%M} does not exist on {local:%d %b %Y}: clocks go forward then. Choose a later time."
         )
         return _no("time_gap", text)
     return utc
+
+
+def _wall(moment: datetime, zone: ZoneInfo) -> datetime:
+    return moment.astimezone(zone).replace(tzinfo=None, fold=0)

@@ -13,6 +13,7 @@ from fleet.accounts.models import User
 from fleet.bookings.changes.series import preview, series_make, weekly
 from fleet.bookings.hours.report import Row, lines, report
 from fleet.bookings.models import Booking, Policy
+from fleet.bookings.pages.calendar import span
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import BookingRefused, booking_make
 from robots.access.models import Course, Enrolment
@@ -92,6 +93,41 @@ def test_of_an_end_that_the_clock_shows_twice_the_first_counts(madrid):
     starts = datetime(2027, 10, 23, 20, tzinfo=timezone.utc)
     [_, (_, slot)] = weekly(Slot(starts, starts + timedelta(hours=4.5)), 2, [])
     assert slot.ends_at == datetime(2027, 10, 31, 0, 30, tzinfo=timezone.utc)
+
+
+@pytest.mark.parametrize(
+    ("zone", "starts", "ends", "hours"),
+    [
+        (
+            "Australia/Lord_Howe",
+            "2026-09-27T01:00",
+            "2026-09-27T03:00",
+            [2, 1.5, 2],
+        ),  # the clock skips half an hour
+        ("Australia/Lord_Howe", "2027-03-28T01:00", "2027-03-28T03:00", [2, 2.5, 2]),
+        ("Asia/Beirut", "2027-03-20T20:00", "2027-03-21T00:00", [4, 4, 4]),  # the clock skips 00:00
+        ("Asia/Beirut", "2027-03-21T00:00", "2027-03-21T02:00", [2, "time_gap", 2]),
+        ("America/Santiago", "2026-08-29T22:00", "2026-08-30T02:00", [4, 3, 4]),
+        ("America/Santiago", "2027-03-27T22:00", "2027-03-28T02:00", [4, 5, 4]),
+        ("Europe/Madrid", "2027-03-21T01:00", "2027-03-21T02:00", [1, 1, 1]),  # until the change itself
+        ("Europe/Madrid", "2026-12-28T22:00", "2026-12-29T06:00", [8, 8, 8]),
+    ],
+)
+def test_a_series_lasts_as_its_zones_clock_says(zone, starts, ends, hours):
+    of = ZoneInfo(zone)
+    first = Slot(*(datetime.fromisoformat(time).replace(tzinfo=of) for time in (starts, ends)))
+    found = [slot for _, slot in weekly(first, 3, [], of)]
+    real = [slot.code if isinstance(slot, Refusal) else slot.shared_minutes(slot) / 60 for slot in found]
+    assert real == hours
+
+
+def test_the_calendar_draws_a_slot_in_an_hour_that_comes_twice():
+    early, late = (
+        datetime(2027, 10, 31, 2, minute, fold=fold, tzinfo=MADRID).astimezone(timezone.utc)
+        for minute, fold in ((45, 0), (15, 1))
+    )
+    assert span(early, late, MADRID) == ("2027-10-31T02:45:00", "2027-10-31T03:15:00")
+    assert span(early, early + timedelta(hours=2), MADRID) == ("2027-10-31T02:45:00", "2027-10-31T03:45:00")
 
 
 def test_a_series_keeps_the_labs_clock_whoever_books(madrid, client, robot, supervisor):

@@ -56,7 +56,7 @@ def weekly(
 
 def _on_the_wall(starts: datetime, ends: datetime, zone: ZoneInfo) -> Slot | Refusal:
     """Return the slot between two wall-clock times; a refusal if the clock skips one of them."""
-    moments = [to_utc(local, zone) for local in (starts, ends)]
+    moments = [to_utc(starts, zone), to_utc(ends, zone, is_end=True)]
     skipped = next((one for one in moments if isinstance(one, Refusal)), None)
     return skipped or Slot(*(one for one in moments if isinstance(one, datetime)))
 

@@ -104,6 +104,17 @@ def local(moment: datetime, zone: ZoneInfo) -> str:
     return moment.astimezone(zone).isoformat()[:19]
 
 
+def span(starts: datetime, ends: datetime, zone: ZoneInfo) -> tuple[str, str]:
+    """Return begin and end in the calendar's format.
+
+    An end that the clock shows before the begin, or at it, because clocks go back, is drawn by the real duration.
+    """
+    shown = ends.astimezone(zone).replace(tzinfo=None)
+    begins = starts.astimezone(zone).replace(tzinfo=None)
+    drawn = begins + (ends - starts) if shown <= begins else shown
+    return begins.isoformat()[:19], drawn.isoformat()[:19]
+
+
 def _booked(
     person: User,
     robots: list[Robot],
@@ -119,7 +130,7 @@ def _booked(
     managed = set(robots_managed_by(person).values_list("slug", flat=True))
     reader = reader_of(person)
     graces = {robot.slug: grace_of(policies[robot.id]) for robot in robots}
-    moment, known, written = cache(rows.moment), cache(rows.key), cache(partial(local, zone=zone))
+    moment, known, written = cache(rows.moment), cache(rows.key), cache(partial(span, zone=zone))
     query = _HELD.format(robots=rows.marks(robots))
     asked = (*(robot.id for robot in robots), starts - rules.LONGEST, ends, starts)
     events = []
@@ -129,11 +140,12 @@ def _booked(
         mine = row.person_id == person.pk
         held = held_slot(row, graces[slug], now)
         stage = stage_of(row, graces[slug], now)
+        starts_at, ends_at = written(held.starts_at, held.ends_at)
         event = Event(
             id=rows.key(key),
             resource_ids=(slug,),
-            start=written(held.starts_at),
-            end=written(held.ends_at),
+            start=starts_at,
+            end=ends_at,
             title=name if shows_person(reader, row, stage) else _("Booked"),
             class_names=("mine" if mine else "other", f"stage-{stage.name.lower()}"),
         )
@@ -146,11 +158,12 @@ def _booked(
 
 
 def _out(period: OutOfService, slug: str, ends: datetime, zone: ZoneInfo) -> Event:
+    begins, ended = span(period.starts_at, period.ends_at or ends, zone)
     return Event(
         id=period.pk,
         resource_ids=(slug,),
-        start=local(period.starts_at, zone),
-        end=local(period.ends_at or ends, zone),
+        start=begins,
+        end=ended,
         title=str(period.get_why_display()),
         display="background",
         class_names=("out",),
@@ -183,11 +196,12 @@ def _closed(robot: Robot, policy: Policy, first: date, last: date, zone: ZoneInf
         )
         for number, (starts, ends) in enumerate(times):
             if starts < ends:
+                begins, ended = span(starts, ends, zone)
                 yield Event(
                     id=f"closed-{robot.slug}-{WEEKDAYS[day.weekday()]}-{day}-{number}",
                     resource_ids=(robot.slug,),
-                    start=local(starts, zone),
-                    end=local(ends, zone),
+                    start=begins,
+                    end=ended,
                     title="",
                     display="background",
                     class_names=("closed",),

@@ -39,6 +39,7 @@ def typed_day(text: str | None) -> date | None:
 class LocalTime(forms.CharField):
     """A wall-clock time in the viewer's zone; cleaned to UTC."""
 
+    is_end = False
     widget = forms.DateTimeInput(attrs={"type": "datetime-local", "step": "300"}, format=TIME_FORMAT)
 
     def prepare_value(self, value: Any) -> Any:
@@ -62,14 +63,20 @@ class LocalTime(forms.CharField):
             raise wrong_year
         if local.tzinfo is not None:
             raise ValidationError(_("Write the time without a zone: it counts in yours."))
-        moment = to_utc(local, viewers())
+        moment = to_utc(local, viewers(), is_end=self.is_end)
         if isinstance(moment, Refusal):
             raise ValidationError(moment.text, code=moment.code)
         return moment
 
 
-class OptionalLocalTime(LocalTime):
-    """A wall-clock time that may be left empty: None."""
+class LocalEnd(LocalTime):
+    """The wall-clock time of an end."""
+
+    is_end = True
+
+
+class OptionalLocalEnd(LocalEnd):
+    """The wall-clock time of an end that may be left empty: None."""
 
     def clean(self, value: Any) -> Any:
         """Return the moment in UTC, or None."""
@@ -81,7 +88,7 @@ class SeriesForm(forms.Form):
 
     robot = forms.ModelChoiceField(Robot.objects.none(), label=_("Robot"), to_field_name="slug")
     starts_at = LocalTime(label=_("First slot from"))
-    ends_at = LocalTime(label=_("First slot to"))
+    ends_at = LocalEnd(label=_("First slot to"))
     weeks = forms.IntegerField(label=_("Weeks"), min_value=1, max_value=MOST_WEEKS, initial=12)
     without = forms.CharField(
         label=_("Without these days (such as 2026-12-24, 2026-12-31)"), max_length=400, required=False
@@ -172,7 +179,7 @@ class OutOfServiceForm(forms.Form):
 
     robots = forms.ChoiceField(label=_("Robot or group"))
     starts_at = LocalTime(label=_("From"))
-    ends_at = OptionalLocalTime(label=_("To (empty: until further notice)"), required=False)
+    ends_at = OptionalLocalEnd(label=_("To (empty: until further notice)"), required=False)
     why = forms.ChoiceField(label=_("Reason"), choices=OutOfService.Why.choices)
     note = forms.CharField(label=_("Note"), max_length=200, required=False)
 
@@ -226,7 +233,7 @@ class SlotForm(forms.Form):
 
     robot = RobotField(Robot.objects.none(), label=_("Robot"), to_field_name="slug", empty_label=None)
     starts_at = LocalTime(label=_("From"))
-    ends_at = LocalTime(label=_("To"))
+    ends_at = LocalEnd(label=_("To"))
     purpose = forms.CharField(label=_("Purpose (optional)"), max_length=120, required=False)
     course = forms.ModelChoiceField(
         Course.objects.none(),
