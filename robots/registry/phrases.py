@@ -115,7 +115,7 @@ def _text(content: bytes) -> str:
     if len(content) > LARGEST_FILE_BYTES:
         raise Problems([f"The file is larger than {LARGEST_FILE_BYTES // 1000} kB."])
     try:
-        return content.decode("utf-8-sig").replace("\r\n", "\n")
+        return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         number = content[: error.start].count(b"\n") + 1
         raise Problems([f"line {number}: This is not UTF-8 text. Save the file as UTF-8."]) from error

@@ -1,5 +1,6 @@
 """Weekly series and the report of hours, through their pages."""
 
+import codecs
 from datetime import date, datetime, timedelta, timezone
 from itertools import pairwise
 from uuid import uuid4
@@ -216,6 +217,7 @@ def test_a_series_has_a_courses_lessons_and_the_report_its_term(client, robot, s
     slot = Slot(starts + timedelta(hours=1), starts + timedelta(hours=1.5))
     booking_make(robot=robot, person=student, slot=slot, now=now)  # lessons use no quota of students
     answer = client.get(reverse("booking-report"), {"as": "csv", "by": "course", "course": "hri"})
+    assert answer.content.startswith(codecs.BOM_UTF8)  # for Excel
     assert answer.content.decode().splitlines()[1].startswith("HRI,4,3.50,")
 
 

@@ -42,7 +42,7 @@ CHUNK = 100  # rows in a piece: other requests of the process wait at most for o
 PAUSE, PAUSE_BESIDE_OTHERS = 1.0, 9.0
 LONGEST_PAUSE_S = 2.0  # a proxy closes a response that sends nothing for too long
 # Without this mark, Excel reads the file in an old code page and shows wrong characters. Others skip it.
-BOM = "\ufeff"
+BOM = "\ufeff"  # without it, Excel shows other letters than these
 # A cell that begins with one of these is a formula for spreadsheets, also full-width (OWASP, CSV injection).
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 

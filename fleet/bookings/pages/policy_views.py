@@ -19,6 +19,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from fleet.accounts.requests import person_of
+from fleet.audit.reading.exports import BOM
 from fleet.bookings.changes import policy_changes as policy_services
 from fleet.bookings.changes.series import Week, preview, series_make, weekly
 from fleet.bookings.hours.report import BY, lines, report
@@ -221,6 +222,7 @@ def booking_report(request: HttpRequest) -> HttpResponse:
     if request.GET.get("as") == "csv":
         answer = HttpResponse(content_type="text/csv; charset=utf-8")
         answer["Content-Disposition"] = f'attachment; filename="bookings-{by}-{first}-{last}.csv"'
+        answer.write(BOM)
         csv.writer(answer).writerows(lines(rows))
         return answer
     context = {

@@ -25,15 +25,19 @@ UNDECODABLE = (
     *(struct.error, zlib.error, PIL.Image.DecompressionBombError),
 )
 
-# Bytes per pixel and raw mode of Pillow, by encoding of sensor_msgs/Image.
+# Bytes per pixel and raw mode of Pillow, by encoding of sensor_msgs/Image; OpenCV's names as RViz reads them.
 _RAW_MODES = {
     "rgb8": (3, "RGB", "RGB"),
     "bgr8": (3, "RGB", "BGR"),
     "rgba8": (4, "RGB", "RGBX"),
     "bgra8": (4, "RGB", "BGRX"),
     "8UC3": (3, "RGB", "BGR"),
+    "8SC3": (3, "RGB", "BGR"),
+    "8UC4": (4, "RGB", "BGRX"),
+    "8SC4": (4, "RGB", "BGRX"),
     "mono8": (1, "L", "L"),
     "8UC1": (1, "L", "L"),
+    "8SC1": (1, "L", "L"),
     "bayer_rggb8": (1, "L", "L"),
     "bayer_bggr8": (1, "L", "L"),
     "bayer_gbrg8": (1, "L", "L"),

@@ -46,9 +46,10 @@ def raw_picture(message: Any, topic: str) -> Shown:
     from robots.bridge.camera.image_header import require_size
     from robots.bridge.camera.jpeg import jpeg, raw_image
 
-    width, height, encoding, step = message.width, message.height, message.encoding, message.step
+    width, height, encoding = message.width, message.height, message.encoding
     require_size(width, height)
     data = bytes(message.data)
+    step = message.step or len(data) // height  # some drivers leave it out
     if is_deep(encoding):
         return _deep(
             *raw_deep(width, height, encoding, bool(message.is_bigendian), step, data, is_depth(topic))

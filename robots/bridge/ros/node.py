@@ -27,6 +27,7 @@ from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.gate.geometry.arm_discs import Disc, Posture
 from robots.bridge.gate.values import STILL, Pose, Velocity
+from robots.bridge.health.battery_charge import BatteryCharge
 from robots.bridge.probe_findings import BRIDGE, watchdog_name
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.install import install
@@ -122,6 +123,7 @@ class RosBase:
         self._map_servers: dict[str, str | None] = {}  # nodes that publish the map, with their addresses
         self._publishers_at_last_read: set[str] = set()  # nodes that published joints, tf and odometry
         self._runs = RunMonitor()
+        self._charge = BatteryCharge()
         self._moves = True  # by the last odometry
         self._mail = Mailboxes(self._post, lambda: self._core.needs_fresh_sensors, speaker)
         self._loop: asyncio.AbstractEventLoop
@@ -624,9 +626,9 @@ class RosBase:
         self._mail.post("posture", lambda: self._core.posture(arm, arrival_s), can_wait=True)
 
     def _on_battery(self, message: Any) -> None:
-        percent = message.percentage * 100 if hasattr(message, "percentage") else message.data
-        arrival_s = time.monotonic()
-        self._mail.post("battery", lambda: self._core.battery(float(percent), arrival_s), can_wait=True)
+        percent, arrival_s = self._charge.percent(message), time.monotonic()
+        if percent is not None:
+            self._mail.post("battery", lambda: self._core.battery(percent, arrival_s), can_wait=True)
 
     def _on_charging(self, message: Any) -> None:
         self._mail.post("charging", lambda: self._core.charging(bool(message.data)), can_wait=True)

@@ -84,8 +84,8 @@ def _check_url(url: str, scheme: str, example: str) -> None:
 
 
 def _url_problem(url: str, scheme: str) -> str | None:
-    if re.search(r"[\x00-\x1f]", url):  # Python leaves some of these out
-        return f"{url!r} has control characters in it."
+    if re.search(r"[\x00-\x20]", url):  # Python leaves some of these out
+        return f"{url!r} has spaces or control characters in it."
     try:
         parts = urlsplit(url)
     except ValueError:
@@ -108,6 +108,6 @@ def _url_problem(url: str, scheme: str) -> str | None:
         return f"{url!r} names no port."
     if port == 0:
         return f"{url!r} has no valid port (1 to 65535)."
-    if parts.path not in ("", "/") or parts.query or parts.fragment:
+    if parts.path not in ("", "/") or "?" in url or "#" in url:
         return f"{url!r} has something after the port."
     return None

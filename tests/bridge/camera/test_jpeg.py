@@ -30,6 +30,7 @@ def raw(encoding, channels, order=None, step=None):
         raw("bgr8", 3, (2, 1, 0)),
         raw("rgba8", 4, (0, 1, 2, 3)),
         raw("bgra8", 4, (2, 1, 0, 3)),
+        raw("8UC4", 4, (2, 1, 0, 3)),
     ],
     ids=lambda given: given[2],
 )

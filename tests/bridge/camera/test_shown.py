@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
+from types import SimpleNamespace
 
 import numpy as np
 import PIL.Image
 import pytest
 
 from robots.bridge.camera.image_header import LARGEST_BYTES, Damaged
-from robots.bridge.camera.shown import compressed_picture
+from robots.bridge.camera.shown import compressed_picture, raw_picture
 
 NOISE = PIL.Image.fromarray(np.random.default_rng(0).integers(0, 255, (96, 128, 3), dtype=np.uint8))
 
@@ -78,3 +79,8 @@ def test_a_cut_picture_is_told_also_with_padding(lost):
 )
 def test_the_words_of_the_format_do_not_matter(form):
     assert shown(PICTURES["baseline"], form).format == "jpeg"
+
+
+def test_a_raw_image_without_a_row_length_is_shown():
+    image = SimpleNamespace(width=4, height=2, encoding="mono8", step=0, data=bytes(8), is_bigendian=0)
+    assert raw_picture(image, "/camera/image_raw").width == 4

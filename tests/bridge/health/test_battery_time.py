@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from types import SimpleNamespace
+
 import pytest
 
+from robots.bridge.health.battery_charge import BatteryCharge
 from robots.bridge.health.battery_time import BatteryTime
 
 
@@ -27,6 +31,28 @@ def test_nothing_is_said_too_soon_or_without_a_fall():
 
 def test_whole_percents_are_enough():
     assert fed(per_hour=20.0, minutes=30, whole=True).left_min() == pytest.approx(210, abs=30)
+
+
+def state(percentage, charge=math.nan, capacity=math.nan):
+    return SimpleNamespace(percentage=percentage, charge=charge, capacity=capacity)
+
+
+@pytest.mark.parametrize(
+    ("messages", "percents"),
+    [
+        (
+            [SimpleNamespace(data=63.0), SimpleNamespace(data=-1.0), SimpleNamespace(data=math.inf)],
+            [63.0, None, None],
+        ),
+        ([state(0.63), state(1.02)], [63.0, 102.0]),
+        ([state(63.0), state(1.0), state(0.5)], [63.0, 1.0, 0.5]),  # a driver that sends percent
+        ([state(math.nan), state(-1.0)], [None, None]),  # only its voltage is known
+        ([state(math.nan, 3.0, 12.0), state(math.nan, 3.0, 0.0)], [25.0, None]),
+    ],
+)
+def test_the_charge_is_read_as_its_driver_means_it(messages, percents):
+    charge = BatteryCharge()
+    assert [charge.percent(message) for message in messages] == percents
 
 
 def test_a_charger_another_battery_and_a_rise_begin_anew():

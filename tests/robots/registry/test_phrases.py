@@ -87,7 +87,8 @@ def test_the_first_ten_of_many_bad_lines_are_named() -> None:
 def test_written_phrases_are_read_back_unchanged(tiago: RobotProfile) -> None:
     lines = [phrase.line for phrase in tiago.phrases.all()]
     assert len(lines) == 24
-    assert read(file_text(lines).encode()) == lines
+    for line_end in ("\n", "\r\n", "\r"):
+        assert read(file_text(lines).replace("\n", line_end).encode()) == lines
 
 
 # --- in the registry -----------------------------------------------------------------------------

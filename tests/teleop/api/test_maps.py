@@ -120,7 +120,7 @@ def test_a_file_of_one_map_is_imported_to_the_next(
 ) -> None:
     ask = program(supervisor)
     text = ask.stream("GET", f"/maps/{kitchen.map_id}/places/export").content.decode()
-    assert text == "name,x,y,heading\nkitchen,1.0,1.0,1.5\n"
+    assert text == "\ufeffname,x,y,heading\nkitchen,1.0,1.0,1.5\n"
     newer = map_of(robot, mark="x")
     present, earlier = ask("GET", "/maps?robot=tiago-1").data["maps"]
     assert (present["map"], present["places"], earlier["map"]) == (newer, [], kitchen.map_id)

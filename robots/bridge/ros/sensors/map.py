@@ -6,6 +6,7 @@ subscribes by a TCPROS handshake instead of a rospy node, so nothing is register
 
 from __future__ import annotations
 
+import errno
 import signal
 import struct
 import sys
@@ -27,6 +28,12 @@ from robots.processes.shutdown import exit_within
 
 CALLER = "/fleet_map"
 MESSAGE_S = 5.0  # the map's topic is latched: its publisher sends the map at once
+UNREACHED = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN)
+# Navigation may reach this node where the console cannot: so it is not passed over, however long it is silent.
+SILENT = (
+    "it does not answer at {address} and may publish another map. If it has ended, or its computer is off, "
+    "run “rosnode cleanup” on the robot"
+)
 AT_ONCE = 3  # publishers that are read at the same time: a map has up to 16 MB
 
 
@@ -71,8 +78,12 @@ def _map_of(wanted: MapWanted, address: str | None) -> TakenMap | NoMap | _Witho
             message = _message(conversation, wanted)
             return message if isinstance(message, _Without) else taken(message)
     except (OSError, MasterError, ValueError, struct.error) as error:
-        has_ended = isinstance(error.__cause__ or error, ConnectionRefusedError)
-        return _Without(str(error)) if has_ended else NoMap(str(error))
+        cause = error.__cause__ or error
+        if isinstance(cause, ConnectionRefusedError):  # its computer says that the node has ended
+            return _Without(str(error))
+        if isinstance(cause, TimeoutError) or getattr(cause, "errno", None) in UNREACHED:
+            return NoMap(SILENT.format(address=address))
+        return NoMap(str(error))
 
 
 def _message(conversation: Conversation, wanted: MapWanted) -> bytes | _Without:

@@ -90,7 +90,10 @@ def test_a_robot_with_only_a_master_is_valid(robot: Robot) -> None:
         ("HTTP://[2001:DB8::7]", "has an IPv6 address"),
         ("http://[::1:11311", "brackets that do not fit"),
         ("http://tiago-42c:11311/rpc", "something after the port"),
-        ("http://tiago 42c:11311", "neither an IP address"),
+        ("http://tiago 42c:11311", "spaces or control characters"),
+        (" http://tiago-42c:11311", "spaces or control characters"),
+        ("http://tiago-42c:11311?", "something after the port"),
+        ("http://tiago-42c:11311#", "something after the port"),
         ("http://10.68.0.300:11311", "neither an IP address"),
     ],
 )
