@@ -349,6 +349,13 @@ def test_it_does_not_run_on_ahead_of_somebody_who_is_faster():
     assert roll("disc", forward, [(0.1, -1.4)], driving, forward, drift=[(0.6, 1.3)]).share == 0.0
 
 
+def test_a_long_turn_does_not_hide_that_it_runs_on_faster():
+    """Both ways end with the same turn, so both rest at the same time; driving on is faster until then."""
+    now, candidate = Velocity(0.25, 0.0, 1.9), Velocity(1.0, 0.0, 1.0)
+    driving = [Sent(now, LATENCY_S)]
+    assert roll("disc", candidate, [(-0.93, 0.38)], driving, now, drift=[(1.25, -0.34)]).share == 0.0
+
+
 def test_it_stands_a_moment_before_somebody_may_be_there():
     forward, beside = Velocity(0.6, 0.0, 0.0), [(0.45, -1.5)]
     driving = [Sent(forward, LATENCY_S)]

@@ -151,8 +151,10 @@ def safe_share(
         met_braking = (drift.moves & (stopping < 0.0) & (onset_gaps >= 0.0)).nonzero()[0]
         meets_movers = len(met_braking) > 0
         if meets_movers:
+            drives_until_s = np.array([_drives_until_s(state, rates) for state in distinct])
+            moving = drift.chosen(met_braking)
             clear[:, met_braking] = _met_no_worse(
-                paths, braking_row, points[met_braking], drift.chosen(met_braking), footprint
+                paths, drives_until_s, braking_row, points[met_braking], moving, footprint
             )
     # If even braking now ends too near, a share that brakes as hard as share 0 in this calculation is not tried: the
     # real base may brake harder than assumed, but only if zero is sent.
@@ -335,6 +337,12 @@ def _still_s(velocity: Velocity, rates: _Rates) -> float:
     return max(max(vx, vy) / rates.linear_down, w / rates.angular_down)
 
 
+def _drives_until_s(state: _State, rates: _Rates) -> float:
+    """Return when a base that brakes fully no longer drives, although it may still turn."""
+    vx, vy, _ = map(abs, state.velocity)
+    return state.time_s + max(vx, vy) / rates.linear_down
+
+
 def _poses_until_still(velocity: Velocity, rates: _Rates, footprint: Footprint) -> int:
     """Return how many poses a braking needs so that they are close together, at most `MOST_POSES`."""
     vx, vy, w = map(abs, velocity)
@@ -435,12 +443,17 @@ def _within(points: Points, drift: Drift | None, path: Path, footprint: Footprin
 
 
 def _met_no_worse(
-    paths: Path, braking_row: int, points: Points, drift: Drift, footprint: Footprint
+    paths: Path,
+    drives_until_s: NDArray[np.float64],
+    braking_row: int,
+    points: Points,
+    drift: Drift,
+    footprint: Footprint,
 ) -> NDArray[np.bool_]:
     """Return which points each path meets no earlier, and no faster, than the path that brakes, (rows, N).
 
-    `paths` end with a rest. If somebody cannot be avoided, gaps do not tell which path is better: one that drives
-    through is no deeper.
+    `paths` end with a rest; `drives_until_s`: when each of them no longer drives, but may still turn. If somebody
+    cannot be avoided, gaps do not tell which path is better: one that drives through is no deeper.
     """
     each = Path(*(axis.reshape(-1, 1) for axis in paths))
     gaps = footprint.least_gaps(each, points, drift).reshape(*paths.x.shape, -1)
@@ -449,8 +462,10 @@ def _met_no_worse(
     with np.errstate(divide="ignore", invalid="ignore"):
         between_s = earlier_s + (later_s - earlier_s) * before / (before - after)
     met_s = np.where(after < 0.0, np.where(before < 0.0, earlier_s, between_s), math.inf).min(axis=1)
-    moves_on_s = np.maximum(paths.time_s[:, -2, None] - met_s, 0.0)  # speed, at the same deceleration
-    no_worse: NDArray[np.bool_] = (met_s >= met_s[braking_row]) & (moves_on_s <= moves_on_s[braking_row])
+    no_worse: NDArray[np.bool_] = met_s >= met_s[braking_row]
+    for rests_s in (drives_until_s, paths.time_s[:, -2]):
+        moves_on_s = np.maximum(rests_s[:, None] - met_s, 0.0)  # speed, at the same deceleration
+        no_worse &= moves_on_s <= moves_on_s[braking_row]
     return no_worse
 
 
