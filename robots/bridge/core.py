@@ -779,9 +779,9 @@ class Core:
     def _watch_stopped(self, now_s: float) -> None:
         """Notice a robot that moves although it is stopped."""
         stands, odometry = self._stands(now_s), self._reported.odometry
-        velocity = odometry[2] if odometry and stands is not None else None
+        _, pose, velocity = odometry if odometry and stands is not None else (None, None, None)
         latency_s = self._gate.latency.in_force_s(now_s)
-        self._after_stop.tick(self.stop_state, stands, velocity, latency_s, self._ros.velocities, now_s)
+        self._after_stop.tick(self.stop_state, stands, pose, velocity, latency_s, self._ros.velocities, now_s)
 
     def _stands(self, now_s: float) -> bool | None:
         """Return whether the robot stands by its last odometry; None if that is too old."""

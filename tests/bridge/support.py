@@ -400,7 +400,7 @@ class Bench:
         self.seq = 0
         self.stamp_s = 50.0  # stamp of the newest odometry, by the robot's clock
         self.speed = STILL
-        self.x = 0.0
+        self.x = self.yaw = 0.0
         self.map_to_odom: Pose | None = None
 
     def _count_news(self) -> None:
@@ -425,7 +425,7 @@ class Bench:
 
     def frozen_odometry(self) -> None:
         """Repeat the last odometry message with its stamp."""
-        self.core.odometry(self.stamp_s, self.now_s, Pose(self.x, 0.0, 0.0), self.speed, self.stamp_s)
+        self.core.odometry(self.stamp_s, self.now_s, Pose(self.x, 0.0, self.yaw), self.speed, self.stamp_s)
 
     def granted(self, fence: int = 1, seconds: float = 60.0, link: int = 1) -> Bench:
         """Give control to Ann, with her stick in the middle."""

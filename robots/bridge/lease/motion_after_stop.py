@@ -8,19 +8,23 @@ odometry, other parts by joint states. Time is an argument.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 
 from robots.bridge.audit.records import Records
 from robots.bridge.config import BridgeConfig, Topics
-from robots.bridge.gate.values import STILL, GateProfile, Velocity
+from robots.bridge.gate.values import STILL, GateProfile, Pose, Velocity
 from robots.wire import MovesAlthoughStopped, Part, StopState
 
 SPARE_S = 0.3  # beyond the braking time of the robot
 MOVES_S = 0.5  # of motion, with pauses: less may be a bump, or noise
 PAUSE_SHARE = 0.25  # how much of a pause counts against the motion before it
 STANDS_S = 2.0  # at standstill, until the motion is over: a navigation that drives on makes pauses
-COMPARED_S = 0.5  # between two positions of a joint
+# Also this way of the base, in this time: jerks between zeros, or a slow roll, are nearly always too short to be seen.
+CREEPS_S, CREEPS_M, CREEPS_RAD = 15.0, 0.08, 0.15
+RESTARTS_M = 0.1  # farther than the base can drive between two places: the odometry began again
+COMPARED_S = 0.5  # between two positions of a joint, or two places of the base
 JOINT_MOVES = 0.02  # rad, in that time; a torso or gripper also moves if it goes `LIFT_MOVES` (m)
 LIFT_MOVES = 0.005
 _LIFTS: frozenset[Part] = frozenset({"torso", "gripper"})
@@ -77,6 +81,40 @@ class _Moving:
             self.moves, self._moved_s = False, 0.0
 
 
+class _Creeping:
+    """Whether the base is elsewhere than some seconds ago, however slowly or seldom it moves."""
+
+    def __init__(self, profile: GateProfile) -> None:
+        limits = profile.limits
+        self._top_mps = math.hypot(max(limits.forward_mps, limits.reverse_mps), limits.lateral_mps)
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin again at the next place."""
+        self.moves = False
+        self._places: deque[tuple[float, Pose]] = deque()
+
+    def observe(self, pose: Pose | None, now_s: float) -> None:
+        """Take the base's place by odometry; None: nobody knows, and nothing changes."""
+        if pose is None:
+            self._places.clear()
+            return
+        if self._places:
+            before_s, before = self._places[-1]
+            if now_s - before_s < COMPARED_S:
+                return
+            if math.dist(pose[:2], before[:2]) > self._top_mps * (now_s - before_s) + RESTARTS_M:
+                self._places.clear()
+        self._places.append((now_s, pose))
+        while now_s - self._places[0][0] > CREEPS_S:
+            self._places.popleft()
+        self.moves = any(
+            math.dist(pose[:2], place[:2]) > CREEPS_M
+            or abs(math.remainder(pose.yaw - place.yaw, math.tau)) > CREEPS_RAD
+            for _, place in self._places
+        )
+
+
 class _Joints:
     """Whether the joints of one part move, by their positions some tenths of a second apart."""
 
@@ -110,6 +148,7 @@ class MotionAfterStop:
         self._joint = joint
         self._joints = {part: _Joints(part, names) for part, names in joints_of(config.topics).items()}
         self._parts: dict[Part, _Moving] = {}
+        self._creeping = _Creeping(config.gate)
         self._braked_s: float | None = None  # from then on, it must stand; None: it is not stopped
         self._began_s: float | None = None  # when it was noticed that the robot moves
         # of this event so far: the parts that moved, the highest speeds, the known publishers
@@ -127,12 +166,13 @@ class MotionAfterStop:
         self,
         stop: StopState,
         still: bool | None,
+        pose: Pose | None,
         velocity: Velocity | None,
         latency_s: float,
         publishers: Mapping[str, list[str]],
         now_s: float,
     ) -> None:
-        """Judge the robot while it is stopped. `still`, `velocity`: by odometry; None: it is silent.
+        """Judge the robot while it is stopped. `still`, `pose`, `velocity`: by odometry; None: it is silent.
 
         `latency_s`: of the robot. `publishers`: nodes that publish velocities for its base, by topic.
         """
@@ -142,11 +182,17 @@ class MotionAfterStop:
             return
         if self._braked_s is None:  # the stop was pressed, or this bridge started, a moment ago
             self._parts = {part: _Moving() for part in ("base", *self._joints)}
+            self._creeping.forget()
             self._braked_s = now_s + braking_s(self._profile, velocity, latency_s)
         self._velocity = velocity
         if now_s < self._braked_s:
             return
-        self._parts["base"].observe(None if still is None else not still, now_s)
+        base = self._parts["base"]
+        moved = base.moves
+        base.observe(None if still is None else not still, now_s)
+        if moved and not base.moves:
+            self._creeping.forget()
+        self._creeping.observe(pose, now_s)
         for part, joints in self._joints.items():
             self._parts[part].observe(joints.moves(self._joint, now_s), now_s)
         if not (moving := self._moving):
@@ -183,7 +229,8 @@ class MotionAfterStop:
 
     @property
     def _moving(self) -> list[Part]:
-        return [part for part, moving in self._parts.items() if moving.moves]
+        creeps: Part | None = "base" if self._creeping.moves else None
+        return [part for part, moving in self._parts.items() if moving.moves or part == creeps]
 
     def _begin(self, stop_number: int, now_s: float) -> None:
         facts: dict[str, str | float | None] = {"number": stop_number, **self._facts()}

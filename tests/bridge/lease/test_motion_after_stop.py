@@ -11,11 +11,12 @@ from robots import wire
 from robots.bridge.config import ArmSource, HeadSource, LimbSource, Topic
 from robots.bridge.core import RosStatus
 from robots.bridge.gate.values import STILL, Velocity
-from robots.bridge.lease.motion_after_stop import STANDS_S
+from robots.bridge.lease.motion_after_stop import CREEPS_S, STANDS_S
 from robots.bridge.lease.state_store import SavedState
 from tests.bridge.support import CONFIG, Bench
 
 DRIVES, TURNS = Velocity(0.3, 0.0, 0.0), Velocity(0.0, 0.0, -0.4)
+TICK_S = 0.05
 ROGUE = {"/base/cmd_vel": ["/rogue"]}
 JOINTS = msgspec.structs.replace(
     CONFIG.topics,
@@ -48,8 +49,12 @@ def stop(bench: Bench) -> Bench:
 
 
 def moves(bench: Bench, speed: Velocity, seconds: float) -> None:
+    """Let time pass in ticks of 50 ms while the robot moves like this."""
     bench.speed = speed
-    bench.pass_time(seconds)
+    for _ in range(round(seconds / TICK_S)):
+        bench.x += speed.vx * TICK_S
+        bench.yaw += speed.w * TICK_S
+        bench.pass_time(TICK_S)
 
 
 def test_a_robot_that_drives_on_is_reported(bench):
@@ -102,6 +107,32 @@ def test_short_jerks_with_pauses_are_reported(bench):
         moves(bench, DRIVES, 0.15)
         moves(bench, STILL, 0.2)
     assert fact(bench) is not None
+
+
+@pytest.mark.parametrize("jerk", [Velocity(0.15, 0.0, 0.0), Velocity(0.0, 0.0, 0.4)])
+def test_seldom_jerks_are_one_event_by_the_way_they_make(bench, jerk):
+    """A node fights with the stop's zeros: the base moves for a twentieth of the time, and stands between."""
+    moves(stop(bench), STILL, 2.0)
+    for _ in range(20):
+        moves(bench, jerk, 0.1)
+        moves(bench, STILL, STANDS_S - 0.5)
+    assert fact(bench).parts == ["base"] and len(records(bench)) == 1
+    moves(bench, STILL, CREEPS_S + 1.0)
+    assert fact(bench) is None and records(bench)[1].outcome == "stood"
+
+
+def test_a_slow_roll_is_reported(bench):
+    moves(stop(bench), STILL, 2.0)
+    moves(bench, Velocity(-0.008, 0.0, 0.0), CREEPS_S)
+    assert fact(bench).parts == ["base"]
+
+
+def test_odometry_that_begins_again_is_no_motion(bench):
+    bench.x, bench.yaw = 2.0, 1.0
+    moves(stop(bench), STILL, 5.0)
+    bench.x = bench.yaw = 0.0
+    moves(bench, STILL, 5.0)
+    assert fact(bench) is None
 
 
 def test_a_bump_is_not_reported(bench):
