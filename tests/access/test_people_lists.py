@@ -226,6 +226,12 @@ def test_a_list_of_5000_lines_is_read_and_a_longer_one_refused() -> None:
     longer = read_people("\n".join([*lines, *lines]))
     assert not longer.people
     assert "10000 lines" in longer.wrong[0].reason
+    heads = read_people("\n".join(["a@example.org, b@example.org"] * MOST_LINES))
+    assert (len(heads.people), len(heads.repeated), heads.wrong[0].line) == (
+        2,
+        MOST_LINES - 2,
+        MOST_LINES // 2 + 1,
+    )
 
 
 def test_a_list_as_text_reads_back_as_the_same_people() -> None:

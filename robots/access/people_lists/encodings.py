@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Sequence
 
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
@@ -61,7 +60,9 @@ _GUESSES = (
     ),
     *("iso8859_7", "shift_jis", "euc_jp", "gb18030", "euc_kr", "mac_latin2", "cp852", "cp866"),
 )
-_JUDGED_LINES = 500  # with letters that are not ASCII: enough to tell the encoding
+_JUDGED_LINES = 200  # with letters that are not ASCII: enough to tell the encoding
+_JUDGED_LETTERS = 200  # of a line
+_NOT_ASCII = re.compile(r"[^\x00-\x7f]")
 _HEADER_LINES = 10
 _SCRIPTS = {"latin": range(0x250), "greek": range(0x370, 0x400), "cyrillic": range(0x400, 0x530)}
 _NARROW_KANA = range(0xFF61, 0xFFA0)  # one byte each in Shift JIS; not in names
@@ -131,7 +132,7 @@ def _text(content: bytes, codec: str) -> str | None:
 
 def _oddness(text: str) -> tuple[int, int]:
     """Return how little a text looks like a list of people: without known titles first, then by its letters."""
-    lines = text.splitlines()
+    lines = [line[:_JUDGED_LETTERS] for line in text.splitlines()]
     cells = re.split(r"[\t;,|\"\n]", "\n".join(lines[:_HEADER_LINES]))
     titles = sum(role_of(cell) is not Role.UNUSED for cell in cells)
     return -titles, sum(map(_oddities, [line for line in lines if not line.isascii()][:_JUDGED_LINES]))
@@ -142,25 +143,23 @@ def _oddities(line: str) -> int:
     another script beside this one, three accented letters in a row.
     """
     odd = 0
-    scripts = [_script(letter) for letter in f" {line} "]
-    for place, letter in enumerate(line):
-        if letter.isascii() or letter in _PUNCTUATION:
-            continue
-        before, after = line[place - 1 : place], line[place + 1 : place + 2]
+    for found in _NOT_ASCII.finditer(line):
+        letter, at = found[0], found.start()
+        before, after = line[at - 1 : at], line[at + 1 : at + 2]
         amid = letter.isupper() and (before.islower() or (before.isalpha() and after.islower()))
-        odd += amid or not letter.isalpha() or ord(letter) in _NARROW_KANA or _is_strange(scripts, place)
+        strange = ord(letter) in _NARROW_KANA or _is_strange(_script(before), _script(letter), _script(after))
+        odd += letter not in _PUNCTUATION and (amid or strange or not letter.isalpha())
     return odd
 
 
-def _is_strange(scripts: Sequence[str], place: int) -> bool:
-    """Return whether a letter that is not ASCII does not fit its neighbours: `scripts` begins one place earlier."""
-    before, own, after = scripts[place : place + 3]
-    beside = {name.removeprefix("plain ") for name in (before, after) if name}
-    return beside - {own} != set() or (before, own, after) == ("latin",) * 3
+def _is_strange(before: str, own: str, after: str) -> bool:
+    """Return whether a letter that is not ASCII does not fit its neighbours, by their scripts."""
+    beside = {script.removeprefix("plain ") for script in (before, after) if script}
+    return bool(beside - {own}) or before == own == after == "latin"
 
 
 def _script(letter: str) -> str:
-    """Return the script of a letter, "plain latin" for ASCII; "" for other characters."""
+    """Return the script of a letter, "plain latin" for ASCII; "" for other characters, or none."""
     if not letter.isalpha():
         return ""
     if letter.isascii():

@@ -131,6 +131,10 @@ def _people(lines: Iterable[_Line], columns: tuple[Column, ...], separator: str)
     repeated: list[Wrong] = []
     seen: dict[str, int] = {}
     for line in lines:
+        if len(people) + len(repeated) >= MOST_LINES:  # a line may have many people
+            reason = _("At most %(most)d people are read; the list has more from this line on. Divide it.")
+            wrong.append(Wrong(line.number, line.text[:100], reason % {"most": MOST_LINES}, line.cells))
+            break
         for name, email in _persons(line.cells, columns):
             text = line.text[:100]
             if reason := _fault(name, email):

@@ -10,6 +10,7 @@ from playwright.sync_api import expect
 
 from script.stack.stack import Stack
 from tests.browser.people import Person, robot_side
+from tests.browser.test_pages import axe_accepts
 
 Arrive = Callable[..., Person]
 ROBOT = "tiago-2"
@@ -28,6 +29,7 @@ def test_every_page_says_that_a_stopped_robot_moves(person: Arrive, stack: Stack
         expect(observer.part("banner-text")).to_have_text(WHO)
         expect(observer.part("alarm")).to_contain_text(TITLE)
         expect(observer.part("stop-state")).to_have_text("It moves: red button")
+        axe_accepts(observer, "a stopped robot that moves")
         for path in ("/", "/?wall"):
             other.open(path)
             card = other.page.locator(f"[data-robot={ROBOT}]")
@@ -35,6 +37,7 @@ def test_every_page_says_that_a_stopped_robot_moves(person: Arrive, stack: Stack
             expect(card.locator("[data-part=why]")).to_have_text(WHO)
             expect(card.get_by_role("alert")).to_have_text(TITLE)
         other.open("/")
+        axe_accepts(other, "the fleet with a stopped robot that moves")
         again = other.page.request.post(
             f"{stack.url}/robots/{ROBOT}/stop/",
             form={
