@@ -216,7 +216,10 @@ class SensorLimits:
         return [SpeedLimit("arm_away", text, arm_discs.AWAY_MPS)]
 
     def _delay_limits(self, latency_s: float, slow_clock: float | None) -> list[SpeedLimit]:
-        """Return the limits for a late robot, page or camera picture, for the usual stopping distance."""
+        """Return the limits for a late robot, page or camera picture, for the usual stopping distance.
+
+        A speed that rounds to the top speed is no limit. Stops before obstacles count the latency in full anyway.
+        """
         parameters, full_mps = self._profile.parameters, self._profile.limits.forward_mps
         linear, _ = braking.deceleration(self._profile)
         limits = []
@@ -237,8 +240,8 @@ class SensorLimits:
             ),
             ("camera_late", camera_s, CAMERA_LATE_S, "the camera’s picture comes", ""),
         ):
-            if delay_s > assumed_s:
-                mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)
+            mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)
+            if words.figure(mps) != words.figure(full_mps):
                 text = f"at most {words.figure(mps)} m/s: {who} after {delay_s:.2f} s{why}"
                 limits.append(SpeedLimit(code, text, mps))
         return limits
