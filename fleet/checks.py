@@ -10,6 +10,8 @@ from django.core.checks import CheckMessage, Error, Tags, Warning, register
 from django.db import connections
 from django.db.migrations.loader import MigrationLoader
 
+from fleet.accounts.emails import fault_of_sender
+
 
 @register(Tags.staticfiles)
 def npm_packages_installed(**_: Any) -> list[CheckMessage]:
@@ -52,6 +54,14 @@ def tls_is_on(**_: Any) -> list[CheckMessage]:
             id="fleet.W003",
         )
     ]
+
+
+@register()
+def e_mails_have_a_sender(**_: Any) -> list[CheckMessage]:
+    """Check that e-mails can be sent: with a malformed sender, all wait and are lost after a day."""
+    if not (fault := fault_of_sender(settings.DEFAULT_FROM_EMAIL)):
+        return []
+    return [Warning(fault, hint="Correct FLEET_EMAIL_FROM: until then no e-mail is sent.", id="fleet.W004")]
 
 
 @register(Tags.database)

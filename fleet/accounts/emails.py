@@ -14,6 +14,7 @@ from smtplib import SMTPNotSupportedError, SMTPRecipientsRefused, SMTPSenderRefu
 
 from django.core.mail import EmailMessage, get_connection
 from django.core.mail.backends.base import BaseEmailBackend
+from django.core.mail.message import sanitize_address
 from django.db import DatabaseError, connections, transaction
 from django.utils import timezone
 
@@ -87,9 +88,11 @@ def put_off(message: EmailMessage, connection: BaseEmailBackend) -> str:
     closed.
 
     Raises:
-        OSError: the server takes no message now: it is out of reach, or it refuses the sender.
+        OSError: the server takes no message now: it is out of reach, or it refuses the sender, or there is no sender.
 
     """
+    if fault := fault_of_sender(message.from_email):
+        raise OSError(fault)
     connection.open()
     message.connection = connection
     refused_at: datetime | None = None
@@ -100,7 +103,7 @@ def put_off(message: EmailMessage, connection: BaseEmailBackend) -> str:
             connection.close()  # the server may have ended it
         if isinstance(error, SMTPSenderRefused):
             raise
-        if not is_of_address(error):
+        if not is_of_address(error, message.to):
             return str(error) or repr(error)
         _refused(message, error)
         refused_at = timezone.now()
@@ -117,14 +120,34 @@ def _note(addresses: Sequence[str], refused_at: datetime | None) -> None:
         log.error("It is not noted whether an e-mail was refused: %s", error)
 
 
-def is_of_address(error: Exception) -> bool:
-    """Return whether an error says that the address is wrong; else the message may be sent later."""
+def fault_of_sender(sender: str) -> str:
+    """Return why nobody can send e-mails as `sender`, the value of `FLEET_EMAIL_FROM`; empty: it is a sender."""
+    fault = _why_not_written(sender)
+    return fault and (
+        f"FLEET_EMAIL_FROM is {sender!r}, which is no sender ({fault}). A name with a comma or colon needs quotation "
+        'marks: "Robots, Lab" <robots@lab.example>.'
+    )
+
+
+def _why_not_written(address: str) -> str:
+    """Return why a message cannot have this address; empty: it can."""
+    try:
+        sanitize_address(address, "utf-8")
+    except (ValueError, TypeError) as error:  # TypeError: `Robots <>`
+        return str(error)
+    return ""
+
+
+def is_of_address(error: Exception, addresses: Sequence[str]) -> bool:
+    """Return whether an error says that one of these addresses is wrong; else the message may be sent later."""
     match error:
         case SMTPRecipientsRefused():
             is_for_good = all(code >= 500 for code, _text in error.recipients.values())
             return is_for_good and not NOT_THE_ADDRESS.search(str(error))
-        case ValueError() | SMTPNotSupportedError():  # the address cannot be written
+        case UnicodeError() | SMTPNotSupportedError():  # the server takes no address with such letters
             return True
+        case ValueError():
+            return any(map(_why_not_written, addresses))
     return False
 
 

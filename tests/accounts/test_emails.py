@@ -103,3 +103,28 @@ def test_a_server_that_stays_away_is_given_up_in_words(server: Server, caplog: A
     send("ada")
     assert server.took == []
     assert "are lost (1): timed out" in caplog.text
+
+
+@pytest.mark.parametrize("sender", ["Robots, Lab <us@lab.example>", "Robots <>", "us@"])
+def test_a_malformed_sender_blames_nobody_and_loses_nothing(
+    server: Server, settings: Any, caplog: Any, sender: str
+) -> None:
+    settings.DEFAULT_FROM_EMAIL = sender
+    waiting = [EmailMessage("Welcome", "", to=["ada@lab.example"])]
+    cause = emails._try_to_send(waiting)
+    assert cause.startswith(f"FLEET_EMAIL_FROM is {sender!r}")
+    assert (len(waiting), server.recorded) == (1, [])
+
+
+def test_a_message_that_cannot_be_written_blames_no_address(server: Server) -> None:
+    server.answers = {"ada@lab.example": [ValueError("Header values can't contain newlines")]}
+    waiting = [
+        EmailMessage("Welcome", "", to=["ada@lab.example"]),
+        EmailMessage("", "", to=["eve@lab.example"]),
+    ]
+    assert "newlines" in emails._try_to_send(waiting)
+    assert ([one.to for one in waiting], server.recorded, server.took) == (
+        [["ada@lab.example"]],
+        [],
+        ["eve@lab.example"],
+    )

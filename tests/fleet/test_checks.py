@@ -33,3 +33,10 @@ def test_plain_http_is_warned_of_in_production_only(settings):
     assert checks.tls_is_on() == []
     settings.FLEET_TLS, settings.DEBUG = False, True
     assert checks.tls_is_on() == []
+
+
+def test_a_sender_that_is_no_address_is_warned_of(settings):
+    assert checks.e_mails_have_a_sender() == []
+    settings.DEFAULT_FROM_EMAIL = "Robots, Lab <robots@lab.example>"
+    (warning,) = checks.e_mails_have_a_sender()
+    assert warning.msg.startswith("FLEET_EMAIL_FROM is 'Robots, Lab <robots@lab.example>'")
