@@ -57,9 +57,20 @@ def test_after_silence_the_stick_must_return_to_the_middle(bench):
     refusal = bench.stick(0.5)
     assert refusal.code == "neutral_needed"
     assert "no command came for 0.3 s" in refusal.text
-    assert refusal.figures == {"because": "dead_man"}
+    assert refusal.figures == {"because": "dead_man", "why": "no command came for 0.3 s"}
     assert bench.stick(0.0) is None
     bench.driving()
+
+
+def test_the_reason_for_neutral_continues_its_sentence(bench):
+    bench.granted().driving()
+    bench.gate.says = lambda asked: Verdict(
+        STILL, asked, "behind_unseen", "stopped: no look. Turn", neutral=True
+    )
+    bench.stick(-0.5)
+    bench.gate.says = None
+    assert bench.stick(-0.5).text == "Let the stick return to the middle: no look. Turn."
+    assert bench.core.state(bench.now_s, []).neutral_needed.text == "no look. Turn"
 
 
 def scan_goes_stale(bench):

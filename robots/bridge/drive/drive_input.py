@@ -90,8 +90,8 @@ class DriveInput:
 
     def require_neutral(self, code: str, reason: str) -> None:
         """Require a stick in the middle before the robot moves. Only the first reason is reported."""
-        if self.neutral_needed is None:
-            self.neutral_needed = NeutralNeeded(code, reason.rstrip("."))
+        if self.neutral_needed is None:  # a verdict's text says itself that it stopped the robot
+            self.neutral_needed = NeutralNeeded(code, reason.removeprefix("stopped: ").rstrip("."))
 
     def _filtered(self, drive: Drive, now_s: float) -> Drive:
         """Return the command with its position filtered.

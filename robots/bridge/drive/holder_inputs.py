@@ -62,7 +62,8 @@ class HolderInputs:
             return None
         is_stick = source is self.stick
         what = "Let the stick return to the middle" if is_stick else "Publish a velocity of zero first"
-        return Refusal("neutral_needed", f"{what}: {needed.text}.", "dead-man", {"because": needed.code})
+        figures = {"because": needed.code, "why": needed.text}
+        return Refusal("neutral_needed", f"{what}: {needed.text}.", "dead-man", figures)
 
     def require_neutral(self, code: str, reason: str) -> None:
         """Require neutral of both inputs before the robot moves."""

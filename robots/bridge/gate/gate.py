@@ -98,7 +98,7 @@ STANDSTILL_RADPS = 0.02
 REMEMBERED: tuple[Kind, ...] = ("memory", "depth memory")
 BEYOND_REASON = 1e6  # limit for the odometry's numbers (m, rad, m/s, rad/s): larger ones would overflow
 UNSEEN_BEHIND = "no sensor has looked for table tops behind"
-LOOK_BEHIND = "Hold “Turn and look”; or look behind the robot yourself, let go, and pull back again"
+LOOK_BEHIND = "Hold “Turn and look”; or look behind the robot yourself, then ask for reverse again"
 PERIOD_S = 0.05  # longest time between two decisions
 # From one decision to the next, the safe speed is expected to rise by at most this factor and this step. A
 # wrong expectation costs time only.

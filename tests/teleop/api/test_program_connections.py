@@ -134,8 +134,9 @@ async def test_a_call_says_by_itself_that_nothing_is_asked(
         if isinstance(message, wire.Drive):
             is_neutral = is_neutral or message.x == 0.0
             if not is_neutral:
-                text = "Let the stick return to the middle."
-                yield Refused("drive", Refusal("neutral_needed", text, "dead-man", {"because": because}))
+                figures = {"because": because, "why": "nobody has looked"}
+                text = "Let the stick return to the middle: nobody has looked."
+                yield Refused("drive", Refusal("neutral_needed", text, "dead-man", figures))
         yield from usual(message)
 
     async with served(tmp_path / "s", needs_neutral) as heard:
@@ -147,6 +148,7 @@ async def test_a_call_says_by_itself_that_nothing_is_asked(
             with pytest.raises(NotDone) as caught:
                 await program.drive(Velocity(-1.0, 0.0, 0.0, 1.0), 0.3)
             assert caught.value.refusal.figures["because"] == because
+            assert caught.value.refusal.text == "Nobody has looked."  # a program has no stick
         driven = await eventually(lambda: found if (found := ways(heard))[-1] == 0.0 else None)
         assert (-1.0 in driven[driven.index(0.0) :]) == goes_on
         await program.close()

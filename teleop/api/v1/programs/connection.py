@@ -220,7 +220,7 @@ class ProgramConnection:
             with suppress(NotDone):
                 await self._drive(fence, zero)
         if refused is not None:
-            raise NotDone(refused.refusal)
+            raise NotDone(_without_stick(refused.refusal))
         if self.fence != fence:
             raise NotDone(_NOT_YOURS)
         return lasted_s
@@ -331,6 +331,14 @@ class ProgramConnection:
 def _needs_only_neutral(refusal: Refusal) -> bool:
     """Return whether a zero clears this refusal. After a refused reverse, only a new call says that somebody looked."""
     return refusal.code == "neutral_needed" and refusal.figures.get("because") != "behind_unseen"
+
+
+def _without_stick(refusal: Refusal) -> Refusal:
+    """Return a refusal for a program: it has no stick, and the zero that was needed is sent."""
+    why = str(refusal.figures.get("why", ""))
+    if refusal.code != "neutral_needed" or not why:
+        return refusal
+    return structs.replace(refusal, text=f"{why[0].upper()}{why[1:]}.")
 
 
 def _left(seconds: float | None, age_s: float) -> float | None:
