@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from django import forms
 from django.contrib import admin, messages
 from django.contrib.admin.helpers import AdminForm
 from django.contrib.admin.widgets import AdminIntegerFieldWidget
-from django.db import models
+from django.db import models, transaction
 from django.db.models import F, QuerySet
 from django.forms import BaseInlineFormSet
 from django.http import HttpRequest, HttpResponse
@@ -143,6 +144,16 @@ class PhraseAdmin(EntryAdmin):
         # In the list, a screen reader does not take the column's title as the label of the input.
         models.PositiveIntegerField: {"widget": AdminIntegerFieldWidget(attrs={"aria-label": _("Order")})},
     }
+
+    def changelist_view(
+        self, request: HttpRequest, extra_context: dict[str, Any] | None = None
+    ) -> HttpResponse:
+        """Show the list, or save it in one transaction."""
+        with transaction.atomic():
+            if "_save" in request.POST:
+                sent = [str(one) for name, one in request.POST.items() if re.fullmatch(r"form-\d+-id", name)]
+                services.phrases_lock([int(one) for one in sent if re.fullmatch(r"[0-9]{1,18}", one)])
+            return super().changelist_view(request, extra_context)
 
     def get_urls(self) -> list[URLPattern]:
         """Add the import page."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Phrase, Robot, RobotProfile
 from robots.registry.phrases import MOST_PHRASES, Line, file_text, read
 from robots.registry.services import entry_delete, entry_save, phrases_import
+from tests.bookings.test_races import all_at_once
 
 # 139 characters; the console adds spaces
 MANY_TAGS = ",".join(chr(code) for code in range(0x4E00, 0x4E00 + 70))
@@ -310,3 +313,26 @@ def test_a_phrase_is_entered_reordered_and_deleted_in_the_admin(admin: Client, r
     assert not robot.phrases.exists()
     kinds = Record.objects.filter(kind__startswith="phrase.", robot_id=robot.id).order_by("id")
     assert [record.kind for record in kinds] == ["phrase.create", "phrase.change", "phrase.delete"]
+
+
+@pytest.mark.django_db(transaction=True)
+def test_lists_saved_in_opposite_orders_wait_for_each_other(
+    staff: User, robot: Robot, other_robot: Robot, signed_in: Callable[[User], Client]
+) -> None:
+    mine = [make(robot=one, text=f"{one.name} {place}.") for place in (1, 2) for one in (robot, other_robot)]
+    for phrase in mine:
+        phrase.save()
+    browsers = [signed_in(staff), signed_in(staff)]
+    url = reverse("admin:robots_phrase_changelist")
+
+    def save(turn: int) -> None:
+        rows = {}
+        for number, phrase in enumerate(mine[:: 1 if turn % 2 else -1]):
+            rows |= {f"form-{number}-id": phrase.pk, f"form-{number}-order": 10 + turn}
+        sent = {"form-TOTAL_FORMS": 4, "form-INITIAL_FORMS": 4, **rows, "_save": "Save"}
+        assert browsers[turn % 2].post(url, sent).status_code == 302
+
+    assert all_at_once([partial(save, turn) for turn in range(6)]) == []
+    assert (
+        len(set(Phrase.objects.filter(pk__in=[one.pk for one in mine]).values_list("order", flat=True))) == 1
+    )
