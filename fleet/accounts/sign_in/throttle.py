@@ -1,8 +1,8 @@
 """Limit guesses of passwords: few failures of each name from one address, and not many more from an address.
 
 The failures are counted in the audit log, so that several web processes count together. They are counted by
-digests, because names and addresses expire in the log. An attempt counts as failed until its password is
-found right, so parallel guesses gain nothing.
+digests, because names and addresses expire in the log. A network of 64 bits of IPv6 counts as one address: one
+computer has all of it. An attempt counts as failed until its password is found right, so parallel guesses gain nothing.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from django.utils.translation import ngettext
 from fleet.accounts.models import SignInAttempt, User
 from fleet.audit.models import Record
 from fleet.audit.services import record
+from fleet.server.connections import network_of
 
 FAILURES = 10  # with one name from one address
 FAILURES_OF_ADDRESS = 50  # with all names from one address: a whole lab may share an address
@@ -50,7 +51,7 @@ def failure_recorded(*, username: str, address: str, person: User | None = None)
         parameters={
             "user": str(known) if known else None,
             "name_digest": _digest(username),
-            "address_digest": _digest(address),
+            "address_digest": _digest(network_of(address)),
         },
         private={
             "username": (person.username if person else username) if known else None,
@@ -88,7 +89,7 @@ def attempt(*, username: str, address: str) -> Iterator[None]:
 
     Raises `TooMany` first if this name or address has too many failures.
     """
-    begun = _begin(_digest(username), _digest(address))
+    begun = _begin(_digest(username), _digest(network_of(address)))
     try:
         yield
     finally:  # a failure is on record by now

@@ -141,6 +141,13 @@ def test_another_address_need_not_wait(guessed_too_often):
     assert _try("operator", PASSWORD, REMOTE_ADDR="10.0.0.8").status_code == 302
 
 
+def test_addresses_of_one_ipv6_network_are_one(operator):
+    for number in range(throttle.FAILURES):
+        _try("operator", "wrong", REMOTE_ADDR=f"2001:db8::{number}")
+    assert _try("operator", PASSWORD, REMOTE_ADDR="2001:db8::ff").status_code == 429
+    assert _try("operator", PASSWORD, REMOTE_ADDR="2001:db8:0:1::").status_code == 302
+
+
 def test_another_name_need_not_wait(guessed_too_often, observer):
     assert _try("observer", PASSWORD).status_code == 302
 
