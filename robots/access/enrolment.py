@@ -101,11 +101,12 @@ def plan_of(
     wrong, names = list(people.wrong), names or AccountNames(User)
     for one in people.people:
         account = found.get(one.email.lower())
-        if account is None and (fault := names.fault_of_name(one.name)):
+        disclosed = familiar is None or (account is not None and account.pk in familiar)
+        if (account is None or not disclosed) and (fault := names.fault_of_name(one.name)):
             wrong.append(Wrong(one.line, one.email, f"{spelled_out(one.name[:60])}: {fault.text}"))
             continue
         names.add("", one.name)
-        if familiar is not None and (account is None or account.pk not in familiar):
+        if not disclosed:
             undisclosed.append(Undisclosed(one, account))
         elif account is None:
             new.append(one)

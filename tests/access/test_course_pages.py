@@ -244,8 +244,15 @@ def test_a_supervisor_does_not_learn_who_has_an_account(
         Enrolment.objects.filter(course=course).exclude(person=student).delete()
         return (shown(preview) + str(message)).replace(address, "ADDRESS")
 
+    def preview(line: str) -> str:
+        page = shown(client.post("/courses/hri-2026/enrol/", {"people": line}))
+        return re.sub(r"(nobody|open|stranger)@", "", page)
+
     new, known, closed = (answers(f"{name}@example.org") for name in ("new", "open", "stranger"))
     assert new == known == closed
+    refused = [preview(f"the console <{name}@example.org>") for name in ("nobody", "open", "stranger")]
+    assert refused[0] == refused[1] == refused[2]
+    assert "a meaning of its own" in refused[0]
     assert "1 person will be enrolled" in new
     assert "1 person is enrolled in HRI 2026; each person without an account got one, and an e-mail." in new
     assert User.objects.filter(email="new@example.org").exists()
