@@ -82,7 +82,8 @@ def record(
         outcome=_short(outcome),
     )
     with _as_audit_unavailable(), transaction.atomic(savepoint=False):
-        require_rate(kind, actor, timezone.now())
+        if of is None:  # an outcome is recorded always
+            require_rate(kind, actor, timezone.now())
         _copy_from_request(new[0], _numbered(of) if isinstance(of, int) else of, request_id)
         _append([new], people)
     return new[0]
@@ -108,6 +109,7 @@ def record_all(
     for record_, _ in new:
         _copy_from_request(record_, None, None)
     with _as_audit_unavailable(), transaction.atomic(savepoint=False):
+        require_rate(kind, actor, timezone.now(), len(new))
         _append(new, people)
 
 

@@ -3,16 +3,24 @@
 from datetime import timedelta
 
 import pytest
+from django.db import transaction
 from django.test import Client
 from django.utils import timezone as clock
 
 from fleet.accounts import services as accounts
-from fleet.accounts.models import SignIn
+from fleet.accounts.models import SignIn, User
 from fleet.audit import rates
+from fleet.audit.errors import TooManyChanges
+from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
+from fleet.audit.services import record
 from fleet.bookings import services
 from fleet.bookings.models import Booking, State
 from fleet.bookings.services import CANCELLED_KEPT, remove_old_cancelled
+from robots.access.enrolment import enrol_list
+from robots.access.models import Course
+from robots.access.people_lists.reading import read_people
+from robots.access.selectors import lab_date
 from teleop.api.v1.framework import idempotency
 from teleop.models import KeyedRequest
 from tests.conftest import PASSWORD
@@ -64,6 +72,98 @@ def test_signing_in_and_out_ends_at_its_own_rate(monkeypatch, operator, second_o
     assert "signed in 2 times within one hour" in answers[-1].content.decode()
     assert SignIn.objects.filter(user=operator).count() == 2
     assert signs_in(second_operator).status_code == 302
+
+
+# Kinds of records without a number of their own, and what bounds them.
+BOUNDED_OTHERWISE = {
+    "one outcome for each request": (
+        "speech.end",
+        "motion.end",
+        "go.end",
+        "limb.end",
+        "publish.end",
+        "drive.end",
+    ),
+    "giving back: as many as were taken": (
+        *("booking.cancel", "booking.wait_end", "booking.feed_end", "course.unenrol", "course.uninvite"),
+        *(
+            "qualification.revoke",
+            "token.end",
+            "place.delete",
+            "control.end",
+            "account.sign_out",
+            "policy.remove",
+        ),
+        *("robot.back_in_service", "camera.end"),
+    ),
+    "their own rates": ("account.sign_in", "account.sign_in_failed", "refusal", "stop.press", "camera.start"),
+    "the console itself, or the robot": (
+        *("control.offer", "booking.no_show", "booking.offer", "booking.offer_over", "fault", "health.worse"),
+        *("health.better", "stop.latch", "stop.moves", "gate.begin", "gate.end", "go.hold", "audit.clock"),
+        *(
+            "audit.expire",
+            "audit.checkpoint",
+            "audit.erase",
+            "audit.verify",
+            "account.email_refused",
+            "setup.admin",
+        ),
+    ),
+    "the bridge: at most one task of each kind at a time, by the holder": (
+        *("speech.start", "speech.cancel", "drive.start", "drive.by", "go.start", "limb.start", "pose.set"),
+        *("motion.start", "motion.cancel", "head.look_ahead", "head.turn", "memory.forget", "publish.start"),
+        "topic.choose",
+    ),
+    "of the person's own account": ("account.single_sign_on",),
+}
+STAFFS = (
+    "robot",
+    "profile",
+    "phrase",
+    "allowance",
+    "role",
+    "group",
+    "course",
+    "qualification",
+    "webhook",
+    "account",
+)
+
+
+def test_each_kind_of_record_has_a_bound():
+    counted = {*rates.COUNTED, *(kind for kinds, _did, _most in rates.OFTEN for kind in kinds)}
+    otherwise = {kind for kinds in BOUNDED_OTHERWISE.values() for kind in kinds}
+    of_staff = {kind for kind in KINDS if kind.split(".")[0] in STAFFS}
+    assert {
+        kind for kind, facts in KINDS.items() if not facts.former
+    } - counted - otherwise - of_staff == set()
+    assert otherwise.isdisjoint(counted)
+    assert counted | otherwise <= KINDS.keys()
+
+
+def test_accounts_of_a_list_end_at_their_own_rate(monkeypatch, robot, operator, staff):
+    monkeypatch.setattr(
+        rates, "OFTEN", ((("account.create",), "made %s accounts", ((rates.DAY, "day", 3),)),)
+    )
+    course = Course.objects.create(name="HRI", slug="hri", starts_on=lab_date(), ends_on=lab_date())
+
+    def enrols(actor, *names):
+        people = read_people("".join(f"{name} Quill <{name}@example.org>\n" for name in names))
+        enrol_list(course=course, people=people, actor=actor, site="")
+
+    enrols(operator, "a", "b")
+    with pytest.raises(TooManyChanges, match="made 3 accounts within one day"):
+        enrols(operator, "c", "d")
+    enrols(operator, "e")
+    enrols(staff, "c", "d")
+    assert User.objects.filter(full_name__endswith="Quill").count() == 5
+
+
+def test_an_outcome_is_recorded_whatever_the_rate(most, operator):
+    asked = [record("stop.clear", actor=operator) for _ in range(most)]
+    with pytest.raises(TooManyChanges), transaction.atomic():
+        record("stop.clear", actor=operator)
+    record("stop.clear", actor=operator, of=asked[-1], outcome="done")
 
 
 def test_a_booking_is_cancelled_whatever_the_rate(most, robot, operator, program):
