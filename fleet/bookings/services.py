@@ -279,7 +279,8 @@ def booking_move(
             booking.state = state_for(actor, booking.robot, booking.course)
         if slot.starts_at != old.starts_at:
             booking.reminded_at, booking.made_at = None, now
-            booking.course = booking.course if lesson else course
+            if not lesson:  # with a series, a slot that counts for a course would be a lesson
+                booking.course, booking.series = course, booking.series if course is None else None
         before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
         booking.starts_at, booking.ends_at, booking.held_until = slot.starts_at, slot.ends_at, slot.ends_at
         booking.overridden = bool(override) or None  # None: every rule allows it now

@@ -9,7 +9,13 @@ from fleet.audit.models import Record
 from fleet.bookings.hours.quota_left import left_of
 from fleet.bookings.models import Booking, Policy, State
 from fleet.bookings.rules import Slot
-from fleet.bookings.services import BookingRefused, booking_hand, booking_make, store_no_shows
+from fleet.bookings.services import (
+    BookingRefused,
+    booking_hand,
+    booking_make,
+    booking_move,
+    store_no_shows,
+)
 from robots.access.models import Course, Enrolment
 from robots.access.services import role_set
 from robots.registry.models import Role
@@ -238,3 +244,22 @@ def test_a_slot_is_handed_back_while_its_receiver_books(robot, other_robot, oper
     errors = all_at_once(steps)
     assert all(isinstance(error, BookingRefused) for error in errors), errors
     assert minutes_of(operator) <= 60
+
+
+def test_a_series_that_moves_into_a_course_counts_there(robot, operator, staff):
+    """Only lessons have a series and a course; a student's slot counts for the course's quota."""
+    booking = book(robot, operator, 60, 60, series=uuid4())
+    role_set(robot=robot, user=operator, role=None, actor=staff)
+    course = Course.objects.create(
+        name="HRI", slug="hri", role=Role.OPERATOR, starts_on=NOW.date(), ends_on=NOW.date(), day_min=60
+    )
+    course.robots.add(robot)
+    Enrolment.objects.create(course=course, person=operator)
+    booking.refresh_from_db()
+    moved = booking_move(
+        booking_id=booking.pk, version=booking.version, slot=Slot(at(90), at(150)), actor=operator, now=NOW
+    )
+    assert (moved.course, moved.series) == (course, None)
+    with pytest.raises(BookingRefused) as caught:
+        book(robot, operator, 200, 30)
+    assert caught.value.refusal.code == "quota_course_day"

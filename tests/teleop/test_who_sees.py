@@ -37,6 +37,7 @@ from teleop.models import ControlSession, EndReason
 from tests.teleop.support import Page
 
 NAME, USERNAME, WORDS = "Zora Quill", "zora.quill", "Violet rehearsal"
+SERIES = UUID(int=41)  # of bookings: those to come name their person
 TO_COME = "Pia Present"  # has a booking to come: the present, for all who see the robot
 CAST = ("stranger", "observer", "operator", "teacher", "staff")
 # Bound: of staff, for another robot
@@ -153,6 +154,7 @@ class World:
             state=state,
             course=self.course,
             purpose=WORDS if person == self.zora else "",
+            series=SERIES if person == self.zora else None,
         )
 
     def signed_in(self, who: str) -> tuple[User, dict[str, str]]:
@@ -173,7 +175,7 @@ class World:
 
     def marks(self, text: str) -> set[str]:
         """Return the marks of the past in an answer."""
-        return {mark for mark in (NAME, USERNAME, WORDS, str(self.zora.pk)) if mark in text}
+        return {mark for mark in (NAME, USERNAME, WORDS, str(SERIES), str(self.zora.pk)) if mark in text}
 
 
 @pytest.fixture

@@ -64,13 +64,15 @@ def _calendar(name: str, bookings: QuerySet[Booking], reader: Reader, now: datet
     policies = policies_of({booking.robot for booking in found})
     for booking in found:
         stage = stage_of(booking, grace_of(policies[booking.robot_id]), now)
-        who = booking.person.display_name if shows_person(reader, booking, stage) else _("booked")
+        named = shows_person(reader, booking, stage)
+        who = booking.person.display_name if named else _("booked")
         event = Event()
         event.add("uid", f"{booking.pk}@fleet-console")
         event.add("summary", f"{booking.robot.name}: {who}")
         event.add("dtstart", booking.starts_at)
         event.add("dtend", booking.held_until)
-        event.add("dtstamp", booking.made_at)
+        # The bookings of a series were made at one moment, so it would name the person of those that are over.
+        event.add("dtstamp", booking.made_at if named else booking.starts_at)
         event.add("sequence", booking.version)
         event.add("status", "TENTATIVE" if booking.state in NOT_YET else "CONFIRMED")
         calendar.add_component(event)

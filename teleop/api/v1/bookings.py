@@ -74,8 +74,8 @@ class BookingEntry(Struct, frozen=True):
     stage: StageName
     purpose: str  # empty where `person` is null
     offer_until: Time | None
-    series: UUID | None
-    made_at: Time
+    series: UUID | None  # null where `person` is null: its bookings to come name the person
+    made_at: Time | None  # null where `person` is null, as `series`
 
 
 class BookingList(Struct, frozen=True):
@@ -246,8 +246,8 @@ class BookingsBase(ApiView):
                     stage=_STAGES[_STAGES.index(stage.name.lower())],
                     purpose=booking.purpose if shown else "",
                     offer_until=booking.offer_until,
-                    series=booking.series,
-                    made_at=booking.made_at,
+                    series=booking.series if shown else None,
+                    made_at=booking.made_at if shown else None,
                 )
             )
         return entries
