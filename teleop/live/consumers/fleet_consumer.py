@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections.abc import Iterable
 from contextlib import suppress
 from functools import partial
@@ -36,6 +37,7 @@ from teleop.stop.emergency_stop import StopButton, clear
 log = logging.getLogger(__name__)
 
 RIGHTS_S = 2.0
+SHARED_S = 0.5  # so long all fleet pages of one sign-in share what was read
 SLOW_S = 1.0  # between two updates when no important value changed
 FAST_S = 0.1  # between two updates when one changed
 
@@ -57,6 +59,29 @@ class VisibleRobot(Struct, frozen=True):
     may_clear: bool
     schedule: Schedule  # its bookings
     user: UUID  # the page's person
+
+
+class _Sights:
+    """What sign-ins may see: read once for all fleet pages of a sign-in. Hundreds of pages cost no more than a few."""
+
+    def __init__(self) -> None:
+        self._read: dict[SignIn, tuple[float, asyncio.Task[Iterable[VisibleRobot] | None]]] = {}
+
+    async def of(self, person: SignIn) -> Iterable[VisibleRobot] | None:
+        """Return the robots that this sign-in may see; None if it ended."""
+        now_s = time.monotonic()
+        self._read = {
+            one: (began_s, reading)
+            for one, (began_s, reading) in self._read.items()
+            if not reading.done() or now_s - began_s < SHARED_S
+        }
+        if person not in self._read:
+            self._read[person] = now_s, asyncio.ensure_future(in_database(_visible_to, person))
+        # Others wait for it, too, if this page is closed.
+        return await asyncio.shield(self._read[person][1])
+
+
+_sights = _Sights()
 
 
 class FleetConsumer(MessageSocket):
@@ -218,7 +243,7 @@ class FleetConsumer(MessageSocket):
 
     async def _read_robots(self) -> None:
         """Subscribe to the robots that this person may see now."""
-        visible = await in_database(_visible_to, self.person)
+        visible = await _sights.of(self.person)
         if visible is None:
             await self.close(CloseCode.SIGNED_OUT, SIGNED_OUT.text)
             return

@@ -233,3 +233,16 @@ async def test_card_of_a_robot_out_of_reach_shows_its_last_contact(open_fleet, b
     await bridge.close()
     robots = await shows(page, lambda robots: robots[robot.slug]["state"] is None)
     assert robots[robot.slug]["seen_at"] == pytest.approx(time.time() - 90, abs=10)
+
+
+async def test_pages_of_one_sign_in_share_what_they_read(open_fleet, monkeypatch):
+    """So hundreds of pages of one account leave the database's threads to drivers and stops."""
+    read, visible_to = [], fleet_consumer._visible_to
+    monkeypatch.setattr(
+        fleet_consumer, "_visible_to", lambda person: read.append(person) or visible_to(person)
+    )
+    monkeypatch.setattr(fleet_consumer, "SHARED_S", 60.0)
+    pages = await asyncio.gather(*(open_fleet("stranger") for _ in range(20)))
+    for page in pages:
+        assert await shows(page, lambda _: True) == {}
+    assert len(read) == 1
