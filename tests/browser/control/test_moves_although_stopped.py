@@ -35,6 +35,7 @@ def test_every_page_says_that_a_stopped_robot_moves(person: Arrive, stack: Stack
             card = other.page.locator(f"[data-robot={ROBOT}]")
             expect(card.locator("[data-part=doing]")).to_have_text(TITLE)
             expect(card.locator("[data-part=why]")).to_have_text(WHO)
+            assert card.locator("[data-part=why]").evaluate("box => box.scrollWidth <= box.clientWidth")
             expect(card.get_by_role("alert")).to_have_text(TITLE)
         other.open("/")
         axe_accepts(other, "the fleet with a stopped robot that moves")

@@ -139,7 +139,7 @@ class ExportView(PlacesBase):
         tag="maps",
     )
     def get(self, _request: Request, digest: str) -> HttpResponse:
-        """CSV in UTF-8: name, x, y (metres), heading (radians)."""
+        """CSV in UTF-8 with a byte order mark: name, x, y (metres), heading (radians)."""
         found = self.seen_map(digest).digest
         places = selectors.places_of([found]).get(found, [])
         text = entries.file_text(map(services.entry_from, places))
