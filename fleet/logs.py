@@ -5,9 +5,10 @@ from __future__ import annotations
 import logging
 import re
 
-# Secrets by the text before them: in addresses, of programs and webhooks, in headers and queries.
+# Secrets by the text before them: in addresses (also mistyped ones, which are not found), of programs and webhooks, in
+# headers and queries.
 _SECRETS = re.compile(
-    r"(/(?:join|welcome|bookings/ical|accounts/email)/|/accounts/password/new/[0-9A-Za-z]+-"
+    r"(?i)(/(?:join|welcome|bookings/+ical|accounts/+email)/+|/accounts/+password/+new/+[0-9a-z]+-"
     r"|\bfleet_(?=[\w-]{30})|\bwhsec_|\bBearer |\b(?:fleet_session\w*|\w*csrf\w*|token|code|key|state|ticket)=)"
     r"([^\s/?&;\"'<>]{5,})"
 )

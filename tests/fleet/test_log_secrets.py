@@ -84,6 +84,8 @@ def test_no_secret_of_an_address_is_logged() -> None:
         f"whsec_{SECRET}",
         f"fleet_session_8000={SECRET}; other=1",
         f"csrftoken={SECRET}",
+        f"Not Found: /Join//{SECRET}",
+        f"Not Found: /bookings//ical/{SECRET}.ICS",
         f"/accounts/oidc/lab/login/callback/?state=ok&code={SECRET}",
     ],
 )
