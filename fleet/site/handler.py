@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, ParamSpec, TypeVar
 
 from asgiref.sync import sync_to_async
-from django.core.exceptions import RequestAborted
-from django.core.handlers.asgi import ASGIHandler, get_script_prefix
+from django.core.exceptions import BadRequest, RequestAborted
+from django.core.handlers.asgi import ASGIHandler, ASGIRequest, get_script_prefix
 from django.core.signals import request_started
 from django.db import close_old_connections
 from django.http import FileResponse
@@ -23,6 +23,17 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
+class FormRequest(ASGIRequest):
+    """A request whose form is refused once: the page that says so reads the form again."""
+
+    def _load_post_and_files(self) -> None:
+        try:
+            super()._load_post_and_files()
+        except BadRequest:  # a form in another encoding than UTF-8
+            self._mark_post_parse_error()  # type: ignore[attr-defined]  # not in the stubs
+            raise
+
+
 class OneThreadHandler(ASGIHandler):
     """Run signals, middleware and view, which are all synchronous here, in one call on one thread.
 
@@ -31,6 +42,7 @@ class OneThreadHandler(ASGIHandler):
     """
 
     THREADS = 3
+    request_class = FormRequest
 
     def load_middleware(self, is_async: bool = False) -> None:
         """Load the chain of middleware for a thread."""

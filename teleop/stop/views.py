@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 from django.contrib.auth.decorators import login_not_required
-from django.core.exceptions import SuspiciousOperation
+from django.core.exceptions import BadRequest, SuspiciousOperation
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse, QueryDict, UnreadablePostError
 from django.http.multipartparser import MultiPartParserError
 from django.middleware.csrf import CsrfViewMiddleware
@@ -68,7 +68,14 @@ class _CsrfCheck(CsrfViewMiddleware):
                 _leave_body_unread(request)
             else:
                 request.POST  # noqa: B018 - this parses the body: it may fail here, but not later
-        except (MultiPartParserError, SuspiciousOperation, UnreadablePostError, ValueError, LookupError):
+        except (
+            BadRequest,  # a form in another encoding than UTF-8
+            MultiPartParserError,
+            SuspiciousOperation,
+            UnreadablePostError,
+            ValueError,
+            LookupError,
+        ):
             _leave_body_unread(request)
         self.process_request(request)
         return self.process_view(request, _not_exempt, (), {})

@@ -2,8 +2,10 @@
 
 import asyncio
 import threading
+from io import BytesIO
 
 import pytest
+from django.core.exceptions import BadRequest
 from django.http import HttpResponse
 
 from fleet.site.handler import PagesHandler
@@ -57,3 +59,14 @@ async def test_a_client_that_leaves_gives_its_place_back(handler):
     await asyncio.gather(*running, waiting, return_exceptions=True)
     end.set()
     assert await asyncio.wait_for(handler._on_a_thread(lambda: "answered")(), 10.0) == "answered"
+
+
+def test_a_form_in_another_encoding_is_refused_once(handler):
+    """In debug mode the page about the error reads the form: it failed at each layer, for 20 s."""
+    headers = [(b"content-type", b"application/x-www-form-urlencoded; charset=utf-7")]
+    scope = {"type": "http", "method": "POST", "path": "/", "query_string": b"", "headers": headers}
+    request, malformed = handler.create_request(scope, BytesIO(b"a=b"))
+    assert malformed is None
+    with pytest.raises(BadRequest):
+        request.POST  # noqa: B018
+    assert not request.POST

@@ -38,6 +38,7 @@ FORMS = {
         "data": "&".join(f"a{n}=1" for n in range(2000)),
         "content_type": "application/x-www-form-urlencoded",
     },
+    "other encoding": {"data": "a=b", "content_type": "application/x-www-form-urlencoded; charset=utf-7"},
     "large": {"data": "x" * 3_000_000, "content_type": "application/x-www-form-urlencoded"},
 }
 
@@ -76,7 +77,7 @@ async def test_form_without_scripts_has_its_token_in_the_body(observer, robot, b
     await bridge.hears(wire.LinkStop)
 
 
-@pytest.mark.parametrize("form", ["plain", "broken multipart", "large", "accept html"])
+@pytest.mark.parametrize("form", ["plain", "broken multipart", "other encoding", "large", "accept html"])
 @pytest.mark.parametrize("token", [None, "x" * 32])
 async def test_another_site_stops_nothing(observer, robot, bridge, form, token):
     browser, _ = await in_database(browser_of, observer)
