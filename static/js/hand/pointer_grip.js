@@ -67,14 +67,24 @@ export class PointerGrip {
     const wasLost = !this.#isHeld || event.pointerId === this.#pointer; // the page may never hear of its release
     if (this.#pointer !== null && wasLost) this.#lift(event);
     if (this.#pointer !== null || event.buttons !== PRIMARY || event.button !== 0) return;
-    if (isModified(event) || !this.#door.begin(event)) return;
+    if (isModified(event) || !this.#captures(event)) return;
+    if (!this.#door.begin(event)) return this.#element.releasePointerCapture?.(event.pointerId);
     if (!this.#door.hasMenu) event.preventDefault();
-    this.#element.setPointerCapture?.(event.pointerId);
     this.#pointer = event.pointerId;
     this.#isHeld = true;
     this.#seen = sightOf(event);
     hand.begin(this, this.#door.patienceMs);
     this.#door.move(event);
+  }
+
+  /** Return whether a pointer is down: a program that clicks makes events without one, and may send no release. */
+  #captures({ pointerId }) {
+    try {
+      this.#element.setPointerCapture?.(pointerId);
+      return true;
+    } catch {
+      return false;
+    }
   }
 
   #judge(event) {

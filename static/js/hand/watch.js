@@ -9,7 +9,8 @@ import { isEditing, takesText } from "../lib/editing.js";
 import { PATIENCE_MS, Proof } from "./proof.js";
 
 const TICK_MS = 100;
-const STOOD_STILL_MS = 1_000; // between two ticks: the page was frozen, or the computer slept
+const STOOD_STILL_MS = 1_000; // between two looks at the clocks: the page was frozen, or the computer slept
+const FUNCTION_KEY = /^F\d+$/; // the browser's or the window system's: F10 opens Firefox's menu bar, without a blur
 const MODIFIERS = new Set(["Meta", "OS", "Control", "Alt", "AltGraph", "Hyper", "Super"]);
 
 /** Return whether a modifier key is down. macOS sends no release of a key while Cmd is down. */
@@ -35,7 +36,7 @@ export function isComposing(event) {
 class HandWatch extends EventTarget {
   #grips = new Map(); // what `begin` got → its proof
   #timer = null;
-  #tickMs = 0;
+  #lookedMs = 0;
   #wallMs = 0;
   #hadFocus = false;
   #soon = false;
@@ -59,7 +60,11 @@ class HandWatch extends EventTarget {
     for (const type of ["dragstart", "dragenter"]) on(window, type, "drag");
     on(window, "keydown", "modifier", (event) => isModified(event) || MODIFIERS.has(event.key));
     on(window, "keydown", "text", isComposing);
+    on(window, "keydown", "taken", ({ key }) => FUNCTION_KEY.test(key));
     on(window, "compositionstart", "text");
+    // A release may have waited while the page stood still: it says nothing of what the hand wants now.
+    for (const type of ["pointermove", "pointerup", "keydown", "keyup"])
+      window.addEventListener(type, () => this.#stoodStill(), { capture: true });
     document.addEventListener("focusin", ({ target }) => {
       // Another finger may slide or tick; but a slider takes the keys, too.
       if (isEditing(target)) this.#loseHand("text", (grip) => grip.usesKeys || takesText(target));
@@ -81,7 +86,7 @@ class HandWatch extends EventTarget {
     this.#grips.set(grip, new Proof(now, patienceMs));
     if (this.#timer !== null) return;
     this.#hadFocus = document.hasFocus();
-    [this.#tickMs, this.#wallMs] = [now, Date.now()];
+    [this.#lookedMs, this.#wallMs] = [now, Date.now()];
     this.#timer = setInterval(() => this.#tick(), TICK_MS);
   }
 
@@ -114,12 +119,21 @@ class HandWatch extends EventTarget {
     this.#emit("lost", { reason, patienceMs: proof.patienceMs });
   }
 
+  /** End all grips if the page stood still since it last looked at the clocks. */
+  #stoodStill() {
+    if (this.#timer === null) return false;
+    const [now, wall] = [performance.now(), Date.now()];
+    // While a computer sleeps, some systems let only the clock on the wall go on.
+    const gapMs = Math.max(now - this.#lookedMs, wall - this.#wallMs);
+    [this.#lookedMs, this.#wallMs] = [now, wall];
+    if (gapMs <= STOOD_STILL_MS) return false;
+    this.#interrupt("stood-still");
+    return true;
+  }
+
   #tick() {
+    if (this.#stoodStill()) return;
     const now = performance.now();
-    // While a computer sleeps, some systems let only the clock go on.
-    const gapMs = Math.max(now - this.#tickMs, Date.now() - this.#wallMs);
-    [this.#tickMs, this.#wallMs] = [now, Date.now()];
-    if (gapMs > STOOD_STILL_MS) return this.#interrupt("stood-still");
     this.#hadFocus ||= document.hasFocus(); // the press itself may have brought the focus
     if (this.#hadFocus && !document.hasFocus()) return this.#interrupt("blurred");
     for (const [grip, proof] of this.#grips) {

@@ -42,6 +42,7 @@ describe("the watch on the hand", () => {
     ["modifier", body, "keydown", { key: "w", getModifierState: (key) => key === "AltGraph" }],
     ["text", body, "keydown", { key: "Process", keyCode: 229 }],
     ["text", body, "keydown", { key: "Dead" }],
+    ["taken", body, "keydown", { key: "F10" }],
     ["text", body, "compositionstart", {}],
     ["text", field, "focusin", {}],
     ["dialog", dialog, "toggle", { newState: "open" }],

@@ -99,6 +99,13 @@ describe("the drawer of arm, gripper and torso", () => {
     ["a finger that scrolls", () => point(window, "pointercancel")],
     ["a window that opens", () => page["torso-to"].dispatchEvent(new Event("change"))], // in Chromium
     ["Cmd", () => type(window, "keydown", "MetaLeft", { key: "Meta" })],
+    [
+      "a page that stood still until the finger lifted",
+      () => {
+        vi.setSystemTime(Date.now() + 3_000);
+        point(window, "pointerup");
+      },
+    ],
   ];
 
   it.each(lost)("leaves a limb where it is if its slider loses the hand: %s", (_, lose) => {

@@ -122,6 +122,14 @@ describe("the joystick", () => {
     expect([stick.axes, joystick.sticks]).toEqual([NEUTRAL, false]);
   });
 
+  it("does not stick if the finger lifted while the page stood still", () => {
+    joystick.sticky = true;
+    push();
+    vi.setSystemTime(Date.now() + 3_000);
+    lift();
+    expect([stick.axes, joystick.sticks]).toEqual([NEUTRAL, false]);
+  });
+
   it("keeps a sticky position for 30 seconds", () => {
     joystick.sticky = true;
     push();

@@ -70,6 +70,14 @@ describe("the Turn button", () => {
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
+  it("ignores a press that a program made: there is no pointer to capture", () => {
+    button.setPointerCapture = () => {
+      throw new DOMException("no such pointer", "NotFoundError");
+    };
+    happen(button, "pointerdown", 0);
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+
   it("ends when keys go elsewhere", () => {
     happen(button, "keydown", 0, { code: "Enter" });
     button.dispatchEvent(new Event("blur"));
