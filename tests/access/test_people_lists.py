@@ -105,7 +105,12 @@ def test_wrong_lines_are_named_by_number_and_reason() -> None:
         ("mac_roman", "Zoé D’Arc Œuvré"),
         ("cp850", "Jürgen Größe"),
         ("cp1250", "Łukasz Świątek"),
+        ("cp1250", "Jiří Dvořák"),
+        ("cp1254", "Çağlar Yılmaz"),  # noqa: RUF001
+        ("iso8859_15", "Þórður Guðmundsson"),
+        ("cp850", "Åse Møller"),
         ("mac_latin2", "Łukasz Świątek"),
+        ("mac_cyrillic", "Юлия Щукина"),
         ("cp1251", "Юлия Щукина"),
         ("koi8_r", "Юлия Щукина"),
         ("cp1253", "Ελένη Παπαδάκη"),

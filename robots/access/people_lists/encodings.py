@@ -26,11 +26,17 @@ ENCODINGS = {
     "cp1257": gettext_lazy("Windows-1257 (Baltic)"),
     "cp1254": gettext_lazy("Windows-1254 (Turkish)"),
     "iso8859_9": gettext_lazy("ISO 8859-9 (Turkish)"),
+    "mac_turkish": gettext_lazy("Mac Turkish"),
+    "cp857": gettext_lazy("DOS 857 (Turkish)"),
     "cp1253": gettext_lazy("Windows-1253 (Greek)"),
     "iso8859_7": gettext_lazy("ISO 8859-7 (Greek)"),
+    "mac_greek": gettext_lazy("Mac Greek"),
+    "cp737": gettext_lazy("DOS 737 (Greek)"),
     "cp1251": gettext_lazy("Windows-1251 (Cyrillic)"),
     "koi8_r": gettext_lazy("KOI8-R (Cyrillic)"),
     "cp866": gettext_lazy("DOS 866 (Cyrillic)"),
+    "iso8859_5": gettext_lazy("ISO 8859-5 (Cyrillic)"),
+    "mac_cyrillic": gettext_lazy("Mac Cyrillic"),
     "cp1255": gettext_lazy("Windows-1255 (Hebrew)"),
     "cp1256": gettext_lazy("Windows-1256 (Arabic)"),
     "shift_jis": gettext_lazy("Shift JIS (Japanese)"),
@@ -45,26 +51,26 @@ _MARKS = {
     codecs.BOM_UTF16_BE: "utf-16",
 }
 # Windows-1252 contains all letters of Latin-1. The next ones are taken where they fit better.
+# The last ones give a letter to nearly any two bytes.
 _GUESSES = (
-    *(
-        "cp1252",
-        "iso8859_15",
-        "mac_roman",
-        "cp850",
-        "cp1250",
-        "iso8859_2",
-        "cp1254",
-        "cp1251",
-        "koi8_r",
-        "cp1253",
-    ),
-    *("iso8859_7", "shift_jis", "euc_jp", "gb18030", "euc_kr", "mac_latin2", "cp852", "cp866"),
+    *("cp1252", "iso8859_15", "mac_roman", "cp850", "cp1250", "iso8859_2", "cp1254", "cp1251", "koi8_r"),
+    *("cp1253", "iso8859_7", "mac_latin2", "cp852", "cp866", "cp857", "iso8859_5", "mac_cyrillic"),
+    *("mac_turkish", "mac_greek", "cp737", "shift_jis", "euc_jp", "gb18030", "euc_kr", "big5"),
 )
 _JUDGED_LINES = 200  # with letters that are not ASCII: enough to tell the encoding
 _JUDGED_LETTERS = 200  # of a line
 _NOT_ASCII = re.compile(r"[^\x00-\x7f]")
 _HEADER_LINES = 10
 _SCRIPTS = {"latin": range(0x250), "greek": range(0x370, 0x400), "cyrillic": range(0x400, 0x530)}
+# Latin letters beside ASCII: French, German, Spanish and Catalan, Portuguese, Nordic, Icelandic, Polish, Czech and
+# Slovak, Hungarian, Romanian, Croatian and Slovenian, Turkish, Estonian.
+_ALPHABETS = [
+    frozenset(letters)
+    for letters in (
+        *("àâæçéèêëîïôœùûüÿ", "äöüß", "áàéèíïóòúüçñ", "áâãàçéêíóôõúü", "åäöæøé", "áéíóúýþæöð", "ąćęłńóśźż"),
+        *("áäčďéěíĺľňóôŕřšťúůýž", "áéíóöőúüű", "ăâîşţșț", "čćđšž", "çğıöşüâî", "äõöüšž"),
+    )
+]
 _NARROW_KANA = range(0xFF61, 0xFFA0)  # one byte each in Shift JIS; not in names
 _PUNCTUATION = "\u2018\u2019\u201c\u201d\u201e\u2013\u2014\u2026\u00ab\u00bb\u00b7\u00b4\u00ba\u00aa\u00a0"
 
@@ -140,28 +146,24 @@ def _oddness(text: str) -> tuple[int, int]:
 
 def _oddities(line: str) -> int:
     """Return how many characters stand where names have none: symbols, a capital within small letters, letters of
-    another script beside this one, three accented letters in a row.
+    another script beside this one. One more, if no language has all its Latin letters.
     """
-    odd = 0
+    odd, latin = 0, set[str]()
     for found in _NOT_ASCII.finditer(line):
         letter, at = found[0], found.start()
-        before, after = line[at - 1 : at], line[at + 1 : at + 2]
+        before, after, script = line[at - 1 : at], line[at + 1 : at + 2], _script(letter)
         amid = letter.isupper() and (before.islower() or (before.isalpha() and after.islower()))
-        strange = ord(letter) in _NARROW_KANA or _is_strange(_script(before), _script(letter), _script(after))
-        odd += letter not in _PUNCTUATION and (amid or strange or not letter.isalpha())
-    return odd
-
-
-def _is_strange(before: str, own: str, after: str) -> bool:
-    """Return whether a letter that is not ASCII does not fit its neighbours, by their scripts."""
-    beside = {script.removeprefix("plain ") for script in (before, after) if script}
-    return bool(beside - {own}) or before == own == after == "latin"
+        strange = ord(letter) in _NARROW_KANA or {_script(before), _script(after)} - {script, ""}
+        odd += letter not in _PUNCTUATION and bool(amid or strange or not letter.isalpha())
+        if (
+            script == "latin" and not (small := letter.lower()[0]).isascii()
+        ):  # a Turkish I with dot has two letters
+            latin.add(small)
+    return odd + (not any(latin <= alphabet for alphabet in _ALPHABETS))
 
 
 def _script(letter: str) -> str:
-    """Return the script of a letter, "plain latin" for ASCII; "" for other characters, or none."""
+    """Return the script of a letter; "" for other characters, or none."""
     if not letter.isalpha():
         return ""
-    if letter.isascii():
-        return "plain latin"
     return next((name for name, codes in _SCRIPTS.items() if ord(letter) in codes), "other")
