@@ -459,6 +459,7 @@ class ControlPage {
     this.#chart.add(view.state);
     this.#taskPanel.state = view.state;
     this.#turn.state = view.state;
+    this.#showHint();
     this.#followGate(view.state, before);
     this.#forgotten.follow(view.state.forgotten ?? null, now);
     this.#update();
@@ -510,7 +511,8 @@ class ControlPage {
   }
 
   #showHint() {
-    this.#statusBar.hint(this.#needsSign ? soonText() : this.#reverseHint());
+    const asks = this.#needsSign;
+    this.#statusBar.hint(asks ? soonText() : this.#turn.holdText || this.#reverseHint(), asks);
   }
 
   #reverseHint() {

@@ -26,8 +26,8 @@ import {
  * @param {number} now.sinceViewMs age of that state
  * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first;
  *   shown if nothing else keeps the robot from driving
- * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: alarm, fault, stop,
- *   warning, console, watchdog, info
+ * @returns {{level: string, title: string, text: string, clear?: boolean, reason?: ?object} | null} level: alarm,
+ *   fault, stop, warning, console, watchdog, info; reason: why the stick must return to the middle
  */
 export function banner({
   outdated,
@@ -99,6 +99,7 @@ export function banner({
       level: "info",
       title: gettext("Let the stick return to the middle"),
       text: because(state.neutral_needed?.text),
+      reason: state.neutral_needed,
     };
   }
   if (state.overload) {

@@ -10,6 +10,8 @@ import { brief, namesOf, plain } from "./plain_words.js";
 import { Reasons } from "./reasons.js";
 import { connectionFact, isStale, limitsOf, stopText, verdictText } from "./status_text.js";
 
+const STILL = [0, 0, 0];
+
 export class StatusBar {
   #root;
   #parts;
@@ -44,9 +46,10 @@ export class StatusBar {
    * @param {number | null} now.echoMs time from the page to the robot's bridge and back
    */
   show(now) {
-    this.#showBanner(banner(now), now.mayClear);
+    const shown = banner(now);
+    this.#showBanner(shown, now.mayClear);
     this.#showConnection(now);
-    if (now.state) this.#showRobot(now.state, now.cut);
+    if (now.state) this.#showRobot(now.state, now.cut, shown?.reason);
   }
 
   set facts(robot) {
@@ -60,8 +63,10 @@ export class StatusBar {
     setText(this.#parts["stop-state"], text);
   }
 
-  hint(text) {
+  /** @param {boolean} asks whether the text asks for a sign of the hand: loud, because the input ends soon */
+  hint(text, asks = false) {
     setText(this.#parts.hint, text);
+    mark(this.#parts.hint, "asks", asks);
   }
 
   close() {
@@ -102,32 +107,35 @@ export class StatusBar {
     setText(echo, milliseconds(now.echoMs));
   }
 
-  #showRobot(state, cut) {
+  #showRobot(state, cut, neutralNeeded) {
     mark(this.#root, "stop", state.stop.state);
     // The robot's own report replaces it.
     if (state.stop.state !== "clear" && !cut) this.#stopSaid.untilMs = 0;
     const said = performance.now() < this.#stopSaid.untilMs ? this.#stopSaid.text : "";
     setText(this.#parts["stop-state"], said || (cut ? "" : stopText(state)));
     this.#health.show(state, cut);
-    this.#showGate(state.verdict, cut);
+    this.#showGate(state.verdict, cut, neutralNeeded);
     this.#details.state = state;
   }
 
-  #showGate(verdict, cut) {
+  /** Show the speed limits, and the reason why the robot is slow or stands: the gate's, or the banner's. */
+  #showGate(verdict, cut, neutralNeeded) {
     const { words, limits } = this.#parts;
     const speedLimits = cut ? [] : limitsOf(verdict);
     const texts = speedLimits.map(({ text }) => brief(text, this.#names));
     fill(limits, texts);
     for (const [i, { holds }] of speedLimits.entries()) mark(limits.children[i], "held", holds);
-    const text = cut ? "" : plain(verdictText(verdict), this.#names);
+    const why = neutralNeeded?.text ?? verdictText(verdict);
+    const text = cut ? "" : plain(why, this.#names);
     const now = performance.now();
-    this.#reasons.add(verdict, text, now);
+    this.#reasons.add(neutralNeeded ? { ...neutralNeeded, allowed: STILL } : verdict, text, now);
     const shown = brief(text || (cut ? "" : this.#reasons.recent(now)));
     const once = speedLimits.some(({ holds }) => holds) || texts.includes(shown);
     setText(words, once ? "" : shown); // the limits above already show it
     mark(words, "past", !text);
     this.#details.reasons = this.#reasons.list;
-    if (text) this.#announcer.announce(brief(text), `${verdict.code} ${verdict.side}`);
+    if (!text || neutralNeeded) return; // the banner is read
+    this.#announcer.announce(brief(text), `${verdict.code} ${verdict.side}`);
   }
 }
 

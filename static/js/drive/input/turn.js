@@ -28,6 +28,8 @@ export class TurnAndLook {
   #stick;
   #hint;
   #may = false;
+  #unseen = false;
+  #pressedUnseen = false; // reverse was refused when it was pressed
   #offered = false;
   #sinceMs = null; // when it was pressed; null: it is not
   #finger;
@@ -65,12 +67,20 @@ export class TurnAndLook {
 
   /** @param {object} state of the robot */
   set state({ verdict }) {
-    const unseen = behindIsUnseen(verdict);
+    this.#unseen = behindIsUnseen(verdict);
     // The button does not disappear while it is pressed.
-    if (this.#sinceMs === null) show(this.#button, unseen || reverseIsBlind(verdict));
+    if (this.#sinceMs === null) show(this.#button, this.#unseen || reverseIsBlind(verdict));
     // Offered from a pull on until something has looked, or the driver says that he has.
-    this.#offered = unseen && (this.#offered || verdict.asked?.[0] < 0);
+    this.#offered = this.#unseen && (this.#offered || verdict.asked?.[0] < 0);
     mark(this.#button, "offered", this.#offered);
+  }
+
+  /** How far to turn, while the button is held and reverse was refused; otherwise empty. */
+  get holdText() {
+    if (this.#sinceMs === null || !this.#may || !this.#pressedUnseen) return "";
+    return this.#unseen
+      ? gettext("Hold until reverse is allowed: about half a turn.")
+      : gettext("Reverse is allowed now: let go.");
   }
 
   /** @param {boolean} may whether this tab drives */
@@ -90,6 +100,7 @@ export class TurnAndLook {
 
   #press({ timeStamp }) {
     this.#sinceMs = timeStamp;
+    this.#pressedUnseen = this.#unseen;
     if (this.#may) this.#stick.feed(INPUT, LEFT);
     return true;
   }

@@ -98,6 +98,32 @@ describe("the status bar of the control page", () => {
     expect(parts.limits.textContent).toBe("");
   });
 
+  it("shows why reverse was refused, also some seconds after the stick is in the middle", () => {
+    const text = "no sensor has looked behind. Look";
+    const verdict = {
+      ...STATE.verdict,
+      code: "neutral_needed",
+      text: "let go",
+      allowed: [0, 0, 0],
+    };
+    const state = { ...STATE, verdict, neutral_needed: { code: "behind_unseen", text } };
+    statusBar.show({ ...LIVE, state, asksNeutral: true });
+    expect([parts.words.textContent, parts.words.dataset.past]).toEqual([text, undefined]);
+    statusBar.show(LIVE);
+    expect([parts.words.textContent, parts.words.dataset.past]).toEqual([text, "true"]);
+    expect(parts.live.textContent).toContain("Let the stick return to the middle");
+    vi.advanceTimersByTime(5000);
+    statusBar.show(LIVE);
+    expect(parts.words.textContent).toBe("");
+  });
+
+  it("asks loudly for a sign of the hand", () => {
+    statusBar.hint("Still there?", true);
+    expect(parts.hint.dataset.asks).toBeDefined();
+    statusBar.hint("");
+    expect(parts.hint.dataset.asks).toBeUndefined();
+  });
+
   it("calls an open but silent connection No news", () => {
     const shown = (now) => {
       statusBar.show({ ...LIVE, ...now });

@@ -56,6 +56,20 @@ describe("the Turn button", () => {
     expect(button.dataset.offered).toBeUndefined();
   });
 
+  it("says how far to turn while it is held", () => {
+    const unseen = { verdict: { limits: [{ ...BLIND, code: "behind_unseen" }] } };
+    turn.state = unseen;
+    expect(turn.holdText).toBe("");
+    happen(button, "pointerdown", 0);
+    expect(turn.holdText).toBe("Hold until reverse is allowed: about half a turn.");
+    turn.state = { verdict: { limits: [BLIND] } };
+    expect(turn.holdText).toBe("Reverse is allowed now: let go.");
+    happen(button, "pointerup", 2000);
+    expect(turn.holdText).toBe("");
+    happen(button, "pointerdown", 3000); // nothing is refused now
+    expect(turn.holdText).toBe("");
+  });
+
   it("turns as long as a finger holds it", () => {
     happen(button, "pointerdown", 0);
     expect(stick.axes).toEqual(LEFT);
