@@ -22,6 +22,7 @@ from django.utils.translation import gettext_lazy as _
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit.recorded_admin import RecordedAdmin
+from fleet.kept_files import KeptFileForm
 from robots.registry import phrases, services
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Allowance, Phrase, Robot, RobotProfile
@@ -164,7 +165,10 @@ class PhraseAdmin(EntryAdmin):
         """Show the import form, or import the file. Faults of the file appear next to its field."""
         form = ImportForm(request.POST or None, request.FILES or None)
         if not form.is_valid():
-            fieldsets = [(None, {"fields": list(form.fields)})]
+            if form.is_bound:
+                form.repeat()
+            own = [name for name in form.fields if name not in form.fields_of_kept_file]
+            fieldsets = [(None, {"fields": own})]
             laid_out = AdminForm(form, fieldsets, {}, model_admin=self)  # type: ignore[arg-type]  # any form will do
             asked_for = {"title": gettext("Import phrases"), "adminform": laid_out}
             context = self.admin_site.each_context(request) | asked_for
@@ -185,7 +189,7 @@ class PhraseAdmin(EntryAdmin):
         return HttpResponse(content, content_type="text/plain; charset=utf-8", headers=headers)
 
 
-class ImportForm(forms.Form):
+class ImportForm(KeptFileForm):
     """A file of phrases and its owner."""
 
     profile = forms.ModelChoiceField(
@@ -197,7 +201,9 @@ class ImportForm(forms.Form):
     robot = forms.ModelChoiceField(
         Robot.objects.all(), required=False, label=_("Robot"), help_text=_("or for one robot.")
     )
-    file = forms.FileField(label=_("File"), widget=forms.FileInput(attrs={"accept": ".txt,.tsv,text/plain"}))
+    file = forms.FileField(
+        label=_("File"), required=False, widget=forms.FileInput(attrs={"accept": ".txt,.tsv,text/plain"})
+    )
     language = forms.CharField(
         max_length=35,
         required=False,
@@ -210,19 +216,22 @@ class ImportForm(forms.Form):
         help_text=_("Replace the existing phrases; otherwise add to them."),
     )
 
+    most_bytes = phrases.LARGEST_FILE_BYTES
+
     def clean(self) -> dict[str, Any]:
         """Check the file; add `owner` and `lines`."""
-        asked = super().clean() or {}
+        asked = super().clean()
         profile, robot, language = asked.get("profile"), asked.get("robot"), asked.get("language")
         if (profile is None) == (robot is None):
             self.add_error(None, gettext("Name either a profile or a robot."))
         elif language and (why := phrases.why_no_language(language)):
             self.add_error("language", why)
-        elif "file" in asked:
+        elif self.kept:
             asked["owner"] = profile or robot
-            content = asked["file"].read(phrases.LARGEST_FILE_BYTES + 1)
             try:
-                asked["lines"] = phrases.read(content, language or first_language(asked["owner"]))
+                asked["lines"] = phrases.read(self.kept.content, language or first_language(asked["owner"]))
             except Problems as problems:
                 self.add_error("file", problems.lines)
+        elif not self.has_error("file"):
+            self.add_error("file", gettext("Choose a file."))
         return asked

@@ -42,6 +42,7 @@ def form_of(preview: Any) -> dict[str, Any]:
     return {
         "people": form["people"].value() or "",
         "content": form["content"].value() or "",
+        "file_name": form["file_name"].value() or "",
         "encoding": form["encoding"].value() or "",
         "separator": preview.context["separator"],
         "separator_before": preview.context["separator"],
@@ -127,6 +128,48 @@ def test_staff_change_and_archive_a_course(
     assert role_on(student, robot) is None
     client.post("/courses/hri-2026/archive/", {"archived": "0"})
     assert role_on(student, robot) is Role.OPERATOR
+
+
+# --- a file outlives an error ---------------------------------------------------------------------
+
+
+def test_a_chosen_list_is_kept_when_the_form_is_refused(
+    signed_in: SignIn, staff: User, new_course: dict[str, Any]
+) -> None:
+    client, file = signed_in(staff), SimpleUploadedFile("class.csv", "Zoë <z@example.org>".encode("cp1252"))
+    fields = {**new_course, "people": ""}
+    refused = client.post("/courses/new/", {**fields, "robots": [], "groups": [], "file": file})
+    assert refused.status_code == 400
+    words = shown(refused).replace("\xa0", " ")
+    assert "Choose at least one robot or group." in words
+    assert "The file class.csv (19 bytes) is still here." in words
+    assert "1 person gets an account" in words
+    kept = {**fields, "content": refused.context["form"]["content"].value(), "file_name": "class.csv"}
+    assert "Please check the list" in shown(client.post("/courses/new/", kept))  # not seen yet
+    assert client.post("/courses/new/", {**fields, **form_of(refused)}).status_code == 302
+    assert User.objects.get(email="z@example.org").full_name == "Zoë"
+
+
+@pytest.mark.parametrize("content", [b"PK\x03\x04 and so on", b"", b"Name;E-Mail\n", b"x" * 1_500_001])
+def test_nothing_goes_on_without_a_file_that_was_refused(
+    content: bytes, signed_in: SignIn, staff: User, new_course: dict[str, Any]
+) -> None:
+    client, fields = signed_in(staff), {**new_course, "people": ""}
+    refused = client.post("/courses/new/", {**fields, "file": SimpleUploadedFile("class.csv", content)})
+    form = refused.context["form"]
+    again = {**fields, **{name: form[name].value() or "" for name in ("content", "file_name")}}
+    answer = client.post("/courses/new/", again)
+    assert answer.status_code == 400
+    assert not Course.objects.exists()
+    assert client.post("/courses/new/", {**again, "without_file": "on"}).status_code == 302
+
+
+def test_a_pasted_list_beside_a_file_is_said_to_be_unused(
+    signed_in: SignIn, course: Course, teacher: User
+) -> None:
+    file = SimpleUploadedFile("class.csv", b"a@example.org")
+    both = signed_in(teacher).post("/courses/hri-2026/enrol/", {"file": file, "people": "b@example.org"})
+    assert "The pasted list is not used: the file is." in shown(both)
 
 
 # --- supervisors ----------------------------------------------------------------------------------

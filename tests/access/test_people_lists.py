@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robots.access.people_lists.columns import Role
 from robots.access.people_lists.encodings import ENCODINGS, NotInEncodingError, decoded
 from robots.access.people_lists.reading import MOST_LINES, read_people
 
@@ -97,6 +98,7 @@ def test_wrong_lines_are_named_by_number_and_reason() -> None:
         ("utf-8", "Zoé D’Arc Œuvré"),
         ("utf-8-sig", "王小明"),
         ("utf-16", "Zoé D’Arc Œuvré"),
+        ("utf-32", "Zoé D’Arc Œuvré"),
         ("utf-16-le", "Zoé D’Arc Œuvré"),
         ("utf-16-be", "Zoé D’Arc Œuvré"),
         ("latin-1", "Jürgen Größe"),
@@ -237,6 +239,21 @@ def test_a_list_of_5000_lines_is_read_and_a_longer_one_refused() -> None:
         MOST_LINES - 2,
         MOST_LINES // 2 + 1,
     )
+
+
+def test_notes_name_each_column_that_is_not_used() -> None:
+    assert "Left out: Matrikel-Nr." in read_people("Name;Matrikel-Nr.;E-Mail\nAda;7;a@example.org").notes
+    second = read_people("Ada,a@example.org,ada@example.net\nBob,b@example.org,")
+    assert second.notes == ("Left out: column 3.",)
+
+
+def test_each_address_of_a_line_of_addresses_is_in_a_used_column() -> None:
+    text = "a@example.org,b@example.org"
+    found = read_people(text)
+    assert [column.role for column in found.columns] == [Role.EMAIL, Role.EMAIL]
+    assert people(text) == [("", "a@example.org"), ("", "b@example.org")]
+    chosen = read_people(text, roles=[Role.EMAIL, Role.UNUSED])
+    assert [one.email for one in chosen.people] == ["a@example.org"]
 
 
 def test_a_list_as_text_reads_back_as_the_same_people() -> None:

@@ -66,11 +66,8 @@ def course_new(request: HttpRequest) -> HttpResponse:
     if request.method != "POST":
         return _course_form(request, CourseForm())
     form = CourseForm(request.POST, request.FILES)
-    if not form.is_valid():
-        return _course_form(request, form, 400)
-    plan = enrolment.plan_of(form.people_list, None, staff)
-    if _must_preview(request, form, plan):
-        return _course_form(request, CourseForm(_with_list(request, form)), plan=plan, read=form)
+    if not form.is_valid() or _must_preview(request, form):
+        return _course_form(request, form)
     made = services.course_save(course=form.instance, actor=staff, **_lists(form))
     _enrol(request, made, form)
     return redirect("course", slug=made.slug)
@@ -87,7 +84,7 @@ def course_edit(request: HttpRequest, slug: str) -> HttpResponse:
         services.course_save(course=form.instance, actor=staff, **_lists(form))
         messages.success(request, _("The course is saved."))
         return redirect("course", slug=slug)
-    return _course_form(request, form, 400 if form.errors else 200)
+    return _course_form(request, form)
 
 
 @require_POST
@@ -117,11 +114,8 @@ def course_enrol(request: HttpRequest, slug: str) -> HttpResponse:
     if request.method != "POST":
         return _enrol_page(request, found, EnrolForm())
     form = EnrolForm(request.POST, request.FILES)
-    if not form.is_valid():
-        return _enrol_page(request, found, form, 400)
-    plan = enrolment.plan_of(form.people_list, found, person_of(request))
-    if _must_preview(request, form, plan):
-        return _enrol_page(request, found, EnrolForm(_with_list(request, form)), plan=plan, read=form)
+    if not form.is_valid() or _must_preview(request, form):
+        return _enrol_page(request, found, form)
     _enrol(request, found, form)
     return redirect("course", slug=slug)
 
@@ -263,21 +257,23 @@ def _lists(form: CourseForm) -> dict[str, Any]:
     return {name: list(form.cleaned_data[name]) for name in ("robots", "groups", "supervisors")}
 
 
-def _must_preview(request: HttpRequest, form: PeopleForm, plan: enrolment.Plan) -> bool:
+def _must_preview(request: HttpRequest, form: PeopleForm) -> bool:
     """Return whether a preview of the list must be shown first: there was none, or the list was changed since."""
-    if not (form.people_list.people or plan.wrong):
+    if form.people_list.is_empty:
         return False
     asked = "again" in request.POST or form.encoding_fault
     return bool(asked) or request.POST.get("seen") != digest(form.people_list)
 
 
-def _with_list(request: HttpRequest, form: PeopleForm) -> Any:
-    """Return the form's data with the file and how it was read: the browser does not send the file a second time."""
-    typed = request.POST.copy()
-    for name, value in form.reading.items():
-        typed[name] = value
-    typed.setlist("column", [column.role.value for column in form.people_list.columns])
-    return typed
+def _with_preview(request: HttpRequest, form: PeopleForm, course: Course | None) -> dict[str, Any]:
+    """Return the templates' context for a form and its list, if one was sent: errors do not lose it."""
+    if not form.is_bound:
+        return {"form": form}
+    form.repeat()
+    if form.people_list.is_empty:
+        return {"form": form}
+    plan = enrolment.plan_of(form.people_list, course, person_of(request))
+    return {"form": form, **preview(form, plan)}
 
 
 def _enrol(request: HttpRequest, found: Course, form: PeopleForm) -> None:
@@ -304,26 +300,16 @@ def _enrol(request: HttpRequest, found: Course, form: PeopleForm) -> None:
     messages.success(request, text % facts)
 
 
-def _course_form(
-    request: HttpRequest,
-    form: CourseForm,
-    status: int = 200,
-    plan: enrolment.Plan | None = None,
-    read: PeopleForm | None = None,
-) -> HttpResponse:
-    context = {"form": form, "course": form.instance if form.instance.pk else None, **preview(read, plan)}
+def _course_form(request: HttpRequest, form: CourseForm) -> HttpResponse:
+    course = form.instance if form.instance.pk else None
+    context = {"course": course, **_with_preview(request, form, course)}
+    status = 400 if form.errors else 200
     return render(request, "access/courses/course_form.html", context, status=status)
 
 
-def _enrol_page(
-    request: HttpRequest,
-    found: Course,
-    form: EnrolForm,
-    status: int = 200,
-    plan: enrolment.Plan | None = None,
-    read: PeopleForm | None = None,
-) -> HttpResponse:
-    context = {"form": form, "course": found, **preview(read, plan)}
+def _enrol_page(request: HttpRequest, found: Course, form: EnrolForm) -> HttpResponse:
+    context = {"course": found, **_with_preview(request, form, found)}
+    status = 400 if form.errors else 200
     return render(request, "access/courses/enrol.html", context, status=status)
 
 

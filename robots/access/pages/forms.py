@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from base64 import b64decode, b64encode
 from codecs import BOM_UTF8
 from datetime import date, datetime, time, timedelta
 from decimal import Decimal
@@ -19,10 +18,12 @@ from django.utils.formats import date_format
 from django.utils.text import slugify
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
+from msgspec import structs
 
 from fleet.accounts.models import User
 from fleet.accounts.names import AccountNames
 from fleet.accounts.tokens.models import Scope
+from fleet.kept_files import KeptFileForm
 from fleet.names import RESERVED, require
 from robots.access.models import Course, Qualification, RobotGroup
 from robots.access.people_lists.columns import Role
@@ -42,6 +43,9 @@ NO_LIST_STARTS = (
     b"<?xml",
     b"%pdf",
     b"{\\rtf",
+)
+_NO_LIST = gettext_lazy(
+    "This is no CSV file. Open it in a spreadsheet program, save it as CSV, and choose that file."
 )
 SEPARATORS = {
     ",": gettext_lazy("comma"),
@@ -79,11 +83,10 @@ def free_slug(model: type[Model], name: str) -> str:
     return next(slug for slug in slugs if slug not in taken | RESERVED | {"new"})
 
 
-class PeopleForm(forms.Form):
+class PeopleForm(KeptFileForm):
     """A list of people, as text or as a file. `clean` reads the list into `people_list`.
 
-    The preview repeats a file in `content`, since a browser does not send it a second time, and asks in `encoding`,
-    `separator` and `column` (one value for each column) how to read it.
+    The preview asks in `encoding`, `separator` and `column` (one value for each column) how to read it.
     """
 
     people = forms.CharField(
@@ -102,7 +105,6 @@ class PeopleForm(forms.Form):
         ),
         widget=forms.FileInput(attrs={"accept": ".csv,.tsv,.txt,text/csv,text/plain"}),
     )
-    content = forms.CharField(required=False, widget=forms.HiddenInput)
     encoding = forms.ChoiceField(
         label=gettext_lazy("Encoding"), required=False, choices=[("", ""), *ENCODINGS.items()]
     )
@@ -113,51 +115,38 @@ class PeopleForm(forms.Form):
     )
     column = forms.TypedMultipleChoiceField(required=False, choices=ROLES, coerce=Role, empty_value=[])
 
+    most_bytes = FILE_BYTES
     people_list = PeopleList()
     decoded: Decoded | None = None  # None: the list was pasted
     encoding_fault = ""  # why the chosen encoding was not used
-    content_again = ""
 
     def clean(self) -> dict[str, Any]:
         """Read the list."""
-        values: dict[str, Any] = super().clean() or self.cleaned_data
-        file, content = values.get("file"), self._content(values)
-        text, how = values.get("people", ""), self._how(values)
-        if file is not None:
+        values = super().clean()
+        typed, how = values.get("people", ""), self._how(values)
+        if values.get("file") is not None:
             how = {}  # another file is read afresh
-        if content is not None:
-            try:
-                self.decoded = decoded(content, "" if file is not None else values.get("encoding", ""))
-            except NotInEncodingError as error:
-                self.encoding_fault = str(error)
-                self.decoded = decoded(content)
-            text = self.decoded.text
+        content = self.kept.content if self.kept else b""
+        if _is_no_list(content):
+            self.kept, content = None, b""
+            self.add_error("file", _NO_LIST)
+        if content:
+            self._decode(content, "" if values.get("file") is not None else values.get("encoding", ""))
+        text = self.decoded.text if self.decoded else typed
         self.people_list = read_people(text, **how) if text.strip() else PeopleList()
+        if (self.kept or typed.strip()) and self.people_list.is_empty:
+            self.add_error(None, _("There is nobody in the list."))
+        if self.decoded and typed.strip():
+            notes = (_("The pasted list is not used: the file is."), *self.people_list.notes)
+            self.people_list = structs.replace(self.people_list, notes=notes)
         return values
 
-    def _content(self, values: dict[str, Any]) -> bytes | None:
-        """Return the bytes of the file, new or of the preview; None: there is no file."""
-        file = values.get("file")
-        if file is not None and file.size > FILE_BYTES:
-            raise ValidationError(_("The file is larger than 1.5 MB: is it a list of people?"))
-        content: bytes = file.read() if file is not None else b64decode(values.get("content") or "")
-        if content[:200].removeprefix(BOM_UTF8).lstrip().lower().startswith(NO_LIST_STARTS):
-            raise ValidationError(
-                _(
-                    "This is no CSV file. Open it in a spreadsheet program, save it as CSV, and choose that file."
-                )
-            )
-        self.content_again = b64encode(content).decode()
-        return content or None
-
-    def clean_content(self) -> str:
-        """Return the content; refuse one that the preview did not write."""
-        content: str = self.cleaned_data["content"]
+    def _decode(self, content: bytes, encoding: str) -> None:
         try:
-            b64decode(content, validate=True)
-        except ValueError as error:
-            raise ValidationError(_("The file did not arrive whole: choose it again.")) from error
-        return content
+            self.decoded = decoded(content, encoding)
+        except NotInEncodingError as error:
+            self.encoding_fault = str(error)
+            self.decoded = decoded(content)
 
     def _how(self, values: dict[str, Any]) -> dict[str, Any]:
         """Return how to read the list, as chosen in the preview.
@@ -169,14 +158,18 @@ class PeopleForm(forms.Form):
         same = now == (self.data.get("separator_before"), self.data.get("encoding_before", ""))
         return {"separator": separator, "roles": values.get("column", []) if same else []}
 
-    @property
-    def reading(self) -> dict[str, str]:
-        """Return how the list was read, for the fields of the preview."""
-        return {
-            "content": self.content_again if self.decoded else "",
-            "encoding": self.decoded.encoding if self.decoded else "",
-            "separator": self.people_list.separator,
-        }
+    def repeat(self, **read: str | list[str]) -> None:
+        """Show the form with its file, and with how the list was read, for the fields of the preview."""
+        super().repeat(
+            encoding=self.decoded.encoding if self.decoded else "",
+            separator=self.people_list.separator,
+            column=[column.role.value for column in self.people_list.columns],
+            **read,
+        )
+
+
+def _is_no_list(content: bytes) -> bool:
+    return content[:200].removeprefix(BOM_UTF8).lstrip().lower().startswith(NO_LIST_STARTS)
 
 
 def digest(people: PeopleList) -> str:
@@ -190,7 +183,7 @@ class EnrolForm(PeopleForm):
     def clean(self) -> dict[str, Any]:
         """Read the list; refuse an empty list."""
         values = super().clean()
-        if not self.errors and self.people_list == PeopleList():
+        if not self.errors and self.people_list.is_empty:
             raise ValidationError(_("Paste a list or choose a file."))
         return values
 

@@ -24,10 +24,8 @@ class Row(Struct, frozen=True):
     fault: str = ""
 
 
-def preview(form: PeopleForm | None, plan: Plan | None) -> dict[str, Any]:
-    """Return the templates' context for the valid form of a list and its plan; without them there is no preview."""
-    if form is None or plan is None:
-        return {}
+def preview(form: PeopleForm, plan: Plan) -> dict[str, Any]:
+    """Return the templates' context for a form that has read a list, and the list's plan."""
     people = form.people_list
     return {
         "plan": plan,

@@ -70,6 +70,8 @@ def columns_of(header: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[Co
     roles = _once(_last_names(plain, roles), [title in _SECOND_LAST_NAMES for title in plain])
     if Role.EMAIL not in roles and any(addresses):
         roles[addresses.index(max(addresses))] = Role.EMAIL
+    if not header:
+        _more_addresses(roles, rows)
     unknown = [role_of(title) is Role.UNUSED for title in titles]
     _find_names(roles, [free and _are_names(column) for free, column in zip(unknown, cells, strict=True)])
     return tuple(Column(title, role) for title, role in zip(titles, roles, strict=True))
@@ -98,6 +100,15 @@ def _one_address(roles: list[Role], addresses: list[int]) -> list[Role]:
     titled = [place for place, role in enumerate(roles) if role is Role.EMAIL]
     best = max(titled, key=lambda place: addresses[place], default=None)
     return [Role.UNUSED if role is Role.EMAIL and place != best else role for place, role in enumerate(roles)]
+
+
+def _more_addresses(roles: list[Role], rows: Sequence[Sequence[str]]) -> None:
+    """Make further columns addresses if a row has nothing but addresses, as in a letter's head."""
+    for row in rows:
+        filled = [place for place, cell in enumerate(row) if cell]
+        if len(filled) > 1 and all("@" in row[place] for place in filled):
+            for place in filled:
+                roles[place] = Role.EMAIL if roles[place] is Role.UNUSED else roles[place]
 
 
 def _once(roles: list[Role], repeated: list[bool]) -> list[Role]:

@@ -15,6 +15,7 @@ from robots.access.people_lists.columns import Role, role_of
 ENCODINGS = {
     "utf-8": gettext_lazy("UTF-8"),
     "utf-16": gettext_lazy("UTF-16 (Excel: Unicode text)"),
+    "utf-32": gettext_lazy("UTF-32"),
     "cp1252": gettext_lazy("Windows-1252 (Western Europe)"),
     "iso8859_15": gettext_lazy("ISO 8859-15 (Western Europe)"),
     "mac_roman": gettext_lazy("Mac Roman (old Macs)"),
@@ -47,6 +48,8 @@ ENCODINGS = {
 }
 _MARKS = {
     codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF32_LE: "utf-32",  # begins with the mark of UTF-16
+    codecs.BOM_UTF32_BE: "utf-32",
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
 }

@@ -61,6 +61,11 @@ class PeopleList(Struct, frozen=True):
     columns: tuple[Column, ...] = ()
     separator: str = ""  # "": the list has one column
 
+    @property
+    def is_empty(self) -> bool:
+        """Return whether no line has a person, or was to have one."""
+        return not self.people and not self.wrong
+
     def as_text(self) -> str:
         """Return the people as a text from which `read_people` reads the same people."""
         text = io.StringIO()
@@ -158,8 +163,7 @@ def _people(lines: Iterable[_Line], columns: tuple[Column, ...], separator: str)
 def _notes(columns: Sequence[Column], people: Sequence[Listed], repeated: Sequence[Wrong]) -> tuple[str, ...]:
     """Return sentences about parts of the list that are not used."""
     notes = []
-    titled = any(column.title for column in columns)
-    if titled:
+    if any(column.title for column in columns):
 
         def titles(*roles: Role) -> str:
             found = (each.title for role in roles for each in columns if each.role is role and each.title)
@@ -173,13 +177,14 @@ def _notes(columns: Sequence[Column], people: Sequence[Listed], repeated: Sequen
     unused = [
         column.title or _("column %(number)d") % {"number": number}
         for number, column in enumerate(columns, start=1)
-        if column.role is Role.UNUSED and any(_is_lost(one, number - 1, titled=titled) for one in people)
+        if column.role is Role.UNUSED and any(_is_lost(one, number - 1) for one in people)
     ]
     parts = [each for each in columns if each.role in (Role.FIRST_NAME, Role.LAST_NAME)]
     if any(role_of(each.title) is Role.UNUSED for each in parts):
         notes.append(_("First and last name are guessed: check their order."))
     if unused:
-        notes.append(_("Left out: %(columns)s.") % {"columns": spelled_out(", ".join(unused)[:300])})
+        columns_left = spelled_out(", ".join(unused)[:300])
+        notes.append(_("Left out: %(columns)s.") % {"columns": columns_left.removesuffix(".")})
     if nameless := sum(not one.name for one in people):
         text = ngettext(
             "%(number)d person has no name in the list.",
@@ -197,10 +202,10 @@ def _notes(columns: Sequence[Column], people: Sequence[Listed], repeated: Sequen
     return tuple(notes)
 
 
-def _is_lost(one: Listed, place: int, *, titled: bool) -> bool:
-    """Return whether this person's cell is not used. Without titles, an address is a person of its own."""
+def _is_lost(one: Listed, place: int) -> bool:
+    """Return whether this person's cell is not used, for a column without use. A line may have its own order."""
     cell = one.cells[place] if place < len(one.cells) else ""
-    return bool(cell) and (titled or "@" not in cell)
+    return bool(cell) and one.email not in cell
 
 
 # --- lines and cells ------------------------------------------------------------------------------
@@ -289,7 +294,8 @@ def _persons(cells: Sequence[str], columns: Sequence[Column]) -> list[tuple[str,
         and all("@" in cell for cell in filled)
         and not any(column.title for column in columns)
     ):
-        return [_as_address(cell) for cell in filled]
+        pairs = zip(cells, columns, strict=False)
+        return [_as_address(cell) for cell, column in pairs if cell and column.role is not Role.UNUSED]
     if any(IN_BRACKETS.match(cell) and "@" in cell for cell in cells):
         return [_in_brackets(cells, columns)]
     return [_by_columns(cells, columns)]

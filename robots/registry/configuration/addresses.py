@@ -9,6 +9,9 @@ from urllib.parse import urlsplit
 from robots.registry.configuration.profile_schema import Problems
 
 _NO_IPV6 = "ROS 1 nodes reach each other by IPv4: write the robot’s IPv4 address or its name."
+_THIS_NETWORK = ipaddress.ip_network(
+    "0.0.0.0/8"
+)  # a program that listens writes 0.0.0.0; nothing can be sent there
 _HOST = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)(\.(?!-)[A-Za-z0-9_-]{1,63}(?<!-))*\.?")
 
 
@@ -27,6 +30,8 @@ def check_advertised_address(address: str) -> None:
     """Accept an empty text, an IPv4 address or a host name; else raise `Problems`."""
     if address and not _is_host(address):
         raise Problems([_not_a_host(address)])
+    if _is_nobodys(address):
+        raise Problems([_nobodys(address)])
     if _is_ipv6(address):
         raise Problems([f"{address!r} is an IPv6 address. {_NO_IPV6}"])
 
@@ -46,8 +51,28 @@ def check_aliases(aliases: object) -> None:
         for name, address in aliases.items()
         if isinstance(address, str) and is_address(address) and _is_ipv6(address)
     ]
+    addresses += [
+        f"{name}: {_nobodys(address)}"
+        for name, address in aliases.items()
+        if isinstance(address, str) and _is_nobodys(address)
+    ]
     if names or addresses:
         raise Problems(names + addresses)
+
+
+def _is_nobodys(host: str) -> bool:
+    """Return whether `host` is an IP address that no computer has: of no computer yet, of several, of all."""
+    if not is_address(host):
+        return False
+    address = ipaddress.ip_address(host)
+    address = getattr(address, "ipv4_mapped", None) or address
+    if address.is_unspecified or address.is_multicast:
+        return True
+    return address.version == 4 and (address.is_reserved or address in _THIS_NETWORK)
+
+
+def _nobodys(host: str) -> str:
+    return f"{host!r} is the address of no computer: write the computer’s own address or its name."
 
 
 def _is_ipv6(host: str) -> bool:
@@ -84,7 +109,7 @@ def _check_url(url: str, scheme: str, example: str) -> None:
 
 
 def _url_problem(url: str, scheme: str) -> str | None:
-    if re.search(r"[\x00-\x20]", url):  # Python leaves some of these out
+    if re.search(r"[\x00-\x20\s]", url):  # Python leaves some of these out
         return f"{url!r} has spaces or control characters in it."
     try:
         parts = urlsplit(url)
@@ -100,6 +125,8 @@ def _url_problem(url: str, scheme: str) -> str | None:
         return f"{url!r} has a user or password, which is not sent."
     if not parts.hostname:
         return f"{url!r} names no host."
+    if _is_nobodys(parts.hostname):
+        return _nobodys(parts.hostname)
     if scheme == "http" and _is_ipv6(parts.hostname):
         return f"{url!r} has an IPv6 address. {_NO_IPV6}"
     if not _is_host(parts.hostname):

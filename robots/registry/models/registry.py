@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import TypeVar
 
 import msgspec
@@ -16,7 +16,7 @@ from django.utils.text import format_lazy
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
-from fleet.names import Looks, NameField, fault_of_word, require
+from fleet.names import Looks, NameField, fault_of_word, folded, require
 from robots.bridge.drive import input_filters as stick
 from robots.bridge.tasks.denylist import USE_TYPES
 from robots.registry.configuration import addresses, profile_schema, robot_config
@@ -349,9 +349,9 @@ class Robot(models.Model):
             raise ValidationError(errors)
 
     def _check_names(self) -> None:
-        """Refuse a new name that people would mistake for that of another robot."""
+        """Refuse a new name that people would mistake for that of another robot: robots have no namesakes."""
         others = dict(Robot.objects.values_list("pk", "name"))
-        if others.pop(self.pk, None) != self.name and Looks(others.values()).alike(self.name):
+        if others.pop(self.pk, None) != self.name and _is_alike(self.name, others.values()):
             raise ValidationError({"name": ValidationError(_ALIKE, code="name_alike")})
         if self._state.adding:
             require(self.slug, fault_of_word)
@@ -367,6 +367,10 @@ class Robot(models.Model):
         except profile_schema.Problems as problems:
             return str(problems)
         return ""
+
+
+def _is_alike(name: str, others: Collection[str]) -> bool:
+    return folded(name) in map(folded, others) or Looks(others).alike(name)
 
 
 def _collect(errors: dict[str, list[str]], field: str, check: Callable[[T], object], value: T) -> None:

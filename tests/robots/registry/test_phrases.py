@@ -272,6 +272,18 @@ def test_a_file_is_for_a_profile_or_for_a_robot(
     assert not robot.phrases.exists()
 
 
+def test_a_file_is_kept_when_the_form_is_refused(admin: Client, robot: Robot) -> None:
+    refused = uploaded(admin, b"Hello.\n")
+    assert "The file phrases.txt (7\xa0bytes) is still here." in refused.content.decode()
+    form = refused.context["form"]
+    kept = {name: form[name].value() for name in ("content", "file_name")}
+    address = reverse("admin:robots_phrase_import")
+    dropped = admin.post(address, {**kept, "without_file": "on", "robot": robot.pk})
+    assert "Choose a file." in dropped.content.decode()
+    assert admin.post(address, {**kept, "robot": robot.pk}).status_code == 302
+    assert robot.phrases.get().text == "Hello."
+
+
 def test_only_staff_imports(operator: User, signed_in: Any, robot: Robot) -> None:
     answer = uploaded(signed_in(operator), b"Hello.\n", robot=robot.pk)
     assert "/admin/login/" in answer.redirect_chain[0][0]

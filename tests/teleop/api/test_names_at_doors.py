@@ -21,7 +21,7 @@ from fleet.accounts.models import User
 from fleet.accounts.sign_in.adapters import AccountAdapter
 from fleet.bookings.models import Booking, State
 from fleet.names import NameField
-from robots.registry.models import Robot
+from robots.registry.models import Robot, RobotProfile
 from tests.teleop.api.conftest import Caller
 from tests.teleop.api.test_bookings import hour, words
 
@@ -100,7 +100,25 @@ def test_slugs_are_no_words_of_addresses(robot: Robot, manager: Caller) -> None:
 
 def test_a_robot_looks_like_no_other(robot: Robot, manager: Caller) -> None:
     register = {"profile": "tiago", "master_uri": "http://127.0.0.1:7"}
-    assert _refused(manager("POST", "/registry", {"name": "ТIАGо 1", **register})) == (400, "name_alike")
+    for name in ("ТIАGо 1", "TIAGo 1", "TIAGo  1", " tiago 1", "ＴＩＡＧｏ 1"):
+        answer = manager("POST", "/registry", {"name": name, "slug": "other", **register})
+        assert _refused(answer) == (400, "name_alike"), name
+
+
+def test_only_a_changed_name_of_a_robot_is_judged(robot: Robot, tiago: RobotProfile, manager: Caller) -> None:
+    namesake = Robot.objects.create(slug="old", name=robot.name, profile=tiago, master_uri="http://old:11311")
+
+    def changed(**fields: Any) -> Any:
+        etag = manager("GET", "/registry/old").headers["ETag"]
+        return manager("PATCH", "/registry/old", fields, If_Match=etag)
+
+    moved = changed(name=robot.name, master_uri=" http://new:11311\u00a0")
+    assert (moved.status_code, moved.data["master_uri"]) == (200, "http://new:11311")
+    assert _refused(changed(name=robot.name.upper())) == (400, "name_alike")
+    assert changed(name="TIAGo 2").status_code == 200
+    namesake.refresh_from_db()
+    assert namesake.name == "TIAGo 2"
+    assert changed(name="TIAGO 2").status_code == 200  # it may be like its own name
 
 
 ACCOUNTS = {

@@ -88,9 +88,8 @@ class RegisterView(RegistryView):
         profile = RobotProfile.objects.filter(slug=body.profile).first()
         if profile is None:
             raise Problem(_NO_PROFILE)
-        fields = {
-            name: value for name, value in structs.asdict(body).items() if name not in ("slug", "profile")
-        }
+        fields = _typed(body)
+        del fields["slug"], fields["profile"]
         robot = Robot(slug=body.slug or slug_for(body.name), profile=profile, **fields)
         return self.answer(_saved(robot, staff), 201)
 
@@ -121,11 +120,16 @@ class RegistrationView(RegistryView):
         with transaction.atomic():
             robot = locked(found)
             require_unchanged(request, _entry(robot))
-            for name, value in structs.asdict(body).items():
-                if value is not UNSET:
-                    setattr(robot, name, value)
+            for name, value in _typed(body).items():
+                setattr(robot, name, value)
             saved = _saved(robot, staff)
         return self.answer(saved)
+
+
+def _typed(body: Struct) -> dict[str, Any]:
+    """Return the given fields; texts without spaces around them, as forms take them."""
+    given = {name: value for name, value in structs.asdict(body).items() if value is not UNSET}
+    return {name: value.strip() if isinstance(value, str) else value for name, value in given.items()}
 
 
 def _saved(robot: Robot, staff: User) -> Robot:

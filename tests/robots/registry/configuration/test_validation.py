@@ -92,6 +92,11 @@ def test_a_robot_with_only_a_master_is_valid(robot: Robot) -> None:
         ("http://tiago-42c:11311/rpc", "something after the port"),
         ("http://tiago 42c:11311", "spaces or control characters"),
         (" http://tiago-42c:11311", "spaces or control characters"),
+        ("http://tiago-42c:11311\u00a0", "spaces or control characters"),
+        *(
+            (f"http://{host}:11311", "is the address of no computer")
+            for host in ("0.0.0.0", "0.0.0.7", "[::]", "224.0.0.1", "255.255.255.255")  # noqa: S104
+        ),
         ("http://tiago-42c:11311?", "something after the port"),
         ("http://tiago-42c:11311#", "something after the port"),
         ("http://10.68.0.300:11311", "neither an IP address"),
@@ -124,6 +129,19 @@ def test_an_advertised_address_of_ipv6_is_refused(robot: Robot, address: str) ->
 def test_an_advertised_address_is_an_address_or_a_name(robot: Robot, address: str) -> None:
     robot.advertised_address = address
     assert "neither an IP address" in complaint(robot, "advertised_address")
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("advertised_address", "0.0.0.0"),  # noqa: S104
+        ("bridge_address", "wss://[::ffff:0.0.0.0]:7443"),
+        ("host_aliases", {"tiago-42c": "0.0.0.0"}),  # noqa: S104
+    ],
+)
+def test_an_address_of_no_computer_is_refused(robot: Robot, field: str, value: Any) -> None:
+    setattr(robot, field, value)
+    assert "is the address of no computer" in complaint(robot, field)
 
 
 @pytest.mark.parametrize(
