@@ -781,7 +781,10 @@ class Core:
         stands, odometry = self._stands(now_s), self._reported.odometry
         _, pose, velocity = odometry if odometry and stands is not None else (None, None, None)
         latency_s = self._gate.latency.in_force_s(now_s)
-        self._after_stop.tick(self.stop_state, stands, pose, velocity, latency_s, self._ros.velocities, now_s)
+        place = None if pose is None else (self._gate.restarts, pose)
+        self._after_stop.tick(
+            self.stop_state, stands, place, velocity, latency_s, self._ros.velocities, now_s
+        )
 
     def _stands(self, now_s: float) -> bool | None:
         """Return whether the robot stands by its last odometry; None if that is too old."""

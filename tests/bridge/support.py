@@ -76,7 +76,7 @@ class OpenGate:
     """A gate that allows everything unless a test says otherwise. It uses odometry like the real gate."""
 
     def __init__(self, profile: GateProfile) -> None:
-        real = Gate(profile)
+        self._real = real = Gate(profile)
         self.observe_odometry, self.standstill = real.observe_odometry, real.standstill
         self.footprint, self.profile = real.footprint, profile
         self.seen: list[tuple[float, float]] = []  # points of the laser
@@ -92,6 +92,10 @@ class OpenGate:
         self.drivers = 0  # how many took control
         self.forgot: list[bool] = []  # calls of `forget`, each with `restarted`
         self.forgotten: Forgotten | None = None
+
+    @property
+    def restarts(self) -> int:
+        return self._real.restarts + sum(self.forgot)
 
     def observe_lost_limb(self, limb: str | None) -> None:
         self.lost_limb = limb

@@ -123,6 +123,7 @@ class Gate:
         self._commands = Commands()
         self._unseen_motion = UnseenMotion(limits, deceleration(profile))
         self.forgotten: Forgotten | None = None  # the last time at which memory was dropped
+        self.restarts = 0  # of the odometry: poses before the last one are in another frame
         self.latency = Latency(limits, profile.parameters.latency_s)
         self._profile_now = profile
         self._restrained_mps = math.inf  # speed to which obstacles limited the last decision
@@ -221,6 +222,7 @@ class Gate:
             self._behind.forget()
         if restarted:
             self._restarted = True
+            self.restarts += 1
             self._trail.forget()
             self._limits.forget_posture()
             self.latency.forget()

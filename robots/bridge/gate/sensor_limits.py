@@ -31,6 +31,7 @@ from robots.bridge.gate.values import GateProfile, Sector, SpeedLimit, Velocity,
 
 REVERSE_RAD = 0.75 * math.pi  # directions beyond this angle count as reverse
 CAMERA_LATE_S = 0.5  # if a person drives by a camera picture that is older, the speed is limited
+FELT_SHARE = 0.95  # of the top speed: nobody feels a limit above
 AHEAD = Velocity(1.0, 0.0, 0.0)
 ABOVE_MPS = 0.03  # a robot that obeys a limit may exceed it briefly by this much
 ALONG = (0.0, math.pi)  # the directions of a differential base
@@ -218,7 +219,7 @@ class SensorLimits:
     def _delay_limits(self, latency_s: float, slow_clock: float | None) -> list[SpeedLimit]:
         """Return the limits for a late robot, page or camera picture, for the usual stopping distance.
 
-        A speed that rounds to the top speed is no limit. Stops before obstacles count the latency in full anyway.
+        A speed that is hardly below the top speed is no limit. Stops before obstacles count the latency in full anyway.
         """
         parameters, full_mps = self._profile.parameters, self._profile.limits.forward_mps
         linear, _ = braking.deceleration(self._profile)
@@ -241,7 +242,7 @@ class SensorLimits:
             ("camera_late", camera_s, CAMERA_LATE_S, "the camera’s picture comes", ""),
         ):
             mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)
-            if words.figure(mps) != words.figure(full_mps):
+            if mps < FELT_SHARE * full_mps:
                 text = f"at most {words.figure(mps)} m/s: {who} after {delay_s:.2f} s{why}"
                 limits.append(SpeedLimit(code, text, mps))
         return limits

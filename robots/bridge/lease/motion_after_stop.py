@@ -23,11 +23,13 @@ PAUSE_SHARE = 0.25  # how much of a pause counts against the motion before it
 STANDS_S = 2.0  # at standstill, until the motion is over: a navigation that drives on makes pauses
 # Also this way of the base, in this time: jerks between zeros, or a slow roll, are nearly always too short to be seen.
 CREEPS_S, CREEPS_M, CREEPS_RAD = 15.0, 0.08, 0.15
-RESTARTS_M = 0.1  # farther than the base can drive between two places: the odometry began again
 COMPARED_S = 0.5  # between two positions of a joint, or two places of the base
 JOINT_MOVES = 0.02  # rad, in that time; a torso or gripper also moves if it goes `LIFT_MOVES` (m)
 LIFT_MOVES = 0.005
 _LIFTS: frozenset[Part] = frozenset({"torso", "gripper"})
+
+# Number of the odometry's frame, which changes when the odometry begins again; and the base's pose in it.
+Place = tuple[int, Pose]
 
 
 def braking_s(profile: GateProfile, velocity: Velocity | None, latency_s: float) -> float:
@@ -84,34 +86,29 @@ class _Moving:
 class _Creeping:
     """Whether the base is elsewhere than some seconds ago, however slowly or seldom it moves."""
 
-    def __init__(self, profile: GateProfile) -> None:
-        limits = profile.limits
-        self._top_mps = math.hypot(max(limits.forward_mps, limits.reverse_mps), limits.lateral_mps)
+    def __init__(self) -> None:
         self.forget()
 
     def forget(self) -> None:
         """Begin again at the next place."""
         self.moves = False
+        self._frame = 0
         self._places: deque[tuple[float, Pose]] = deque()
 
-    def observe(self, pose: Pose | None, now_s: float) -> None:
+    def observe(self, place: Place | None, now_s: float) -> None:
         """Take the base's place by odometry; None: nobody knows, and nothing changes."""
-        if pose is None:
+        if place is None or place[0] != self._frame:
             self._places.clear()
+        if place is None or (self._places and now_s - self._places[-1][0] < COMPARED_S):
             return
-        if self._places:
-            before_s, before = self._places[-1]
-            if now_s - before_s < COMPARED_S:
-                return
-            if math.dist(pose[:2], before[:2]) > self._top_mps * (now_s - before_s) + RESTARTS_M:
-                self._places.clear()
+        self._frame, pose = place
         self._places.append((now_s, pose))
         while now_s - self._places[0][0] > CREEPS_S:
             self._places.popleft()
         self.moves = any(
-            math.dist(pose[:2], place[:2]) > CREEPS_M
-            or abs(math.remainder(pose.yaw - place.yaw, math.tau)) > CREEPS_RAD
-            for _, place in self._places
+            math.dist(pose[:2], before[:2]) > CREEPS_M
+            or abs(math.remainder(pose.yaw - before.yaw, math.tau)) > CREEPS_RAD
+            for _, before in self._places
         )
 
 
@@ -148,7 +145,7 @@ class MotionAfterStop:
         self._joint = joint
         self._joints = {part: _Joints(part, names) for part, names in joints_of(config.topics).items()}
         self._parts: dict[Part, _Moving] = {}
-        self._creeping = _Creeping(config.gate)
+        self._creeping = _Creeping()
         self._braked_s: float | None = None  # from then on, it must stand; None: it is not stopped
         self._began_s: float | None = None  # when it was noticed that the robot moves
         # of this event so far: the parts that moved, the highest speeds, the known publishers
@@ -166,13 +163,13 @@ class MotionAfterStop:
         self,
         stop: StopState,
         still: bool | None,
-        pose: Pose | None,
+        place: Place | None,
         velocity: Velocity | None,
         latency_s: float,
         publishers: Mapping[str, list[str]],
         now_s: float,
     ) -> None:
-        """Judge the robot while it is stopped. `still`, `pose`, `velocity`: by odometry; None: it is silent.
+        """Judge the robot while it is stopped. `still`, `place`, `velocity`: by odometry; None: it is silent.
 
         `latency_s`: of the robot. `publishers`: nodes that publish velocities for its base, by topic.
         """
@@ -192,7 +189,7 @@ class MotionAfterStop:
         base.observe(None if still is None else not still, now_s)
         if moved and not base.moves:
             self._creeping.forget()
-        self._creeping.observe(pose, now_s)
+        self._creeping.observe(place, now_s)
         for part, joints in self._joints.items():
             self._parts[part].observe(joints.moves(self._joint, now_s), now_s)
         if not (moving := self._moving):
@@ -229,8 +226,8 @@ class MotionAfterStop:
 
     @property
     def _moving(self) -> list[Part]:
-        creeps: Part | None = "base" if self._creeping.moves else None
-        return [part for part, moving in self._parts.items() if moving.moves or part == creeps]
+        creeping = self._creeping.moves
+        return [name for name, part in self._parts.items() if part.moves or (creeping and name == "base")]
 
     def _begin(self, stop_number: int, now_s: float) -> None:
         facts: dict[str, str | float | None] = {"number": stop_number, **self._facts()}

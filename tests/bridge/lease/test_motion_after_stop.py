@@ -127,8 +127,9 @@ def test_a_slow_roll_is_reported(bench):
     assert fact(bench).parts == ["base"]
 
 
-def test_odometry_that_begins_again_is_no_motion(bench):
-    bench.x, bench.yaw = 2.0, 1.0
+@pytest.mark.parametrize("before", [(0.4, 0.0), (0.0, 1.0), (2.0, 1.0)])
+def test_odometry_that_begins_again_is_no_motion(bench, before):
+    bench.x, bench.yaw = before
     moves(stop(bench), STILL, 5.0)
     bench.x = bench.yaw = 0.0
     moves(bench, STILL, 5.0)
