@@ -9,7 +9,7 @@ an arm may always move its torso.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from robots import wire
 from robots.bridge.audit.records import Records, Requester
@@ -122,6 +122,11 @@ class Limbs:
         """End all moves: the bridge ends."""
         for move in self._moves.values():
             move.close(refusal, now_s)
+
+    @property
+    def moves(self) -> Iterable[LimbMove]:
+        """The moves of all limbs."""
+        return self._moves.values()
 
     def move(self, limb: Limb) -> LimbMove:
         """Return the move of a limb, to pass it the robot's reports."""

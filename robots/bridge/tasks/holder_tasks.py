@@ -32,6 +32,7 @@ from robots.bridge.tasks.denylist import admissible
 from robots.bridge.tasks.head import Aim, Head
 from robots.bridge.tasks.input_routing import InputRouting, InputSwitch
 from robots.bridge.tasks.motions import MotionPlayer, Motions
+from robots.bridge.tasks.named_ends import NamedEnds
 from robots.bridge.tasks.publishing import HALTED, Publications, Publisher
 from robots.bridge.tasks.speech import SpeechOutput, SpeechTasks, Utterance, robot_language, why_not_speakable
 from robots.wire import Grant, Refusal
@@ -114,6 +115,7 @@ class HolderTasks:
         self._publisher = publisher
         self._performer = performer
         self._clearance = ArmClearance(gate, performer)
+        self._named = NamedEnds()
         self._records = records
         self._rules = rules
         self._head = Head(config.topics.head) if config.topics.head else None
@@ -192,7 +194,7 @@ class HolderTasks:
 
     def cancel(self, what: str, by: str) -> Refusal | None:
         """Cancel a task for a person who need not have control; the web process has checked the right."""
-        why = f"Cancelled by {by}."
+        why = self._named.words(f"Cancelled by {by}.", "Another person cancelled it.")
         return self._cancel_motion(why) if what == "motion" else self._cancel_speech(why)
 
     def refresh(self) -> None:
@@ -244,16 +246,18 @@ class HolderTasks:
         if self._granted("memory.forget", now_s):
             self._gate.forget()
         self._place(now_s)
+        self._named.tick((self.motions, self.speech, self.navigation, *self.limbs.moves), now_s)
 
     def stopped(self, by: str, now_s: float) -> None:
         """End tasks: stop was pressed."""
         self._deny_asked(now_s)
         self.drives_by.halt("stopped", HALTED, now_s)
-        self.navigation.end("stopped", f"The robot was stopped by {by}.", now_s)
+        why = self._named.words(f"The robot was stopped by {by}.", "The robot was stopped.")
+        self.navigation.end("stopped", why, now_s)
         self.publications.halt("stopped", now_s)
-        self.motions.cancel("stopped", f"The robot was stopped by {by}.")
-        self.limbs.end(Refusal("stopped", f"The robot was stopped by {by}.", "stop"), now_s)
-        self.speech.cancel("stopped", f"The robot was stopped by {by}.")
+        self.motions.cancel("stopped", why)
+        self.limbs.end(Refusal("stopped", why, "stop"), now_s)
+        self.speech.cancel("stopped", why)
 
     def unrecorded(self, refusal: Refusal, now_s: float) -> None:
         """End tasks: records cannot be written. A text being spoken is spoken to its end."""
@@ -280,6 +284,7 @@ class HolderTasks:
     def control_ended(self, reason: str, now_s: float) -> None:
         """Cancel running tasks: their owner lost control. A text being spoken is spoken to its end."""
         self._deny_asked(now_s)
+        self._named.words(reason, "Its holder’s control ended.")
         self.drives_by.halt("control_lost", HALTED, now_s)
         self.navigation.end("control_lost", reason, now_s)
         self.publications.halt("control_ended", now_s)

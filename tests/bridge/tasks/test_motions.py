@@ -5,6 +5,7 @@ import pytest
 from robots import wire
 from robots.bridge.gate.values import STILL, SensorHealth, Velocity
 from robots.bridge.tasks.motions import offered, recorded
+from robots.bridge.tasks.named_ends import NAMED_S
 from tests.bridge.support import Bench, Outcome, runs_out, settled
 
 AHEAD = ((0.6, 0.0, 0.2),)
@@ -606,6 +607,21 @@ def test_cancel_by_a_person_without_control_names_them(bench):
     assert bench.base.cancelled_goals == [goal_id]
     assert ends(bench, goal_id).text == "Cancelled by Sue Supervisor."
     assert bench.core.tasks.cancel("motion", "Sue Supervisor").code == "no_motion"
+    bench.pass_time(NAMED_S + 1.0)  # all who see the robot see this, long after it was news
+    assert bench.core.state(bench.now_s, []).motion_ended.text == "Another person cancelled it."
+
+
+@pytest.mark.parametrize("takes_over", [False, True])
+def test_a_stop_and_a_take_over_name_nobody_for_long(bench, takes_over):
+    goal_id = begun(bench)
+    if takes_over:
+        bench.core.revoke(1, "Bob took over: lunch.", bench.now_s)
+    else:
+        bench.core.stop("Bob", "", bench.now_s)
+    assert "Bob" in ends(bench, goal_id).text
+    assert "Bob" in bench.core.state(bench.now_s, []).motion_ended.text
+    bench.pass_time(NAMED_S + 1.0)
+    assert "Bob" not in bench.core.state(bench.now_s, []).motion_ended.text
 
 
 def test_motions_are_listed_with_title_and_duration():
