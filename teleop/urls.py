@@ -12,6 +12,7 @@ from teleop.webhooks import views as webhook_views
 urlpatterns = [
     path("", views.fleet, name="fleet"),
     path("plan/", views.plan, name="plan"),
+    path("maps/<slug:digest>/places.csv", views.places_file, name="places-file"),
     path("robots/<slug:slug>/", views.control, name="control"),
     path("robots/<slug:slug>/stop/", stop_views.page_stop, name="stop"),
     path("robots/<slug:slug>/stop", stop_views.page_stop),

@@ -1,10 +1,11 @@
-"""The fleet page, the fleet map and the control page."""
+"""The fleet page, the fleet map, the control page and its file of places."""
 
 from __future__ import annotations
 
 import json
+from codecs import BOM_UTF8
 
-from django.http import HttpRequest, HttpResponse
+from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.views.decorators.http import require_safe
 
@@ -16,6 +17,8 @@ from robots.access.selectors import (
     roles_of,
     supervises,
 )
+from robots.places.selectors import map_among
+from robots.places.services import places_export
 from robots.registry.models import Role
 from robots.registry.selectors import robot_facts
 from robots.wire import PROTOCOL
@@ -52,3 +55,13 @@ def control(request: HttpRequest, slug: str) -> HttpResponse:
         "choices": json.dumps(person.page_choices),
     }
     return render(request, "teleop/control/control.html", context)
+
+
+@require_safe
+def places_file(request: HttpRequest, digest: str) -> HttpResponse:
+    """Send the places of a map for a spreadsheet: the API's file, with a byte order mark for Excel."""
+    if map_among(robots_visible_to(person_of(request)), digest) is None:
+        raise Http404
+    answer = HttpResponse(BOM_UTF8 + places_export(digest).encode(), content_type="text/csv; charset=utf-8")
+    answer["Content-Disposition"] = f'attachment; filename="places-{digest[:8]}.csv"'
+    return answer

@@ -53,12 +53,13 @@ COUNTED = (
     "token.make",
 )
 # Kinds that programs, reloads and lists make more often, so each group has bounds of its own.
+# The bound of calls is low: a check reads all calls of the day, and the robot is locked meanwhile.
 OFTEN: tuple[tuple[tuple[str, ...], str, Bounds], ...] = (
     (("control.resume",), "come back to control %s times", ((HOUR, "hour", 600), (DAY, "day", 3000))),
     (
         ("parameter.set", "service.call"),
         "called services or set parameters %s times",
-        ((HOUR, "hour", 3600), (DAY, "day", 20_000)),
+        ((HOUR, "hour", 3600), (DAY, "day", 5000)),
     ),
     (("account.create",), "made %s accounts", ((DAY, "day", 10_000),)),
 )

@@ -9,6 +9,7 @@ import csv
 import io
 import math
 import unicodedata
+from codecs import BOM_UTF8
 from collections.abc import Iterable
 
 from msgspec import Struct
@@ -22,7 +23,6 @@ from robots.wire.navigation import FARTHEST_PLACE_M
 LONGEST_NAME = 60  # characters
 MOST_PLACES = 200  # on one map
 LARGEST_FILE = 100_000  # characters
-BYTE_ORDER_MARK = "\ufeff"  # without it, Excel reads and then saves other letters than these
 COLUMNS = ("name", "x", "y", "heading")
 _SEPARATORS = ",;\t"
 _MILLIMETRES = 3  # decimals
@@ -95,7 +95,7 @@ def read(text: str) -> dict[int, PlaceEntry]:
     """Return the places of a file, by the numbers of their lines. Raises `Problems` with the numbers of wrong lines."""
     if len(text) > LARGEST_FILE:
         raise Problems([f"The file has more than {LARGEST_FILE // 1000} kB."])
-    text = text.removeprefix(BYTE_ORDER_MARK).lstrip().replace("\r\n", "\n").replace("\r", "\n")
+    text = text.removeprefix(BOM_UTF8.decode()).lstrip().replace("\r\n", "\n").replace("\r", "\n")
     first_line = text.split("\n", 1)[0]
     separator = next((one for one in _SEPARATORS if one in first_line), ",")
     rows = csv.reader(io.StringIO(text), delimiter=separator)
@@ -150,7 +150,6 @@ def _entry(row: list[str]) -> PlaceEntry:
 def file_text(places: Iterable[PlaceEntry]) -> str:
     """Return these places as the content of a file, which `read` can read."""
     text = io.StringIO()
-    text.write(BYTE_ORDER_MARK)
     lines = csv.writer(text, lineterminator="\n")
     lines.writerow(COLUMNS)
     lines.writerows((place.name, place.x, place.y, place.heading) for place in places)

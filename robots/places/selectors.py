@@ -69,6 +69,11 @@ def maps_of(robots: Iterable[Robot]) -> list[MapOfRobots]:
     return sorted(found, key=lambda one: (-len(one.robots), -one.drawn.pk))
 
 
+def map_among(robots: Iterable[Robot], digest: str) -> MapOfRobots | None:
+    """Return a map of these robots; None if they do not have it."""
+    return next((one for one in maps_of(robots) if one.digest == digest), None)
+
+
 def newest_maps(robots: Iterable[UUID]) -> dict[UUID, RobotMap]:
     """Return the newest map of each robot that has one, without its picture. Makes one query."""
     newest = RobotMap.objects.filter(robot__in=list(robots)).values("robot").annotate(newest=Max("pk"))

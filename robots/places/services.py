@@ -9,9 +9,9 @@ from msgspec import Struct
 
 from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
-from robots.places.entries import MOST_PLACES, PlaceEntry, entry_of, why_no_name
+from robots.places.entries import MOST_PLACES, PlaceEntry, entry_of, file_text, why_no_name
 from robots.places.models import Place, SharedMap
-from robots.places.selectors import Clearance
+from robots.places.selectors import Clearance, places_of
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.phrases import shortened
 from robots.wire import NotDone, Refusal
@@ -118,6 +118,11 @@ def places_import(*, digest: str, entries: dict[int, PlaceEntry], actor: Actor) 
         lists = {"added": [_pose(one) for one in added], "changed": [_pose(one) for one in changed]}
         record("place.import", actor=actor, parameters={"map": digest, **lists})
     return Imported(len(added), len(changed), len(entries) - len(added) - len(changed))
+
+
+def places_export(digest: str) -> str:
+    """Return the places of a map as the content of a file."""
+    return file_text(map(entry_from, places_of([digest]).get(digest, [])))
 
 
 def entry_from(place: Place) -> PlaceEntry:

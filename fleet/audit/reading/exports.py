@@ -11,6 +11,7 @@ import io
 import json
 import logging
 import time
+from codecs import BOM_UTF8
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
 from datetime import datetime
 from itertools import chain
@@ -41,8 +42,8 @@ CHUNK = 100  # rows in a piece: other requests of the process wait at most for o
 # Pause after a piece, as a multiple of the piece's own time: if no other request came, and if one came.
 PAUSE, PAUSE_BESIDE_OTHERS = 1.0, 9.0
 LONGEST_PAUSE_S = 2.0  # a proxy closes a response that sends nothing for too long
-# Without this mark, Excel reads the file in an old code page and shows wrong characters. Others skip it.
-BOM = "\ufeff"  # without it, Excel shows other letters than these
+# Without this mark, Excel reads the file in an old code page and shows wrong characters.
+BOM = BOM_UTF8.decode()
 # A cell that begins with one of these is a formula for spreadsheets, also full-width (OWASP, CSV injection).
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 

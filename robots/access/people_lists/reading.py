@@ -6,6 +6,7 @@ import csv
 import io
 import re
 import unicodedata
+from codecs import BOM_UTF8
 from collections.abc import Iterable, Sequence
 
 from django.core.exceptions import ValidationError
@@ -86,7 +87,7 @@ def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> P
     `separator` is one of `SEPARATORS`, "" finds it. `roles` are the roles of the columns; without them, titles and
     content decide. Each line is a person, wrong, repeated, or the header.
     """
-    texts = LINE_ENDS.split(text.removeprefix("\ufeff"))
+    texts = LINE_ENDS.split(text.removeprefix(BOM_UTF8.decode()))
     if len(texts) > MOST_LINES + 1 + (not texts[-1]):
         reason = _("The list has %(lines)d lines; at most %(most)d are read. Divide it.")
         return PeopleList(

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-FULL_SHARE = 1.05  # a full battery may report a little more than 1
+FULL_SHARE = (
+    2.0  # a gauge that is not calibrated reports up to 1.1; below 2 percent, a battery is empty anyway
+)
 
 
 class BatteryCharge:

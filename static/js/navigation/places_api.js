@@ -49,8 +49,9 @@ export function importPlaces(map, csv) {
   return send("POST", `${MAPS}/${map.map}/places/import`, { csv });
 }
 
+/** @returns {string} the address of the file of places for spreadsheets */
 export function exportAddress(map) {
-  return `${MAPS}/${map.map}/places/export`;
+  return `/maps/${map.map}/places.csv`;
 }
 
 function placeAddress(map, place) {

@@ -44,7 +44,7 @@ def state(percentage, charge=math.nan, capacity=math.nan):
             [SimpleNamespace(data=63.0), SimpleNamespace(data=-1.0), SimpleNamespace(data=math.inf)],
             [63.0, None, None],
         ),
-        ([state(0.63), state(1.02)], [63.0, 102.0]),
+        ([state(0.97), state(1.1), state(0.5)], [97.0, pytest.approx(110.0), 50.0]),  # not calibrated
         ([state(63.0), state(1.0), state(0.5)], [63.0, 1.0, 0.5]),  # a driver that sends percent
         ([state(math.nan), state(-1.0)], [None, None]),  # only its voltage is known
         ([state(math.nan, 3.0, 12.0), state(math.nan, 3.0, 0.0)], [25.0, None]),

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from django.test import Client
 
 from fleet.accounts.models import User
 from robots import wire
@@ -116,11 +117,19 @@ def test_a_map_is_named(program: Program, supervisor: User, digest: str) -> None
 
 
 def test_a_file_of_one_map_is_imported_to_the_next(
-    program: Program, staff: User, supervisor: User, kitchen: Place, robot: Robot
+    program: Program,
+    supervisor: User,
+    stranger: User,
+    kitchen: Place,
+    robot: Robot,
+    signed_in: Callable[[User], Client],
 ) -> None:
     ask = program(supervisor)
     text = ask.stream("GET", f"/maps/{kitchen.map_id}/places/export").content.decode()
-    assert text == "\ufeffname,x,y,heading\nkitchen,1.0,1.0,1.5\n"
+    assert text == "name,x,y,heading\nkitchen,1.0,1.0,1.5\n"
+    page = f"/maps/{kitchen.map_id}/places.csv"
+    assert signed_in(supervisor).get(page).content.decode() == f"\ufeff{text}"  # for Excel
+    assert signed_in(stranger).get(page).status_code == 404
     newer = map_of(robot, mark="x")
     present, earlier = ask("GET", "/maps?robot=tiago-1").data["maps"]
     assert (present["map"], present["places"], earlier["map"]) == (newer, [], kitchen.map_id)

@@ -93,7 +93,7 @@ class MapsBase(SetupView):
 
     def seen_map(self, digest: str) -> MapOfRobots:
         """Return a map of the robots that the person may see. Raises `Problem`: not found."""
-        found = next((one for one in maps_of(self.robots()) if one.digest == digest), None)
+        found = selectors.map_among(self.robots(), digest)
         if found is None:
             raise Problem(NOT_FOUND)
         return found

@@ -139,11 +139,9 @@ class ExportView(PlacesBase):
         tag="maps",
     )
     def get(self, _request: Request, digest: str) -> HttpResponse:
-        """CSV in UTF-8 with a byte order mark: name, x, y (metres), heading (radians)."""
+        """CSV in UTF-8: name, x, y (metres), heading (radians)."""
         found = self.seen_map(digest).digest
-        places = selectors.places_of([found]).get(found, [])
-        text = entries.file_text(map(services.entry_from, places))
-        answer = HttpResponse(text, content_type="text/csv; charset=utf-8")
+        answer = HttpResponse(services.places_export(found), content_type="text/csv; charset=utf-8")
         answer["Content-Disposition"] = f'attachment; filename="places-{found[:8]}.csv"'
         return answer
 
