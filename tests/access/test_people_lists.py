@@ -103,6 +103,8 @@ def test_wrong_lines_are_named_by_number_and_reason() -> None:
         ("utf-16-be", "Zoé D’Arc Œuvré"),
         ("latin-1", "Jürgen Größe"),
         ("cp1252", "Zoé D’Arc Œuvré … Š"),
+        ("cp1252", "Nicolò Cantù"),
+        ("cp1252", "Bjørn Åsen"),
         ("iso8859_15", "Zoé Œuvré"),
         ("mac_roman", "Zoé D’Arc Œuvré"),
         ("cp850", "Jürgen Größe"),
@@ -176,6 +178,10 @@ def test_a_name_with_a_character_that_is_no_text_is_named() -> None:
         ("Foo;Bar;Baz\nAda Lovelace;ada@example.org;", [ADA]),
         ("sep=^\nName;Mail\nAda Lovelace;ada@example.org", [ADA]),
         ("Ada Lovelace <ada@example.org>; Bo <b@example.org>", [ADA, ("Bo", "b@example.org")]),
+        (
+            "; ".join(f"A{number} <a{number}@example.org>" for number in range(150)),
+            [(f"A{number}", f"a{number}@example.org") for number in range(150)],
+        ),
         ("ada@example.org, b@example.org", [("", "ada@example.org"), ("", "b@example.org")]),
         (
             '"Ada,ada@example.org\nBo,b@example.org\nCy,c@example.org',
@@ -198,6 +204,7 @@ def test_no_line_and_no_name_is_lost(text: str, expected: list[tuple[str, str]])
         "Name,E-Mail\nAda Lovelace,ada@example.org",
         "ada@example.org",
         "Ada <ada@example.org>; Bo <bo@example.org>",
+        "; ".join(f"A{number} <a{number}@example.org>" for number in range(150)),
     ],
 )
 def test_the_preview_reads_a_list_as_before(text: str) -> None:

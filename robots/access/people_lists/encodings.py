@@ -65,13 +65,15 @@ _JUDGED_LETTERS = 200  # of a line
 _NOT_ASCII = re.compile(r"[^\x00-\x7f]")
 _HEADER_LINES = 10
 _SCRIPTS = {"latin": range(0x250), "greek": range(0x370, 0x400), "cyrillic": range(0x400, 0x530)}
-# Latin letters beside ASCII: French, German, Spanish and Catalan, Portuguese, Nordic, Icelandic, Polish, Czech and
-# Slovak, Hungarian, Romanian, Croatian and Slovenian, Turkish, Estonian.
+# Latin letters beside ASCII that stand together in a line: Western Europe (a class has names of several languages),
+# Portuguese, Western Europe with ø (without letters that Czech bytes give beside it), Icelandic, Polish, Czech, Slovak,
+# Hungarian, Romanian, Croatian and Slovenian, Turkish, Estonian.
 _ALPHABETS = [
     frozenset(letters)
     for letters in (
-        *("àâæçéèêëîïôœùûüÿ", "äöüß", "áàéèíïóòúüçñ", "áâãàçéêíóôõúü", "åäöæøé", "áéíóúýþæöð", "ąćęłńóśźż"),
-        *("áäčďéěíĺľňóôŕřšťúůýž", "áéíóöőúüű", "ăâîşţșț", "čćđšž", "çğıöşüâî", "äõöüšž"),
+        *("àáâãäåæçèéêëìíîïñòóôöùúûüÿœß", "àáâãçéêíñóôõöúü", "àâãäåæçéêëîïñòóôöøúûüß", "áéíóúýþæöð"),
+        *("ąćęłńóśźż", "áčďéěíňóřšťúůýž", "áäčďéíĺľňóôŕšťúýž", "áéíóöőúüű", "ăâîşţșț", "čćđšž"),
+        *("çğıöşüâî", "äõöüšž"),
     )
 ]
 _NARROW_KANA = range(0xFF61, 0xFFA0)  # one byte each in Shift JIS; not in names
@@ -139,30 +141,39 @@ def _text(content: bytes, codec: str) -> str | None:
         return None
 
 
-def _oddness(text: str) -> tuple[int, int]:
-    """Return how little a text looks like a list of people: without known titles first, then by its letters."""
+def _oddness(text: str) -> tuple[int, int, int]:
+    """Return how little a text looks like a list of people: without known titles first, then by its letters, then by
+    its lines whose letters are of no language, in fifths: a few lines may have names of two languages.
+    """
     lines = [line[:_JUDGED_LETTERS] for line in text.splitlines()]
-    cells = re.split(r"[\t;,|\"\n]", "\n".join(lines[:_HEADER_LINES]))
+    header = [line for line in lines[:_HEADER_LINES] if "@" not in line]
+    cells = re.split(r"[\t;,|\"\n]", "\n".join(header))
     titles = sum(role_of(cell) is not Role.UNUSED for cell in cells)
-    return -titles, sum(map(_oddities, [line for line in lines if not line.isascii()][:_JUDGED_LINES]))
+    judged = [line for line in lines if not line.isascii()][:_JUDGED_LINES]
+    mixed = sum(map(_is_of_no_language, judged))
+    return -titles, sum(map(_oddities, judged)), 5 * mixed // max(len(judged), 1)
 
 
 def _oddities(line: str) -> int:
     """Return how many characters stand where names have none: symbols, a capital within small letters, letters of
-    another script beside this one. One more, if no language has all its Latin letters.
+    another script beside this one.
     """
-    odd, latin = 0, set[str]()
+    odd = 0
     for found in _NOT_ASCII.finditer(line):
         letter, at = found[0], found.start()
-        before, after, script = line[at - 1 : at], line[at + 1 : at + 2], _script(letter)
+        before, after = line[at - 1 : at], line[at + 1 : at + 2]
         amid = letter.isupper() and (before.islower() or (before.isalpha() and after.islower()))
-        strange = ord(letter) in _NARROW_KANA or {_script(before), _script(after)} - {script, ""}
-        odd += letter not in _PUNCTUATION and bool(amid or strange or not letter.isalpha())
-        if (
-            script == "latin" and not (small := letter.lower()[0]).isascii()
-        ):  # a Turkish I with dot has two letters
-            latin.add(small)
-    return odd + (not any(latin <= alphabet for alphabet in _ALPHABETS))
+        foreign = not {_script(before), _script(after)} <= {_script(letter), ""}
+        strange = amid or foreign or ord(letter) in _NARROW_KANA or not letter.isalpha()
+        odd += strange and letter not in _PUNCTUATION
+    return odd
+
+
+def _is_of_no_language(line: str) -> bool:
+    # The small form of a Turkish I with dot has two characters
+    small = {letter.lower()[0] for letter in _NOT_ASCII.findall(line) if _script(letter) == "latin"}
+    latin = {letter for letter in small if not letter.isascii()}
+    return not any(latin <= alphabet for alphabet in _ALPHABETS)
 
 
 def _script(letter: str) -> str:

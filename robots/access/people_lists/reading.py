@@ -94,7 +94,8 @@ def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> P
             wrong=(Wrong(MOST_LINES + 2, "", reason % {"lines": len(texts), "most": MOST_LINES}),)
         )
     usual = separator or _separator(texts)
-    lines = [line for line in _lines(texts, usual, fixed=usual != _separator(texts)) if line.cells]
+    read = _lines(texts, usual, fixed=usual != _separator(texts))
+    lines = [part for line in read if line.cells for part in _parts(line)]
     wide = [line for line in lines if len(line.cells) > MOST_COLUMNS]
     header, lines = _without_header([line for line in lines if len(line.cells) <= MOST_COLUMNS])
     columns = columns_of(header.cells if header else (), [line.cells for line in lines])
@@ -115,6 +116,14 @@ def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> P
         }
         found = structs.replace(found, titles=(guessed,), notes=(note, *found.notes))
     return found
+
+
+def _parts(line: _Line) -> list[_Line]:
+    """Return the addresses of a letter to many people as lines of their own, another line as it is."""
+    addresses = [cell for cell in line.cells if cell]
+    if len(line.cells) <= MOST_COLUMNS or not all("@" in cell for cell in addresses):
+        return [line]
+    return [_Line(line.number, cell, (cell,)) for cell in addresses]
 
 
 def _too_wide(line: _Line) -> Wrong:
