@@ -243,14 +243,17 @@ class Hand:
         state: wire.State = report.state
         return state
 
-    def drive_until(self, x: float, condition: Callable[[wire.State], Any], what: str) -> wire.State:
+    def drive_until(
+        self, x: float, condition: Callable[[wire.State], Any], what: str, y: float = 0.0
+    ) -> wire.State:
         """Push the stick until `condition` is true for a state; return that state.
 
         On a busy computer a scan can be late. The gate then asks for a neutral stick: the stick returns to the middle.
         """
 
         def pushed(state: wire.State) -> Any:
-            self.stick(0.0 if state.neutral_needed else x)
+            share = 0.0 if state.neutral_needed else 1.0
+            self.stick(share * x, y=share * y)
             return condition(state)
 
         return self.state_until(pushed, what)

@@ -46,14 +46,17 @@ def test_a_lateral_stick_slides_up_to_the_wall(ros, rosmaster, tmp_path):
         hand.state_until(drivable, "a robot that can be driven")
         hand.take_control(1)
         contacts.drain()
-        hand.stick(0.0, y=-1.0)
-        sliding = hand.state_until(lambda state: state.odometry.vy < -0.2, "a slide to the right")
-        stopped = hand.state_until(
-            lambda state: state.verdict.code == "obstacle" and abs(state.odometry.vy) < 0.01, "a stop"
+        sliding = hand.drive_until(
+            0.0, lambda state: state.odometry.vy < -0.2, "a slide to the right", y=-1.0
+        )
+        stopped = hand.drive_until(
+            0.0,
+            lambda state: state.verdict.code == "obstacle" and abs(state.odometry.vy) < 0.01,
+            "a stop",
+            y=-1.0,
         )
         [*_, last] = truth.drain()
-        hand.stick(0.0, y=1.0)
-        hand.state_until(lambda state: state.odometry.vy > 0.1, "the way back")
+        hand.drive_until(0.0, lambda state: state.odometry.vy > 0.1, "the way back", y=1.0)
     assert abs(sliding.odometry.vx) < 0.05
     assert "right" in stopped.verdict.side
     assert stopped.verdict.text.endswith("right")

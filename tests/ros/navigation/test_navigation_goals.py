@@ -47,7 +47,10 @@ def test_it_drives_to_a_place_and_shows_its_way(traveller, truth, twists):
     twists.until(is_zero)
     until(lambda: "go.end arrived" in traveller.process.recorded(), "the end on record")
     recorded = [line.split()[0] for line in traveller.process.recorded()]
-    assert recorded.index("go.start") < recorded.index("drive.start") < recorded.index("go.end")
+    last = max(
+        place for place, kind in enumerate(recorded) if kind == "go.start"
+    )  # the first may have met a late map
+    assert [kind for kind in recorded[last:] if kind != "map"][:3] == ["go.start", "drive.start", "go.end"]
 
 
 def plan(count: int, y: float) -> Path:
