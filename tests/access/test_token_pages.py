@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
@@ -102,17 +101,6 @@ def test_the_form_comes_after_a_fresh_password(operator: User, signed_in: Signed
     resumed = client.post(asked.headers["Location"], {"password": PASSWORD})  # completes the first form
     assert resumed.context["text"].startswith("fleet_")
     assert Token.objects.get().name == "x"
-
-
-def test_a_sign_in_counts_as_a_fresh_password_for_five_minutes(
-    operator: User, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    client = Client()
-    client.post("/accounts/sign-in/", {"username": operator.username, "password": PASSWORD})
-    assert client.get(NEW).status_code == 200
-    later = time.time() + 301
-    monkeypatch.setattr(time, "time", lambda: later)
-    assert client.get(NEW).headers["Location"].startswith("/accounts/again/")
 
 
 def test_the_form_comes_after_a_code_of_the_second_factor(operator: User, signed_in: SignedIn) -> None:

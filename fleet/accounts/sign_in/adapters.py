@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any, cast
 from urllib.parse import urlsplit
 
-from allauth.account import app_settings
 from allauth.account.adapter import DefaultAccountAdapter
-from allauth.account.internal.flows.login import get_authentication_records
 from allauth.account.internal.stagekit import clear_login
 from allauth.account.models import EmailAddress
 from allauth.core.exceptions import ImmediateHttpResponse
@@ -93,17 +90,6 @@ class AccountAdapter(DefaultAccountAdapter):
         A wrong password counts like one on the sign-in page.
         """
         return throttle.password_fits(user, password, address=services.address_of(self.request))
-
-    def is_reauthentication_required(self, *, app: str, **options: Any) -> bool:
-        """Return False for some minutes after a sign-in by password, code or passkey, too.
-
-        A sign-in by the organisation does not count: its provider may have asked for nothing.
-        """
-        since = time.time() - app_settings.REAUTHENTICATION_TIMEOUT
-        proofs = get_authentication_records(self.request, self.request.user)
-        if any(proof["method"] in ("password", "mfa") and proof["at"] > since for proof in proofs):
-            return False
-        return bool(super().is_reauthentication_required(app=app, **options))
 
     def set_password(self, user: Any, password: str) -> None:
         """Set the password after a reset link from an e-mail was opened. Every sign-in of the person ends."""
