@@ -62,7 +62,7 @@ class VisibleRobot(Struct, frozen=True):
 
 
 class _Sights:
-    """What sign-ins may see: read once for all fleet pages of a sign-in. Hundreds of pages cost no more than a few."""
+    """The robots that sign-ins may see: read once for all fleet pages of a sign-in, so that hundreds cost as few do."""
 
     def __init__(self) -> None:
         self._read: dict[SignIn, tuple[float, asyncio.Task[Iterable[VisibleRobot] | None]]] = {}
