@@ -32,7 +32,7 @@ class Page(NamedTuple):
 
 @cache
 def known() -> frozenset[str]:
-    """Return the names of all pages, as in URLs, such as "decisions/braking-is-counted-at-two-thirds"."""
+    """Return the names of all pages, as in URLs, such as "decisions/control-follows-the-lease"."""
     return frozenset(str(path.relative_to(DOCS).with_suffix("")) for path in DOCS.rglob("*.md"))
 
 
