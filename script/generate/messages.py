@@ -28,11 +28,11 @@ PAGE = Path(__file__).parents[2] / "docs" / "protocol-messages.md"
 OPENAPI = PAGE.with_name("openapi.json")
 HEAD = f"""# Messages, field by field
 
-`script/messages` writes this page from [robots/wire/](../robots/wire/). [protocol.md](protocol.md) says how to use the
-messages (`protocol` {wire.PROTOCOL}). Each is one JSON object whose `t` is its name here. A field without a default is
-required. Unknown fields are ignored; a report may leave out fields with their default. *Optional*: null by default.
-Units are SI unless the name says otherwise. Messages between the console's own processes are in
-`robots/wire/link.py` and `camera.py` only.
+*Reference.* `script/messages` writes this page from [robots/wire/](../robots/wire/).
+[protocol.md](protocol.md) says how to use the messages (`protocol` {wire.PROTOCOL}).
+Each is one JSON object whose `t` is its name here. A field without a default is required. Unknown fields are
+ignored; a report may leave out fields with their default. *Optional*: null by default. Units are SI unless the
+name says otherwise. Messages between the console's own processes are in `robots/wire/link.py` and `camera.py` only.
 
 """
 COMMON = 5  # a field that so many messages have is described once, at the top

@@ -28,7 +28,7 @@ from tests.processes import free_port, outside, until
 from tests.script.support import ENDED_S, Family, drive_forward, listens
 
 READY_S = 120.0
-EDIT_S = 3.0  # s, the time in docs/admins.md
+EDIT_S = 3.0  # s, the time in docs/robots.md
 ROBOT = "tiago-42"
 CHECKED = f"/robots/{ROBOT}/check/"
 STAFF = Account("first", "staff", "a long walk on the beach")

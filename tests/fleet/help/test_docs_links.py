@@ -1,4 +1,4 @@
-"""Links between pages of the documentation have a target."""
+"""Links between pages of the documentation have a target; a page for a task is short."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import pytest
 REPOSITORY = Path(__file__).parents[3]
 PAGES = [*REPOSITORY.glob("*.md"), *(REPOSITORY / "docs").rglob("*.md")]
 LINK = re.compile(r"\]\((?!https?:|mailto:)([^)#\s]*)(?:#([^)\s]+))?\)")
+LONGER = re.compile(r"# .+\n\n\*(Reference|Explanation)\.\*")  # such a page says so in its head
+MOST_WORDS = 1500
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 
 
@@ -26,3 +28,11 @@ def test_links_lead_to_pages_and_headings(page: Path) -> None:
         assert file.exists(), f"{target} is missing"
         if anchor and file.suffix == ".md":
             assert anchor in anchors(file), f"{target}#{anchor} is missing"
+
+
+def test_a_page_for_a_task_is_short() -> None:
+    texts = {page: page.read_text() for page in (REPOSITORY / "docs").rglob("*.md")}
+    words = {
+        page: len(re.findall(r"\S*\w\S*", text)) for page, text in texts.items() if not LONGER.match(text)
+    }
+    assert {page: count for page, count in words.items() if count > MOST_WORDS} == {}
