@@ -12,13 +12,11 @@ Each transactional test starts with the freshly migrated database: `tests.pristi
 from __future__ import annotations
 
 import gc
-import os
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 
-import hypothesis
 import pytest
 from django.contrib.sessions.models import Session
 from django.db import connection
@@ -35,12 +33,7 @@ from teleop.stop import emergency_stop
 from tests.full_disk import Disk
 from tests.pristine import pristine_copy
 
-# Every run tries the same examples, so that only a change can cause a new failure. With
-# HYPOTHESIS_PROFILE=search, a run tries new examples. No deadline: a busy machine slows examples.
-UNTIMED = hypothesis.settings(deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
-hypothesis.settings.register_profile("steady", UNTIMED, derandomize=True)
-hypothesis.settings.register_profile("search", UNTIMED)
-hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
+pytest_plugins = ["tests.selection"]
 
 PASSWORD = "a long walk on the beach"
 LONG_FILES = (

@@ -49,9 +49,7 @@ anything = st.recursive(
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(), inner, max_size=4),
     max_leaves=12,
 )
-many = hypothesis_settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+many = hypothesis_settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 # --- the form ---------------------------------------------------------------------------------------

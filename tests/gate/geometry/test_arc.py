@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry import arc
@@ -86,7 +86,6 @@ def check_against(gaps_at, time, contact_s, tolerance_m):
 @given(twists, points)
 @example(Velocity(1.0, 0.0, 0.0), np.array([1.0, 0.299]))
 @example(Velocity(0.3, 0.0, 1.0), np.array([0.0, 0.5]))
-@settings(max_examples=200, deadline=None)
 def test_disc_contact_is_when_brute_force_says(twist, point):
     assume(math.hypot(*point) > RADIUS + 1e-6)
     time, path = path_in_base_frame(point, twist)
@@ -96,7 +95,6 @@ def test_disc_contact_is_when_brute_force_says(twist, point):
 
 
 @given(twists, points, outlines, st.sampled_from([0.0, 0.05]))
-@settings(max_examples=200, deadline=None)
 def test_polygon_contact_is_when_brute_force_says(twist, point, outline, hull_growth):
     hull = Polygon(outline)
     assume(hull.gaps(point[None])[0] > hull_growth + 1e-6)
@@ -153,7 +151,6 @@ def plain_polygon_contact(point, twist, edges, hull_growth):
 
 
 @given(twists, st.lists(points, min_size=1, max_size=20), outlines, st.sampled_from([0.0, 0.05]))
-@settings(max_examples=200, deadline=None)
 def test_all_points_at_once_are_met_when_the_plain_formula_says(twist, several, outline, hull_growth):
     """Several twists that begin in one direction are checked in one call, as in the gate."""
     together, direction = np.array(several), arc.direction_of(twist)
@@ -184,7 +181,6 @@ def test_all_points_at_once_are_met_when_the_plain_formula_says(twist, several, 
     0.0,
     0.0,
 )
-@settings(max_examples=300, deadline=None)
 def test_one_point_alone_is_met_when_all_at_once_are(twist, point, outline, hull_growth, reserve_m):
     assume(not arc.is_straight(twist))
     direction = arc.direction_of(twist)
@@ -198,7 +194,6 @@ def test_one_point_alone_is_met_when_all_at_once_are(twist, point, outline, hull
 
 
 @given(twists, st.lists(points, min_size=1, max_size=20), outlines, st.sampled_from([0.0, 0.08]))
-@settings(max_examples=200, deadline=None)
 def test_the_first_point_touched_is_reported(twist, several, outline, reserve_m):
     together, direction = np.array(several), arc.direction_of(twist)
     for hull in (Disc(RADIUS), Polygon(outline), Discs(((-0.15, 0.0, 0.25), (0.2, 0.1, 0.22)))):
@@ -231,7 +226,6 @@ def test_nearly_straight_and_barely_turning_agree():
 
 
 @given(quick_turns, points, outlines)
-@settings(max_examples=200, deadline=None)
 def test_clearance_is_the_smallest_gap_of_a_whole_turn(twist, point, outline):
     _, path = path_in_base_frame(point, twist)  # 6 s at 1.2 rad/s is more than a whole turn
     disc = Disc(RADIUS)

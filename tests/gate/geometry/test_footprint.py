@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry import arc
@@ -39,7 +39,6 @@ hulls = st.sampled_from(sorted(HULLS))
 
 
 @given(twists, points, st.sampled_from([0.0, 0.03]))
-@settings(max_examples=200, deadline=None)
 def test_contact_of_discs_is_when_brute_force_says(twist, point, hull_growth):
     hull = HULLS["discs"]
     assume(hull.gaps(point[None])[0] > hull_growth + 1e-6)
@@ -50,7 +49,6 @@ def test_contact_of_discs_is_when_brute_force_says(twist, point, hull_growth):
 
 
 @given(twists, clouds)
-@settings(max_examples=200, deadline=None)
 def test_one_disc_about_the_origin_is_a_disc(twist, cloud):
     one, disc = Discs(((0.0, 0.0, 0.3),)), Disc(0.3)
     np.testing.assert_allclose(one.gaps(cloud), disc.gaps(cloud))
@@ -63,7 +61,6 @@ def test_one_disc_about_the_origin_is_a_disc(twist, cloud):
 
 
 @given(hulls, twists, points)
-@settings(max_examples=200, deadline=None)
 def test_a_point_keeps_its_clearance_from_the_swept_area(kind, twist, point):
     hull = HULLS[kind]
     assume(arc.speed(twist) or not hull.turns_freely)
@@ -78,7 +75,6 @@ def test_a_point_keeps_its_clearance_from_the_swept_area(kind, twist, point):
 
 
 @given(hulls, twists, clouds)
-@settings(max_examples=100, deadline=None)
 def test_no_part_of_a_hull_lies_beyond_its_reach(kind, twist, cloud):
     hull = HULLS[kind]
     beyond = cloud[np.hypot(*cloud.T) > hull.reach(0.05)]
@@ -100,7 +96,6 @@ poses = st.lists(
 
 
 @given(hulls, poses, clouds, st.booleans())
-@settings(max_examples=200, deadline=None)
 def test_least_gaps_are_those_of_pose_by_pose(kind, several, cloud, drifting):
     hull = HULLS[kind]
     discs = np.full(len(cloud), 0.1), np.full(len(cloud), 0.3)
@@ -127,7 +122,6 @@ def test_least_gaps_are_those_of_pose_by_pose(kind, several, cloud, drifting):
     st.lists(st.tuples(*[st.floats(-1, 1)] * 3), min_size=1, max_size=8),
     clouds,
 )
-@settings(max_examples=300, deadline=None)
 def test_a_spread_base_is_nowhere_nearer_than_its_gaps_say(kind, at, sizes, shares, cloud):
     """Bases within the spread are checked, also those at its four corners and with the largest turns."""
     hull, there, spread = HULLS[kind], Pose(*at), Spread(*sizes)

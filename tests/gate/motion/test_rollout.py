@@ -8,7 +8,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry.footprint import Polygon, footprint_of
@@ -106,7 +106,6 @@ def least_gaps(kind, candidate, points, queue, velocity, drift=None):
 
 
 @given(kinds, twists, queues, twists, clouds)
-@settings(max_examples=250, deadline=None)
 def test_allowed_twists_stop_clear_or_no_nearer(kind, candidate, queue, now, points):
     share = roll(kind, candidate, points, queue, now).share
     allowed = Velocity(*(share * axis for axis in candidate))
@@ -119,7 +118,6 @@ def test_allowed_twists_stop_clear_or_no_nearer(kind, candidate, queue, now, poi
 
 
 @given(kinds, twists, queues, twists, clouds)
-@settings(max_examples=250, deadline=None)
 def test_a_clear_twist_is_not_reduced(kind, candidate, queue, now, points):
     going = least_gaps(kind, candidate, points, queue, now)
     rolled = roll(kind, candidate, points[going > HARD_M + 0.012], queue, now)
@@ -184,7 +182,6 @@ def test_the_whole_play_lies_within_the_spread_that_is_looked_at(seed):
 
 
 @given(kinds, twists, queues, twists, clouds, clouds)
-@settings(max_examples=150, deadline=None)
 def test_moving_points_are_met_at_their_future_place(kind, candidate, queue, now, points, drifts):
     several = min(len(points), len(drifts))
     points, drift = points[:several], drifts[:several]
@@ -199,7 +196,6 @@ def test_moving_points_are_met_at_their_future_place(kind, candidate, queue, now
 
 
 @given(kinds, twists, queues, twists, clouds)
-@settings(max_examples=100, deadline=None)
 def test_points_that_drift_at_no_speed_stand(kind, candidate, queue, now, points):
     still = np.zeros_like(points)
     assert roll(kind, candidate, points, queue, now, still) == roll(kind, candidate, points, queue, now)
@@ -263,7 +259,6 @@ def test_the_row_names_the_blocking_point():
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-0.03, 0.05), st.sampled_from([1.5, -0.7]))
-@settings(deadline=None)
 def test_a_disc_always_turns_on_the_spot_and_always_retreats(bearing, gap, w):
     near = [((0.27 + gap) * math.cos(bearing), (0.27 + gap) * math.sin(bearing))]
     assert roll("disc", Velocity(0.0, 0.0, w), near) == CLEAR

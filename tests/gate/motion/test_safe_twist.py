@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry.footprint import footprint_of
@@ -41,7 +41,6 @@ def braked_path(twist, profile, step_s=0.005):
 
 
 @given(kinds, twists, clouds)
-@settings(max_examples=200, deadline=None)
 def test_an_allowed_twist_brakes_before_every_point(kind, twist, points):
     profile = PROFILES[kind]
     hull = footprint_of(profile)
@@ -55,7 +54,6 @@ def test_an_allowed_twist_brakes_before_every_point(kind, twist, points):
 
 
 @given(kinds, twists, clouds)
-@settings(max_examples=200, deadline=None)
 def test_an_allowed_twist_is_a_share_of_the_asked_one(kind, twist, points):
     allowed = decide(kind, twist, points).velocity
     for part, whole in zip(allowed, twist, strict=True):
@@ -107,7 +105,6 @@ def test_what_stands_in_the_way_of_one_turn_changes_no_answer(kind, monkeypatch)
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-0.03, 0.2))
-@settings(deadline=None)
 def test_a_disc_may_always_turn_and_always_retreat(bearing, gap):
     near = [((0.27 + gap) * math.cos(bearing), (0.27 + gap) * math.sin(bearing))]
     turning = Velocity(0.0, 0.0, 1.5)
@@ -132,7 +129,6 @@ def touching_a_box(draw):
 
 
 @given(touching_a_box())
-@settings(max_examples=200, deadline=None)
 def test_a_box_may_always_do_something_that_leads_away(point):
     """For any touching point, some stick moves the box away from it."""
     sticks = [Velocity(v, 0.0, w) for v in (0.3, 0.0, -0.3) for w in (0.8, 0.0, -0.8) if v or w]
@@ -177,7 +173,6 @@ def test_nose_at_the_wall_the_whole_turn_is_given_back():
 
 
 @given(st.floats(0.45, 1.2), st.floats(-0.28, 0.28))
-@settings(deadline=None)
 def test_given_back_rotation_is_safe_itself(x, y):
     stick = Velocity(0.8, 0.0, 1.2)
     points = np.array([(x, y)])

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry.footprint import Disc
@@ -277,7 +277,6 @@ MOMENTS = st.lists(
 
 
 @given(MOMENTS, st.sampled_from([(0.0, 0.0), (1234.56, -9876.5), (-31.4, 7.85)]))
-@settings(max_examples=200, deadline=None)
 def test_the_rolling_grid_equals_a_dictionary(moments, begin):
     memory, naive = Memory(COARSE), Naive(COARSE)
     now_s, (x, y) = 10.0, begin
@@ -381,7 +380,6 @@ def test_a_laser_that_sees_all_round_sees_over_its_seam(beams_off, sign):
     st.floats(0.3, 1.0),
     st.integers(0, 2**20),
 )
-@settings(max_examples=200, deadline=None)
 def test_sight_agrees_with_asking_beam_by_beam(bearing, start, sign, beams, share, seed):
     random = np.random.default_rng(seed)
     increment = sign * share * math.tau / beams

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry.footprint import Disc
@@ -100,7 +100,6 @@ def test_odometry_of_no_numbers_is_no_odometry(pose):
     st.lists(st.floats(width=32), max_size=40),
     *(st.floats(width=32) for _ in range(4)),
 )
-@settings(max_examples=300, deadline=None)
 def test_no_scan_whatever_raises(ranges, angle_min, increment, range_min, range_max):
     feeder = Feeder(tiago_profile())
     feeder.odometry()
@@ -110,7 +109,6 @@ def test_no_scan_whatever_raises(ranges, angle_min, increment, range_min, range_
 
 
 @given(st.floats(), st.floats())
-@settings(max_examples=200, deadline=None)
 def test_no_range_whatever_raises(range_m, max_range_m):
     feeder = Feeder(tiago_profile())
     feeder.odometry()

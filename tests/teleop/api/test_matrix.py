@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import cache
 from typing import Any
 
 import pytest
@@ -640,6 +641,7 @@ def filled(value: Any, objects: dict[str, str]) -> Any:
     return re.sub(r"{(\w+)}", lambda match: objects[match[1]], value) if isinstance(value, str) else value
 
 
+@cache
 def operations() -> dict[str, tuple[str, str]]:
     """Return the operations of the schema: method and path by name."""
     return {
@@ -695,29 +697,55 @@ def test_nobody_gets_anything(lab: Lab) -> None:
     assert {name: door(name, nobody, objects) for name in TABLE} == dict.fromkeys(TABLE, "signed_out")
 
 
+class Check:
+    """Compares the results of a person's operations with the table."""
+
+    def __init__(self, who: str, lab: Lab) -> None:
+        self.wrong: list[str] = []
+        self._who, self._lab, self._number = who, lab, PEOPLE.index(who)
+        self._door = Door(operations())
+
+    def __call__(self, name: str, how: str, scopes: tuple[Scope, ...], caller: Caller, place: str) -> None:
+        """Ask for an operation at a place. A browser's `scopes` are all."""
+        row = TABLE[name]
+        opens = how == "browser" or not row.scopes or any(scope in scopes for scope in row.scopes)
+        expected = row.ends[PLACES.index(place)].split()[self._number] if opens else "scope_missing"
+        if expected.isdigit() and how != "browser" and not set(row.also) <= set(scopes):
+            expected = "scope_missing"
+        found = self._door(name, caller, self._lab.objects[self._who, place])
+        if found != expected:
+            self.wrong.append(f"{name} ({how}) in {place}: {found}, not {expected}")
+
+
+@pytest.fixture
+def check(who: str, lab: Lab, monkeypatch: pytest.MonkeyPatch) -> Iterator[Check]:
+    """The check of this person, whose test fails at its end if a result was wrong."""
+    monkeypatch.setattr(refusals, "record_soon", lambda _refused: None)
+    monkeypatch.setattr(emergency_stop, "press_once", stopped)
+    check = Check(who, lab)
+    yield check
+    assert not check.wrong, f"{len(check.wrong)}:\n" + "\n".join(check.wrong)
+
+
 @pytest.mark.django_db
 @pytest.mark.filterwarnings("ignore:StreamingHttpResponse must consume:Warning")
 @pytest.mark.parametrize("who", PEOPLE)
-def test_role_scope_operation_and_place_decide(who: str, lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(refusals, "record_soon", lambda _refused: None)
-    monkeypatch.setattr(emergency_stop, "press_once", stopped)
-    number, person = PEOPLE.index(who), lab.people[who]
+def test_role_operation_and_place_decide(who: str, lab: Lab, check: Check) -> None:
+    person = lab.people[who]
     found = {place: role for place, robot in lab.robots.items() if (role := role_on(person, robot))}
     assert found == ROLES[who]
-    door, wrong = Door(operations()), []
+    [(how, scopes, caller)] = [one for one in sign_ins(person) if one[0] == "all"]
+    for name in TABLE:
+        for place in PLACES:
+            check(name, how, scopes, caller, place)
 
-    def check(name: str, how: str, place: str, caller: Caller, expected: str) -> None:
-        found = door(name, caller, lab.objects[who, place])
-        if found != expected:
-            wrong.append(f"{name} ({how}) in {place}: {found}, not {expected}")
 
-    for turn, (how, scopes, caller) in enumerate(sign_ins(person)):
-        for step, (name, row) in enumerate(TABLE.items()):
-            opens = how == "browser" or not row.scopes or any(scope in scopes for scope in row.scopes)
-            # All places only with all scopes; otherwise one place in turn, so that the test stays short.
-            for place in PLACES if how == "all" else [PLACES[(number + turn + step) % len(PLACES)]]:
-                expected = row.ends[PLACES.index(place)].split()[number] if opens else "scope_missing"
-                if expected.isdigit() and how != "browser" and not set(row.also) <= set(scopes):
-                    expected = "scope_missing"
-                check(name, how, place, caller, expected)
-    assert not wrong, f"{len(wrong)}:\n" + "\n".join(wrong)
+@pytest.mark.django_db
+@pytest.mark.filterwarnings("ignore:StreamingHttpResponse must consume:Warning")
+@pytest.mark.parametrize("who", PEOPLE)
+def test_scope_and_operation_decide(who: str, lab: Lab, check: Check) -> None:
+    """Every single scope, none, and a browser: each operation at one place in turn."""
+    for turn, (how, scopes, caller) in enumerate(sign_ins(lab.people[who]), PEOPLE.index(who)):
+        for step, name in enumerate(TABLE):
+            if how != "all":
+                check(name, how, scopes, caller, PLACES[(turn + step) % len(PLACES)])
