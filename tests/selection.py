@@ -55,7 +55,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = kept
         config.hook.pytest_deselected(items=left_out)
     if (seed := config.getoption("shuffle")) is not None:
-        shuffle(items, random.Random(seed))  # noqa: S311 - an order, no secret
+        shuffle(items, seed)
 
 
 def is_long(test: str) -> bool:
@@ -71,8 +71,9 @@ def names(test: str) -> Iterator[str]:
     yield from (path.as_posix() for path in (file, *file.parents))
 
 
-def shuffle(items: list[pytest.Item], dice: random.Random) -> None:
+def shuffle(items: list[pytest.Item], seed: int) -> None:
     """Put the files in random order, and the tests of each: tests of a file share consoles and robots."""
+    dice = random.Random(seed)  # noqa: S311 - an order, no secret
     files: dict[Path, list[pytest.Item]] = {}
     for item in items:
         files.setdefault(item.path, []).append(item)

@@ -1,0 +1,38 @@
+"""The list of long tests, and the order of a shuffled run."""
+
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+
+from tests.selection import LONG_NAMES, is_long, shuffle
+
+REPOSITORY = Path(__file__).parent.parent
+
+
+def test_every_name_of_the_list_is_there() -> None:
+    """A renamed test would come back into every run in silence, or never run at all."""
+    for name in LONG_NAMES:
+        file, _, test = name.partition("::")
+        assert (REPOSITORY / file).exists(), name
+        assert not test or f"def {test.partition('[')[0]}(" in (REPOSITORY / file).read_text(), name
+
+
+def test_a_name_covers_its_cases_and_what_a_folder_holds() -> None:
+    [folder] = [name for name in LONG_NAMES if name.endswith("hands/long")]
+    assert is_long(f"{folder}/test_patience.py::test_a[one / two]")
+    assert not is_long("tests/browser/hands/test_held_input.py::test_a")
+    case = next(name for name in LONG_NAMES if name.endswith("]"))
+    assert is_long(case)
+    assert not is_long(case.partition("[")[0])
+
+
+def test_a_shuffled_run_keeps_files_together_and_its_order_comes_again() -> None:
+    tests = [
+        SimpleNamespace(path=Path(f"test_{file}.py"), number=number) for file in "abc" for number in range(9)
+    ]
+    first, second = list(tests), list(tests)
+    shuffle(first, 5)  # type: ignore[arg-type]
+    shuffle(second, 5)  # type: ignore[arg-type]
+    assert first == second != tests
+    files = [test.path for test in first]
+    assert sum(a != b for a, b in pairwise(files)) == 2
