@@ -26,7 +26,7 @@ def test_a_name_covers_its_cases_and_what_a_folder_holds() -> None:
     assert not is_long(case.partition("[")[0])
 
 
-def test_a_shuffled_run_keeps_files_together_and_its_order_comes_again() -> None:
+def test_a_shuffled_run_keeps_files_together_and_comes_again() -> None:
     tests = [
         SimpleNamespace(path=Path(f"test_{file}.py"), number=number) for file in "abc" for number in range(9)
     ]
