@@ -94,7 +94,7 @@ MIDDLEWARE = [
     "fleet.site.setup.leads_to_setup",
     "fleet.accounts.middleware.SignInRequired",
     "fleet.accounts.sign_in.second_factor.required",
-    "fleet.accounts.middleware.ViewersZone",
+    "fleet.accounts.middleware.ViewersChoices",
     "fleet.accounts.middleware.sign_in_seen",
     "django.contrib.messages.middleware.MessageMiddleware",
     "fleet.unavailable.UnavailableInWords",
@@ -118,7 +118,8 @@ TEMPLATES = [
                 "django.contrib.auth.context_processors.auth",
                 "django.contrib.messages.context_processors.messages",
                 "fleet.bookings.pages.news.news",
-            ]
+            ],
+            "builtins": ["fleet.formats.filters"],
         },
     }
 ]

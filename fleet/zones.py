@@ -1,6 +1,6 @@
 """Time zones: moments are stored in UTC and shown in the person's own zone, or in the lab's.
 
-During a request, Django's current zone is that of the person (`fleet.accounts.middleware.ViewersZone`).
+During a request, Django's current zone is that of the person (`fleet.accounts.middleware.ViewersChoices`).
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ from urllib.parse import urlencode
 from allauth.account.models import EmailAddress
 from allauth.mfa.models import Authenticator
 from allauth.socialaccount.models import SocialAccount, SocialApp, SocialToken
+from django.conf import settings
 from django.contrib import admin, messages
 from django.contrib.admin.utils import unquote
 from django.contrib.auth.admin import UserAdmin
@@ -59,7 +60,20 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
     actions = ["remove_second_factors"]
     filter_horizontal = []
     fieldsets = [
-        (None, {"fields": ["username", "password", "full_name", "email", "second_factor", "time_zone"]}),
+        (
+            None,
+            {
+                "fields": [
+                    "username",
+                    "password",
+                    "full_name",
+                    "email",
+                    "second_factor",
+                    "time_zone",
+                    "language",
+                ]
+            },
+        ),
         (_("Rights"), {"fields": ["project", "is_active", "is_staff", "roles"]}),
         (_("Dates"), {"fields": ["last_login", "date_joined"]}),
     ]
@@ -87,6 +101,8 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
 
     def formfield_for_dbfield(self, db_field: Any, request: HttpRequest, **options: Any) -> Any:
         """Return the form field of a column. The time zone is a choice from the known zones."""
+        if db_field.name == "language":
+            options["widget"] = Select(choices=[("", _("the browser’s")), *settings.LANGUAGES])
         if db_field.name == "time_zone":
             options["widget"] = Select(
                 choices=[("", _("the lab's")), (zones.UTC, zones.UTC), *zones.choices()]

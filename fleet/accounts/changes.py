@@ -12,7 +12,17 @@ from django.dispatch import Signal
 from fleet.audit.command_line import SystemAccount, here
 from fleet.audit.services import RecordBody, actor_renamed, record, record_all
 
-SHOWN = ("username", "full_name", "email", "time_zone", "project", "is_active", "is_staff", "is_superuser")
+SHOWN = (
+    "username",
+    "full_name",
+    "email",
+    "time_zone",
+    "language",
+    "project",
+    "is_active",
+    "is_staff",
+    "is_superuser",
+)
 RECORDED = (*SHOWN, "password")  # the record says that the password changed, and does not contain it
 # Their values are kept as long as the record; values of the other fields are personal data and expire
 RIGHTS = ("is_active", "is_staff", "is_superuser")

@@ -1,4 +1,4 @@
-"""Middleware of every request: forms of strangers, sign-in, the person's time zone, the use of a sign-in."""
+"""Middleware of every request: forms of strangers, sign-in, a person's choices, the use of a sign-in."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from django.contrib.auth.middleware import LoginRequiredMiddleware
 from django.core.exceptions import TooManyFieldsSent
 from django.db import InterfaceError, OperationalError
 from django.http import HttpRequest, HttpResponseBase, JsonResponse
-from django.utils import timezone
+from django.utils import timezone, translation
 from django.utils.translation import gettext as _
 
-from fleet import zones
+from fleet import languages, zones
 from fleet.accounts import services
 from fleet.accounts.models import User
 from fleet.accounts.requests import wants_json
@@ -66,8 +66,8 @@ def few_fields_of_strangers(
     return middleware
 
 
-class ViewersZone:
-    """Show times on pages in the time zone of the signed-in person, else of the lab."""
+class ViewersChoices:
+    """Show pages in the time zone and language that the signed-in person chose; else the lab's, the browser's."""
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponseBase]) -> None:
         self._get_response = get_response
@@ -78,9 +78,11 @@ class ViewersZone:
             return self._get_response(request)
 
     def process_view(self, request: HttpRequest, view: Callable[..., Any], *_arguments: Any) -> None:
-        """Set the zone. Pages that need no sign-in do not read the account."""
+        """Set both. Pages that need no sign-in do not read the account."""
         if getattr(view, "login_required", True) and isinstance(request.user, User):
             timezone.activate(zones.zone_of(request.user.time_zone))
+            if language := languages.chosen(request.user.language):
+                translation.activate(language)
 
 
 def sign_in_seen(

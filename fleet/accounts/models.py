@@ -30,6 +30,9 @@ class User(RecordedUser):
     time_zone = models.CharField(
         _("time zone"), max_length=64, blank=True, help_text=_("In which pages show times. Blank: the lab's.")
     )
+    language = models.CharField(
+        _("language"), max_length=10, blank=True, help_text=_("Of pages and e-mails. Blank: the browser’s.")
+    )
     # Panels of the control page, and whether hints were read; see `PageChoicesForm`. Only pages read this.
     page_choices = models.JSONField(default=dict, blank=True, editable=False)
     # None: the mail server took the last e-mail.

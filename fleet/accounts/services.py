@@ -120,11 +120,11 @@ def _end(user: User, sign_ins: QuerySet[SignIn], why: str = FROM_THE_LIST) -> in
     return len(ending)
 
 
-def time_zone_choose(*, user: User, name: str) -> None:
-    """Set the person's time zone; blank: that of the lab. Recorded like every change of an account."""
-    user.time_zone = name
+def settings_choose(*, user: User, time_zone: str, language: str) -> None:
+    """Set the person's time zone (blank: the lab's) and language (blank: the browser's). Recorded."""
+    user.time_zone, user.language = time_zone, language
     user.changed_by = user
-    user.save(update_fields=["time_zone"])
+    user.save(update_fields=["time_zone", "language"])
 
 
 @transaction.atomic

@@ -1,21 +1,13 @@
 """All URLs of the console."""
 
 from django.contrib import admin
-from django.contrib.auth.decorators import login_not_required
 from django.urls import include, path
-from django.views.decorators.cache import cache_control
 from django.views.generic import RedirectView
-from django.views.i18n import JavaScriptCatalog
 
 from fleet.site import app, setup, views
 from teleop.api.metrics import MetricsView
 
 admin.site.site_title = admin.site.site_header = "Fleet console"
-
-# The texts for the pages' scripts, as a script file: the content security policy forbids inline scripts.
-_script_texts = login_not_required(
-    cache_control(private=True, max_age=300)(JavaScriptCatalog.as_view(packages=["fleet"]))
-)
 
 handler400 = "fleet.site.views.bad_request"
 handler404 = "fleet.site.views.not_found"
@@ -36,7 +28,7 @@ urlpatterns = [
     path("privacy/", views.privacy, name="privacy"),
     path("", include(app)),
     path("help/", include("fleet.help.urls")),
-    path("texts.js", _script_texts, name="script-texts"),
+    path("texts.js", views.script_texts, name="script-texts"),
     path("", include("fleet.bookings.pages.urls")),
     path("", include("teleop.urls")),
     path("", include("robots.registry.urls")),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 from django.conf import settings
 from django.contrib.auth.decorators import login_not_required
@@ -11,12 +12,17 @@ from django.core.exceptions import PermissionDenied, TooManyFieldsSent
 from django.db import DatabaseError, connection
 from django.db.migrations.executor import MigrationExecutor
 from django.http import HttpRequest, HttpResponse, JsonResponse
+from django.http.response import HttpResponseBase
 from django.shortcuts import redirect, render
 from django.urls import reverse
+from django.utils.translation import get_language, override
 from django.utils.translation import gettext_lazy as _
-from django.views.decorators.cache import never_cache
+from django.utils.translation.trans_real import DjangoTranslation
+from django.views.decorators.cache import cache_control, never_cache
 from django.views.decorators.http import require_safe
+from django.views.i18n import JavaScriptCatalog
 
+from fleet import languages
 from fleet.accounts.middleware import TooManyFields
 from fleet.accounts.requests import wants_json
 from fleet.audit.kinds import Kept
@@ -52,6 +58,31 @@ def admin_login(request: HttpRequest) -> HttpResponse:
     if request.user.is_staff:
         return redirect("admin:index")
     raise PermissionDenied("The admin pages are for staff.")
+
+
+class _ScriptTexts(JavaScriptCatalog):
+    """Texts of scripts, and sentences about robots, in one catalogue."""
+
+    def get_catalog(self) -> dict[str, Any]:
+        """Return all translations by text."""
+        language, folders = get_language() or settings.LANGUAGE_CODE, list(map(str, settings.LOCALE_PATHS))
+        found: dict[str, Any] = {}
+        for domain in ("sentences", self.domain):
+            self.translation = DjangoTranslation(language, domain=domain, localedirs=folders)
+            found |= super().get_catalog()
+        return found
+
+
+@login_not_required
+@require_safe
+@cache_control(private=True, max_age=300)
+def script_texts(request: HttpRequest) -> HttpResponseBase:
+    """Return the texts of scripts as a script: the content security policy forbids inline scripts.
+
+    `language` is the page's: a person's choice may differ from that of the browser.
+    """
+    with override(languages.chosen(request.GET.get("language", "")) or get_language()):
+        return _ScriptTexts.as_view(packages=["fleet"])(request)
 
 
 @login_not_required

@@ -9,10 +9,13 @@ from django.core import signing
 from django.core.mail import EmailMessage
 from django.urls import reverse
 from django.utils.crypto import constant_time_compare, salted_hmac
+from django.utils.formats import date_format
 from django.utils.translation import gettext as _
+from django.utils.translation import override
 
 from fleet.accounts import emails
 from fleet.accounts.models import User
+from fleet.languages import of_person
 from robots.access.models import Course
 
 SALT = "robots.access.welcome"
@@ -50,6 +53,11 @@ def send_later(people: Sequence[User], *, course: Course, site: str) -> None:
 
 
 def _message(person: User, course: Course, site: str) -> EmailMessage:
+    with override(of_person(person.language)):
+        return _in_language(person, course, site)
+
+
+def _in_language(person: User, course: Course, site: str) -> EmailMessage:
     link = f"{site}{reverse('welcome', args=[token_of(person)])}"
     text = _(
         "Hello %(name)s,\n\n"
@@ -62,8 +70,8 @@ def _message(person: User, course: Course, site: str) -> EmailMessage:
         "course": course.name,
         "link": link,
         "username": person.username,
-        "starts": f"{course.starts_on:%d %B %Y}",
-        "ends": f"{course.ends_on:%d %B %Y}",
+        "starts": date_format(course.starts_on, "d F Y"),
+        "ends": date_format(course.ends_on, "d F Y"),
     }
     subject = _("Your account for the course %(course)s") % {"course": course.name}
     return EmailMessage(subject, text % facts, to=[person.email])

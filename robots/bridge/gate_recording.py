@@ -21,6 +21,7 @@ import numpy as np
 
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.values import GateProfile, Velocity, Verdict
+from robots.sentences import Sentence
 
 # msgpack extension: dtype name, zero byte, C or F for the order, shape as text, zero byte, numbers. Keep the order:
 # numpy sums in it, and another order may change the last bit.
@@ -141,7 +142,9 @@ def _converted(value: Any, kind: Any) -> Any:
     return value if isinstance(value, np.ndarray) else msgspec.convert(value, kind)
 
 
-def _packed(value: Any) -> msgspec.msgpack.Ext:
+def _packed(value: Any) -> msgspec.msgpack.Ext | str:
+    if isinstance(value, Sentence):
+        return str(value)
     if not isinstance(value, np.ndarray):
         raise NotImplementedError(f"a {type(value).__name__} cannot be recorded")
     order: Literal["C", "F"] = "F" if value.flags.f_contiguous and not value.flags.c_contiguous else "C"

@@ -37,6 +37,7 @@ from robots.wire.base import Refused as Refused
 from robots.wire.base import ReverseSteering as ReverseSteering
 from robots.wire.base import Role as Role
 from robots.wire.base import Rule as Rule
+from robots.wire.base import Said as Said
 from robots.wire.base import SampleRate as SampleRate
 from robots.wire.base import Seq as Seq
 from robots.wire.base import Share as Share
@@ -46,6 +47,7 @@ from robots.wire.base import TopicName as TopicName
 from robots.wire.base import TypeName as TypeName
 from robots.wire.base import Use as Use
 from robots.wire.base import WireError as WireError
+from robots.wire.base import Worded as Worded
 from robots.wire.camera import MOST_CAMERAS as MOST_CAMERAS
 from robots.wire.camera import CameraAck as CameraAck
 from robots.wire.camera import CameraEnd as CameraEnd

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType, structs
+
+from robots.sentences import Sentence
 
 PROTOCOL = 8
 LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
@@ -40,7 +42,32 @@ SampleRate = Annotated[float, Meta(ge=SLOWEST_HZ, le=10.0)]  # Hz
 TabToken = Annotated[str, Meta(min_length=16, max_length=64, pattern=r"^[A-Za-z0-9_-]+\Z")]
 
 
-class Refusal(Struct, frozen=True, omit_defaults=True):
+# Sentences by their field: key in the catalogue, figures by name, key for a `count` other than one
+Said = dict[str, list[Any]]
+
+
+class Worded(Struct, frozen=True):
+    """A message with sentences for people, in English.
+
+    `said` has key and figures of those with figures, for a page in another language. Any other is its own key.
+    """
+
+    SENTENCES: ClassVar[tuple[str, ...]] = ("text",)  # fields
+
+    def __post_init__(self) -> None:
+        """Split sentences into plain texts and `said`."""
+        said: Said = {}
+        for field in self.SENTENCES:
+            sentence = getattr(self, field)
+            if type(sentence) is Sentence:
+                structs.force_setattr(self, field, str(sentence))
+                if sentence.figures:
+                    said[field] = sentence.parts
+        if said:
+            structs.force_setattr(self, "said", said)
+
+
+class Refusal(Worded, frozen=True, omit_defaults=True):
     """The reason why a request was not executed: data for programs, a sentence for people.
 
     `code` is stable and for programs. `text` is one plain sentence; if the person can do something, it names that.
@@ -51,6 +78,7 @@ class Refusal(Struct, frozen=True, omit_defaults=True):
     text: str
     rule: Rule
     figures: Mapping[str, float | int | str | None] = msgspec.field(default_factory=dict)
+    said: Said | UnsetType = UNSET
 
 
 class NotDone(Exception):
@@ -89,12 +117,13 @@ class Ping(Struct, frozen=True, tag_field="t", tag="ping"):
 Level = Literal["info", "warning", "error"]
 
 
-class Notice(Struct, frozen=True, tag_field="t", tag="notice"):
+class Notice(Worded, frozen=True, tag_field="t", tag="notice"):
     """News for the person: control ended (with the reason), somebody asks for control, the robot was edited."""
 
     level: Level
     code: str
     text: str
+    said: Said | UnsetType = UNSET
 
 
 class Refused(Struct, frozen=True, tag_field="t", tag="refused", omit_defaults=True):

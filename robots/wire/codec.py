@@ -8,10 +8,20 @@ from typing import Any, Generic, TypeVar
 import msgspec
 from msgspec import Struct, structs
 
+from robots.sentences import Sentence
 from robots.wire.base import LARGEST_MESSAGE_BYTES, Refusal, Seq, ShortText, WireError
 
 T = TypeVar("T")
-_encoder = msgspec.json.Encoder()
+
+
+def _plain(value: Any) -> str:
+    """Return the English text of a sentence in a field for a plain text."""
+    if isinstance(value, Sentence):
+        return str(value)
+    raise NotImplementedError(f"a {type(value).__name__} cannot be sent")
+
+
+_encoder = msgspec.json.Encoder(enc_hook=_plain)
 
 
 class MessageDecoder(Generic[T]):

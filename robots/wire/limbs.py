@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType
 
-from robots.wire.base import Fence, Seq
+from robots.wire.base import Fence, Said, Seq, Worded
 
 Limb = Literal["gripper", "torso"]
 FARTHEST_LIMB_M = 4.0
@@ -41,7 +41,7 @@ class LimbRange(Struct, frozen=True):
     most_m: float
 
 
-class LimbEnd(Struct, frozen=True):
+class LimbEnd(Worded, frozen=True):
     """End of a move. `outcome`: a word of docs/limbs.md, or the code of a refusal."""
 
     number: int | None  # of its record; None: no record
@@ -50,10 +50,13 @@ class LimbEnd(Struct, frozen=True):
     outcome: str
     text: str
     at_m: float | None  # its position at the end
+    said: Said | UnsetType = UNSET
 
 
-class LimbState(Struct, frozen=True, omit_defaults=True):
+class LimbState(Worded, frozen=True, omit_defaults=True):
     """Position of a limb by joint states, and its move by this console, from the request on."""
+
+    SENTENCES = ("ending",)
 
     at_m: float | None  # None: not known
     to_m: float | None = None  # goal of the move; None: this console does not move it
@@ -61,3 +64,4 @@ class LimbState(Struct, frozen=True, omit_defaults=True):
     since_s: float | None = None
     ending: str = ""  # reason why the move is being cancelled
     ended: LimbEnd | None = None  # the last end
+    said: Said | UnsetType = UNSET

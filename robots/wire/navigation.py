@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType
 
-from robots.wire.base import Fence, Seq
+from robots.wire.base import Fence, Said, Seq, Worded
 
 FARTHEST_PLACE_M = 10_000.0
 MOST_PATH = 200  # points of a path
@@ -52,11 +52,13 @@ class SetPose(Struct, frozen=True, tag_field="t", tag="set_pose"):
     map: MapDigest = ""
 
 
-class Location(Struct, frozen=True):
+class Location(Worded, frozen=True):
     """The robot's pose on its map by localisation: metres, radians.
 
     `problem`: the reason why the robot cannot drive to a place; empty: it can.
     """
+
+    SENTENCES = ("problem",)
 
     x: float
     y: float
@@ -67,10 +69,13 @@ class Location(Struct, frozen=True):
     sigma_rad: float  # of the heading
     age_s: float  # since the last message of localisation
     problem: str = ""
+    said: Said | UnsetType = UNSET
 
 
-class GoProgress(Struct, frozen=True):
+class GoProgress(Worded, frozen=True):
     """A drive to a place, from its request on. `left_m`: length of the path that is left; None: not known yet."""
+
+    SENTENCES = ("ending",)
 
     number: int | None  # of its record; None: not recorded yet
     who: str
@@ -81,9 +86,10 @@ class GoProgress(Struct, frozen=True):
     since_s: float
     ending: str = ""  # reason why the drive is being cancelled
     place: str = ""
+    said: Said | UnsetType = UNSET
 
 
-class GoEnd(Struct, frozen=True):
+class GoEnd(Worded, frozen=True):
     """End of a drive to a place. `outcome`: a word of docs/navigation.md, or the code of a refusal."""
 
     number: int | None  # of its record, as in `GoProgress`
@@ -93,6 +99,7 @@ class GoEnd(Struct, frozen=True):
     text: str
     because: str | None  # the code of the verdict, refusal or halt that ended it
     left_m: float | None
+    said: Said | UnsetType = UNSET
 
 
 class GoPath(Struct, frozen=True, tag_field="t", tag="go_path"):

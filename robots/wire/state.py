@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
-from robots.wire.base import Refusal, Role, Use
+from robots.wire.base import Refusal, Role, Said, Use, Worded
 from robots.wire.health import Health
 from robots.wire.limbs import Limb, LimbState
 from robots.wire.navigation import GoEnd, GoProgress, Location
@@ -17,16 +17,17 @@ Side = Literal["ahead", "ahead left", "left", "behind left", "behind", "behind r
 Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
 
 
-class SpeedLimit(Struct, frozen=True, omit_defaults=True):
+class SpeedLimit(Worded, frozen=True, omit_defaults=True):
     """A speed limit for every request. It holds the robot back now if the verdict has its code and way."""
 
     code: str  # of the rule, a code of `Verdict`
     text: str  # "at most 0.3 m/s: no picture of the depth camera has come yet"
     mps: float
     way: Way | None = None  # direction of the limit; None: all directions
+    said: Said | UnsetType = UNSET
 
 
-class Verdict(Struct, frozen=True, omit_defaults=True):
+class Verdict(Worded, frozen=True, omit_defaults=True):
     """The gate's answer to the last command. docs/protocol.md lists the codes."""
 
     code: str  # "free", "idle", or the rule that holds the robot back
@@ -40,9 +41,10 @@ class Verdict(Struct, frozen=True, omit_defaults=True):
     point: tuple[float, float] | None = None
     limits: list[SpeedLimit] = []
     way: Way | None = None  # direction of the speed limit that holds the robot back, if one does
+    said: Said | UnsetType = UNSET
 
 
-class Sensor(Struct, frozen=True):
+class Sensor(Worded, frozen=True):
     """State of a sensor. `age_s` None: never seen."""
 
     name: str
@@ -50,6 +52,7 @@ class Sensor(Struct, frozen=True):
     ok: bool
     age_s: float | None
     text: str = ""
+    said: Said | UnsetType = UNSET
 
 
 class Odometry(Struct, frozen=True):
@@ -82,7 +85,7 @@ class StopState(Struct, frozen=True):
 Part = Literal["base", "arm", "torso", "head", "gripper"]
 
 
-class MovesAlthoughStopped(Struct, frozen=True):
+class MovesAlthoughStopped(Worded, frozen=True):
     """A stopped robot moves: other software commands it past the console, somebody pushes it, or it rolls.
 
     The console cannot stop it: press the red button.
@@ -95,6 +98,7 @@ class MovesAlthoughStopped(Struct, frozen=True):
     # Nodes that publish velocities for the base, without the console's, by topic
     publishers: dict[str, list[str]]
     text: str  # the motion and its possible cause, in words
+    said: Said | UnsetType = UNSET
 
 
 class Motion(Struct, frozen=True):
@@ -105,7 +109,7 @@ class Motion(Struct, frozen=True):
     since_s: float
 
 
-class MotionEnd(Struct, frozen=True):
+class MotionEnd(Worded, frozen=True):
     """The end of a motion that this console started. `number` grows with each end.
 
     `outcome`: succeeded, rejected or failed (by the robot); cancelled, stopped, intruder, not_watched, control_ended,
@@ -116,6 +120,7 @@ class MotionEnd(Struct, frozen=True):
     name: str
     outcome: str
     text: str
+    said: Said | UnsetType = UNSET
 
 
 SpeechStatus = Literal["sent", "accepted", "speaking"]
@@ -139,7 +144,7 @@ class Speech(Struct, frozen=True):
     )
 
 
-class SpeechEnd(Struct, frozen=True):
+class SpeechEnd(Worded, frozen=True):
     """The end of a speech.
 
     `outcome`: done, failed or rejected (by the robot); sent (a plain message: the end is not known); cancelled,
@@ -149,6 +154,7 @@ class SpeechEnd(Struct, frozen=True):
     number: int  # of its record, as in `Speech`
     outcome: str
     text: str  # the reason, or the robot's own words
+    said: Said | UnsetType = UNSET
 
 
 class DriveByProgress(Struct, frozen=True):
@@ -163,7 +169,7 @@ class DriveByProgress(Struct, frozen=True):
     since_s: float
 
 
-class DriveByEnd(Struct, frozen=True):
+class DriveByEnd(Worded, frozen=True):
     """The end of a drive by a distance or an angle.
 
     `outcome`: done; held_back (the gate allowed no more, or a sensor that it needs is silent); stopped; control_lost;
@@ -179,15 +185,17 @@ class DriveByEnd(Struct, frozen=True):
     because: str | None  # the code of the verdict, refusal or halt that ended it
     distance_m: float  # as in `DriveByProgress`, at the end
     angle_rad: float
+    said: Said | UnsetType = UNSET
 
 
-class ChoiceEnd(Struct, frozen=True):
+class ChoiceEnd(Worded, frozen=True):
     """Automatic end of a choice: its topic is gone, and input goes to the default topic `to` again."""
 
     number: int  # of the choice's record
     topic: str
     to: str
     text: str
+    said: Said | UnsetType = UNSET
 
 
 class Publishing(Struct, frozen=True):
@@ -198,7 +206,7 @@ class Publishing(Struct, frozen=True):
     rate_hz: float
 
 
-class Forgotten(Struct, frozen=True):
+class Forgotten(Worded, frozen=True):
     """The last time at which the robot forgot what it had seen. `number` grows with each; a new bridge begins at 0.
 
     `code`: asked (a person asked for it), odometry_restarted (another publisher, or another run of the robot's
@@ -209,6 +217,7 @@ class Forgotten(Struct, frozen=True):
     code: str
     text: str
     ago_s: float
+    said: Said | UnsetType = UNSET
 
 
 # waiting: no master. connecting: a master, but no odometry or drive topic yet. online: all is there. refused: the
@@ -216,11 +225,12 @@ class Forgotten(Struct, frozen=True):
 Phase = Literal["waiting", "connecting", "online", "refused"]
 
 
-class NeutralNeeded(Struct, frozen=True):
+class NeutralNeeded(Worded, frozen=True):
     """Why the stick must return to the middle before the robot moves; `text` continues a sentence that says so."""
 
     code: str  # see docs/protocol.md
     text: str
+    said: Said | UnsetType = UNSET
 
 
 OverloadedPart = Literal["bridge", "console"]
@@ -233,8 +243,10 @@ class Overload(Struct, frozen=True):
     late_s: float
 
 
-class State(Struct, frozen=True):
+class State(Worded, frozen=True):
     """The state of the robot, as its bridge knows it."""
+
+    SENTENCES = ("text", "navigation_held")
 
     phase: Phase
     text: str  # one line in words
@@ -284,6 +296,7 @@ class State(Struct, frozen=True):
         None  # at the consumption of the last half hour; None: not known, or on the charger
     )
     forgotten: Forgotten | None = None
+    said: Said | UnsetType = UNSET
 
 
 class MotionOffer(Struct, frozen=True):

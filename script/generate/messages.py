@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin, g
 from uuid import UUID
 
 import msgspec
-from msgspec import Meta, Struct, structs
+from msgspec import Meta, Struct, UnsetType, structs
 
 from robots import wire
 
@@ -58,6 +58,7 @@ WORDS = {
     Any: "any value",
     msgspec.Raw: "a message, handed on untouched",
     NoneType: "null",
+    UnsetType: "nothing",
 }
 
 Kind = type[Struct]
@@ -148,8 +149,8 @@ def _fields(kind: Kind) -> dict[str, str]:
     for field in structs.fields(kind):
         default, comment = _default(field), comments.get(field.name, "")
         words = _type(hints[field.name])
-        if default == "`null`":
-            line = f"`{field.name}`: {words.removesuffix(' or null')}, optional"
+        if default == "`null`" or field.default is msgspec.UNSET:
+            line = f"`{field.name}`: {re.sub(' or (null|nothing)$', '', words)}, optional"
         else:
             line = f"`{field.name}`: {words}{f', default {default}' if default else ''}"
         lines[field.name] = f"{line}. {comment[:1].upper()}{comment[1:]}" if comment else line
@@ -179,7 +180,9 @@ def _default(field: structs.FieldInfo) -> str:
     default = field.default
     if default is msgspec.NODEFAULT and field.default_factory is not msgspec.NODEFAULT:
         default = field.default_factory()
-    return "" if default is msgspec.NODEFAULT else f"`{msgspec.json.encode(default).decode()}`"
+    return (
+        "" if default in (msgspec.NODEFAULT, msgspec.UNSET) else f"`{msgspec.json.encode(default).decode()}`"
+    )
 
 
 def _type(hint: Any) -> str:

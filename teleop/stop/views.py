@@ -237,8 +237,8 @@ def _names(outcomes: emergency_stop.Outcomes, kind: type) -> str:
 
 def _refused(refusal: Refusal, status: int, **headers: str) -> HttpResponse:
     """Return a problem document (RFC 9457), as the API does. Pages read its field `text`."""
-    said = {"figures": {}, **msgspec.to_builtins(refusal)}
+    refused = {"figures": {}, **msgspec.to_builtins(refusal)}
     title = HTTPStatus(status).phrase
-    problem = {"type": "about:blank", "title": title, "status": status, "detail": refusal.text, **said}
+    problem = {"type": "about:blank", "title": title, "status": status, "detail": refusal.text, **refused}
     kind = "application/problem+json"
-    return JsonResponse({**problem, "refusals": [said]}, status=status, content_type=kind, headers=headers)
+    return JsonResponse({**problem, "refusals": [refused]}, status=status, content_type=kind, headers=headers)

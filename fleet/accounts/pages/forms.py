@@ -47,10 +47,13 @@ class PageChoicesForm(forms.Form):
 class SettingsForm(forms.Form):
     """The choices of a person for themselves."""
 
+    language = forms.ChoiceField(label=gettext_lazy("Language"), required=False)
     time_zone = forms.ChoiceField(label=gettext_lazy("Time zone"), required=False)
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
+        offered = [("", _("as this browser")), *settings.LANGUAGES]
+        cast(forms.ChoiceField, self.fields["language"]).choices = offered
         lab = _("as the lab: %(zone)s") % {"zone": settings.TIME_ZONE}
         cast(forms.ChoiceField, self.fields["time_zone"]).choices = [
             ("", lab),

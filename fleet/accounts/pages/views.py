@@ -49,10 +49,10 @@ def account(request: HttpRequest) -> HttpResponse:
 def own_settings(request: HttpRequest) -> HttpResponse:
     """Show and change the person's own settings."""
     person = person_of(request)
-    chosen = {"time_zone": person.time_zone}
+    chosen = {"time_zone": person.time_zone, "language": person.language}
     form = SettingsForm(request.POST if request.method == "POST" else None, initial=chosen)
     if form.is_valid():
-        services.time_zone_choose(user=person, name=form.cleaned_data["time_zone"])
+        services.settings_choose(user=person, **form.cleaned_data)
         messages.success(request, _("Your settings are saved."))
         return redirect("your-settings")
     return render(request, "accounts/settings.html", {"form": form, "now": timezone.now()})

@@ -14,7 +14,9 @@ from typing import Any
 from django.db import transaction
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
 from django.dispatch import receiver
+from django.utils.formats import date_format
 from django.utils.translation import gettext as _
+from django.utils.translation import override
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
@@ -32,6 +34,7 @@ from fleet.bookings.services import (
     settling,
     state_for,
 )
+from fleet.languages import of_person
 from fleet.zones import zone_of
 from robots.registry.models import Robot
 from robots.wire import Refusal
@@ -175,12 +178,12 @@ def _offer(robot: Robot, waiting: Waiting, wish: Wish, now: datetime) -> None:
     )
     record_booking("booking.offer", offered, None)
     zone = zone_of(waiting.person.time_zone)
-    deadline = until.astimezone(zone)
-    text = _("%(booking)s is free now. Accept it under My bookings before %(time)s.") % {
-        "booking": in_words(offered, zone),
-        "time": f"{deadline:%a %d %b, %H:%M} ({zone.key})",
-    }
-    subject = _("%(robot)s: your turn") % {"robot": robot.name}
+    with override(of_person(waiting.person.language)):
+        text = _("%(booking)s is free now. Accept it under My bookings before %(time)s.") % {
+            "booking": in_words(offered, zone),
+            "time": f"{date_format(until.astimezone(zone), 'D d M, H:i')} ({zone.key})",
+        }
+        subject = _("%(robot)s: your turn") % {"robot": robot.name}
     notification_write(to=waiting.person, subject=subject, text=text, now=now)
 
 

@@ -18,13 +18,15 @@ from django.core.mail import EmailMessage, get_connection
 from django.db import transaction
 from django.db.models import F, Q, QuerySet
 from django.dispatch import receiver
+from django.utils.formats import date_format
 from django.utils.translation import gettext as _
+from django.utils.translation import override
 
 from fleet.accounts import emails
 from fleet.accounts.models import User
 from fleet.accounts.services import erased
 from fleet.bookings.models import Booking, FeedAddress, Notification, State, Waiting
-from fleet.bookings.rules import shown
+from fleet.languages import of_person
 from fleet.zones import zone_of
 
 log = logging.getLogger(__name__)
@@ -75,15 +77,20 @@ def changed_by_another(booking: Booking, actor: User | None, what: str, reason: 
     """Notify the owner of a booking that another person, or the console, changed it."""
     if actor is not None and actor.pk == booking.person_id:
         return
-    by = actor.display_name if actor else _("the console")
-    subject = _("Your booking of %(robot)s: %(what)s") % {"robot": booking.robot.name, "what": what}
-    lines = [in_words(booking, zone_of(booking.person.time_zone)), _("Changed by %(name)s.") % {"name": by}]
+    with override(of_person(booking.person.language)):
+        by = actor.display_name if actor else _("the console")
+        subject = _("Your booking of %(robot)s: %(what)s") % {"robot": booking.robot.name, "what": what}
+        lines = [
+            in_words(booking, zone_of(booking.person.time_zone)),
+            _("Changed by %(name)s.") % {"name": by},
+        ]
     notification_write(to=booking.person, subject=subject, text="\n".join([*lines, reason]).strip(), now=now)
 
 
 def in_words(booking: Booking, zone: ZoneInfo) -> str:
     """Return a text with the robot and the times of a booking, in this zone."""
-    times = f"{shown(booking.starts_at, zone)} - {booking.ends_at.astimezone(zone):%H:%M} ({zone.key})"
+    starts = date_format(booking.starts_at.astimezone(zone), "D d M Y, H:i")
+    times = f"{starts} - {booking.ends_at.astimezone(zone):%H:%M} ({zone.key})"
     return f"{booking.robot.name}, {times}"
 
 
@@ -95,8 +102,9 @@ def write_reminders(now: datetime) -> None:
     for booking in due.filter(made_at__lt=F("starts_at") - AHEAD).select_related("person", "robot"):
         with transaction.atomic():  # if the process dies here, the reminder is written in the next round
             if Booking.objects.filter(pk=booking.pk, reminded_at=None).update(reminded_at=now):
-                subject = _("%(robot)s is yours soon") % {"robot": booking.robot.name}
-                words = in_words(booking, zone_of(booking.person.time_zone))
+                with override(of_person(booking.person.language)):
+                    subject = _("%(robot)s is yours soon") % {"robot": booking.robot.name}
+                    words = in_words(booking, zone_of(booking.person.time_zone))
                 notification_write(to=booking.person, subject=subject, text=words, now=now)
 
 

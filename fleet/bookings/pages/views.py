@@ -18,6 +18,7 @@ from django.utils.http import url_has_allowed_host_and_scheme, urlencode
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
+from msgspec import to_builtins
 from msgspec.json import encode
 
 from fleet.accounts.models import User
@@ -416,10 +417,7 @@ def _refused(
 def _refusals_json(refusals: list[Refusal], alternatives: list[tuple[Robot, Slot]]) -> dict[str, Any]:
     zone = viewers()
     return {
-        "refusals": [
-            {"code": one.code, "text": one.text, "rule": one.rule, "figures": dict(one.figures)}
-            for one in refusals
-        ],
+        "refusals": [{"figures": {}, **to_builtins(one)} for one in refusals],
         "alternatives": [
             {
                 "robot": robot.slug,

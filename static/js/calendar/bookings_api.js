@@ -1,6 +1,6 @@
 /** The calendar's requests to the console. */
 
-import { readJson } from "../connection/read.js";
+import { bodyOf, readJson } from "../connection/read.js";
 
 const CHANNEL = "bookings";
 
@@ -21,7 +21,7 @@ export async function send(url, fields) {
     headers: { Accept: "application/json", "X-CSRFToken": token },
     body: new URLSearchParams(fields),
   }).catch(() => null);
-  const body = await answer?.json().catch(() => null);
+  const body = await bodyOf(answer);
   if (answer?.ok) {
     new BroadcastChannel(CHANNEL).postMessage("changed");
     return { ok: true, texts: [], codes: [], alternatives: [] };

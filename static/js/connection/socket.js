@@ -1,5 +1,6 @@
 /** A WebSocket that connects again by itself: JSON in and out, bytes in, as DOM events. */
 
+import { inPageLanguage } from "../lib/sentences.js";
 import { waitBefore } from "./backoff.js";
 
 // An attempt that began without a network may wait much longer for its next packet.
@@ -68,7 +69,7 @@ export class LiveSocket extends EventTarget {
     });
     socket.addEventListener("message", ({ data }) =>
       typeof data === "string"
-        ? this.#emit("message", JSON.parse(data))
+        ? this.#emit("message", inPageLanguage(JSON.parse(data)))
         : this.#emit("bytes", data),
     );
     socket.addEventListener("close", (event) => this.#lost(socket, event.code));

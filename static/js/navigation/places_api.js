@@ -1,6 +1,6 @@
 /** Maps and their places: the console's REST API, as the person who is signed in. */
 
-import { readJson } from "../connection/read.js";
+import { bodyOf, readJson } from "../connection/read.js";
 
 const MAPS = "/api/v1/maps";
 
@@ -61,7 +61,7 @@ function placeAddress(map, place) {
 /** Send changes, but only if the data is still as this person saw it. */
 async function edit(address, changes, unchanged) {
   const answer = await fetch(address).catch(() => null);
-  const now = await answer?.json().catch(() => null);
+  const now = await bodyOf(answer);
   if (!answer?.ok || now === null) throw new Error(now?.detail ?? silent());
   if (!unchanged(now))
     throw new Error(gettext("It has changed meanwhile. Check the new values, then try again."));
@@ -77,7 +77,7 @@ async function send(method, address, body = null, headers = {}) {
     body: body === null ? null : JSON.stringify(body),
   }).catch(() => null);
   if (answer?.status === 204) return null;
-  const data = await answer?.json().catch(() => null);
+  const data = await bodyOf(answer);
   if (!answer?.ok || data === null) throw new Error(data?.detail ?? silent());
   return data;
 }

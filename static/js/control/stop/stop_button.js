@@ -3,6 +3,8 @@
  * answer in time, it uses the form's own address.
  */
 
+import { inPageLanguage } from "../../lib/sentences.js";
+
 const ANSWER_MS = 400;
 const PATIENCE_MS = 4000; // the server itself reports a stop as pending after 2 s
 export const SAID_MS = 5000; // display time of news about a stop: longer than the button waits for an answer
@@ -92,7 +94,7 @@ export class StopButton {
         headers: { Accept: "application/json" },
         keepalive: true,
       });
-      const { text, robots } = await answer.json(); // the server names the robots that did not confirm
+      const { text, robots } = inPageLanguage(await answer.json()); // the server names the robots that did not confirm
       if (answer.ok && answer.status !== PENDING) this.#showText(text);
       else failed(text ?? noWay(), robots);
     } catch {

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 from django.core.exceptions import NON_FIELD_ERRORS, PermissionDenied, ValidationError
 from django.http import Http404
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 from rest_framework.exceptions import (
     APIException,
     AuthenticationFailed,
@@ -20,7 +20,7 @@ from rest_framework.exceptions import (
 from rest_framework.response import Response
 from rest_framework.views import set_rollback
 
-from robots.wire import NotDone, Refusal, Rule
+from robots.wire import NotDone, Refusal, Rule, Said
 
 CONTENT_TYPE = "application/problem+json"
 _BY_RULE: dict[str, int] = {"account": 403, "wire": 400, "audit": 503, "database": 503}
@@ -81,6 +81,7 @@ class ProblemDetails(Struct, frozen=True):
     figures: Mapping[str, float | int | str | None]
     refusals: list[Refusal]  # all refusals, if several rules refuse
     type: str = "about:blank"
+    said: Said | UnsetType = UNSET  # key and figures of `detail`, for a page in another language
 
 
 class Problem(Exception):
@@ -174,6 +175,7 @@ def body_of(problem: Problem) -> Any:
         rule=refusal.rule,
         figures=refusal.figures,
         refusals=problem.others or [refusal],
+        said={"detail": refusal.said["text"]} if refusal.said else UNSET,
     )
     return msgspec.to_builtins(details) | msgspec.to_builtins(problem.extensions)
 

@@ -1,0 +1,102 @@
+"""English sentences that a page can say in another language: each keeps its key and its figures.
+
+The key is the English sentence with named figures in braces, and the key in the catalogue (`fleet/locale`):
+`say("{sensor} is {age:age} old", sensor=say("laser"), age=0.61)` is the text "laser is 0.6 s old". A figure that is a
+sentence is said in the reader's language, too; a plain text (a name, a topic) stays as it is. After a colon stands the
+format of a figure: one of Python's (`.1f`), or one of `FORMATS`. `static/js/lib/sentences.js` has the same formats.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from datetime import date
+from functools import cache
+from string import Formatter
+from typing import Any
+
+DIGITS = 4  # of a figure on the wire: as many as any format shows
+
+
+class Sentence(str):
+    """An English text with its key and figures. Any other text made from it is a plain text."""
+
+    __slots__ = ("figures", "key", "many")
+    key: str
+    figures: Mapping[str, Any]
+    many: str  # the key if the figure `count` is not one; empty: the sentence has one form
+
+    @property
+    def parts(self) -> list[Any]:
+        """Return key, figures and `many` for the wire, as few as are needed."""
+        figures = {name: _on_wire(value) for name, value in self.figures.items()}
+        return [self.key, figures, self.many] if self.many else [self.key, figures] if figures else [self.key]
+
+
+def say(key: str, **figures: Any) -> Sentence:
+    """Return a sentence. All its figures stand in the key."""
+    return _sentence(key, figures)
+
+
+def counted(one: str, many: str, *, count: int, **figures: Any) -> Sentence:
+    """Return the form of a sentence for `count`, which is one of its figures."""
+    return _sentence(one, {"count": count, **figures}, many)
+
+
+def _sentence(key: str, figures: Mapping[str, Any], many: str = "") -> Sentence:
+    form = many if many and figures["count"] != 1 else key
+    sentence = Sentence(filled(form, figures, _in_english))
+    sentence.key, sentence.figures, sentence.many = key, figures, many
+    return sentence
+
+
+def filled(key: str, figures: Mapping[str, Any], shown: Callable[[Any, str], str]) -> str:
+    """Return a sentence with its figures, each as `shown` by value and format."""
+    return "".join(
+        text if name is None else text + shown(figures[name], form) for text, name, form in pieces(key)
+    )
+
+
+@cache
+def pieces(key: str) -> tuple[tuple[str, str | None, str], ...]:
+    """Return the key as pairs of text and figure: text, name, format. The last may have no figure (None)."""
+    return tuple((text, name, form or "") for text, name, form, _ in Formatter().parse(key))
+
+
+def _in_english(value: Any, form: str) -> str:
+    return FORMATS[form](value) if form in FORMATS else format(value, form)
+
+
+def _on_wire(value: Any) -> Any:
+    if isinstance(value, Sentence):
+        return value.parts
+    if isinstance(value, date):
+        return value.isoformat()
+    return round(value, DIGITS) if isinstance(value, float) else value
+
+
+def fine(number: float) -> str:
+    """Return a distance or speed with as many digits as an operator can use: 0.6, but 0.08."""
+    return f"{number:.1f}" if number >= 0.095 else f"{number:.2f}"
+
+
+def age(age_s: float) -> str:
+    """Return a duration in words: "0.6 s", "75 s", "14 min"."""
+    if age_s < 60.0:
+        return f"{age_s:.1f} s"
+    return f"{age_s:.0f} s" if age_s < 120.0 else f"{age_s / 60.0:.0f} min"
+
+
+def capitalised(text: str) -> str:
+    """Return a text that begins with a capital letter."""
+    return text[:1].upper() + text[1:]
+
+
+FORMATS: Mapping[str, Callable[[Any], str]] = {
+    "fine": fine,
+    "age": age,
+    "capital": capitalised,
+    # Moments in the reader's zone
+    "clock": lambda moment: f"{moment:%H:%M}",
+    "day": lambda moment: f"{moment:%d %b %Y}",
+    "when": lambda moment: f"{moment:%a %d %b %Y, %H:%M}",
+}

@@ -1,0 +1,160 @@
+"""Sentences about robots: their English text, their key and figures on the wire, and their translations."""
+
+from __future__ import annotations
+
+import ast
+import re
+from datetime import date, datetime
+from itertools import pairwise
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+import msgspec
+import pytest
+from django.utils import timezone, translation
+
+from fleet.formats.sentences import _catalogue, in_words, words_of
+from robots import wire
+from robots.sentences import counted, pieces, say
+from script.generate import sentences
+
+# Modules whose sentences are not in the catalogue yet
+NOT_YET = [
+    "fleet/bookings/changes/waiting_list.py",
+    "fleet/bookings/pages/views.py",
+    "fleet/bookings/rules.py",
+    "fleet/bookings/services.py",
+    "robots/access/enrolment.py",
+    "robots/bridge/audit/records.py",
+    "robots/bridge/core.py",
+    "robots/bridge/drive/drive_by.py",
+    "robots/bridge/drive/drive_input.py",
+    "robots/bridge/drive/holder_inputs.py",
+    "robots/bridge/drive/twists.py",
+    "robots/bridge/gate/sensor_limits.py",
+    "robots/bridge/lease/lease_guard.py",
+    "robots/bridge/lease/lease_orders.py",
+    "robots/bridge/lease/stop_latch.py",
+    "robots/bridge/limbs/limb_move.py",
+    "robots/bridge/limbs/limbs.py",
+    "robots/bridge/link_handler.py",
+    "robots/bridge/navigation/localisation.py",
+    "robots/bridge/navigation/navigation_goals.py",
+    "robots/bridge/ros/camera/camera_topics.py",
+    "robots/bridge/ros/inspector/requests.py",
+    "robots/bridge/ros/inspector/subscriptions.py",
+    "robots/bridge/tasks/arm_clearance.py",
+    "robots/bridge/tasks/holder_tasks.py",
+    "robots/bridge/tasks/input_routing.py",
+    "robots/bridge/tasks/motions.py",
+    "robots/bridge/tasks/publishing.py",
+    "robots/bridge/tasks/speech.py",
+    "robots/bridge/topics/inspector_client.py",
+    "robots/link/client.py",
+    "robots/link/connections.py",
+    "robots/places/selectors.py",
+    "robots/places/services.py",
+    "robots/stop/presses.py",
+    "robots/wire/codec.py",
+    "teleop/api/v1/courses.py",
+    "teleop/api/v1/events.py",
+    "teleop/api/v1/framework/idempotency.py",
+    "teleop/api/v1/framework/parameters.py",
+    "teleop/api/v1/framework/parsing.py",
+    "teleop/api/v1/framework/rates.py",
+    "teleop/api/v1/programs/connection.py",
+    "teleop/api/v1/programs/registry.py",
+    "teleop/api/v1/robot/control.py",
+    "teleop/api/v1/robot/description.py",
+    "teleop/api/v1/robot/tasks.py",
+    "teleop/api/v1/setup/profiles.py",
+    "teleop/api/v1/setup/tokens.py",
+    "teleop/camera/camera_consumer.py",
+    "teleop/control/allow_list.py",
+    "teleop/control/changes.py",
+    "teleop/control/lease_checks.py",
+    "teleop/control/rules.py",
+    "teleop/control/scopes.py",
+    "teleop/live/consumers/message_socket.py",
+    "teleop/live/notices.py",
+    "teleop/live/task_sender.py",
+    "teleop/live/topic_feed.py",
+    "teleop/stop/views.py",
+]
+CATALOGUES = sorted(sentences.LOCALE.glob("*/LC_MESSAGES/sentences.po"))
+ENTRY = re.compile(r'^(msg\w+)(?:\[\d\])? ((?:".*"\n)+)', re.MULTILINE)
+SPANISH = """
+msgid ""
+msgstr "Content-Type: text/plain; charset=UTF-8\\nPlural-Forms: nplurals=2; plural=(n != 1);\\n"
+msgid "{sensor} is {age:age} old, {gap:fine} m"
+msgstr "{gap:fine} m, {sensor}: hace {age:age}"
+msgid "laser"
+msgstr "láser"
+msgid "{count} robot until {until:clock}"
+msgid_plural "{count} robots until {until:clock}"
+msgstr[0] "{count} robot hasta las {until:clock}"
+msgstr[1] "{count} robots hasta las {until:clock}"
+"""
+
+
+def test_a_sentence_is_an_english_text_with_key_and_figures() -> None:
+    old = say("{sensor} is {age:age} old, {gap:fine} m", sensor=say("laser"), age=0.61239, gap=0.05)
+    assert old == "laser is 0.6 s old, 0.05 m"
+    refusal = wire.Refusal("late", old, "gate")
+    assert type(refusal.text) is str
+    figures = {"sensor": ["laser"], "age": 0.6124, "gap": 0.05}
+    assert refusal.said == {"text": ["{sensor} is {age:age} old, {gap:fine} m", figures]}
+    assert msgspec.json.encode(wire.Refusal("x", say("Stop."), "gate")) == (
+        b'{"code":"x","text":"Stop.","rule":"gate"}'
+    )
+
+
+def test_sentences_are_said_in_the_readers_language(tmp_path: Path, settings, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    folder = tmp_path / "es" / "LC_MESSAGES"
+    folder.mkdir(parents=True)
+    (folder / "sentences.po").write_text(SPANISH)
+    sentences.compiled(folder / "sentences.po")
+    settings.LOCALE_PATHS = [tmp_path]
+    monkeypatch.setattr("fleet.formats.sentences._catalogue", _catalogue.__wrapped__)
+    until = datetime(2026, 12, 3, 15, tzinfo=ZoneInfo("Europe/Madrid"))
+    old = say("{sensor} is {age:age} old, {gap:fine} m", sensor=say("laser"), age=0.61, gap=0.05)
+    robots = counted(
+        "{count} robot until {until:clock}", "{count} robots until {until:clock}", count=2, until=until
+    )
+    assert robots == "2 robots until 15:00"
+    with translation.override("es"), timezone.override("Europe/Madrid"):
+        assert in_words(old) == "0,05 m, láser: hace 0,6 s"
+        assert words_of(wire.Refusal("x", robots, "gate")) == "2 robots hasta las 15:00"
+    assert say("{day:day}", day=date(2026, 12, 3)) == "03 Dec 2026"
+
+
+@pytest.mark.parametrize("catalogue", CATALOGUES, ids=lambda path: path.parent.parent.name)
+def test_a_catalogue_has_the_keys_of_the_source_with_their_figures(catalogue: Path) -> None:
+    kept = translations(catalogue)
+    assert sorted(kept) == sorted(sentences.keys()), "run script/sentences"
+    others = [text for key, texts in kept.items() for text in texts if text and figures(text) != figures(key)]
+    assert others == []
+
+
+def figures(key: str) -> set[str | None]:
+    """Return the names of the figures in a key."""
+    return {name for _, name, _ in pieces(key) if name}
+
+
+def translations(catalogue: Path) -> dict[str, list[str]]:
+    """Return the translations of a catalogue by key."""
+    entries = ENTRY.findall(catalogue.read_text())
+    texts = [(kind, ast.literal_eval(f"({text})")) for kind, text in entries]
+    keys = [number for number, (kind, _) in enumerate(texts) if kind == "msgid"]
+    parts = [texts[start:end] for start, end in pairwise([*keys, len(texts)])]
+    return {key[1]: [text for kind, text in rest if kind.startswith("msgstr")] for key, *rest in parts[1:]}
+
+
+def test_no_sentence_is_an_f_string() -> None:
+    found = [place for place, source in sentences.modules() if any(map(is_f_string, sentences.told(source)))]
+    assert sorted(found) == sorted(NOT_YET)
+
+
+def is_f_string(sentence: sentences.Told) -> bool:
+    """Return whether no catalogue can have this text."""
+    return any(isinstance(node, ast.JoinedStr) for node in ast.walk(sentence.text))

@@ -1,0 +1,68 @@
+import { afterEach, beforeEach, expect, test } from "vitest";
+
+import { inPageLanguage, sentence } from "../../../static/js/lib/sentences.js";
+
+const SPANISH = {
+  "{sensor} is {age:age} old": "{sensor}: hace {age:age}",
+  "slowed from {asked:fine} to {allowed:fine} m/s": "de {asked:fine} a {allowed:fine} m/s",
+  laser: "láser",
+  "Stop.": "Pare.",
+};
+
+beforeEach(() => {
+  document.documentElement.lang = "es";
+  globalThis.gettext = (text) => SPANISH[text] ?? text;
+  globalThis.ngettext = (one, many, count) => (count === 1 ? one : many);
+});
+
+afterEach(() => {
+  document.documentElement.lang = "en-gb";
+  globalThis.gettext = (text) => text;
+});
+
+test("a sentence in a sentence, and figures, in the page's language", () => {
+  const said = ["{sensor} is {age:age} old", { sensor: ["laser"], age: 0.61 }];
+  expect(sentence(said)).toBe("láser: hace 0,6 s");
+  const slowed = ["slowed from {asked:fine} to {allowed:fine} m/s", { asked: 0.8, allowed: 0.05 }];
+  expect(sentence(slowed)).toBe("de 0,8 a 0,05 m/s");
+  expect(sentence(["{count} robot, {x:.2f}", { count: 2, x: 1 }, "{count} robots, {x:.2f}"])).toBe(
+    "2 robots, 1,00",
+  );
+});
+
+test("each sentence of a message, but no text in a language of its own", () => {
+  const message = {
+    t: "view",
+    state: {
+      text: "Stop.",
+      verdict: {
+        text: "laser is 0.6 s old",
+        said: { text: ["{sensor} is {age:age} old", { sensor: ["laser"], age: 0.61 }] },
+      },
+      speech: { text: "Stop.", language: "en-GB" },
+      battery_percent: null,
+    },
+    scan: { laser_cm: [1, 2] },
+  };
+  const { state, scan } = inPageLanguage(message);
+  expect([state.text, state.verdict.text, state.speech.text]).toEqual([
+    "Pare.",
+    "láser: hace 0,6 s",
+    "Stop.",
+  ]);
+  expect(scan).toBe(message.scan);
+});
+
+test("moments in the page's zone, and days", () => {
+  document.documentElement.dataset.zone = "Europe/Madrid";
+  const figures = { at: "2026-12-03T14:00:00+00:00", day: "2026-12-03" };
+  expect(sentence(["{at:clock} {at:when} {day:day}", figures])).toBe(
+    "15:00 jue, 03 dic 2026, 15:00 03 dic 2026",
+  );
+});
+
+test("a page in English shows the texts as they come", () => {
+  document.documentElement.lang = "en-gb";
+  const message = { text: "x", said: { text: ["y"] } };
+  expect(inPageLanguage(message)).toBe(message);
+});
