@@ -1,6 +1,7 @@
 """Selects and orders the tests of a run: `--only short` or `--only long`, and `--shuffle SEED`.
 
-`tests/long.txt` lists the long tests, each group with its reason. A name is a test, one case of it, a file or a folder.
+`tests/long.txt` lists the long tests, each group with its reason. A name is a test, one case of it, a file or a folder;
+`*` stands for anything.
 Property tests run in both: with few examples, and with many.
 """
 
@@ -9,7 +10,6 @@ from __future__ import annotations
 import os
 import random
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import hypothesis
@@ -17,9 +17,9 @@ import pytest
 from hypothesis import is_hypothesis_test
 
 LIST = Path(__file__).parent / "long.txt"
-LONG_NAMES = frozenset(
-    line for line in LIST.read_text().splitlines() if line.strip() and not line.startswith("#")
-)
+NAMES = [line for line in LIST.read_text().splitlines() if line.strip() and not line.startswith("#")]
+PATTERNS = [re.escape(name).replace(re.escape("*"), ".*") for name in NAMES]
+LONG = re.compile(r"({})([\[/:].*)?".format("|".join(PATTERNS)), re.DOTALL)
 
 # Every run tries the same examples, so that only a change can cause a new failure. With
 # HYPOTHESIS_PROFILE=search, a run tries new examples. No deadline: a busy machine slows examples.
@@ -60,15 +60,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 def is_long(test: str) -> bool:
     """Return whether the list has this test, or a file or folder that it is in."""
-    return any(name in LONG_NAMES for name in names(test))
-
-
-def names(test: str) -> Iterator[str]:
-    """Yield the names under which the list may have a test: itself, without its case, its file, each folder."""
-    yield test
-    yield re.sub(r"\[.*", "", test, flags=re.DOTALL)
-    file = Path(test.partition("::")[0])
-    yield from (path.as_posix() for path in (file, *file.parents))
+    return LONG.fullmatch(test) is not None
 
 
 def shuffle(items: list[pytest.Item], seed: int) -> None:

@@ -4,26 +4,27 @@ from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
-from tests.selection import LONG_NAMES, is_long, shuffle
+from tests.selection import NAMES, is_long, shuffle
 
 REPOSITORY = Path(__file__).parent.parent
 
 
 def test_every_name_of_the_list_is_there() -> None:
     """A renamed test would come back into every run in silence, or never run at all."""
-    for name in LONG_NAMES:
+    for name in NAMES:
         file, _, test = name.partition("::")
-        assert (REPOSITORY / file).exists(), name
-        assert not test or f"def {test.partition('[')[0]}(" in (REPOSITORY / file).read_text(), name
+        files = list(REPOSITORY.glob(file.partition("[")[0]))
+        assert files, name
+        assert not test or f"def {test.partition('[')[0]}(" in files[0].read_text(), name
 
 
 def test_a_name_covers_its_cases_and_what_a_folder_holds() -> None:
-    [folder] = [name for name in LONG_NAMES if name.endswith("hands/long")]
-    assert is_long(f"{folder}/test_patience.py::test_a[one / two]")
+    assert is_long("tests/browser/hands/long/test_patience.py::test_a[one / two]")
     assert not is_long("tests/browser/hands/test_held_input.py::test_a")
-    case = next(name for name in LONG_NAMES if name.endswith("]"))
-    assert is_long(case)
-    assert not is_long(case.partition("[")[0])
+    assert is_long("tests/browser/test_pages.py::test_a[dark]")
+    assert not is_long("tests/browser/test_pages.py::test_a[light]")
+    assert is_long("tests/drives/test_bench_world.py::test_a")
+    assert not is_long("tests/drives/test_bench_world_more.py::test_a")
 
 
 def test_a_shuffled_run_keeps_files_together_and_comes_again() -> None:
