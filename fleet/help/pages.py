@@ -1,4 +1,7 @@
-"""The pages of docs/ as HTML: found by name and rendered once. Links between them lead to pages of help."""
+"""The pages of docs/ as HTML: found by name and rendered once. Links between them lead to pages of help.
+
+A translation of a page has the same name in the folder of its language, such as "es/student".
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from typing import NamedTuple
 from urllib.parse import urlsplit
 
 from django.conf import settings
+from django.conf.locale import LANG_INFO
 from django.urls import reverse
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
@@ -24,16 +28,24 @@ _MARKDOWN = MarkdownIt("commonmark", {"html": False}).enable("table")
 
 
 class Page(NamedTuple):
-    """A rendered page: its title, and its body as HTML."""
+    """A rendered page: its title, its body as HTML, and the code of its language."""
 
     title: str
     body: str
+    language: str
 
 
 @cache
 def known() -> frozenset[str]:
     """Return the names of all pages, as in URLs, such as "decisions/control-follows-the-lease"."""
     return frozenset(str(path.relative_to(DOCS).with_suffix("")) for path in DOCS.rglob("*.md"))
+
+
+def meant(name: str, language: str) -> str | None:
+    """Return the page that a URL names, in this language if it is translated; None: there is no such page."""
+    found = next((one for one in (name, f"{name}/{INDEX}".lstrip("/")) if one in known()), None)
+    translated = f"{language}/{found}"
+    return translated if translated in known() else found
 
 
 @cache
@@ -59,7 +71,12 @@ def page(name: str) -> Page:
             title = words if token.tag == "h1" else title
         _lead(token, posixpath.dirname(name))
     tokens = _scrolling(_drawn(tokens, name))
-    return Page(title, _MARKDOWN.renderer.render(tokens, _MARKDOWN.options, {}))
+    return Page(title, _MARKDOWN.renderer.render(tokens, _MARKDOWN.options, {}), _language(name))
+
+
+def _language(name: str) -> str:
+    folder = name.partition("/")[0]
+    return folder if folder in LANG_INFO else "en"
 
 
 def _parsed(name: str) -> list[Token]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
+from django.utils.translation import get_language
 from django.views.decorators.cache import cache_control
 from django.views.decorators.http import require_safe
 
@@ -12,8 +13,8 @@ from fleet.help import pages
 
 @require_safe
 def show(request: HttpRequest, name: str = "") -> HttpResponse:
-    """Show a page of help; without a name, the list of all pages."""
-    found = next((one for one in (name, f"{name}/{pages.INDEX}".lstrip("/")) if one in pages.known()), None)
+    """Show a page of help, in the reader's language if it is translated; without a name, the list of all pages."""
+    found = pages.meant(name, get_language() or "")
     if found is None:
         raise Http404
     return render(request, "site/help.html", {"page": pages.page(found)})

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import html
 import re
+from typing import Any
 
 import pytest
 from django.test import Client
 from django.urls import reverse
+from django.utils import translation
 
 from fleet.help import pages
 
@@ -49,6 +51,16 @@ def test_what_is_no_page_of_help_is_not_sent(reader: Client) -> None:
         "/help/openapi.json/",
     ):
         assert reader.get(address).status_code == 404, address
+
+
+def test_a_reader_gets_a_translated_page(reader: Client, settings: Any) -> None:
+    settings.LANGUAGES = [*settings.LANGUAGES, ("es", "Español")]
+    spanish = {"Accept-Language": "es-MX"}
+    with translation.override(None):  # restores the language, which a page sets for its thread
+        for name, language in (("student", "es"), ("operators", "en"), ("es/student", "es")):
+            page = reader.get(f"/help/{name}/", headers=spanish).content.decode()
+            assert f'help-text" lang="{language}"' in page, name
+    assert 'help-text" lang="en"' in reader.get("/help/student/").content.decode()
 
 
 def test_links_out_of_the_docs_become_text() -> None:
