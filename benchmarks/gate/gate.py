@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,6 @@ from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.geometry.arm_discs import Disc
 from robots.bridge.gate.geometry.arm_sweep import Motion, swept
 from robots.bridge.gate.motion.safe_twist import is_still
 from robots.bridge.gate.obstacles.depth_camera import frame_of
@@ -50,9 +49,6 @@ from robots.bridge.gate.values import (
 )
 from robots.bridge.gate_recording import replay
 from robots.bridge.lease.state_store import SavedState
-from robots.bridge.tasks.head import Aim
-from robots.bridge.tasks.holder_tasks import Swept
-from robots.bridge.tasks.speech import Utterance
 from robots.wire import Drive, Grant, Refusal
 
 SEED = 1  # of the recorded minute
@@ -64,6 +60,7 @@ SWEPT = 50
 SWEEP_US = 50_000.0
 FIELD_OF_VIEW = math.radians(190)
 Floats = NDArray[np.float64]
+_P = TypeVar("_P")
 Outline = tuple[tuple[float, float], ...]
 BOX: Outline = ((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25))
 # Straight on, on an arc, and while the base still turns the other way: from first to last, a decision checks
@@ -305,54 +302,9 @@ class _Base:
 
     def cancel_all(self) -> None: ...
 
-    def play(self, goal_id: str, motion: str, action: str) -> None: ...
-
-    def cancel(self, goal_id: str, action: str) -> None: ...
-
-    def read_motions(self) -> None: ...
-
-    def sweep(self, motion: str, action: str, then: Swept) -> None: ...
-
-    def arm(self) -> tuple[Disc, ...] | None: ...
-
-    def arm_problem(self) -> str:
-        return ""
-
     def joint(self, name: str) -> float | None: ...
 
-    def say(self, goal_id: str, utterance: Utterance) -> bool:
-        return False
-
-    def cancel_speech(self, goal_id: str, topic: str) -> None: ...
-
-    def navigates(self) -> bool:
-        return False
-
-    def go(self, goal_id: str, goal: Pose) -> None: ...
-
-    def cancel_navigation(self, goal_id: str) -> None: ...
-
-    def set_pose(self, pose: Pose) -> None: ...
-
-    def located(self) -> tuple[float, Pose] | None:
-        return None
-
-    def limb_at(self, limb: str) -> None: ...
-
-    def limb_has_listener(self, limb: str) -> bool:
-        return False
-
-    def move_limb(self, limb: str, goal_id: str, to_m: float, seconds: float) -> None: ...
-
-    def cancel_limb(self, limb: str, goal_id: str) -> None: ...
-
-    def attend(self, use: str, topics: frozenset[str]) -> None: ...
-
-    def drive_to(self, topic: str) -> None: ...
-
-    def aim_head(self, aim: Aim) -> None: ...
-
-    def head_at(self) -> None: ...
+    def part(self, kind: type[_P]) -> _P | None: ...
 
 
 class _NoTopics:

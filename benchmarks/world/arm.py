@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import SimpleNamespace
 from xml.etree import ElementTree
 
 from benchmarks.world.controllers import GateController
 from benchmarks.world.robot import tiago_arm
 from robots.bridge.gate.geometry.arm_discs import Disc
 from robots.bridge.gate.geometry.arm_sweep import Motion
-from robots.bridge.tasks.arm_clearance import ArmClearance
+from robots.bridge.tasks.arm_clearance import ArmClearance, ArmModel
 from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.simulator.joints.arm import SEGMENTS
 from robots.simulator.joints.frames import urdf
@@ -33,7 +32,7 @@ class ArmShow:
     lacks: int
 
 
-class MovingArm:
+class MovingArm(ArmModel):
     """Plays motions while the bridge's rule finds room for the arm, and reports the posture to the gate.
 
     A motion whose room is lost is cancelled and started again, like by a person who tries again.
@@ -55,13 +54,18 @@ class MovingArm:
         self.posture = ArmPosture(tiago_arm())
         self.posture.describe(_described(show.lacks))
         self.posture.awaits_description = False  # as the node notes when the master has answered
-        model = SimpleNamespace(
-            arm=lambda: self.posture.arm(self._now_s), arm_problem=lambda: self.posture.problem(self._now_s)
-        )
-        self._clearance = ArmClearance(controller.gate, model)
+        self._clearance = ArmClearance(controller.gate, self)
         physics = robot.physics.model
         for segment in SEGMENTS:
             physics.geom(f"robot {segment.name}").group = SEEN_GROUP
+
+    def arm(self) -> tuple[Disc, ...] | None:
+        """Return the discs that the arm covers now."""
+        return self.posture.arm(self._now_s)
+
+    def arm_problem(self) -> str:
+        """Return in words why the arm's position is unknown; empty: it is known."""
+        return self.posture.problem(self._now_s)
 
     @property
     def is_done(self) -> bool:

@@ -41,8 +41,9 @@ from robots.bridge.overload import LoopLateness
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.steady_view import SteadyLimits, SteadyVerdict
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
-from robots.bridge.tasks.holder_tasks import HolderTasks, TaskPerformer, holder_of
+from robots.bridge.tasks.holder_tasks import HolderTasks, holder_of
 from robots.bridge.tasks.publishing import Publisher
+from robots.bridge.tasks.task import Activity, Robot
 from robots.processes.durations import Durations
 from robots.wire import Drive, Ended, Grant, Refusal, StopState
 
@@ -55,16 +56,12 @@ READ_WITHIN_S = 0.05  # a message is read within this time after its arrival
 REACHED_S = 1.0  # after joining the master: subscribers of cancel topics are connected by then
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
-# A refusal with one of these codes, while the stick is out, requires neutral: the robot must not start to move by
-# itself when the cause ends.
-_HALTING = {
-    "motion_running": "nothing drives during a motion",
-    "limb_moving": "nothing drives while gripper or torso move",
-    "not_recorded": "the robot’s actions could not be recorded",
-}
+# A refusal with one of these codes, or of a task in progress, while the stick is out, requires neutral: the robot must
+# not start to move by itself when the cause ends.
+_HALTING = {"not_recorded": "the robot’s actions could not be recorded"}
 
 
-class Base(TaskPerformer, Protocol):
+class Base(Robot, Protocol):
     """The core's actions on the robot."""
 
     def publish(self, velocity: Velocity) -> None:
@@ -165,6 +162,12 @@ class Core:
         self._forgotten: tuple[Forgotten, float | None] = BRIDGE_STARTED, None
         self._sonar_reach_m = {sonar.frame_id: sonar.max_range_m for sonar in config.topics.sonars}
         self.tasks = HolderTasks(config, base, gate, records, self, publisher, announce, saved.goal)
+        self._halting = _HALTING | self.tasks.neutral_words
+
+    @property
+    def sent(self) -> Velocity:
+        """The last twist to the base."""
+        return self._sent
 
     @property
     def stop_state(self) -> StopState:
@@ -245,7 +248,7 @@ class Core:
         self._latch.press(by, reason, now_s, press, stands=stands, waited=waited)
         self._cancelling = True
         try:
-            self.halt("stopped", "the robot was stopped", now_s)
+            self._zero("stopped", "the robot was stopped", now_s)
         finally:  # also if this zero fails: the same press is not handled again
             self._cancel_all(now_s)
             self.tasks.stopped(by, now_s)
@@ -306,7 +309,7 @@ class Core:
         self._drives.tick(now_s, self._passed == STILL and still is not False and not drives_itself)
         self._watch_records(now_s)
         self._decide(now_s)
-        self.tasks.tick(self._sent, self._page_gone_s, now_s)
+        self.tasks.tick(self._page_gone_s, now_s)
         if self._reported.odometry:
             self._latch.observe(still, self._reported.odometry[0])
         self._watch_stopped(now_s)
@@ -325,7 +328,7 @@ class Core:
         """Begin work whose record was just written, without waiting for the next tick."""
         self._expire(now_s)
         self._decide(now_s)
-        self.tasks.tick(self._sent, self._page_gone_s, now_s)
+        self.tasks.tick(self._page_gone_s, now_s)
 
     @property
     def drives_itself(self) -> bool:
@@ -498,26 +501,13 @@ class Core:
 
     def headline(self, now_s: float) -> tuple[object, ...]:
         """Return the part of the state whose changes are reported at once."""
-        grant, tasks = self.lease.current, self.tasks
-        motion, speech = tasks.motions.view(now_s), tasks.speech.view(now_s)
+        grant = self.lease.current
         return (
             *self._phase(now_s),
             self.stop_state,
             grant and (grant.fence, self._neutral_needed),
-            motion and motion.name,
-            tasks.motions.last,
-            speech and (speech.number, speech.status, speech.word),
-            tasks.speech.last,
-            tasks.drives_by.running_requester,
-            tasks.drives_by.last,
-            (goal := tasks.navigation.view(now_s)) and (goal.number, goal.ending),
-            tasks.navigation.last,
-            tasks.navigation.hold.why,
             *self._after_stop.headline,
-            *tasks.limbs.headline,
-            tasks.routing.chosen,
-            dict(tasks.routing.gone),
-            tasks.publications.view,
+            *self.tasks.headline(now_s),
             self._forgotten[0],
         )
 
@@ -586,15 +576,17 @@ class Core:
         return None
 
     def halt(self, code: str, reason: str, now_s: float) -> None:
-        """Send zero now and require neutral before the robot moves again."""
+        """Send zero now, end drives by tasks, and require neutral before the robot moves again."""
+        self._zero(code, reason, now_s)
+        self.tasks.halted(code, reason, now_s)
+
+    # --- inside -----------------------------------------------------------------------------------
+
+    def _zero(self, code: str, reason: str, now_s: float) -> None:
         self._stop_until_neutral(code, reason)
         self._asking, self._passed = None, STILL
         self._publish_until_s = now_s + QUIET_AFTER_S
         self._send(STILL, now_s)
-        self.tasks.navigation.halted(code, reason, now_s)
-        self.tasks.drives_by.halted(code, reason, now_s)
-
-    # --- inside -----------------------------------------------------------------------------------
 
     def _decide(self, now_s: float) -> Refusal | None:
         """Publish the present twist. Return the refusal of an input that asks for motion, if any."""
@@ -606,8 +598,7 @@ class Core:
         self._asking, asked = self._inputs.wanted(grant, awaited is None, now_s) if grant else (None, STILL)
         drives_by, refusal = self.tasks.drives_by, None
         if grant and self._asking:
-            drives_by.end("replaced", "The holder’s own drive input took over.", now_s)
-            self.tasks.navigation.end("replaced", "The holder’s own drive input took over.", now_s)
+            self.tasks.superseded(now_s)
             refusal = self._why_not(grant, self._asking, now_s)
         elif grant and (requester := drives_by.running_requester):
             refusal, asked = self._drive_by(grant, requester, awaited, now_s)
@@ -621,8 +612,8 @@ class Core:
                 self._stop_until_neutral(verdict.code, verdict.text)
             if self._asking is None:
                 drives_by.decided(verdict, now_s)
-        if self._asking and refusal and refusal.code in _HALTING:
-            self._stop_until_neutral(refusal.code, _HALTING[refusal.code])
+        if self._asking and refusal and refusal.code in self._halting:
+            self._stop_until_neutral(refusal.code, self._halting[refusal.code])
         if self._asking and awaited:
             self._stop_until_neutral(awaited.code, awaited.text)
         if reason := refusal or self._unrecorded:
@@ -662,7 +653,7 @@ class Core:
         Otherwise continue, and record the path.
         """
         navigation = self.tasks.navigation
-        if refusal := self.why_not_begin(requester, now_s) or self.tasks.why_stand(now_s):
+        if refusal := self.why_not_begin(requester, now_s) or self.tasks.blocks(Activity.NAVIGATE, now_s):
             navigation.end(
                 "control_lost" if refusal.rule == "lease" else refusal.code, refusal.text, now_s, refusal.code
             )
@@ -693,7 +684,7 @@ class Core:
         """Brake a robot that drives itself. Its drive ends, unless the cause may soon end by itself."""
         self._tell(verdict, now_s)
         if not self.tasks.navigation.hold_for_sensor(verdict, now_s):
-            self.tasks.navigation.end_by_gate(verdict, now_s)
+            self.tasks.held_back(verdict.code, verdict.text, now_s)
             verdict = verdict._replace(neutral=True)  # so that it gets its own record
         self._send(STILL, now_s)
         self._drives.decided(verdict, now_s)
@@ -746,7 +737,7 @@ class Core:
         """Return the first rule that forbids motion, by a stick or by a task. Lease and age are checked elsewhere."""
         if closed := self.why_closed(now_s):
             return closed
-        if refusal := self.tasks.why_stand(now_s, crawls=True) or self._drives.why_not:
+        if refusal := self.tasks.blocks(Activity.DRIVE, now_s) or self._drives.why_not:
             return refusal
         return (stick and self._inputs.refuse(stick)) or self._drives.may_move(holder_of(grant), now_s)
 
@@ -772,7 +763,7 @@ class Core:
         ended = self.lease.end()
         if ended is None:
             return
-        self.halt("control_ended", reason, now_s)
+        self._zero("control_ended", reason, now_s)
         self.tasks.control_ended(reason, now_s)
         self._announce(Ended(ended.fence))
 

@@ -120,7 +120,7 @@ class LinkHandler:
             case wire.LinkCamera(wanted=wanted):
                 self._cameras.set_wanted(link, wanted)
             case wire.LinkCancel():
-                self._answer(link, message, self._core.tasks.cancel(message.what, message.by))
+                self._answer(link, message, self._core.tasks.cancel(message.what, message.by, now_s))
             case order if isinstance(order, wire.TaskRequest):
                 self._take(link, order, now_s)
         return True

@@ -309,7 +309,7 @@ class Bridge:
             self._base.stop()
 
     def _publishing_lost(self) -> None:
-        self._core.tasks.publications.halt("inspector_ended", time.monotonic())
+        self._core.tasks.publications.inspector_ended(time.monotonic())
 
     def _node_lost(self, name_taken: bool) -> None:
         self._exit_code = EXIT_NAME_LOST if name_taken else EXIT_NOT_JOINED

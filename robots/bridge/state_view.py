@@ -74,20 +74,6 @@ def state(
         latency_measured=gate.latency.measured_s is not None,
         arm=[(round(x, 2), round(y, 2), round(r, 2)) for x, y, r in gate.arm_discs],
         watchers_more=watchers_more,
-        motion=tasks.motions.view(now_s),
-        motion_ended=tasks.motions.last,
-        speech=tasks.speech.view(now_s),
-        speech_ended=tasks.speech.last,
-        drive_by=tasks.drives_by.view(now_s),
-        drive_by_ended=tasks.drives_by.last,
-        location=tasks.navigation.location(now_s, grant is not None),
-        going=tasks.navigation.view(now_s),
-        going_ended=tasks.navigation.last,
-        navigation_held=tasks.navigation.hold.why,
-        limbs=tasks.limbs.view(now_s),
-        chosen=tasks.routing.chosen,
-        choice_ended=dict(tasks.routing.gone),
-        publishing=tasks.publications.view,
         overload=inputs.overload,
         watchdog_missing=inputs.watchdog_missing,
         health=inputs.health,
@@ -95,6 +81,7 @@ def state(
         forgotten=_forgotten(*inputs.forgotten, now_s),
         stands=inputs.stands,
         moves_although_stopped=inputs.moves_although_stopped,
+        **tasks.state(now_s),
     )
 
 

@@ -193,6 +193,18 @@ from robots.wire.state import UseOffer as UseOffer
 from robots.wire.state import Verdict as Verdict
 from robots.wire.state import View as View
 from robots.wire.state import Way as Way
+from robots.wire.tasks import CHOOSE as CHOOSE
+from robots.wire.tasks import DRIVE_BY as DRIVE_BY
+from robots.wire.tasks import FORGET as FORGET
+from robots.wire.tasks import GO as GO
+from robots.wire.tasks import LIMB as LIMB
+from robots.wire.tasks import LOOK_AHEAD as LOOK_AHEAD
+from robots.wire.tasks import MOTION as MOTION
+from robots.wire.tasks import PUBLISH as PUBLISH
+from robots.wire.tasks import SET_POSE as SET_POSE
+from robots.wire.tasks import SPEECH as SPEECH
+from robots.wire.tasks import TASK_KINDS as TASK_KINDS
+from robots.wire.tasks import TURN_HEAD as TURN_HEAD
 from robots.wire.tasks import Choose as Choose
 from robots.wire.tasks import DriveBy as DriveBy
 from robots.wire.tasks import DriveByCancel as DriveByCancel
@@ -204,6 +216,7 @@ from robots.wire.tasks import Publish as Publish
 from robots.wire.tasks import PublishStop as PublishStop
 from robots.wire.tasks import Say as Say
 from robots.wire.tasks import SayCancel as SayCancel
+from robots.wire.tasks import TaskKind as TaskKind
 from robots.wire.tasks import TaskRequest as TaskRequest
 from robots.wire.tasks import TurnHead as TurnHead
 from robots.wire.topics import ActionRow as ActionRow

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
 
@@ -169,4 +169,95 @@ TaskRequest = (
     | Choose
     | Publish
     | PublishStop
+)
+
+
+class TaskKind(Struct, frozen=True):
+    """One kind of task, as every process knows it. `TASK_KINDS` lists them."""
+
+    name: str  # of the kind in REST
+    request: type[Struct]
+    record: str  # kind of the record of its request, see `fleet.audit.kinds`
+    end_record: str  # of its outcome
+    scope: Literal["drive", "speak", "motions", "topics"]  # that the token of a program needs
+    cancel: type[Struct] | None = None
+    cancelled_by_others: bool = False  # supervisors and staff may cancel it without control
+    followed: bool = False  # REST gives each task an address, where a program reads its outcome
+    # Actions, as fields of `robots.bridge.config.Topics`, whose goals a stop cancels; the watchdog does so without
+    # a bridge
+    stopped_actions: tuple[str, ...] = ()
+
+    @property
+    def requests(self) -> tuple[type[Struct], ...]:
+        """The request that begins a task, and the one that cancels it."""
+        return (self.request,) if self.cancel is None else (self.request, self.cancel)
+
+
+SPEECH = TaskKind(
+    "speech",
+    Say,
+    "speech.start",
+    "speech.end",
+    "speak",
+    cancel=SayCancel,
+    cancelled_by_others=True,
+    followed=True,
+)
+MOTION = TaskKind(
+    "motion",
+    Play,
+    "motion.start",
+    "motion.end",
+    "motions",
+    cancel=PlayCancel,
+    cancelled_by_others=True,
+    followed=True,
+)
+DRIVE_BY = TaskKind("drive_by", DriveBy, "drive.by", "drive.by", "drive", cancel=DriveByCancel, followed=True)
+GO = TaskKind(
+    "go",
+    Go,
+    "go.start",
+    "go.end",
+    "drive",
+    cancel=GoCancel,
+    followed=True,
+    stopped_actions=("navigation.action",),
+)
+LIMB = TaskKind(
+    "limb",
+    MoveLimb,
+    "limb.start",
+    "limb.end",
+    "drive",
+    cancel=LimbCancel,
+    followed=True,
+    stopped_actions=("gripper.action", "torso.action"),
+)
+LOOK_AHEAD = TaskKind(
+    "look_ahead",
+    LookAhead,
+    "head.look_ahead",
+    "head.look_ahead",
+    "drive",
+    stopped_actions=("head.point_head",),
+)
+TURN_HEAD = TaskKind("turn_head", TurnHead, "head.turn", "head.turn", "drive")
+FORGET = TaskKind("forget", Forget, "memory.forget", "memory.forget", "drive")
+SET_POSE = TaskKind("set_pose", SetPose, "pose.set", "pose.set", "drive")
+CHOOSE = TaskKind("choose", Choose, "topic.choose", "topic.choose", "topics")
+PUBLISH = TaskKind("publish", Publish, "publish.start", "publish.end", "topics", cancel=PublishStop)
+
+TASK_KINDS = (
+    SPEECH,
+    MOTION,
+    DRIVE_BY,
+    GO,
+    LIMB,
+    LOOK_AHEAD,
+    TURN_HEAD,
+    FORGET,
+    SET_POSE,
+    CHOOSE,
+    PUBLISH,
 )

@@ -23,7 +23,16 @@ from robots.bridge.audit.record_sink import (
     RecordSink,
 )
 from robots.bridge.audit.records import Records
-from robots.bridge.config import Allowed, BridgeConfig, HeadSource, LinkAddress, Topic, Topics
+from robots.bridge.config import (
+    Allowed,
+    BridgeConfig,
+    HeadSource,
+    LimbSource,
+    LinkAddress,
+    NavigationSource,
+    Topic,
+    Topics,
+)
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
@@ -45,8 +54,9 @@ from robots.bridge.gate.values import (
     Verdict,
 )
 from robots.bridge.lease.state_store import SavedState
+from robots.bridge.navigation.localisation import Spread
 from robots.bridge.tasks.head import Aim
-from robots.bridge.tasks.holder_tasks import Swept
+from robots.bridge.tasks.motions import Swept
 from robots.bridge.tasks.speech import Utterance
 from robots.wire import Drive, Ended, Grant, Refusal
 
@@ -186,6 +196,10 @@ class MemoryBase:
     readings: int = 0  # how often its motions were read
     cancelled: int = 0
     listeners: int = 1
+
+    def part(self, kind: type) -> object:
+        """This base does all that a part of the robot may do."""
+        return self
 
     def publish(self, velocity: Velocity) -> None:
         self.sent.append(velocity)
@@ -487,28 +501,57 @@ class Bench:
         return self.base.sent[-1]
 
 
+# A request of each kind of task, by the kind's name.
 ORDERS: dict[str, wire.TaskRequest] = {
     "motion": wire.Play(1, "wave"),
-    "message": wire.Publish(1, "/notes", "std_msgs/String", {"data": "hello"}),
-    "look": wire.LookAhead(1),
-    "text": wire.Say(1, "Hello", "en-GB"),
-    "choice": wire.Choose(1, "drive", "/phone_vel"),
+    "publish": wire.Publish(1, "/notes", "std_msgs/String", {"data": "hello"}, 5.0),
+    "look_ahead": wire.LookAhead(1),
+    "turn_head": wire.TurnHead(1, 0.1, 0.0),
+    "speech": wire.Say(1, "Hello", "en-GB"),
+    "choose": wire.Choose(1, "drive", "/phone_vel"),
+    "drive_by": wire.DriveBy(1, distance_m=1.0),
+    "go": wire.Go(1, 3.0, 1.0, 0.5),
+    "set_pose": wire.SetPose(1, 0.1, 0.0, 0.0),
+    "limb": wire.MoveLimb(1, "gripper", 0.09),
+    "forget": wire.Forget(1),
 }
 
 
+class FreeMap:
+    """A map without obstacles."""
+
+    def __init__(self, digest: str = "free") -> None:
+        self.digest = digest
+
+    def refuse(self, goal: Pose, footprint: object) -> None: ...
+
+
 class ObedientBench(Bench):
-    """A bench whose robot does what `ORDERS` request, as soon as the bridge allows it, and reports it."""
+    """A bench whose robot has every capability, does what `ORDERS` request, as soon as the bridge allows it, and
+    reports it."""
 
     def __init__(self) -> None:
-        head = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint")
         allowed = (
             Allowed("publish", "/notes", "std_msgs/String"),
             Allowed("choose", "/phone_vel", "geometry_msgs/Twist", "drive"),
         )
-        topics = msgspec.structs.replace(CONFIG.topics, head=head)
+        topics = msgspec.structs.replace(
+            CONFIG.topics,
+            head=HeadSource("/head_controller/command", "head_1_joint", "head_2_joint"),
+            navigation=NavigationSource("/move_base", "/nav_vel", "/amcl_pose", set_pose="/initialpose"),
+            map=Topic("/map", "nav_msgs/OccupancyGrid"),
+            gripper=LimbSource("/gripper/follow_joint_trajectory", ["left", "right"], (0.0, 0.045), 0.05),
+        )
         super().__init__(config=msgspec.structs.replace(CONFIG, topics=topics, allowed=allowed))
+        self.base.limbs = {"gripper": 0.04}
         self.online().base.sweeps = {"wave": ()}
+        self.core.mapped(FreeMap(), self.now_s)
+        self.core.tasks.navigation.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), self.now_s)
         self.granted().pass_time(0.3)
+
+    def frozen_odometry(self) -> None:
+        self.base.transform = (self.now_s, Pose(0.0, 0.0, 0.0))
+        super().frozen_odometry()
 
     def obeys(self) -> None:
         """Write the records, then let the robot do what was requested."""
@@ -517,13 +560,38 @@ class ObedientBench(Bench):
         for use, topics in self.base.attended:
             self.core.tasks.routing.attended(use, topics, self.now_s)
         self.base.attended.clear()
+        self.core.tick(self.now_s)
         self.recorded()
+
+    def reports(self) -> None:
+        """Let the robot report its goals: one ends if it was cancelled, else it goes on."""
+        tasks, now_s = self.core.tasks, self.now_s
+        begun = [
+            (tasks.motions, "/play_motion", self.base.played),
+            (tasks.speech, "/tts", self.base.said),
+            (tasks.navigation, "/move_base", self.base.goals),
+        ]
+        for part, action, goals in begun:
+            for goal_id, _ in goals:
+                if goal_id in self.base.cancelled_goals:
+                    part.ended(goal_id, "cancelled", "", now_s)
+                else:
+                    part.running(action, {goal_id: "speaking"}, now_s)
+        for limb, goal_id, *_ in self.base.moves:
+            if goal_id in self.base.cancelled_goals:
+                tasks.limbs.move(limb).ended(goal_id, "cancelled", "", now_s)
+            else:
+                tasks.limbs.move(limb).running({goal_id: True}, now_s)
 
     @property
     def begun(self) -> list[object]:
         """Everything that has begun on the robot."""
-        base = self.base
-        return [*base.played, *self.publisher.published, *base.aims, *base.said, *base.switched]
+        base, drives = self.base, self.core.tasks.drives_by
+        at_once = [*self.publisher.published, *base.poses, *self.gate.forgot, *base.switched]
+        goals = [*base.played, *base.said, *base.goals, *base.moves]
+        looks = [] if base.goals else base.aims  # the head looks where a goal leads
+        driven = drives.running_requester is not None or drives.last is not None
+        return [*at_once, *goals, *looks, *(["driven"] if driven else [])]
 
 
 class Wire:

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from robots import wire
 from robots.bridge.audit.record_sink import Parameters
-from robots.bridge.audit.records import RecordedTask, Records, Requester
+from robots.bridge.audit.records import RecordedTask, Requester
 from robots.bridge.drive.approach import ARRIVED, Travelled, speed_towards
 from robots.bridge.drive.input_filters import COMMAND_LIFE_S
-from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.values import STILL, Limits, Pose, Velocity, Verdict
+from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
+from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
 from robots.wire import DriveBy, Grant, Refusal
 
 DEFAULT_SHARE = 0.4  # of the robot's speed limit, if the request names no speed
@@ -38,6 +39,8 @@ _OUTCOMES = {
     "odometry_anew": "no_odometry",
     "behind_unseen": "held_back",
 }
+# Causes that halt the base: their code says why the request ended.
+_HALTS = {Cause.GATE, Cause.HALTED, Cause.ROBOT_GONE, Cause.STOPPED, Cause.CONTROL_ENDED}
 _QUIET_CODES = frozenset({"idle", "free", "robot_limit"})  # the gate does not slow the robot down
 
 
@@ -74,16 +77,56 @@ class _Request(RecordedTask):
         return f"turning by {math.degrees(self.goal):.0f}°" if self.turns else f"driving {self.goal:.2f} m"
 
 
-class DrivesBy:
+class DrivesBy(TaskPart):
     """The request in progress, if any."""
 
-    def __init__(self, limits: Limits, gate: Gate, records: Records) -> None:
-        self._limits = limits
-        self._gate = gate
-        self._records = records
+    kinds = (wire.DRIVE_BY,)
+    reactions = {
+        Cause.CANCELLED: Reaction.END,
+        Cause.SUPERSEDED: Reaction.HALT,
+        Cause.GATE: Reaction.HALT,
+        Cause.HALTED: Reaction.HALT,
+        Cause.ROBOT_GONE: Reaction.HALT,
+        Cause.STOPPED: Reaction.END,
+        Cause.CONTROL_ENDED: Reaction.END,
+        Cause.PAGE_LEFT: Reaction.DROP,
+        Cause.LINK_LOST: Reaction.GO_ON,
+        Cause.UNRECORDED: Reaction.END,
+        Cause.BRIDGE_ENDED: Reaction.END,
+    }
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._limits = context.config.gate.limits
+        self._gate = context.gate
+        self._records = context.records
         self._request: _Request | None = None
         self._pose: Pose | None = None
         self.last: wire.DriveByEnd | None = None  # how the last request ended, for pages
+
+    # --- rules --------------------------------------------------------------------------------------
+
+    def take(self, order: DriveBy, grant: Grant, requester: Requester, now_s: float) -> None:
+        """Record the request, if no rule forbids it."""
+        refusal = self.refuse(order, grant.max_share) or self._why_not(requester, now_s)
+        if refusal is not None:
+            requester.answer(refusal)
+            return
+        self.begin(order, grant.max_share, requester, now_s)
+
+    def _why_not(self, requester: Requester, now_s: float) -> Refusal | None:
+        """Return the first rule that forbids to begin a drive. The core judges each velocity afterwards."""
+        rules = self._context.rules
+        return (
+            rules.why_not_begin(requester, now_s)
+            or self._context.tasks.blocks(Activity.DRIVE, now_s)
+            or rules.why_not_still(now_s)
+        )
+
+    def tick(self, now_s: float) -> None:
+        """Start a request that is recorded, if no rule forbids it now."""
+        if requester := self.waiting:
+            self.start(self._why_not(requester, now_s), now_s)
 
     # --- begin --------------------------------------------------------------------------------------
 
@@ -108,7 +151,7 @@ class DrivesBy:
             if order.distance_m is not None
             else {"angle_rad": order.angle_rad, "speed_radps": round(speed, 3)}
         )
-        number = self._records.request(requester.holder, "drive.by", parameters, now_s)
+        number = self._records.request(requester.holder, wire.DRIVE_BY.record, parameters, now_s)
         self._request = _Request(requester, number, now_s, order, speed)
 
     @property
@@ -230,16 +273,24 @@ class DrivesBy:
 
     def halted(self, code: str, reason: str, now_s: float) -> None:
         """End the request: the robot was halted, or a sensor that the gate needs is silent."""
-        outcome = _OUTCOMES.get(code, "held_back" if code.startswith("scan_") else code)
-        self.end(outcome, _sentence(reason), now_s, code)
+        self.end(_outcome(code), _sentence(reason), now_s, code)
 
-    def cancel(self, why: str, now_s: float) -> Refusal | None:
+    def cancel_request(self, order: Any, why: str, now_s: float) -> Refusal | None:
         """End the request, running or not."""
         if self._request is None:
             return Refusal("no_drive", "No drive by a distance or angle is in progress.", "robot")
-        self.deny("cancelled", Refusal("cancelled", why, "robot"), now_s)
-        self.end("cancelled", why, now_s)
+        self.tell(Ending(Cause.CANCELLED, Refusal("cancelled", why, "robot")), now_s)
         return None
+
+    def drop(self, ending: Ending, now_s: float) -> None:
+        """Refuse a request that has not started."""
+        outcome = "control_lost" if ending.cause is Cause.CONTROL_ENDED else ending.refusal.code
+        self.deny(outcome, ending.of_unbegun, now_s)
+
+    def end_running(self, ending: Ending, now_s: float) -> None:
+        """End the request that runs, if any."""
+        code, outcome = ending.refusal.code, _outcome(ending.refusal.code)
+        self.end(outcome, _sentence(ending.refusal.text), now_s, code if ending.cause in _HALTS else None)
 
     def deny(self, outcome: str, refusal: Refusal, now_s: float) -> None:
         """Refuse a request that has not started."""
@@ -248,11 +299,6 @@ class DrivesBy:
             self._request = None
             request.requester.answer(refusal)
             self._record(request, outcome, refusal.text, now_s)
-
-    def halt(self, outcome: str, refusal: Refusal, now_s: float) -> None:
-        """Refuse a request that has not started; end a request that runs."""
-        self.deny(outcome, refusal, now_s)
-        self.end(outcome, refusal.text, now_s)
 
     def end(self, outcome: str, text: str, now_s: float, because: str | None = None) -> None:
         """End the request that runs, if any."""
@@ -271,6 +317,14 @@ class DrivesBy:
             angle_rad=round(request.travelled.angle_rad, 4),
         )
         self._record(request, outcome, text, now_s, because)
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return the request that runs, and how the last one ended."""
+        return {"drive_by": self.view(now_s), "drive_by_ended": self.last}
+
+    def headline(self, now_s: float) -> tuple[object, ...]:
+        """Return what is reported at once: begin and end."""
+        return (self.running_requester, self.last)
 
     def view(self, now_s: float) -> wire.DriveByProgress | None:
         """Return the request that runs, for pages."""
@@ -306,12 +360,17 @@ class DrivesBy:
         }
         said = {"because": because, "text": text}
         figures |= {name: words for name, words in said.items() if words}
-        self._records.outcome(request, "drive.by", outcome, figures, now_s)
+        self._records.outcome(request, wire.DRIVE_BY.end_record, outcome, figures, now_s)
 
 
 def _speed(order: DriveBy) -> float | None:
     """Return the requested speed in m/s or rad/s, if any."""
     return order.speed_mps if order.angle_rad is None else order.speed_radps
+
+
+def _outcome(code: str) -> str:
+    """Return the outcome for the code of a halt or of a refusal."""
+    return _OUTCOMES.get(code, "held_back" if code.startswith("scan_") else code)
 
 
 def _sentence(reason: str) -> str:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 from robots import wire
 from robots.bridge.audit.record_sink import Parameters
 from robots.bridge.audit.records import Records, Requester
 from robots.bridge.config import LimbSource
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
+from robots.bridge.tasks.task import Cause, Ending
 from robots.wire import Limb, MoveLimb, Refusal
 
 TOP_TO_MEAN_SPEED = 1.5  # top speed / mean speed of a controller that begins and ends at rest
@@ -25,18 +26,22 @@ LOST_S = 5.0  # after this time without joint states, it is unknown whether the 
 OBEYS_S = 5.0  # a cancelled goal that the controller still reports is given up after this, if the limb stands
 
 
-class LimbMover(Protocol):
+class LimbMover(ABC):
     """The robot's limbs."""
 
+    @abstractmethod
     def limb_at(self, limb: Limb) -> float | None:
         """Return a limb's position by joint states (metres); None: unknown."""
 
+    @abstractmethod
     def limb_has_listener(self, limb: Limb) -> bool:
         """Return whether a node of the robot takes goals for this limb."""
 
+    @abstractmethod
     def move_limb(self, limb: Limb, goal_id: str, to_m: float, seconds: float) -> None:
         """Send a goal."""
 
+    @abstractmethod
     def cancel_limb(self, limb: Limb, goal_id: str) -> None:
         """Cancel this goal and no other."""
 
@@ -120,10 +125,11 @@ class LimbMove(Goals[Target]):
 
     def begin(self, order: MoveLimb, requester: Requester, now_s: float) -> None:
         """End a move in progress and record the new request. `start` sends it when it is recorded."""
-        self.halt(Refusal("replaced", "A new request replaced it.", "robot"), now_s)
-        self._end("cancelled", "", now_s)
+        replaced = Refusal("replaced", "A new request replaced it.", "robot")
+        self.deny(replaced, now_s)
+        self.leave(Ending(Cause.SUPERSEDED, replaced), now_s)
         what = {"limb": self._limb, "to_m": round(order.to_m, 4)}
-        number = self._records.request(requester.holder, "limb.start", what, now_s)
+        number = self._records.request(requester.holder, wire.LIMB.record, what, now_s)
         self._current = Goal(requester, number, now_s, Target(order), self._limb)
 
     @property
@@ -151,18 +157,6 @@ class LimbMove(Goals[Target]):
         to_m = min(max(target.order.to_m, low), high)
         self._may_hold = False
         self._mover.move_limb(self._limb, goal.sent(now_s), to_m, target.seconds)
-
-    def halt(self, refusal: Refusal, now_s: float) -> None:
-        """Cancel a move that runs; drop a move that has not begun."""
-        if self.begun:
-            self.cancel(refusal.code, refusal.text)
-        else:
-            self.deny(refusal, now_s)
-
-    def close(self, refusal: Refusal, now_s: float) -> None:
-        """End the move: the bridge ends, and nobody else watches the limb."""
-        self.halt(refusal, now_s)
-        self._end("cancelled", "", now_s)
 
     def tick(self, now_s: float) -> None:
         """Check the move by joint states; give up a goal that the controller does not answer."""
@@ -323,4 +317,4 @@ class LimbMove(Goals[Target]):
             figures = {**figures, "at_m": round(at_m, 3)}
         if text:
             figures = {**figures, "text": text}
-        self._records.outcome(goal, "limb.end", outcome, figures, now_s)
+        self._records.outcome(goal, wire.LIMB.end_record, outcome, figures, now_s)

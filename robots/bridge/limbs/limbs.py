@@ -9,43 +9,63 @@ an arm may always move its torso.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from typing import Any
 
 from robots import wire
-from robots.bridge.audit.records import Records, Requester
-from robots.bridge.config import BridgeConfig
+from robots.bridge.audit.records import Requester
 from robots.bridge.gate.geometry.arm_discs import KNOWN_S
 from robots.bridge.limbs.limb_move import LimbMove, LimbMover
-from robots.wire import Limb, MoveLimb, Refusal
+from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
+from robots.wire import Grant, Limb, Refusal
 
-WhyNot = Callable[[Requester, float], Refusal | None]
 
-
-class Limbs:
+class Limbs(TaskPart):
     """The limbs of one robot that people can move."""
 
-    def __init__(self, config: BridgeConfig, mover: LimbMover, records: Records) -> None:
+    kinds = (wire.LIMB,)
+    reactions = {
+        Cause.CANCELLED: Reaction.END,
+        Cause.SUPERSEDED: Reaction.GO_ON,
+        Cause.GATE: Reaction.GO_ON,
+        Cause.HALTED: Reaction.GO_ON,
+        Cause.ROBOT_GONE: Reaction.GO_ON,
+        Cause.STOPPED: Reaction.END,
+        Cause.CONTROL_ENDED: Reaction.END,
+        Cause.PAGE_LEFT: Reaction.DROP,
+        Cause.LINK_LOST: Reaction.END,
+        Cause.UNRECORDED: Reaction.END,
+        Cause.BRIDGE_ENDED: Reaction.LEAVE,
+    }
+    excludes = frozenset({Activity.DRIVE, Activity.NAVIGATE, Activity.MOVE_ARM})
+    neutral_words = {"limb_moving": "nothing drives while gripper or torso move"}
+
+    def __init__(self, context: Context) -> None:
+        config, mover = context.config, context.robot.part(LimbMover)
+        sources = config.topics.limbs if mover else {}
+        self._context = context
         self._moves = {
-            limb: LimbMove(limb, source, mover, records) for limb, source in config.topics.limbs.items()
+            limb: LimbMove(limb, source, mover, context.records) for limb, source in sources.items() if mover
         }
         self._has_arm = config.gate.has_arm or config.topics.arm is not None
         self._at_home_s = -math.inf
 
-    def take(self, order: MoveLimb, requester: Requester, why_not: WhyNot, now_s: float) -> None:
-        """Begin a move, or answer with a refusal. `why_not` checks the rules of all tasks."""
-        refusal = self._why_not(order.limb, order.to_m, requester, why_not, now_s)
+    def take(self, order: wire.MoveLimb, grant: Grant, requester: Requester, now_s: float) -> None:
+        """Begin a move, or answer with a refusal."""
+        refusal = self._why_not(order.limb, order.to_m, requester, now_s)
         if refusal is not None:
             requester.answer(refusal)
             return
         self._moves[order.limb].begin(order, requester, now_s)
 
-    def _why_not(
-        self, limb: Limb, to_m: float, requester: Requester, why_not: WhyNot, now_s: float
-    ) -> Refusal | None:
+    def _why_not(self, limb: Limb, to_m: float, requester: Requester, now_s: float) -> Refusal | None:
         if limb not in self._moves:
             return Refusal("no_limb", f"This robot has no {limb} that people can move.", "robot")
+        rules = self._context.rules
         return (
-            why_not(requester, now_s)
+            rules.why_not_begin(requester, now_s)
+            or self._context.tasks.blocks(Activity.MOVE_ARM, now_s, but=self)
+            or rules.why_not_still(now_s)
             or (self._arm_away(now_s) if limb == "torso" else None)
             or self._moves[limb].refuse(to_m, now_s)
         )
@@ -61,20 +81,22 @@ class Limbs:
         if at_home:
             self._at_home_s = now_s
         elif torso := self._moves.get("torso"):
-            torso.halt(Refusal("arm_away", "The robot’s arm left its home.", "robot"), now_s)
+            away = Refusal("arm_away", "The robot’s arm left its home.", "robot")
+            torso.deny(away, now_s)
+            torso.end_running(Ending(Cause.CANCELLED, away), now_s)
 
     @property
-    def lost(self) -> Limb | None:
+    def _lost(self) -> Limb | None:
         """A limb that may still move, but its joint states have ended; None: there is no such limb."""
         return next((limb for limb, move in self._moves.items() if move.is_lost and not move.runs), None)
 
-    def busy(self, *, crawls: bool = False) -> Refusal | None:
-        """Return why the base must stand and no motion may begin: a limb moves.
+    def blocks(self, activity: Activity, now_s: float) -> Refusal | None:
+        """Return a refusal while a limb moves.
 
-        `crawls`: ignore a lost limb. The base may drive with it, because the gate limits the base to a crawl.
+        The base may drive with a lost limb: the gate limits it to a crawl.
         """
         for limb, move in self._moves.items():
-            if crawls and move.is_lost and not move.runs:
+            if activity is Activity.DRIVE and move.is_lost and not move.runs:
                 continue
             if move.runs:
                 text = f"The robot moves its {limb}: wait until it is there, or cancel the move."
@@ -84,59 +106,63 @@ class Limbs:
                 return Refusal("limb_moving", text, "robot", {"limb": limb})
         return None
 
-    def cancel(self, limb: Limb) -> Refusal | None:
-        """Cancel a move for the holder."""
-        if limb in self._moves and self._moves[limb].cancel("cancelled", "Its holder cancelled it."):
-            return None
-        return Refusal("no_move", f"The {limb} is not moved by this console.", "robot")
+    def cancel_request(self, order: wire.LimbCancel, why: str, now_s: float) -> Refusal | None:
+        """Cancel a move."""
+        move = self._moves.get(order.limb)
+        if move is None or not move.runs:
+            return Refusal("no_move", f"The {order.limb} is not moved by this console.", "robot")
+        ending = Ending(Cause.CANCELLED, Refusal("cancelled", why, "robot"))
+        move.drop(ending, now_s)
+        move.end_running(ending, now_s)
+        return None
 
     @property
     def under_way(self) -> list[str]:
         """Moves in progress, in words."""
         return [words for move in self._moves.values() for words in move.under_way]
 
-    def tick(self, why_not: WhyNot, now_s: float) -> None:
+    def tick(self, now_s: float) -> None:
         """Send moves whose record is written; check moves in progress."""
         for limb, move in self._moves.items():
             requester, to_m = move.due, move.to_m
             if requester is not None and to_m is not None:
-                refusal = self._why_not(limb, to_m, requester, why_not, now_s)
+                refusal = self._why_not(limb, to_m, requester, now_s)
                 if refusal is not None:
                     move.deny(refusal, now_s)
             move.start(now_s)
             move.tick(now_s)
         if self._arm_away(now_s) and (torso := self._moves.get("torso")) and torso.begun:
             torso.cancel("arm_away", "The position of the robot’s arm is unknown now.")
+        self._context.gate.observe_lost_limb(self._lost)
 
-    def end(self, refusal: Refusal, now_s: float) -> None:
-        """Cancel moves that run, and drop moves that have not begun."""
+    def drop(self, ending: Ending, now_s: float) -> None:
+        """Refuse moves that have not begun."""
         for move in self._moves.values():
-            move.halt(refusal, now_s)
+            move.drop(ending, now_s)
 
-    def deny(self, refusal: Refusal, now_s: float) -> None:
-        """Drop moves that have not begun: their page is gone."""
+    def end_running(self, ending: Ending, now_s: float) -> None:
+        """Cancel moves that run."""
         for move in self._moves.values():
-            move.deny(refusal, now_s)
+            move.end_running(ending, now_s)
 
-    def close(self, refusal: Refusal, now_s: float) -> None:
-        """End all moves: the bridge ends."""
+    def leave(self, ending: Ending, now_s: float) -> None:
+        """End all moves: the bridge ends, and nobody else watches the limbs."""
         for move in self._moves.values():
-            move.close(refusal, now_s)
+            move.leave(ending, now_s)
 
     @property
-    def moves(self) -> Iterable[LimbMove]:
-        """The moves of all limbs."""
+    def ends(self) -> Iterable[LimbMove]:
+        """The moves of all limbs show their ends."""
         return self._moves.values()
 
     def move(self, limb: Limb) -> LimbMove:
         """Return the move of a limb, to pass it the robot's reports."""
         return self._moves[limb]
 
-    def view(self, now_s: float) -> dict[Limb, wire.LimbState]:
-        """Return the limbs for pages."""
-        return {limb: move.view(now_s) for limb, move in self._moves.items()}
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return the limbs."""
+        return {"limbs": {limb: move.view(now_s) for limb, move in self._moves.items()}}
 
-    @property
-    def headline(self) -> tuple[object, ...]:
-        """The part of the state whose changes are reported at once."""
+    def headline(self, now_s: float) -> tuple[object, ...]:
+        """Return what is reported at once: begin and end of each move."""
         return tuple((move.to_m, move.runs, move.last) for move in self._moves.values())

@@ -8,15 +8,14 @@ its own topic. When the goal ends for any reason, the bridge sends zeros again u
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any
 
 from robots import wire
-from robots.bridge.audit.records import Records, Requester
-from robots.bridge.config import BridgeConfig
+from robots.bridge.audit.records import Requester
 from robots.bridge.gate import navigation_watch
-from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import KNOWN_S
 from robots.bridge.gate.geometry.planar import NO_POINTS, Points
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
@@ -26,7 +25,9 @@ from robots.bridge.navigation.localisation import Localisation, Spread
 from robots.bridge.navigation.path import PlannedPath
 from robots.bridge.navigation.sensor_grace import MAY_PASS, SensorGrace
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, Goal, Goals
-from robots.wire import Go, Refusal
+from robots.bridge.tasks.input_routing import InputRouting
+from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
+from robots.wire import Go, Grant, Refusal
 
 CONFIRMED_S = 2.0  # the goal ends after this time without a sign of the holder's client
 ANSWERS_S = 5.0  # the goal ends after this time without a report from navigation, while the robot stands
@@ -49,6 +50,11 @@ _MAY_COME = frozenset(
 NO_NAVIGATION = Refusal(
     "no_navigation", "This robot has no navigation of its own that the console knows.", "robot"
 )
+NO_WATCHDOG = Refusal(
+    "watchdog_missing",
+    "The robot’s watchdog does not answer: if the bridge failed, nobody would stop the drive. Tell staff.",
+    "robot",
+)
 OTHER_MAP = Refusal(
     "map_changed", "The robot has another map now. Look at the new one, then choose again.", "robot"
 )
@@ -67,25 +73,32 @@ _OUTCOMES = {
     "page_back": "control_lost",
     "link_lost": "control_lost",
 }
+# Causes that halt the base: their code says why the goal ended.
+_HALTS = {Cause.GATE, Cause.HALTED, Cause.ROBOT_GONE, Cause.CONTROL_ENDED}
 # Outcome of the goal, by navigation's result.
 _RESULTS = {"succeeded": "arrived", "cancelled": "intruder"}
 
 
-class Navigator(Protocol):
+class Navigator(ABC):
     """The robot's navigation, as this module uses it."""
 
+    @abstractmethod
     def navigates(self) -> bool:
         """Return whether a node of the robot takes goals now."""
 
+    @abstractmethod
     def go(self, goal_id: str, goal: Pose) -> None:
         """Send a goal."""
 
+    @abstractmethod
     def cancel_navigation(self, goal_id: str) -> None:
         """Cancel this goal and no other."""
 
+    @abstractmethod
     def set_pose(self, pose: Pose) -> None:
         """Send the robot its pose on its map."""
 
+    @abstractmethod
     def located(self) -> tuple[float, Pose] | None:
         """Return the stamp of the newest transform from map to odometry, and the transform; None: unknown."""
 
@@ -108,22 +121,38 @@ class Target:
         return Pose(self.order.x, self.order.y, self.order.heading)
 
 
-class NavigationGoals(Goals[Target]):
+class NavigationGoals(Goals[Target], TaskPart):
     """Goals of the robot's own navigation, one at a time: the drive to a place in progress, if any."""
 
-    def __init__(
-        self, config: BridgeConfig, navigator: Navigator, gate: Gate, records: Records, earlier_goal: str = ""
-    ) -> None:
-        """`earlier_goal`: the goal that the bridge before a restart may have left (its last `may_drive_to`)."""
-        super().__init__(records, lambda goal_id, _topic: navigator.cancel_navigation(goal_id))
+    kinds = (wire.GO,)
+    reactions = {
+        Cause.CANCELLED: Reaction.END,
+        Cause.SUPERSEDED: Reaction.END,
+        Cause.GATE: Reaction.HALT,
+        Cause.HALTED: Reaction.HALT,
+        Cause.ROBOT_GONE: Reaction.HALT,
+        Cause.STOPPED: Reaction.END,
+        Cause.CONTROL_ENDED: Reaction.END,
+        Cause.PAGE_LEFT: Reaction.DROP,
+        Cause.LINK_LOST: Reaction.GO_ON,
+        Cause.UNRECORDED: Reaction.END,
+        Cause.BRIDGE_ENDED: Reaction.LEAVE,
+    }
+    outcomes = {Cause.CONTROL_ENDED: "control_lost", Cause.GATE: "held_back"}
+    excludes = frozenset({Activity.TURN_HEAD})
+
+    def __init__(self, context: Context) -> None:
+        config, gate, records = context.config, context.gate, context.records
+        super().__init__(records, lambda goal_id, _topic: self._cancel_on_robot(goal_id))
+        self._context = context
         self._source = config.topics.navigation
         self._has_arm = config.gate.has_arm
         self._has_head = config.topics.head is not None
-        self._navigator = navigator
+        self._navigator = context.robot.part(Navigator)
         self._gate = gate
         self.localisation = Localisation()
         self.path = PlannedPath()
-        self.hold = Hold(records, navigator.cancel_navigation, earlier_goal)
+        self.hold = Hold(records, self._cancel_on_robot, context.left_goal)
         self._map: GoalMap | None = None
         self._digest = ""  # of the last known map, also while the present one is unknown
         self._doubted_s = math.inf  # since when the robot may have another map
@@ -139,11 +168,51 @@ class NavigationGoals(Goals[Target]):
         self._reported_s = -math.inf  # when navigation last reported its goals
         self.last: wire.GoEnd | None = None  # how the last goal ended, for pages
 
+    def _cancel_on_robot(self, goal_id: str) -> None:
+        if self._navigator is not None:
+            self._navigator.cancel_navigation(goal_id)
+
+    # --- requests -------------------------------------------------------------------------------------
+
+    def take(self, order: Go, grant: Grant, requester: Requester, now_s: float) -> None:
+        """Record a goal, if no rule forbids it, or if the cause may end by itself in a moment."""
+        self.controlled(order.fence, now_s)
+        refusal = self.busy() or self._why_not(order, requester, now_s)
+        if refusal is not None and not self.may_come(refusal, now_s):
+            requester.answer(refusal)
+            return
+        self._begin(order, requester, now_s)
+
+    def cancel_request(self, order: Any, why: str, now_s: float) -> Refusal | None:
+        """Cancel the goal."""
+        if self._current is None:
+            return Refusal("no_goal", "No drive to a place is in progress.", "robot")
+        self.tell(Ending(Cause.CANCELLED, Refusal("cancelled", why, "robot")), now_s)
+        return None
+
+    def blocks(self, activity: Activity, now_s: float) -> Refusal | None:
+        """Return a refusal while a goal is in progress: the head looks where the robot drives."""
+        return self.busy() if activity in self.excludes else None
+
     # --- rules ----------------------------------------------------------------------------------------
+
+    def _why_not(self, order: Go, requester: Requester, now_s: float) -> Refusal | None:
+        """Return the first rule that forbids a drive to a place. Other goals are checked elsewhere."""
+        rules, tasks = self._context.rules, self._context.tasks
+        return (
+            rules.why_not_begin(requester, now_s)
+            or tasks.blocks(Activity.NAVIGATE, now_s)
+            or rules.why_not_still(now_s)
+            or (NO_WATCHDOG if rules.watchdog_missing else None)
+            or self.refuse_map(order.map)
+            or self.refuse(
+                Pose(order.x, order.y, order.heading), tasks.part(InputRouting).topic("drive"), now_s
+            )
+        )
 
     def refuse(self, goal: Pose, drive_topic: str, now_s: float) -> Refusal | None:
         """Return why the robot cannot be sent to `goal`. Rules of all tasks are checked elsewhere."""
-        if self._source is None:
+        if self._source is None or self._navigator is None:
             return NO_NAVIGATION
         if self.hold.is_disobeyed:
             return Refusal("navigation_goes_on", self.hold.why, "robot")
@@ -207,12 +276,12 @@ class NavigationGoals(Goals[Target]):
 
     # --- a goal ---------------------------------------------------------------------------------------
 
-    def begin(self, order: Go, requester: Requester, now_s: float) -> None:
-        """Record the goal. `start` then sends it and answers the requester."""
+    def _begin(self, order: Go, requester: Requester, now_s: float) -> None:
+        """Record the goal. `tick` then sends it and answers the requester."""
         place: dict[str, str | float | None] = {"x_m": order.x, "y_m": order.y, "heading_rad": order.heading}
         if order.place:
             place["place"] = order.place
-        number = self._records.request(requester.holder, "go.start", place, now_s)
+        number = self._records.request(requester.holder, wire.GO.record, place, now_s)
         topic = self._source.action if self._source else ""
         self._current = Goal(requester, number, now_s, Target(order), topic)
 
@@ -222,19 +291,19 @@ class NavigationGoals(Goals[Target]):
         goal = self._current
         return goal.what.order if goal is not None and goal.id is None and goal.number.done() else None
 
-    @property
-    def unrecorded(self) -> bool:
-        """Whether the goal that is due must be refused because its record failed."""
-        return (
-            self.due is not None
-            and self._current is not None
-            and self._current.number.exception() is not None
-        )
-
-    def start(self, now_s: float) -> None:
-        """Send the goal that is due, or refuse it if its record failed."""
+    def _start_due(self, now_s: float) -> None:
+        """Send the goal that is due, if no rule forbids it. Refuse it if its record failed."""
+        order, requester = self.due, self.waiting
+        if order is None:
+            return
+        if requester is not None and self._current is not None and self._current.number.exception() is None:
+            refusal = self._why_not(order, requester, now_s)
+            if refusal is not None and self.may_come(refusal, now_s):
+                return
+            if refusal is not None:
+                self.deny(refusal, now_s)
         goal = self._recorded(now_s)
-        if goal is None:
+        if goal is None or self._navigator is None:
             return
         goal.what.heard_s = now_s
         goal.what.digest = self._map.digest if self._map else ""
@@ -279,14 +348,13 @@ class NavigationGoals(Goals[Target]):
             self.cancel(outcome, text)
             self.hold.begin(goal.id, now_s)
 
-    def halted(self, code: str, reason: str, now_s: float) -> None:
-        """End a goal that runs: the robot was halted. A goal that is not sent is checked when it is due.
-
-        For a stop, do nothing here: `HolderTasks.stopped` ends the goal a moment later, with the name of the
-        person.
-        """
-        if self.driving_requester and code != "stopped":
-            self.end(_OUTCOMES.get(code, code), _sentence(reason), now_s, code)
+    def end_running(self, ending: Ending, now_s: float) -> None:
+        """Cancel a goal that was sent."""
+        if self.begun:
+            code = ending.refusal.code
+            outcome = _OUTCOMES.get(code) or self._worded(ending).code
+            because = code if ending.cause in _HALTS else None
+            self.end(outcome, _sentence(ending.refusal.text), now_s, because)
 
     def judge(self, now_s: float) -> Verdict:
         """Return the gate's verdict on how navigation drives the robot; "free": navigation may continue."""
@@ -314,36 +382,25 @@ class NavigationGoals(Goals[Target]):
         if self._current is not None:
             self._current.what.sensor_grace.note_no_fault(now_s)
 
-    def end_by_gate(self, verdict: Verdict, now_s: float) -> None:
-        """End the goal: the gate's verdict forbids it."""
-        self.end("held_back", _sentence(verdict.text), now_s, verdict.code)
-
     def end_if_unconfirmed(self, confirmed_s: float, now_s: float) -> None:
         """End the goal if its holder's client has been silent for `CONFIRMED_S`."""
         if now_s - confirmed_s > CONFIRMED_S:
             text = f"Nothing came from the holder’s page or program for {CONFIRMED_S:.0f} s."
             self.end("control_lost", text, now_s, "dead_man")
 
-    def withdraw(self, now_s: float) -> Refusal | None:
-        """Cancel the goal for the holder."""
-        if self._current is None:
-            return Refusal("no_goal", "No drive to a place is in progress.", "robot")
-        self.end("cancelled", "Its holder cancelled it.", now_s)
-        return None
-
-    def close(self, refusal: Refusal, now_s: float) -> None:
-        """End the goal: the bridge ends, and nobody else watches the base."""
-        self.end(refusal.code, refusal.text, now_s)
-        self._end("cancelled", "", now_s)
-
     # --- events ---------------------------------------------------------------------------------------
 
-    def tick(self, now_s: float, fence: int | None = None, still: bool | None = None) -> None:
+    def tick(self, now_s: float) -> None:
+        """Watch the goal in progress, then send a goal that is due."""
+        grant = self._context.rules.lease.current
+        if self._source is not None and self._navigator is not None:
+            self._watch(self._navigator, grant.fence if grant else None, now_s)
+        self._start_due(now_s)
+
+    def _watch(self, navigator: Navigator, fence: int | None, now_s: float) -> None:
         """Check localisation; give up a goal without reports; hold the base until navigation is quiet."""
-        if self._source is None:
-            return
         self.controlled(fence, now_s)
-        located = self._navigator.located()
+        located = navigator.located()
         if located is not None and self.localisation.transformed(*located, now_s) and self.driving_requester:
             text = f"The robot’s place on its map jumped by {self.localisation.jumped_m:.1f} m."
             self.end("location_jumped", text, now_s)
@@ -367,6 +424,7 @@ class NavigationGoals(Goals[Target]):
         ):
             self.end("arm_away", "The position of the robot’s arm is unknown now.", now_s)
         runs_on = self.hold.goal_id in self._strays and now_s - self._reported_s < REPORTS_S
+        still = self._gate.standstill(now_s)
         self.hold.tick(still, bool(self._busy(now_s)) and fence is None, runs_on or self._ending, now_s)
 
     def controlled(self, fence: int | None, now_s: float) -> None:
@@ -456,7 +514,7 @@ class NavigationGoals(Goals[Target]):
         for goal_id, cancelled_s in self._strays.items():
             if now_s - cancelled_s >= CANCEL_AGAIN_S:
                 self._strays[goal_id] = now_s
-                self._navigator.cancel_navigation(goal_id)
+                self._cancel_on_robot(goal_id)
 
     def answered(self, goal_id: str, now_s: float) -> None:
         """Take feedback on a goal."""
@@ -480,6 +538,20 @@ class NavigationGoals(Goals[Target]):
         return wire.GoPath(self.path.centimetres if self.driving_requester else [])
 
     # --- for pages and records --------------------------------------------------------------------------
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return the goal in progress, how the last one ended, and the robot's pose."""
+        return {
+            "location": self.location(now_s, self._context.rules.lease.current is not None),
+            "going": self.view(now_s),
+            "going_ended": self.last,
+            "navigation_held": self.hold.why,
+        }
+
+    def headline(self, now_s: float) -> tuple[object, ...]:
+        """Return what is reported at once: begin and end of goal and hold."""
+        goal = self.view(now_s)
+        return (goal and (goal.number, goal.ending), self.last, self.hold.why)
 
     def view(self, now_s: float) -> wire.GoProgress | None:
         """Return the goal in progress."""
@@ -526,7 +598,7 @@ class NavigationGoals(Goals[Target]):
             "text": text,
         }
         told = {name: value for name, value in figures.items() if value is not None and value != ""}
-        self._records.outcome(goal, "go.end", outcome, told, now_s)
+        self._records.outcome(goal, wire.GO.end_record, outcome, told, now_s)
 
 
 def _number(goal: Goal[Target]) -> int | None:

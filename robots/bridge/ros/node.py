@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 import rospy
@@ -58,12 +58,13 @@ from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, pu
 from robots.bridge.ros.tasks.speech import SpeechTopics
 from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.bridge.tasks.head import Aim
-from robots.bridge.tasks.holder_tasks import Swept
 from robots.bridge.tasks.input_routing import goal_topic
+from robots.bridge.tasks.motions import Swept
 from robots.bridge.tasks.speech import Utterance
 from robots.wire import Limb, MotionOffer, Use
 
 log = logging.getLogger(__name__)
+P = TypeVar("P")
 
 FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
@@ -136,6 +137,9 @@ class RosBase:
         return self._joints.shown(now_s) if self._joints else {}
 
     # --- called by Core ----------------------------------------------------------------------------
+
+    def part(self, kind: type[P]) -> P | None:
+        return self  # type: ignore[return-value]
 
     def joint(self, name: str) -> float | None:
         """Return the position of a joint (rad or m); None if it was not reported lately."""

@@ -7,9 +7,9 @@ sees it. So a depth point counts as an obstacle only if the joint positions show
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Collection, Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +32,14 @@ LATELY_S = 1.0
 BESIDE_ARM_M = 0.10
 
 
-class ArmModel(Protocol):
+class ArmModel(ABC):
     """Source of the arm's position."""
 
+    @abstractmethod
     def arm(self) -> tuple[Disc, ...] | None:
         """Return the discs that the arm covers now; None if joint states or the robot's description are missing."""
 
+    @abstractmethod
     def arm_problem(self) -> str:
         """Return in words why the arm's position is unknown now, but should be known; empty: it is known."""
 
@@ -45,7 +47,7 @@ class ArmModel(Protocol):
 class ArmClearance:
     """The free space around one robot's arm. While a motion runs, call `refuse` every tick."""
 
-    def __init__(self, gate: Gate, arm: ArmModel) -> None:
+    def __init__(self, gate: Gate, arm: ArmModel | None) -> None:
         self._gate = gate
         self._arm = arm
         # where the arm was recently, while it moves
@@ -54,7 +56,7 @@ class ArmClearance:
 
     def refuse(self, space: Sequence[Disc], now_s: float, *, running: bool = False) -> Refusal | None:
         """Return why the arm may not sweep `space`, or not continue: an obstacle is there, or a sensor is missing."""
-        problem = self._arm.arm_problem()
+        problem = self._arm.arm_problem() if self._arm else ""
         if not running:
             self._lately.clear()
         if not running or not problem:
@@ -91,7 +93,7 @@ class ArmClearance:
         return Refusal("motion_blocked", text, "gate", {"sensor": sensor, "distance_m": gap_m, "side": side})
 
     def _follow_arm(self, now_s: float) -> None:
-        self._lately.append((now_s, self._arm.arm()))
+        self._lately.append((now_s, self._arm.arm() if self._arm else None))
         while now_s - self._lately[0][0] > LATELY_S:
             self._lately.popleft()
 

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 from uuid import uuid4
 
+from msgspec import structs
+
 from robots.bridge.audit.records import RecordedTask, Records, Requester
+from robots.bridge.tasks.task import Cause, Ending
 from robots.wire import Refusal
 
 CANCEL_AGAIN_S = 0.5  # repeat a cancel: the first one may not have reached the robot
@@ -45,6 +48,10 @@ class Goals(ABC, Generic[What]):
 
     `send_cancel(goal_id, topic)` cancels a goal on the robot.
     """
+
+    outcomes: ClassVar[
+        Mapping[Cause, str]
+    ] = {}  # this kind's words for a cause, in place of the refusal's code
 
     def __init__(self, records: Records, send_cancel: Callable[[str, str], None]) -> None:
         self._records = records
@@ -92,6 +99,25 @@ class Goals(ABC, Generic[What]):
             self._record(goal, refusal.code, refusal.text, now_s)
         else:  # the answer was already sent
             self._end(refusal.code, refusal.text, now_s)
+
+    def drop(self, ending: Ending, now_s: float) -> None:
+        """Refuse a goal that is not sent yet."""
+        self.deny(self._worded(ending), now_s)
+
+    def end_running(self, ending: Ending, now_s: float) -> None:
+        """Cancel a goal that was sent. It ends when the robot obeys."""
+        if self.begun:
+            refusal = self._worded(ending)
+            self.cancel(refusal.code, refusal.text)
+
+    def leave(self, ending: Ending, now_s: float) -> None:
+        """Cancel a goal that was sent, and record its end now: the bridge ends."""
+        self.end_running(ending, now_s)
+        self._end("cancelled", "", now_s)
+
+    def _worded(self, ending: Ending) -> Refusal:
+        code = self.outcomes.get(ending.cause, ending.refusal.code)
+        return structs.replace(ending.refusal, code=code)
 
     def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
         """Take the robot's report that a goal has ended."""

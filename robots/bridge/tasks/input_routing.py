@@ -7,45 +7,35 @@ control, or when the subscriber is gone; the end is recorded as well.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any
+
+from msgspec import structs
 
 from robots import wire
-from robots.bridge.audit.records import RecordedTask, Records, Requester
-from robots.bridge.config import BridgeConfig, Topic
-from robots.wire import Refusal, Role, Use
+from robots.bridge.audit.records import RecordedTask, Requester
+from robots.bridge.config import Topic
+from robots.bridge.tasks.task import Cause, Context, Ending, Reaction, TaskPart
+from robots.wire import Grant, Refusal, Role, Use
 
 NAMES: dict[Use, str] = {"drive": "driving", "speech": "speech", "motions": "motions"}
 PARTING_S = 1.0  # when its holder's control has ended, a chosen drive topic gets zeros for at most this time
 PATIENCE_S = 3.0  # time limit for connecting; then the person may ask again
 
 
-class InputSwitch(Protocol):
+class InputSwitch(ABC):
     """Connects to the robot's topics."""
 
+    @abstractmethod
     def attend(self, use: Use, topics: frozenset[str]) -> None:
         """Connect to exactly these topics of the use. Returns at once; `InputRouting.attended` follows."""
 
+    @abstractmethod
     def drive_to(self, topic: str) -> None:
         """Publish velocities on this topic from now on. It is one of the connected topics."""
-
-    def read_motions(self) -> None:
-        """Ask the robot for its motions. Returns at once; `Capabilities.read` follows for each action."""
-
-
-class RoutingRules(Protocol):
-    """The core, as input routing uses it."""
-
-    def why_not_begin(self, requester: Requester, now_s: float) -> Refusal | None:
-        """Return why a requested task may not begin now: control lost, page gone, or the robot takes no request."""
-
-    def why_not_still(self, now_s: float) -> Refusal | None:
-        """Return a refusal if the base moves or is commanded to move."""
-
-    def halt(self, code: str, reason: str, now_s: float) -> None:
-        """Send zero now and require neutral before the robot moves again."""
 
 
 @dataclass(eq=False)
@@ -56,13 +46,26 @@ class _Route(RecordedTask):
     begun: bool = False  # recorded, and being connected
 
 
-class InputRouting:
+class InputRouting(TaskPart):
     """The topics of one robot that take a holder's input, by use. For an action, its name is the topic."""
 
-    def __init__(
-        self, config: BridgeConfig, switch: InputSwitch, records: Records, rules: RoutingRules
-    ) -> None:
-        topics = config.topics
+    kinds = (wire.CHOOSE,)
+    reactions = {
+        Cause.CANCELLED: Reaction.GO_ON,
+        Cause.SUPERSEDED: Reaction.GO_ON,
+        Cause.GATE: Reaction.GO_ON,
+        Cause.HALTED: Reaction.GO_ON,
+        Cause.ROBOT_GONE: Reaction.GO_ON,
+        Cause.STOPPED: Reaction.GO_ON,
+        Cause.CONTROL_ENDED: Reaction.END,
+        Cause.PAGE_LEFT: Reaction.DROP,
+        Cause.LINK_LOST: Reaction.GO_ON,
+        Cause.UNRECORDED: Reaction.DROP,
+        Cause.BRIDGE_ENDED: Reaction.LEAVE,
+    }
+
+    def __init__(self, context: Context) -> None:
+        config, topics = context.config, context.config.topics
         offered: dict[Use, Topic | None] = {
             "drive": topics.drive,
             "speech": topics.speech,
@@ -72,9 +75,10 @@ class InputRouting:
         self.gone: dict[Use, wire.ChoiceEnd] = {}
         self._made: dict[Use, _Route] = {}  # choices other than the default
         self._defaults = {use: topic for use, topic in offered.items() if topic is not None}
-        self._switch = switch
-        self._records = records
-        self._rules = rules
+        self._switch = context.robot.part(InputSwitch)
+        self._tasks = context.tasks
+        self._records = context.records
+        self._rules = context.rules
         self._roles: dict[Use, dict[str, Role]] = {use: {} for use in self._defaults}
         for allowed in config.allowed:
             if allowed.what == "choose" and allowed.use in self._roles:
@@ -132,7 +136,7 @@ class InputRouting:
 
     # --- choosing -------------------------------------------------------------------------------------
 
-    def take(self, order: wire.Choose, requester: Requester, now_s: float) -> None:
+    def take(self, order: wire.Choose, grant: Grant, requester: Requester, now_s: float) -> None:
         """Begin to choose a topic. The requester is answered once, when the choice is made or refused."""
         use = order.use
         refusal = self.refuse(use, order.topic) if order.topic or use not in self._defaults else None
@@ -146,11 +150,11 @@ class InputRouting:
             requester.answer(None)
             return
         parameters = {"use": use, "from": self.topic(use), "to": name}
-        number = self._records.request(requester.holder, "topic.choose", parameters, now_s)
+        number = self._records.request(requester.holder, wire.CHOOSE.record, parameters, now_s)
         self._asked[use] = _Route(requester, number, now_s, name)
 
-    def tick(self, busy: Mapping[Use, Collection[str]], now_s: float) -> None:
-        """Continue with recorded choices. `busy`: by use, topics with a task in progress."""
+    def tick(self, now_s: float) -> None:
+        """Continue with recorded choices."""
         for use, choice in list(self._asked.items()):
             if now_s - choice.since_s > PATIENCE_S:
                 self._withdraw(use, _silent(choice), now_s)
@@ -159,7 +163,7 @@ class InputRouting:
         if self._parted_s is not None:
             self._part(self._parted_s, now_s)
         for use in self._defaults:
-            self._attend(use, busy.get(use, ()))
+            self._attend(use, self._tasks.topics_in_use(use, now_s))
             self._settle(use, now_s)
 
     def attended(self, use: Use, topics: Collection[str] | None, now_s: float) -> None:
@@ -183,28 +187,37 @@ class InputRouting:
                 self.gone[use] = wire.ChoiceEnd(made.number.result(), made.topic, default.name, f"{why}.")
                 self._go_back(use, "gone", why, now_s)
 
-    def control_ended(self, reason: str, now_s: float) -> None:
+    def drop(self, ending: Ending, now_s: float) -> None:
+        """Refuse requested choices that are not made yet."""
+        refusal = ending.refusal
+        if ending.cause is Cause.CONTROL_ENDED:
+            refusal = structs.replace(refusal, code="no_lease")
+        for use in list(self._asked):
+            self._withdraw(use, refusal, now_s)
+
+    def end_running(self, ending: Ending, now_s: float) -> None:
         """Return to the defaults for the next holder.
 
         A base that still rolls first gets zeros on the topic by which it was driven.
         """
-        self.withdraw(Refusal("no_lease", reason, "lease"), now_s)
         for use in list(self._made):
             if use == "drive":
                 self._parted_s = now_s
             else:
-                self._go_back(use, "control_ended", reason, now_s)
+                self._go_back(use, ending.refusal.code, ending.refusal.text, now_s)
 
-    def withdraw(self, refusal: Refusal, now_s: float) -> None:
-        """Drop requested choices that are not made yet."""
-        for use in list(self._asked):
-            self._withdraw(use, refusal, now_s)
-
-    def close(self, refusal: Refusal, now_s: float) -> None:
+    def leave(self, ending: Ending, now_s: float) -> None:
         """Drop all choices: the bridge ends, and the next bridge begins with the defaults."""
-        self.withdraw(refusal, now_s)
         for use in list(self._made):
-            self._end(use, "bridge_ended", now_s)
+            self._end(use, ending.refusal.code, now_s)
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return the chosen topics, and choices that ended by themselves."""
+        return {"chosen": self.chosen, "choice_ended": dict(self.gone)}
+
+    def headline(self, now_s: float) -> tuple[object, ...]:
+        """Return what is reported at once: all of it."""
+        return (self.chosen, dict(self.gone))
 
     # --- inside -----------------------------------------------------------------------------------------
 
@@ -252,16 +265,17 @@ class InputRouting:
     def _end(self, use: Use, outcome: str, now_s: float) -> None:
         made = self._made.pop(use)
         parameters = {"use": use, "from": made.topic, "to": self._defaults[use].name}
-        self._records.outcome(made, "topic.choose", outcome, parameters, now_s)
+        self._records.outcome(made, wire.CHOOSE.end_record, outcome, parameters, now_s)
 
     def _send_to(self, use: Use, name: str, why: str, now_s: float) -> None:
         """Route input to `name`; a base gets its zero on the old topic first."""
         if use == "drive":
             self._parted_s = None
             self._rules.halt("input_moved", why, now_s)
-            self._switch.drive_to(name)
+            if self._switch is not None:
+                self._switch.drive_to(name)
         elif use == "motions":
-            self._switch.read_motions()
+            self._tasks.read_motions()
 
     def _attend(self, use: Use, busy: Collection[str]) -> None:
         """Connect the topics that take input now or soon, and all motion actions."""
@@ -271,8 +285,9 @@ class InputRouting:
         if wanted != self._wanted[use]:
             self._wanted[use] = wanted
             self._connected[use] = wanted & frozenset(self._connected[use])
-            self._unanswered[use] += 1
-            self._switch.attend(use, wanted)
+            if self._switch is not None:
+                self._unanswered[use] += 1
+                self._switch.attend(use, wanted)
 
     def _withdraw(self, use: Use, refusal: Refusal, now_s: float) -> None:
         if asked := self._asked.pop(use, None):
@@ -283,7 +298,7 @@ class InputRouting:
         choice.requester.answer(refusal)
         outcome = refusal.code if refusal else "chosen"
         parameters = {"use": use, "to": choice.topic}
-        self._records.outcome(choice, "topic.choose", outcome, parameters, now_s)
+        self._records.outcome(choice, wire.CHOOSE.end_record, outcome, parameters, now_s)
 
     def _why_no_listener(self, topic: Topic) -> Refusal | None:
         """Return a refusal if, by the last survey, no node subscribes to the topic with its type."""

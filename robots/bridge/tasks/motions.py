@@ -6,26 +6,35 @@ While the request is recorded, the robot is asked for the motion's points. The m
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 from msgspec import Struct
 
 from robots import wire
 from robots.bridge.audit.record_sink import Parameters
-from robots.bridge.audit.records import Records, Requester
+from robots.bridge.audit.records import Requester
 from robots.bridge.gate.geometry.arm_discs import Disc
 from robots.bridge.gate.geometry.arm_sweep import Motion
+from robots.bridge.tasks.arm_clearance import ArmClearance, ArmModel
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
-from robots.wire import Refusal
+from robots.bridge.tasks.input_routing import InputRouting
+from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
+from robots.wire import Grant, Refusal
 
 FARTHEST = 100.0  # rad or m: no joint of an arm goes farther
 # Limit of unwatched goals in memory: any node on the robot's network can invent goal ids.
 MOST_LEFT = 3
 PATIENCE_S = 3.0  # time limit for the motion's points; then the person may ask again
+NO_MOTIONS = Refusal("not_offered", "This robot takes no input for motions.", "robot")
+# Outcome of a motion, by the code of the refusal that ends it.
+_OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}
+# Reasons why a motion forbids other activities.
+_REASONS = {Activity.TURN_HEAD: "may move its head", Activity.FORGET: "needs the gate’s memory"}
 
 
 class _Point(Struct):
@@ -114,14 +123,33 @@ def _offer(name: str, parameters: Any, duration_s: float) -> wire.MotionOffer:
     )
 
 
-class MotionPlayer(Protocol):
+# A callback, called later on the event loop. Arguments: the space that the arm sweeps from its present
+# position (None: the action has no such motion), and the time.
+Swept = Callable[[tuple[Disc, ...] | None, float], None]
+
+
+class MotionPlayer(ABC):
     """Performs motions."""
 
+    @abstractmethod
     def play(self, goal_id: str, motion: str, action: str) -> None:
         """Send the goal."""
 
+    @abstractmethod
     def cancel(self, goal_id: str, action: str) -> None:
         """Cancel this goal and no other."""
+
+    @abstractmethod
+    def read_motions(self) -> None:
+        """Ask the robot for its motions. Returns at once; `Capabilities.read` follows for each action."""
+
+    @abstractmethod
+    def sweep(self, motion: str, action: str, then: Swept) -> None:
+        """Ask the robot for a motion's present points; call `then` with the space that the arm would sweep.
+
+        Returns at once. If the points have changed, the list of motions is read again. If the action had no subscriber
+        at the last survey, `InputRouting.surveyed` is called first with the present subscribers.
+        """
 
 
 @dataclass
@@ -142,17 +170,91 @@ class _UnwatchedGoal:
     outcome: str = "unheard"  # until the robot reports how it ended
 
 
-class Motions(Goals[MotionGoal]):
+class Motions(Goals[MotionGoal], TaskPart):
     """The motion in progress, if any."""
 
-    def __init__(self, player: MotionPlayer, records: Records) -> None:
-        super().__init__(records, player.cancel)
-        self._player = player
+    kinds = (wire.MOTION,)
+    reactions = {
+        Cause.CANCELLED: Reaction.END,
+        Cause.SUPERSEDED: Reaction.GO_ON,
+        Cause.GATE: Reaction.GO_ON,
+        Cause.HALTED: Reaction.GO_ON,
+        Cause.ROBOT_GONE: Reaction.GO_ON,
+        Cause.STOPPED: Reaction.END,
+        Cause.CONTROL_ENDED: Reaction.END,
+        Cause.PAGE_LEFT: Reaction.DROP,
+        Cause.LINK_LOST: Reaction.END,
+        Cause.UNRECORDED: Reaction.END,
+        Cause.BRIDGE_ENDED: Reaction.LEAVE,
+    }
+    excludes = frozenset(Activity)
+    neutral_words = {"motion_running": "nothing drives during a motion"}
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context.records, self._cancel_on_robot)
+        self._context = context
+        self._player = context.robot.part(MotionPlayer)
+        self._clearance = ArmClearance(context.gate, context.robot.part(ArmModel))
         self.last: wire.MotionEnd | None = None  # how the last motion ended, for pages
         # Actions with goals that nobody watches, with the time of the last cancel.
         self._unwatched_actions: dict[str, float] = {}
         # Such goals whose cancels are recorded, by id: at most `MOST_LEFT`.
         self._unwatched_goals: dict[str, _UnwatchedGoal] = {}
+
+    def _cancel_on_robot(self, goal_id: str, action: str) -> None:
+        if self._player is not None:
+            self._player.cancel(goal_id, action)
+
+    # --- rules ----------------------------------------------------------------------------------------
+
+    def take(self, order: wire.Play, grant: Grant, requester: Requester, now_s: float) -> None:
+        """Record the motion and read its present points in parallel, because both take a while."""
+        if self._player is None:
+            requester.answer(NO_MOTIONS)
+            return
+        refusal = self.refuse(now_s) or self._why_not(requester, None, now_s)
+        # The last survey is seconds old: a subscriber may have joined since.
+        if refusal is not None and refusal.code != "no_listener":
+            requester.answer(refusal)
+            return
+        tasks = self._context.tasks
+        routing = tasks.part(InputRouting)
+        action = routing.topic("motions")
+        goal = self._begin(
+            order.motion, tasks.capabilities.title_of(order.motion, action), action, requester, now_s
+        )
+
+        def swept(space: tuple[Disc, ...] | None, now_s: float) -> None:
+            self._take_space(goal, space, now_s, routing.refuse("motions", action))
+            self._watch(now_s)
+
+        self._player.sweep(order.motion, action, swept)
+
+    def cancel_request(self, order: Any, why: str, now_s: float) -> Refusal | None:
+        """Cancel the motion."""
+        if self._current is None:
+            return Refusal("no_motion", "No motion of this console runs.", "robot")
+        self.tell(Ending(Cause.CANCELLED, Refusal("cancelled", why, "robot")), now_s)
+        return None
+
+    def _why_not(self, requester: Requester, action: str | None, now_s: float) -> Refusal | None:
+        """Return the first rule that forbids a motion. Other motions and the arm's space are checked elsewhere."""
+        rules, tasks = self._context.rules, self._context.tasks
+        return (
+            rules.why_not_begin(requester, now_s)
+            or tasks.part(InputRouting).refuse("motions", action)
+            or tasks.blocks(Activity.MOVE_ARM, now_s, but=self)
+            or rules.why_not_still(now_s)
+        )
+
+    def blocks(self, activity: Activity, now_s: float) -> Refusal | None:
+        """Return a refusal while a motion runs, also one of another program."""
+        refusal = self.refuse(now_s)
+        if refusal is not None and activity in _REASONS:
+            return Refusal(
+                "motion_running", f"The robot performs a motion, which {_REASONS[activity]}.", "robot"
+            )
+        return refusal
 
     def refuse(self, now_s: float) -> Refusal | None:
         """Return why the base must stand and no other motion may begin: a motion runs."""
@@ -172,18 +274,17 @@ class Motions(Goals[MotionGoal]):
             return Refusal("motion_running", f"The robot performs a motion that {which}.", "robot")
         return None
 
-    def begin(
+    def _begin(
         self, name: str, title: str, action: str, requester: Requester, now_s: float
     ) -> Goal[MotionGoal]:
-        """Record the request. Then call `take_space` and, when it is due, `start` or `deny`: they answer."""
         number = self._records.request(
-            requester.holder, "motion.start", {"motion": name, "topic": action}, now_s
+            requester.holder, wire.MOTION.record, {"motion": name, "topic": action}, now_s
         )
         self._current = Goal(requester, number, now_s, MotionGoal(name, title), action)
         return self._current
 
-    def take_space(
-        self, goal: Goal[MotionGoal], space: Sequence[Disc] | None, now_s: float, why: Refusal | None = None
+    def _take_space(
+        self, goal: Goal[MotionGoal], space: Sequence[Disc] | None, now_s: float, why: Refusal | None
     ) -> None:
         """Take the space that the arm sweeps by the motion's present points.
 
@@ -198,7 +299,7 @@ class Motions(Goals[MotionGoal]):
             self.deny(why or Refusal("unknown_motion", text, "robot", {"motion": name}), now_s)
 
     @property
-    def due(self) -> bool:
+    def _due(self) -> bool:
         """Return whether the motion can be started or refused.
 
         Its recording has finished (also with an error), and its points are known or not needed.
@@ -210,7 +311,7 @@ class Motions(Goals[MotionGoal]):
         return known or goal.cancelled is not None or goal.number.exception() is not None
 
     @property
-    def space(self) -> Sequence[Disc]:
+    def _space(self) -> Sequence[Disc]:
         """The space that the arm of this console's motion sweeps; empty after a cancel."""
         goal = self._current
         return goal.what.space or () if goal is not None and goal.cancelled is None else ()
@@ -220,20 +321,23 @@ class Motions(Goals[MotionGoal]):
         """The motion in progress, in words."""
         return [f"the motion “{self._current.what.title}”"] if self._current is not None else []
 
-    def halt(self, refusal: Refusal, now_s: float) -> None:
-        """Cancel a running motion; drop a motion that has not started."""
-        if self.begun:
-            self.cancel(refusal.code, refusal.text)
-        else:
-            self.deny(refusal, now_s)
-
-    def start(self, now_s: float) -> None:
-        """Send the goal that is due. Drop it if its record failed or if it was cancelled."""
-        if goal := self._recorded(now_s):
-            self._player.play(goal.sent(now_s), goal.what.name, goal.topic)
+    def _watch(self, now_s: float) -> None:
+        """Start the motion that is due, if no rule forbids it; cancel a motion that must not continue."""
+        if self._due:
+            if requester := self.waiting:
+                refusal = self._why_not(requester, self.topic, now_s)
+                refusal = refusal or self._clearance.refuse(self._space, now_s)
+                if refusal is not None:
+                    self.deny(refusal, now_s)
+            goal = self._recorded(now_s)
+            if goal is not None and self._player is not None:
+                self._player.play(goal.sent(now_s), goal.what.name, goal.topic)
+        elif self.begun and (refusal := self._clearance.refuse(self._space, now_s, running=True)):
+            self.cancel(_OUTCOMES[refusal.code], refusal.text)
 
     def tick(self, now_s: float) -> None:
-        """Give up a goal, or a request for points, that the robot does not answer."""
+        """Start or check the motion. Give up a goal, or a request for points, that the robot does not answer."""
+        self._watch(now_s)
         goal = self._current
         if goal is not None and goal.what.space is None and now_s - goal.since_s >= PATIENCE_S:
             text = "The robot took too long to send the motion’s points: ask again."
@@ -254,13 +358,20 @@ class Motions(Goals[MotionGoal]):
         self._find_own(action, goal_ids, now_s)
         self._cancel_unwatched(action, goal_ids, now_s)
 
-    def close(self, refusal: Refusal, now_s: float) -> None:
+    def leave(self, ending: Ending, now_s: float) -> None:
         """Cancel the motion: the bridge ends, and nobody else watches the arm."""
-        self.deny(refusal, now_s)
         self.cancel("control_ended", "The bridge ended.")
         self._end("cancelled", "", now_s)
         for goal_id in list(self._unwatched_goals):
-            self._record_unwatched_end(goal_id, refusal.code, now_s)
+            self._record_unwatched_end(goal_id, ending.refusal.code, now_s)
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return the motion in progress, and how the last one ended."""
+        return {"motion": self.view(now_s), "motion_ended": self.last}
+
+    def headline(self, now_s: float) -> tuple[object, ...]:
+        """Return what is reported at once: begin and end."""
+        return (self._current and self._current.what.name, self.last)
 
     def view(self, now_s: float) -> wire.Motion | None:
         """Return the motion in progress, for pages."""
@@ -297,4 +408,4 @@ class Motions(Goals[MotionGoal]):
     def _record(self, goal: Goal[MotionGoal], outcome: str, text: str, now_s: float) -> None:
         duration_s = round(now_s - goal.since_s, 2)
         figures: Parameters = {"motion": goal.what.name, "duration_s": duration_s, "text": text}
-        self._records.outcome(goal, "motion.end", outcome, figures, now_s)
+        self._records.outcome(goal, wire.MOTION.end_record, outcome, figures, now_s)

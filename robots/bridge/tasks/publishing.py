@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import msgspec
 
 from robots import wire
 from robots.bridge.audit.record_sink import Parameters
-from robots.bridge.audit.records import RecordedTask, Records, Requester, pop_due
-from robots.wire import Refusal
+from robots.bridge.audit.records import RecordedTask, Requester, pop_due
+from robots.bridge.drive import twists
+from robots.bridge.drive.input_filters import COMMAND_LIFE_S
+from robots.bridge.tasks.input_routing import InputRouting
+from robots.bridge.tasks.task import HALTED, Cause, Context, Ending, Reaction, TaskPart
+from robots.wire import Grant, Refusal
 
 NOT_SENT = Refusal(
     "inspector_silent", "The message was not published: the robot’s inspector ended. Ask again.", "robot"
-)
-HALTED = Refusal(
-    "halted", "It was not done: control ended or the robot was stopped before it was recorded.", "robot"
 )
 
 
@@ -45,14 +46,83 @@ class _Publication(RecordedTask):
     order: wire.Publish
 
 
-class Publications:
+class Publications(TaskPart):
     """The holder's publications, by topic."""
 
-    def __init__(self, publisher: Publisher, records: Records) -> None:
-        self._publisher = publisher
-        self._records = records
+    kinds = (wire.PUBLISH,)
+    reactions = {
+        Cause.CANCELLED: Reaction.END,
+        Cause.SUPERSEDED: Reaction.GO_ON,
+        Cause.GATE: Reaction.GO_ON,
+        Cause.HALTED: Reaction.GO_ON,
+        Cause.ROBOT_GONE: Reaction.GO_ON,
+        Cause.STOPPED: Reaction.END,
+        Cause.CONTROL_ENDED: Reaction.END,
+        Cause.PAGE_LEFT: Reaction.DROP,
+        Cause.LINK_LOST: Reaction.END,
+        Cause.UNRECORDED: Reaction.END,
+        Cause.BRIDGE_ENDED: Reaction.END,
+    }
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._publisher = context.publisher
+        self._records = context.records
         self._waiting: list[_Publication] = []  # for their records
         self._running: dict[str, _Publication] = {}  # at a rate
+
+    # --- rules --------------------------------------------------------------------------------------
+
+    def take(self, order: wire.Publish, grant: Grant, requester: Requester, now_s: float) -> None:
+        """Check a message, then record it. A velocity goes through the gate at once."""
+        if order.type in twists.TYPES:
+            requester.answer(self._twist(order, grant, now_s))
+            return
+        rules = self._context.rules
+        refusal = rules.why_not_begin(requester, now_s) or self._why_not(order)
+        if refusal is not None:
+            requester.answer(refusal)
+            return
+
+        def checked(refusal: Refusal | None, now_s: float) -> None:
+            # Check again: control may have been lost, or stop pressed.
+            refusal = refusal or rules.why_not_begin(requester, now_s)
+            if refusal is None:
+                self.begin(order, requester, now_s)
+            else:
+                requester.answer(refusal)
+
+        self._publisher.check(order, checked)
+
+    def _why_not(self, order: wire.Publish) -> Refusal | None:
+        """Return a refusal if the allow-list does not have this topic and type."""
+        wanted = ("publish", order.topic, order.type)
+        if any(
+            (allowed.what, allowed.name, allowed.type) == wanted for allowed in self._context.config.allowed
+        ):
+            return None
+        text = f"The allow-list does not contain {order.topic} with type {order.type}."
+        return Refusal("not_allowed", text, "robot", {"topic": order.topic, "type": order.type})
+
+    def _twist(self, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
+        """Pass a velocity through the gate.
+
+        Only one topic takes velocities, and each velocity must be sent again in time.
+        """
+        topic = self._context.tasks.part(InputRouting).topic("drive")
+        type_name = self._context.config.topics.drive.type
+        if (order.topic, order.type) != (topic, type_name):
+            text = f"Publish velocities on {topic} as {type_name} only: they pass the gate there."
+            return Refusal("around_the_gate", text, "gate", {"topic": topic, "type": type_name})
+        if order.rate_hz:
+            text = f"A velocity is valid for {COMMAND_LIFE_S} s: send it again yourself, without a rate."
+            return Refusal("dead_man", text, "dead-man")
+        velocity = twists.velocity_from(order.fields, order.type)
+        if isinstance(velocity, Refusal):
+            return velocity
+        return self._context.rules.twist(velocity, order, grant, now_s)
+
+    # --- messages -----------------------------------------------------------------------------------
 
     def begin(self, order: wire.Publish, requester: Requester, now_s: float) -> None:
         """Record the request. When it is recorded, `tick` sends the message and answers the requester."""
@@ -62,13 +132,13 @@ class Publications:
             "rate_hz": order.rate_hz,
             "fields": msgspec.json.encode(order.fields).decode(),
         }
-        number = self._records.request(requester.holder, "publish.start", parameters, now_s)
+        number = self._records.request(requester.holder, wire.PUBLISH.record, parameters, now_s)
         self._waiting.append(_Publication(requester, number, now_s, order))
 
-    def tick(self, why_not: Callable[[Requester, float], Refusal | None], now_s: float) -> None:
+    def tick(self, now_s: float) -> None:
         """Send recorded messages. Drop one if its record failed or if a rule now forbids it."""
         for publishing in pop_due(self._waiting):
-            refusal = publishing.unrecorded or why_not(publishing.requester, now_s)
+            refusal = publishing.unrecorded or self._context.rules.why_not_begin(publishing.requester, now_s)
             refusal = refusal or self._send(publishing, now_s)
             publishing.requester.answer(refusal)
             if refusal is not None:
@@ -76,26 +146,37 @@ class Publications:
         if self._running:
             self._publisher.keep_alive()
 
-    def stop(self, topic: str, now_s: float) -> Refusal | None:
+    def cancel_request(self, order: wire.PublishStop, why: str, now_s: float) -> Refusal | None:
         """End the holder's publication on a topic."""
+        topic = order.topic
         if topic not in self._running:
             return Refusal("not_publishing", f"There is no publication at a rate on {topic}.", "robot")
         self._end(topic, "cancelled", now_s)
         return None
 
-    def halt(self, why: str, now_s: float, refusal: Refusal = HALTED) -> None:
-        """End all publications and drop waiting messages; `refusal` answers their requesters."""
-        self._publisher.halt()
-        self.deny(why, now_s, refusal)
-        for topic in list(self._running):
-            self._end(topic, why, now_s)
+    def drop(self, ending: Ending, now_s: float) -> None:
+        """Refuse messages that wait for their record."""
+        self._deny(ending.refusal.code, ending.of_unbegun, now_s)
 
-    def deny(self, why: str, now_s: float, refusal: Refusal) -> None:
-        """Drop messages that wait for their record."""
+    def end_running(self, ending: Ending, now_s: float) -> None:
+        """End all publications."""
+        self._halt(ending.refusal.code, now_s)
+
+    def inspector_ended(self, now_s: float) -> None:
+        """End all publications: the process that sends them ended."""
+        self._deny("inspector_ended", HALTED, now_s)
+        self._halt("inspector_ended", now_s)
+
+    def _deny(self, outcome: str, refusal: Refusal, now_s: float) -> None:
         waiting, self._waiting = self._waiting, []
         for publishing in waiting:
             publishing.requester.answer(refusal)
-            self._report_end(publishing, why, now_s)
+            self._report_end(publishing, outcome, now_s)
+
+    def _halt(self, outcome: str, now_s: float) -> None:
+        self._publisher.halt()
+        for topic in list(self._running):
+            self._end(topic, outcome, now_s)
 
     @property
     def under_way(self) -> list[str]:
@@ -103,9 +184,16 @@ class Publications:
         topics = {*self._running, *(publishing.order.topic for publishing in self._waiting)}
         return [f"publishing on {topic}" for topic in sorted(topics)]
 
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return publications at a rate."""
+        return {"publishing": self._view}
+
+    def headline(self, now_s: float) -> tuple[object, ...]:
+        """Return what is reported at once: begin and end."""
+        return tuple(self._view)
+
     @property
-    def view(self) -> list[wire.Publishing]:
-        """Publications at a rate, for pages."""
+    def _view(self) -> list[wire.Publishing]:
         return [
             wire.Publishing(topic, publishing.order.type, publishing.order.rate_hz)
             for topic, publishing in self._running.items()
@@ -134,4 +222,4 @@ class Publications:
             "topic": publishing.order.topic,
             "duration_s": round(now_s - publishing.since_s, 2),
         }
-        self._records.outcome(publishing, "publish.end", outcome, figures, now_s)
+        self._records.outcome(publishing, wire.PUBLISH.end_record, outcome, figures, now_s)

@@ -1,24 +1,27 @@
 """Speak one text at a time: which texts can be spoken, and the progress of the text being spoken.
 
 A text is recorded before it is sent. It is spoken to its end even when its holder loses control; only a cancel and the
-emergency stop end it, by its goal's id. `cancel` is in `goals.py`; a page's press arrives at `holder_tasks.py`.
+emergency stop end it, by its goal's id.
 """
 
 from __future__ import annotations
 
 import re
 import unicodedata
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any
 
 from msgspec import Struct
 
 from robots import wire
 from robots.bridge.audit.record_sink import Parameters
-from robots.bridge.audit.records import Records, Requester
+from robots.bridge.audit.records import Requester
 from robots.bridge.tasks.goals import Goal, Goals
-from robots.wire import Refusal
+from robots.bridge.tasks.input_routing import InputRouting
+from robots.bridge.tasks.task import Cause, Context, Ending, Reaction, TaskPart
+from robots.wire import Grant, Refusal
 
 LONGEST_CHARACTERS = 500
 # Keep a topic that is no action connected this long: its text waits one second for new subscribers.
@@ -79,12 +82,14 @@ class Utterance(Struct, frozen=True):
     topic: str
 
 
-class SpeechOutput(Protocol):
+class SpeechOutput(ABC):
     """Speaks texts."""
 
+    @abstractmethod
     def say(self, goal_id: str, utterance: Utterance) -> bool:
         """Send the text. Return whether the robot reports its progress."""
 
+    @abstractmethod
     def cancel_speech(self, goal_id: str, topic: str) -> None:
         """Cancel this goal and no other."""
 
@@ -98,17 +103,58 @@ class _SpeechGoal:
     word: tuple[int, int] | None = None
 
 
-class SpeechTasks(Goals[_SpeechGoal]):
+class SpeechTasks(Goals[_SpeechGoal], TaskPart):
     """The text being spoken, if any."""
 
-    def __init__(self, voice: SpeechOutput, records: Records) -> None:
-        super().__init__(records, voice.cancel_speech)
-        self._voice = voice
+    kinds = (wire.SPEECH,)
+    reactions = {
+        Cause.CANCELLED: Reaction.END,
+        Cause.SUPERSEDED: Reaction.GO_ON,
+        Cause.GATE: Reaction.GO_ON,
+        Cause.HALTED: Reaction.GO_ON,
+        Cause.ROBOT_GONE: Reaction.GO_ON,
+        Cause.STOPPED: Reaction.END,
+        Cause.CONTROL_ENDED: Reaction.DROP,
+        Cause.PAGE_LEFT: Reaction.DROP,
+        Cause.LINK_LOST: Reaction.GO_ON,
+        Cause.UNRECORDED: Reaction.DROP,
+        Cause.BRIDGE_ENDED: Reaction.LEAVE,
+    }
+    outcomes = {Cause.CONTROL_ENDED: "cancelled"}
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context.records, self._cancel_on_robot)
+        self._context = context
+        self._voice = context.robot.part(SpeechOutput)
         self._sent: dict[str, float] = {}  # time of the last text, by topic that is no action
         self.last: wire.SpeechEnd | None = None  # how the last text ended, for pages
 
-    def topics(self, now_s: float) -> set[str]:
+    def _cancel_on_robot(self, goal_id: str, topic: str) -> None:
+        if self._voice is not None:
+            self._voice.cancel_speech(goal_id, topic)
+
+    def take(self, order: wire.Say, grant: Grant, requester: Requester, now_s: float) -> None:
+        """Record the request. `tick` then sends the text and answers the requester."""
+        routing = self._context.tasks.part(InputRouting)
+        refusal = why_not_speakable(order.text) or self._context.rules.why_not_begin(requester, now_s)
+        refusal = refusal or routing.refuse("speech", order.topic) or self.refuse(now_s)
+        if refusal is not None:
+            requester.answer(refusal)
+            return
+        language = robot_language(order.language, self._context.config.topics.languages)
+        self._begin(Utterance(order.text, language, order.topic or routing.topic("speech")), requester, now_s)
+
+    def cancel_request(self, order: Any, why: str, now_s: float) -> Refusal | None:
+        """Cancel the text."""
+        if self._current is None:
+            return Refusal("no_speech", "The robot speaks no text of this console.", "robot")
+        self.tell(Ending(Cause.CANCELLED, Refusal("cancelled", why, "robot")), now_s)
+        return None
+
+    def topics_in_use(self, use: wire.Use, now_s: float) -> set[str]:
         """Return topics on which a text is being spoken or is about to be."""
+        if use != "speech":
+            return set()
         self._sent = {topic: sent_s for topic, sent_s in self._sent.items() if now_s - sent_s <= LINGER_S}
         return {*self._sent, *([self.topic] if self.topic else [])}
 
@@ -123,26 +169,41 @@ class SpeechTasks(Goals[_SpeechGoal]):
             return Refusal("speaking", "The robot speaks a text from another program: wait.", "robot")
         return None
 
-    def begin(self, utterance: Utterance, requester: Requester, now_s: float) -> None:
-        """Record the request. `start` then sends the text and answers the requester."""
+    def _begin(self, utterance: Utterance, requester: Requester, now_s: float) -> None:
         text, language, topic = utterance.text, utterance.language, utterance.topic
         parameters = {"text": text, "language": language, "topic": topic}
-        number = self._records.request(requester.holder, "speech.start", parameters, now_s)
+        number = self._records.request(requester.holder, wire.SPEECH.record, parameters, now_s)
         self._current = Goal(requester, number, now_s, _SpeechGoal(utterance), topic)
 
-    def start(self, connected: Collection[str], now_s: float) -> None:
+    def tick(self, now_s: float) -> None:
+        """Speak a recorded text, unless a rule now forbids it."""
+        requester = self.waiting
+        if requester and (refusal := self._context.rules.why_not_begin(requester, now_s)):
+            self.cancel("cancelled", refusal.text)
+        self._start(self._context.tasks.part(InputRouting).connected("speech"), now_s)
+        super().tick(now_s)
+
+    def _start(self, connected: Collection[str], now_s: float) -> None:
         """Send a recorded text that was not cancelled, if its topic is among the `connected` topics."""
         goal = self._recorded(now_s)
-        if goal is not None and goal.topic in connected:
+        if goal is not None and goal.topic in connected and self._voice is not None:
             tells = self._voice.say(goal.sent(now_s), goal.what.utterance)
             if not tells:
                 self._sent[goal.topic] = now_s
                 self._end("sent", "", now_s)
 
-    def close(self, refusal: Refusal, now_s: float) -> None:
+    def leave(self, ending: Ending, now_s: float) -> None:
         """End the task: the bridge ends. The robot may continue to speak, but nobody observes it."""
-        self.deny(refusal, now_s)
         self._end("unheard", "The bridge ended while the robot spoke.", now_s)
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return the text being spoken, and how the last one ended."""
+        return {"speech": self.view(now_s), "speech_ended": self.last}
+
+    def headline(self, now_s: float) -> tuple[object, ...]:
+        """Return what is reported at once: each word."""
+        speech = self.view(now_s)
+        return (speech and (speech.number, speech.status, speech.word), self.last)
 
     def view(self, now_s: float) -> wire.Speech | None:
         """Return the text being spoken, for pages, from the moment it was sent."""
@@ -180,7 +241,7 @@ class SpeechTasks(Goals[_SpeechGoal]):
 
     def _record(self, goal: Goal[_SpeechGoal], outcome: str, text: str, now_s: float) -> None:
         figures: Parameters = {"text": text, "duration_s": round(now_s - goal.since_s, 2)}
-        self._records.outcome(goal, "speech.end", outcome, figures, now_s)
+        self._records.outcome(goal, wire.SPEECH.end_record, outcome, figures, now_s)
 
 
 def _short(text: str) -> str:

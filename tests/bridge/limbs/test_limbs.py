@@ -10,6 +10,7 @@ from robots.bridge.config import ArmSource, LimbSource, Topic
 from robots.bridge.gate.geometry.arm_discs import AT_HOME, Posture
 from robots.bridge.gate.values import STILL, Velocity
 from robots.bridge.tasks.goals import OURS
+from robots.bridge.tasks.task import Activity
 from robots.wire import LimbCancel, MoveLimb
 from tests.bridge.support import CONFIG, Bench
 
@@ -63,6 +64,10 @@ def moved(bench, order=OPEN):
 
 def ends(bench, goal_id, outcome="succeeded", text="", limb="gripper"):
     bench.core.tasks.limbs.move(limb).ended(goal_id, outcome, text, bench.now_s)
+
+
+def busy(bench):
+    return bench.core.tasks.blocks(Activity.NAVIGATE, bench.now_s)
 
 
 def state(bench, limb="gripper"):
@@ -264,9 +269,9 @@ def test_fingers_that_hold_something_keep_their_force(bench):
         "stalled",
         "The gripper stopped at 0.040 m. Perhaps it holds something.",
     )
-    assert bench.core.tasks.limbs.busy() is None, "it has stood for 3 s"
+    assert busy(bench) is None, "it has stood for 3 s"
     passed(bench, 3.0)  # the controller still reports the goal
-    assert not bench.base.cancelled_goals and bench.core.tasks.limbs.busy() is None
+    assert not bench.base.cancelled_goals and busy(bench) is None
     another = moved(bench, OPEN)
     ends(bench, goal_id, "cancelled")  # the controller replaced it
     ends(bench, another, "cancelled")
@@ -289,9 +294,9 @@ def test_a_bridge_that_begins_anew_lets_fingers_hold_what_they_hold(bench):
     assert not left_by_an_earlier_bridge(bench, 1.0), "joint states arrive a little later"
     bench.base.limbs = fingers
     assert not left_by_an_earlier_bridge(bench, 2.8)
-    assert bench.core.tasks.limbs.busy().code == "limb_moving", "whether they stand is not known yet"
+    assert busy(bench).code == "limb_moving", "whether they stand is not known yet"
     assert not left_by_an_earlier_bridge(bench, 1.0)
-    assert bench.core.tasks.limbs.busy() is None
+    assert busy(bench) is None
     moved(bench)
     assert left_by_an_earlier_bridge(bench, 0.2) == 0, "the controller replaces it"
     ends(bench, bench.base.moves[-1][1], "cancelled")
@@ -371,13 +376,13 @@ def test_the_base_stands_until_an_unheard_limb_stands(bench):
         bench.base.limbs["gripper"] = 0.04 + 0.002 * step
         passed(bench, 0.5)
     assert state(bench).ended.outcome == "unheard"
-    assert bench.core.tasks.limbs.busy().code == "limb_moving"
+    assert busy(bench).code == "limb_moving"
     bench.base.limbs["gripper"] = None  # the position is unknown: the gripper may move
     passed(bench, 3.0)
-    assert bench.core.tasks.limbs.busy().code == "limb_moving"
+    assert busy(bench).code == "limb_moving"
     bench.base.limbs["gripper"] = 0.06
     passed(bench, 1.5)
-    assert bench.core.tasks.limbs.busy() is None
+    assert busy(bench) is None
 
 
 def test_the_base_crawls_past_a_limb_without_joint_states(bench):
@@ -393,11 +398,11 @@ def test_the_base_crawls_past_a_limb_without_joint_states(bench):
     assert bench.stick(0.5) is None
     bench.stick(0.0)
     bench.pass_time(2.0)
-    assert bench.core.tasks.limbs.busy().code == "limb_moving", "no motion begins"
+    assert busy(bench).code == "limb_moving", "no motion begins"
     assert code(bench, wire.Go(1, 1.0, 0.0, 0.0)) == "limb_moving", "nobody holds navigation to a crawl"
     bench.base.limbs = {"gripper": 0.06, "torso": 0.15}
     passed(bench, 2.0)
-    assert bench.gate.lost_limb is None and bench.core.tasks.limbs.busy() is None
+    assert bench.gate.lost_limb is None and busy(bench) is None
 
 
 def test_the_base_crawls_past_a_lost_limb_with_a_reported_goal(bench):
@@ -413,14 +418,14 @@ def test_the_base_crawls_past_a_lost_limb_with_a_reported_goal(bench):
     assert bench.gate.lost_limb == "gripper" and bench.stick(0.5) is None
     bench.stick(0.0)
     bench.pass_time(2.0)
-    assert bench.core.tasks.limbs.busy().code == "limb_moving", "no motion begins"
+    assert busy(bench).code == "limb_moving", "no motion begins"
     bench.base.limbs = {"gripper": 0.06, "torso": 0.15}
     passed(bench, 2.0)
     assert bench.gate.lost_limb is None
     assert bench.stick(0.5).code == "limb_moving", "the controller still reports it"
     bench.answering = False
     passed(bench, 3.0)
-    assert bench.core.tasks.limbs.busy() is None
+    assert busy(bench) is None
 
 
 def test_a_limb_of_an_earlier_bridge_that_is_never_seen_is_lost(bench):
@@ -438,7 +443,7 @@ def test_the_base_crawls_past_two_lost_limbs(bench):
     bench.answering = False
     bench.base.limbs = {}
     passed(bench, 9.0)
-    assert bench.core.tasks.limbs.busy().code == "limb_moving"
+    assert busy(bench).code == "limb_moving"
     assert bench.gate.lost_limb and bench.stick(0.5) is None
 
 

@@ -17,7 +17,7 @@ from robots.bridge.navigation.localisation import Localisation, Spread
 from robots.bridge.navigation.navigation_goals import DOUBT_S, LOOKS_S
 from robots.bridge.navigation.path import PlannedPath
 from robots.wire import Go, GoCancel, LookAhead
-from tests.bridge.support import CONFIG, Bench
+from tests.bridge.support import CONFIG, Bench, FreeMap
 
 SOURCE = NavigationSource("/move_base", "/nav_vel", "/amcl_pose", set_pose="/initialpose")
 TOPICS = msgspec.structs.replace(
@@ -27,16 +27,6 @@ TOPICS = msgspec.structs.replace(
     head=HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68),
 )
 GO = Go(1, 3.0, 1.0, 0.5, seq=7, place="desk")
-
-
-class FreeMap:
-    """A map without obstacles."""
-
-    def __init__(self, digest="free"):
-        self.digest = digest
-
-    def refuse(self, goal, footprint):
-        return None
 
 
 @pytest.fixture

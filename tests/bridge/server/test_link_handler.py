@@ -16,7 +16,7 @@ from robots.bridge.gate.values import STILL
 from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.lease.state_store import StateStore
 from robots.bridge.link_handler import DRIVES_BURST, OTHER_ROBOT, REFUSAL_GAP_S, LinkHandler
-from robots.bridge.tasks.holder_tasks import HolderTasks
+from robots.bridge.tasks.speech import SpeechTasks
 from robots.bridge.topics.inspector_client import InspectorClient
 from tests.bridge.lease.test_lease_orders import GRANT
 from tests.bridge.support import Bench, Wire
@@ -180,7 +180,7 @@ async def test_every_order_gets_one_answer_with_its_number(door):
 async def test_a_failing_task_is_refused_and_the_link_stays(door, bench, caplog):
     link = await driven(door, bench)
     with patch.object(
-        HolderTasks, "_cancel_task", side_effect=OverflowError("cannot convert float infinity to integer")
+        SpeechTasks, "cancel_request", side_effect=OverflowError("cannot convert float infinity to integer")
     ):
         await door.received(link, wire.encode(wire.SayCancel(GRANT.fence, 7)))
     refused = link.reports[-1]

@@ -603,10 +603,10 @@ def test_parameters_that_make_no_motion_leave_its_points_unknown():
 
 def test_cancel_by_a_person_without_control_names_them(bench):
     goal_id = begun(bench)
-    assert bench.core.tasks.cancel("motion", "Sue Supervisor") is None
+    assert bench.core.tasks.cancel("motion", "Sue Supervisor", bench.now_s) is None
     assert bench.base.cancelled_goals == [goal_id]
     assert ends(bench, goal_id).text == "Cancelled by Sue Supervisor."
-    assert bench.core.tasks.cancel("motion", "Sue Supervisor").code == "no_motion"
+    assert bench.core.tasks.cancel("motion", "Sue Supervisor", bench.now_s).code == "no_motion"
     bench.pass_time(NAMED_S + 1.0)  # all who see the robot see this, long after it was news
     assert bench.core.state(bench.now_s, []).motion_ended.text == "Another person cancelled it."
 

@@ -437,8 +437,9 @@ def test_late_record_is_sent_one_tick_later():
     number, publisher, answers = Arriving(), MemoryPublisher(lambda: 0.0), []
     number.set_result(1)
     records = SimpleNamespace(request=lambda *_arguments: number, outcome=lambda *_arguments: None)
-    publications = Publications(publisher, records)
+    rules = SimpleNamespace(why_not_begin=lambda *_arguments: None)
+    publications = Publications(SimpleNamespace(publisher=publisher, records=records, rules=rules))
     publications.begin(note(), Requester(Holder("ann-id", "Ann", "session-1", 1), 1, answers.append), 0.0)
     for now_s in (0.05, 0.1):
-        publications.tick(lambda _asker, _now_s: None, now_s)
+        publications.tick(now_s)
     assert (publisher.published, answers) == ([note()], [None])

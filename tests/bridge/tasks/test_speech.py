@@ -234,7 +234,7 @@ def test_a_cancel_is_repeated_until_the_robot_obeys(bench):
 
 def test_cancel_by_a_person_without_control_names_them(bench):
     goal_id = begun(bench)
-    assert bench.core.tasks.cancel("speech", "Sue Supervisor") is None
+    assert bench.core.tasks.cancel("speech", "Sue Supervisor", bench.now_s) is None
     assert ends(bench, goal_id, "cancelled").text == "Cancelled by Sue Supervisor."
 
 

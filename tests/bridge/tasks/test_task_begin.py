@@ -65,7 +65,7 @@ def test_waiting_task_is_refused_when_its_page_goes(bench, what):
     assert len(bench.begun) == 1
 
 
-@pytest.mark.parametrize("what", ORDERS)
+@pytest.mark.parametrize("what", ORDERS.keys() - {"drive_by", "go"})
 def test_page_that_goes_without_waiting_tasks_changes_nothing(bench, what):
     answers = bench.ask(ORDERS[what])
     bench.obeys()
@@ -95,7 +95,7 @@ def test_ended_bridge_sends_no_requests(bench, what):
 
 def test_message_in_check_is_not_recorded_when_the_bridge_ends(bench):
     bench.publisher.waiting = []
-    answers = bench.ask(ORDERS["message"])
+    answers = bench.ask(ORDERS["publish"])
     bench.core.close(bench.now_s)
     bench.publisher.waiting.pop()()
     assert [refusal.code for refusal in answers] == ["no_lease"]

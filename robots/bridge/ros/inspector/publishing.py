@@ -1,6 +1,6 @@
 """Publishes messages of any type to the robot: once, or repeated at a rate until it is stopped.
 
-The bridge (`robots.bridge.tasks.holder_tasks`) decides whether a message may be published. This module packs and
+The bridge (`robots.bridge.tasks.publishing`) decides whether a message may be published. This module packs and
 sends it, under the `PublishPermit` that was valid when the bridge agreed. A halt makes a new permit: queued messages
 of the old one are not sent.
 """

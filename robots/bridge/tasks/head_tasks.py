@@ -1,0 +1,113 @@
+"""Requests to turn the head and to look ahead; and where the head looks meanwhile."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+from robots import wire
+from robots.bridge.audit.records import Requester
+from robots.bridge.gate.values import STILL
+from robots.bridge.navigation.navigation_goals import NavigationGoals
+from robots.bridge.tasks.at_once import Asked, AtOnce
+from robots.bridge.tasks.head import Aim, Head
+from robots.bridge.tasks.task import Activity, Context, Ending
+from robots.wire import Grant, Refusal
+
+TURNS_S = 10.0  # turns of the head with shorter pauses have one record together
+MOST_TURNS = 20  # turns of the head that may wait for their record
+
+
+class HeadMover(ABC):
+    """The robot's head."""
+
+    @abstractmethod
+    def aim_head(self, aim: Aim) -> None:
+        """Send the head to this aim."""
+
+    @abstractmethod
+    def head_at(self) -> tuple[float, float] | None:
+        """Return pan and tilt of the head (radians) by its joint states; None if they are unknown."""
+
+
+class HeadTasks(AtOnce):
+    """The head of one robot."""
+
+    kinds = (wire.LOOK_AHEAD, wire.TURN_HEAD)
+
+    def __init__(self, context: Context) -> None:
+        source = context.config.topics.head
+        self._context = context
+        self._head = Head(source) if source else None
+        self._mover = context.robot.part(HeadMover)
+        self._looks = Asked(wire.LOOK_AHEAD, context, self._why_not)
+        self._turns = Asked(wire.TURN_HEAD, context, self._why_not)
+        self._asked_turns: list[wire.TurnHead] = []  # turns that wait for their record
+        # Fence of the recorded turns, and until when further turns need no new record.
+        self._turning: tuple[int, float] = (0, float("-inf"))
+
+    def take(self, order: Any, grant: Grant, requester: Requester, now_s: float) -> None:
+        """Record the request, or carry it out with a turn that is recorded."""
+        if isinstance(order, wire.TurnHead):
+            self._turn(order, requester, now_s)
+        else:
+            self._looks.ask(requester, now_s)
+
+    def drop(self, ending: Ending, now_s: float) -> None:
+        """Refuse requests that are not recorded yet, and drop the remaining steps of looking ahead."""
+        self._asked_turns.clear()
+        if self._head is not None:
+            self._head.stay()
+        self._looks.deny(ending.of_unbegun, now_s)
+        self._turns.deny(ending.of_unbegun, now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Move the head: down and ahead after a recorded request; ahead for a drive to a place; else into the turn.
+
+        If a rule forbids a later step of looking ahead, the head stays down, and the gate limits the speed.
+        """
+        aim = None if self._head is None else self._next_aim(self._head, now_s)
+        if aim is not None and self._mover is not None:
+            self._mover.aim_head(aim)
+
+    def _next_aim(self, head: Head, now_s: float) -> Aim | None:
+        rules, navigation = self._context.rules, self._context.tasks.part(NavigationGoals)
+        if self._looks.granted(now_s):
+            return head.ahead(self._context.gate.look_to(now_s), now_s)
+        if self._turns.granted(now_s):
+            return self._turned(head, now_s)
+        if navigation.driving_requester or navigation.due:
+            return head.forward(now_s)  # the gate's camera looks where it drives
+        if (onward := head.onward(now_s)) is not None:
+            return onward if self._why_not(now_s) is None else None
+        if rules.lease.current and rules.sent != STILL and self._why_not(now_s) is None:
+            return head.follow(rules.sent, now_s)
+        return None
+
+    def _why_not(self, now_s: float) -> Refusal | None:
+        if self._head is None:
+            return Refusal("no_head", "This robot has no head that can be turned.", "robot")
+        return self._context.rules.why_closed(now_s) or self._context.tasks.blocks(Activity.TURN_HEAD, now_s)
+
+    def _turn(self, order: wire.TurnHead, requester: Requester, now_s: float) -> None:
+        """Turn the head. A drag in the camera's picture causes many turns: only the first is recorded."""
+        fence, until_s = self._turning
+        if self._head is None or self._mover is None or order.fence != fence or now_s > until_s:
+            if self._turns.ask(requester, now_s):
+                self._asked_turns = [*self._asked_turns[-MOST_TURNS:], order]
+            return
+        refusal = self._context.rules.why_not_begin(requester, now_s) or self._why_not(now_s)
+        requester.answer(refusal)
+        if refusal is None:
+            self._turning = fence, now_s + TURNS_S
+            self._mover.aim_head(self._head.turn(order.pan, order.tilt, self._mover.head_at(), now_s))
+
+    def _turned(self, head: Head, now_s: float) -> Aim | None:
+        """Return the aim of turns that were recorded just now."""
+        turns, self._asked_turns = self._asked_turns, []
+        for turn in turns:
+            self._turning = turn.fence, now_s + TURNS_S
+        if self._mover is None or not turns:
+            return None
+        pan, tilt = sum(turn.pan for turn in turns), sum(turn.tilt for turn in turns)
+        return head.turn(pan, tilt, self._mover.head_at(), now_s)
