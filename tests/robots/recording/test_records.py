@@ -10,7 +10,7 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
-from django.db import connection
+from django.db import connection, connections
 
 from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable
@@ -300,8 +300,19 @@ def test_on_a_full_disk_a_drive_is_not_recorded_and_says_why(
     assert Record.objects.get(pk=sink.begin_drive(holder, START)).kind == "drive.start"
 
 
+@contextmanager
+def kept_connection(**changes: str) -> Iterator[None]:
+    """This thread keeps its connection, with these settings. Other threads share the settings, so they are copied.
+
+    Regression: a thread that connected meanwhile kept a connection to a file that was gone by the next tests.
+    """
+    changed = {**connection.settings_dict, "CONN_MAX_AGE": None, **changes}
+    with mock.patch.object(connections["default"], "settings_dict", changed):
+        yield
+
+
 def test_a_kept_connection_is_renewed_after_a_failure(sink: AuditSink, holder: Holder) -> None:
-    with mock.patch.dict(connection.settings_dict, CONN_MAX_AGE=None):
+    with kept_connection():
         connection.close()
         sink.begin_drive(holder, START)
         kept = connection.connection
@@ -335,7 +346,7 @@ def test_a_kept_connection_never_writes_to_a_replaced_file(
 
     copied(file)
     connection.close()
-    with mock.patch.dict(connection.settings_dict, NAME=str(file), CONN_MAX_AGE=None):
+    with kept_connection(NAME=str(file)):
         sink.begin_drive(holder, START)
         kept = connection.connection
         assert held(sink.begin_drive(holder, START))
