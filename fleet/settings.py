@@ -12,8 +12,8 @@ from typing import Any
 from csp.constants import NONE, SELF
 from django.core.management.utils import get_random_secret_key
 
-from fleet import environment, languages, logs
-from fleet.environment import Environment
+from fleet.base import environment, languages, logs
+from fleet.base.environment import Environment
 
 os.umask(0o077)  # other accounts cannot read files of the console: the database contains session keys
 
@@ -57,7 +57,7 @@ INSTALLED_APPS = [
     "django.contrib.contenttypes",
     "django.contrib.sessions",
     "django.contrib.messages",
-    "fleet.apps.StaticFiles",
+    "fleet.site.apps.StaticFiles",
     "rest_framework",
     "csp",
     "allauth",
@@ -66,7 +66,7 @@ INSTALLED_APPS = [
     "allauth.socialaccount",
     "allauth.socialaccount.providers.openid_connect",
     "drf_spectacular",
-    "fleet",
+    "fleet.site",
     "fleet.audit",
     "fleet.accounts",
     "robots.registry",
@@ -81,7 +81,7 @@ if DEBUG:
 MIDDLEWARE = [
     "teleop.api.metrics.measured",
     "django.middleware.security.SecurityMiddleware",
-    "fleet.headers.permissions_policy",
+    "fleet.site.headers.permissions_policy",
     "csp.middleware.CSPMiddleware",
     "whitenoise.middleware.WhiteNoiseMiddleware",
     "django.contrib.sessions.middleware.SessionMiddleware",
@@ -97,7 +97,7 @@ MIDDLEWARE = [
     "fleet.accounts.middleware.ViewersChoices",
     "fleet.accounts.middleware.sign_in_seen",
     "django.contrib.messages.middleware.MessageMiddleware",
-    "fleet.unavailable.UnavailableInWords",
+    "fleet.site.unavailable.UnavailableInWords",
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
 ]
 
@@ -119,7 +119,7 @@ TEMPLATES = [
                 "django.contrib.messages.context_processors.messages",
                 "fleet.bookings.pages.news.news",
             ],
-            "builtins": ["fleet.formats.filters"],
+            "builtins": ["fleet.base.formats.filters"],
         },
     }
 ]
@@ -281,7 +281,7 @@ STORAGES = {
     "staticfiles": {
         "BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"
         if DEBUG
-        else "fleet.static.HashedStaticFiles"
+        else "fleet.site.static.HashedStaticFiles"
     },
 }
 WHITENOISE_USE_FINDERS = WHITENOISE_AUTOREFRESH = DEBUG
@@ -291,7 +291,7 @@ WHITENOISE_USE_FINDERS = WHITENOISE_AUTOREFRESH = DEBUG
 LANGUAGE_CODE = "en-gb"  # the language of the source; a browser may ask for another language in LANGUAGES
 LOCALE_PATHS = [BASE_DIR / "fleet/locale"]
 LANGUAGES = languages.spoken(LANGUAGE_CODE, LOCALE_PATHS[0])
-FORMAT_MODULE_PATH = "fleet.formats"
+FORMAT_MODULE_PATH = "fleet.base.formats"
 TIME_ZONE = environment.time_zone(_env)  # the lab's zone; the database stores UTC
 USE_TZ = True
 

@@ -13,13 +13,13 @@ from django.http import HttpRequest, HttpResponseBase
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
-from fleet import zones
 from fleet.accounts.requests import person_of
 from fleet.audit.admin import Line, ListAdmin, count_of
 from fleet.audit.reading import exports
 from fleet.audit.reading.addresses import beside, by_day, number, session_url_of
 from fleet.audit.reading.forms import FilterForm
 from fleet.audit.reading.listing import CONSOLE, COUNTED, PAGE
+from fleet.base import zones
 from robots.registry.models import Robot
 from teleop.control.selectors import end_notes
 from teleop.models import ControlSession, EndReason

@@ -9,7 +9,7 @@ from django.db import models
 from django.db.models import Q
 from django.utils.translation import gettext_lazy as _
 
-from fleet.names import NameField
+from fleet.base.names import NameField
 from robots.registry.models import Robot
 
 

@@ -21,7 +21,7 @@ from robots.places.selectors import map_among
 from robots.places.services import places_export
 from robots.registry.models import Role
 from robots.registry.selectors import robot_facts
-from robots.wire import PROTOCOL
+from robots.shared.wire import PROTOCOL
 
 
 @require_safe

@@ -27,8 +27,8 @@ from fleet.accounts.models import User
 from robots.registry.models import Robot, RobotProfile, RobotRole, Role
 from script.stack.database import new_database
 from teleop.background.database import in_database_background
-from teleop.recording import refusals
-from teleop.recording.repeat_suppression import E, RepeatSuppressor
+from teleop.records import refusals
+from teleop.records.repeat_suppression import E, RepeatSuppressor
 from teleop.stop import emergency_stop
 from tests.full_disk import Disk
 from tests.pristine import pristine_copy

@@ -17,7 +17,7 @@ def main() -> None:
     """Print "ready", then the result for each line."""
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
     django.setup()
-    import robots.registry.management.commands.stop  # noqa: F401  (loaded before the first press)
+    import fleet.site.management.commands.stop  # noqa: F401  (loaded before the first press)
 
     print("ready", flush=True)
     for _ in sys.stdin:

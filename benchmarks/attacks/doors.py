@@ -18,7 +18,7 @@ from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from benchmarks.driving.stop import ROBOT
-from robots import wire
+from robots.shared import wire
 from script.stack.client import Driver, open_socket
 from script.stack.stack import Stack
 

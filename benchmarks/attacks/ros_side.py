@@ -23,7 +23,7 @@ from xmlrpc.client import ServerProxy
 
 import rospy
 
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared.ros.message_types.classes import message_class
 from tests.ros import strangers
 from tests.ros.strangers import HOST, LONG, Node, framed, stamped, text
 

@@ -19,7 +19,7 @@ from benchmarks.driving.drive import PERIOD_S, SHARE, Numbers, numbers_for
 from benchmarks.driving.stop import ROBOT
 from benchmarks.parts.observer import Observer
 from benchmarks.parts.priority import prefer_witness
-from robots import wire
+from robots.shared import wire
 from script.stack.client import Driver
 from script.stack.stack import Stack
 

@@ -20,7 +20,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import count, cycle
 
-from robots import wire
+from robots.shared import wire
 
 ADDRESSES = [f"127.0.0.{last}" for last in range(2, 6)]
 GUESSES = 60  # at once

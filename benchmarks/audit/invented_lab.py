@@ -1,6 +1,6 @@
 """Events of an invented lab, in the form in which the console and its bridges record them.
 
-Permanent parameters, contents that may expire, and the actor are the same as in `robots.recording.bridge_records`,
+Permanent parameters, contents that may expire, and the actor are the same as in `robots.records.bridge_records`,
 `teleop.control.services` and other writers; `tests/audit/test_invented_lab.py` checks some of them.
 """
 

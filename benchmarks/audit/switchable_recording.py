@@ -27,7 +27,7 @@ class Switched(AppConfig):
 
     def ready(self) -> None:
         """Wrap the sink's methods before a bridge creates a sink."""
-        from robots.recording.bridge_records import AuditSink
+        from robots.records.bridge_records import AuditSink
 
         off = Path(os.environ["FLEET_BENCH_UNRECORDED"])
         for name in ("test_writable", "begin_drive", "end_drive", "begin_gate", "end_gate"):

@@ -24,7 +24,7 @@ from benchmarks.parts.chromium import ChromiumPage
 from benchmarks.parts.observer import Observer, Seen, start_ros_side
 from benchmarks.parts.priority import prefer_loops_or_say
 from benchmarks.parts.viewer_crowd import Crowd
-from robots.bridge.drive.input_filters import COMMAND_LIFE_S
+from robots.shared.configuration.input_filters import COMMAND_LIFE_S
 from script.stack.client import Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 

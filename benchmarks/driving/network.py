@@ -11,7 +11,7 @@ from benchmarks.driving.drive import BARE_STICKS, SHARE, Numbers, numbers_for
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts.cable import Cable, Profile
 from benchmarks.parts.observer import Observer, Seen
-from robots.bridge.drive.input_filters import COMMAND_LIFE_S
+from robots.shared.configuration.input_filters import COMMAND_LIFE_S
 from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack, temporary_stack
 

@@ -31,7 +31,14 @@ import numpy as np
 from benchmarks.driving import hand_model
 from benchmarks.driving.hand_model import Array, Movement, Trace
 from benchmarks.harness import Figure, progress
-from robots.bridge.drive.input_filters import Mean, Memory, OneEuro, StickPosition, StickStep, apply_filters
+from robots.shared.configuration.input_filters import (
+    Mean,
+    Memory,
+    OneEuro,
+    StickPosition,
+    StickStep,
+    apply_filters,
+)
 
 PAGE_HZ = 30
 SCHEMES: dict[str, tuple[StickStep, ...]] = {"none": (), "mean": (Mean(),), "One-Euro": (OneEuro(),)}

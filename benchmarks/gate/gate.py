@@ -16,8 +16,23 @@ from numpy.typing import NDArray
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.world.cases import clutter
 from benchmarks.world.play import loop_of, recorded
-from robots import wire
-from robots.bridge.audit.record_sink import (
+from robots.bridge.audit.records import Records
+from robots.bridge.core import Core, RosStatus
+from robots.bridge.drive.drive_log import DriveLog
+from robots.bridge.gate.arm.sweep import Motion, swept
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.motion.safe_twist import is_still
+from robots.bridge.gate.obstacles.depth_camera import frame_of
+from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
+from robots.bridge.gate.sensing.depth import DepthImage, Lens, picture_of_image
+from robots.bridge.gate.values import LaserScan
+from robots.bridge.gate_trace import replay
+from robots.bridge.lease.state_store import SavedState
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig, LinkAddress, Topic, Topics
+from robots.shared.configuration.gate_profile import DepthView, GateProfile, Limits
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.records.record_sink import (
     DriveSummary,
     GateStart,
     GateSummary,
@@ -27,29 +42,8 @@ from robots.bridge.audit.record_sink import (
     TakenDescription,
     TakenMap,
 )
-from robots.bridge.audit.records import Records
-from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
-from robots.bridge.core import Core, RosStatus
-from robots.bridge.drive.drive_log import DriveLog
-from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.geometry.arm_sweep import Motion, swept
-from robots.bridge.gate.motion.safe_twist import is_still
-from robots.bridge.gate.obstacles.depth_camera import frame_of
-from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
-from robots.bridge.gate.sensing.depth import DepthImage, Lens, picture_of_image
-from robots.bridge.gate.values import (
-    STILL,
-    DepthView,
-    GateProfile,
-    LaserScan,
-    Limits,
-    Pose,
-    Velocity,
-    Verdict,
-)
-from robots.bridge.gate_recording import replay
-from robots.bridge.lease.state_store import SavedState
-from robots.wire import Drive, Grant, Refusal
+from robots.shared.records.verdict import Verdict
+from robots.shared.wire import Drive, Grant, Refusal
 
 SEED = 1  # of the recorded minute
 DECISIONS = 3000

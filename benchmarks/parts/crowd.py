@@ -23,7 +23,7 @@ import zlib
 
 import msgspec
 
-from robots import wire
+from robots.shared import wire
 
 VIEW = b'{"t":"view"'
 _TEXT = 0x81

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from benchmarks.harness import progress
 from benchmarks.parts import process_stats
-from robots.processes.scheduling import REAL_TIME
+from robots.shared.processes.scheduling import REAL_TIME
 from script.stack.stack import Stack
 
 # Settings of a stack whose processes ask for real-time priority, as under the service unit.

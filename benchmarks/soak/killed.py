@@ -25,7 +25,7 @@ from websockets.exceptions import ConnectionClosed
 from benchmarks.driving.stop import ROBOT, STILL_RADPS, TURN, bridges
 from benchmarks.parts import process_stats
 from benchmarks.soak.reconciliation import Log, Received, counts, unfinished, unrecorded
-from robots import wire
+from robots.shared import wire
 from script.stack.client import Driver
 from script.stack.stack import Stack
 

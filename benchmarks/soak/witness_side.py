@@ -22,7 +22,7 @@ from geometry_msgs.msg import Twist
 from std_msgs.msg import String
 
 from benchmarks.soak.reconciliation import Received
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared.ros.message_types.classes import message_class
 
 DRIVE_TOPICS = ("/key_vel", "/phone_vel")
 NOTES = "/fleet_demo/notes"

@@ -18,7 +18,7 @@ from benchmarks.parts.bare_rospy import BareRospy
 from benchmarks.parts.observer import Observer
 from benchmarks.parts.priority import prefer_loops_or_say
 from benchmarks.parts.viewer_crowd import Crowd
-from robots import wire
+from robots.shared import wire
 from script.stack.client import sign_in
 from script.stack.stack import Stack, temporary_stack
 

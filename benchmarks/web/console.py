@@ -15,7 +15,7 @@ from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts import process_stats
 from benchmarks.parts.chromium import topics_shown_s
 from benchmarks.parts.observer import Observer, start_ros_side
-from robots import wire
+from robots.shared import wire
 from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack, temporary_stack
 

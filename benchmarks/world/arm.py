@@ -7,16 +7,16 @@ from xml.etree import ElementTree
 
 from benchmarks.world.controllers import GateController
 from benchmarks.world.robot import tiago_arm
-from robots.bridge.gate.geometry.arm_discs import Disc
-from robots.bridge.gate.geometry.arm_sweep import Motion
+from robots.bridge.gate.arm.discs import Disc
+from robots.bridge.gate.arm.sweep import Motion
 from robots.bridge.tasks.arm_clearance import ArmClearance, ArmModel
 from robots.bridge.tasks.arm_posture import ArmPosture
+from robots.shared.wire import Refusal
 from robots.simulator.joints.arm import SEGMENTS
 from robots.simulator.joints.frames import urdf
 from robots.simulator.joints.motions import Phase, Run
 from robots.simulator.robot import Robot
 from robots.simulator.sensors.body import TIAGO
-from robots.wire import Refusal
 
 REPORTED_EVERY_S = 0.1
 WATCHED_EVERY_S = 0.05  # as the bridge does

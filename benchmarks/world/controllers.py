@@ -9,12 +9,15 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.bridge.gate.arm.discs import AT_HOME
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.geometry.arm_discs import AT_HOME
 from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.sensing.depth import DepthImage, Lens, Transform, picture_of_image
 from robots.bridge.gate.sensing.scan import Malformed
-from robots.bridge.gate.values import STILL, GateProfile, LaserScan, Pose, SpeedLimit, Velocity
+from robots.bridge.gate.values import LaserScan
+from robots.shared.configuration.gate_profile import GateProfile
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.records.verdict import SpeedLimit
 from robots.simulator.sensors.depth import FOCAL_PX, WIDTH
 
 Ranges = NDArray[np.float32]

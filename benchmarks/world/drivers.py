@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from benchmarks.world.loop import RELEASED, Seen, Stick
-from robots.bridge.gate.geometry.planar import wrapped
+from robots.shared.geometry.planar import wrapped
 from robots.simulator.physics.mujoco_world import Pose
 
 FACES_RAD = 0.03

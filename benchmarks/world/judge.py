@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 from benchmarks.world.loop import PERIOD_S, Moment, Trace
 from benchmarks.world.truth import RADIUS_M, Truth
-from robots.bridge.gate.values import STILL, Limits, Parameters, Velocity
+from robots.shared.configuration.gate_profile import Limits, Parameters
+from robots.shared.geometry.poses import STILL, Velocity
 
 FREE_M = 2.0  # free way with which the asked speed is expected
 FALSE_STOP = 0.3  # below this share of the reachable motion, also of a turn on the spot

@@ -22,11 +22,14 @@ from benchmarks.world.robot import tiago_head
 from benchmarks.world.sensors import STANDARD, Sensors
 from benchmarks.world.witness import DEPTH, LASER, Look
 from robots.bridge.drive.drive_input import velocity_of
-from robots.bridge.gate import values
 from robots.bridge.gate.sensing.depth import Transform
-from robots.bridge.gate.values import STILL, Limits, SpeedLimit, Velocity
 from robots.bridge.ros.sensors.frames import TURNING_RADPS
 from robots.bridge.tasks.head import AHEAD_TAKES_S, FOLLOW_RADPS, Aim, Head
+from robots.shared.configuration.gate_profile import Limits
+from robots.shared.geometry import poses
+from robots.shared.geometry.poses import STILL, Velocity
+from robots.shared.records.verdict import SpeedLimit
+from robots.shared.wire import Drive
 from robots.simulator.faults import Faults
 from robots.simulator.joints.joint_table import camera_pose
 from robots.simulator.physics.base import Twist, clamp
@@ -36,7 +39,6 @@ from robots.simulator.robot import TICK_S, Robot
 from robots.simulator.sensors.depth import DepthCamera
 from robots.simulator.sensors.odometry import Drift
 from robots.simulator.worlds import World
-from robots.wire import Drive
 
 STARTS_S = 1000.0  # the console's clock when a run begins
 ROBOT_CLOCK_S = 1.7e9  # the robot's clock is ahead by this
@@ -220,7 +222,7 @@ class Loop:
         x, y, _, yaw = mount.pose
         fan = Fan(
             source,
-            values.Pose(x, y, yaw),
+            poses.Pose(x, y, yaw),
             -mount.half_angle,
             self.robot.laser.increment,
             mount.shortest_m,
@@ -244,7 +246,7 @@ class Loop:
         self._decides_s = STARTS_S + float(self._random.uniform(0.0, PERIOD_S))
         self._command_s = 0.0
         self._frozen_scan: tuple[float, Ranges] | None = None
-        self._frozen_odometry: tuple[float, values.Pose, Velocity] | None = None
+        self._frozen_odometry: tuple[float, poses.Pose, Velocity] | None = None
         self._sent = STILL
         self._touching: set[str] = set()
         self._still_since_s: float | None = None
@@ -360,7 +362,7 @@ class Loop:
 
     def _tell_odometry(self, stamp_s: float, now_s: float) -> None:
         odometry = self.robot.odometry
-        pose = values.Pose(float(odometry.x), float(odometry.y), float(odometry.yaw))
+        pose = poses.Pose(float(odometry.x), float(odometry.y), float(odometry.yaw))
         velocity = Velocity(*map(float, odometry.velocity))
         if not self.robot.faults.odom_frozen or self._frozen_odometry is None:
             self._frozen_odometry = stamp_s, pose, velocity

@@ -13,7 +13,7 @@ from benchmarks.harness import progress
 from benchmarks.world.controllers import CONTROLLERS, GateController
 from benchmarks.world.loop import Case, Loop, Trace
 from benchmarks.world.robot import tiago_profile
-from robots.bridge.gate_recording import Recorder
+from robots.bridge.gate_trace import Recorder
 
 Job = TypeVar("Job")
 Outcome = TypeVar("Outcome")

@@ -25,7 +25,8 @@ from benchmarks.world.play import SCAN, recorded
 from benchmarks.world.robot import tiago_profile
 from benchmarks.world.truth import RADIUS_M, Truth
 from robots.bridge.gate.sensing.depth import Transform
-from robots.bridge.gate.values import GateProfile, Pose, Velocity
+from robots.shared.configuration.gate_profile import GateProfile
+from robots.shared.geometry.poses import Pose, Velocity
 from robots.simulator.physics.mujoco_world import Pose as TruePose
 from robots.simulator.robot import Robot
 

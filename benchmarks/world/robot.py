@@ -7,9 +7,9 @@ from functools import cache
 
 import django
 
-from robots.bridge.config import ArmSource, HeadSource
-from robots.bridge.gate.values import GateProfile
 from robots.registry.configuration.robot_config import Effective
+from robots.shared.configuration.bridge_config import ArmSource, HeadSource
+from robots.shared.configuration.gate_profile import GateProfile
 
 
 def tiago_profile() -> GateProfile:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from msgspec import structs
 
-from robots.bridge.gate.values import GateProfile
+from robots.shared.configuration.gate_profile import GateProfile
 from robots.simulator.sensors.body import TIAGO, Body
 from robots.simulator.sensors.depth import HEIGHT, NEAREST_M, WIDTH
 

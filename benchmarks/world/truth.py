@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.values import Velocity
+from robots.shared.geometry.poses import Velocity
 from robots.simulator.physics.mujoco_world import Physics, Pose
 from robots.simulator.physics.scene import ROBOT_GROUP
 

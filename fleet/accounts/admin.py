@@ -22,13 +22,13 @@ from django.urls import reverse
 from django.utils.html import format_html
 from django.utils.translation import gettext_lazy as _
 
-from fleet import zones
 from fleet.accounts import services
 from fleet.accounts.models import SignIn, User
 from fleet.accounts.requests import person_of
 from fleet.accounts.sign_in import second_factor
 from fleet.audit.admin import ReadOnly
 from fleet.audit.recorded_admin import RecordedAdmin
+from fleet.base import zones
 
 # Django's groups are not used: people have roles on single robots, and staff may do everything. The other
 # tables belong to django-allauth: people change their own second factor and address, and the settings name

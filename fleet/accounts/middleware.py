@@ -14,10 +14,10 @@ from django.http import HttpRequest, HttpResponseBase, JsonResponse
 from django.utils import timezone, translation
 from django.utils.translation import gettext as _
 
-from fleet import languages, zones
 from fleet.accounts import services
 from fleet.accounts.models import User
 from fleet.accounts.requests import wants_json
+from fleet.base import languages, zones
 
 logger = logging.getLogger(__name__)
 

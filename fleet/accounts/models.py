@@ -14,7 +14,7 @@ from django.utils.translation import gettext_lazy as _
 from fleet.accounts.changes import RecordedUser
 from fleet.accounts.names import require_names
 from fleet.accounts.sign_in.devices import device_of
-from fleet.names import NameField
+from fleet.base.names import NameField
 
 
 class User(RecordedUser):

@@ -8,7 +8,7 @@ from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts.changes import RecordedUser
-from fleet.names import Fault, Looks, fault_of_person, fault_of_word, folded
+from fleet.base.names import Fault, Looks, fault_of_person, fault_of_word, folded
 
 ALIKE = Fault("name_alike", _("This name looks the same as that of another account: choose another one."))
 TAKEN = Fault("name_taken", _("Another account has this user name: choose another one."))

@@ -10,9 +10,9 @@ from django.db.models import QuerySet
 from django.utils import timezone
 from django.utils.crypto import constant_time_compare
 
-from fleet import rows
 from fleet.accounts.models import SignIn, User
 from fleet.accounts.tokens.services import valid_tokens
+from fleet.base import rows
 
 _SIGN_INS = """
 SELECT u.*, s.session_id, s.auth_hash

@@ -27,7 +27,7 @@ from fleet.audit.command_line import SystemAccount
 from fleet.audit.models import Record
 from fleet.audit.person_erasure import erase, pseudonym
 from fleet.audit.services import record
-from fleet.names import RESERVED, require
+from fleet.base.names import RESERVED, require
 
 FROM_THE_LIST = "ended from the session list"
 NAMES = ("username", "full_name", "email")  # the fields of an account that identify the person

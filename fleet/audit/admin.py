@@ -21,7 +21,6 @@ from django.utils.translation import gettext_lazy
 from django.views.decorators.http import require_POST, require_safe
 from msgspec import Struct
 
-from fleet import zones
 from fleet.audit.kinds import Listing, kinds_listed
 from fleet.audit.models import MotionRecord, Record, RefusalRecord, SpeechRecord
 from fleet.audit.reading import exports, wording
@@ -30,6 +29,7 @@ from fleet.audit.reading.forms import THE_CONSOLE, FilterForm, people_named
 from fleet.audit.reading.listing import COUNTED, Row, Selection, row_of
 from fleet.audit.recorded_admin import RecordedAdmin
 from fleet.audit.retention import is_doubt_on_record
+from fleet.base import zones
 
 LISTS = {
     "audit_speechrecord": gettext_lazy("Speech"),

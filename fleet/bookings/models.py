@@ -12,7 +12,7 @@ from django.db.models import F, Q
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
-from fleet.names import NameField
+from fleet.base.names import NameField
 from robots.access.models import Course, RobotGroup
 from robots.registry.models import Robot
 

@@ -13,11 +13,11 @@ from zoneinfo import ZoneInfo
 
 from msgspec import Struct
 
+from fleet.base.zones import end_of, start_of
 from fleet.bookings.models import WEEKDAYS, Policy
-from fleet.zones import end_of, start_of
 from robots.access.models import Course
 from robots.registry.models import Role
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 
 FAR = datetime.max.replace(tzinfo=timezone.utc)  # stands for "no end"
 # No policy allows a longer slot. So queries for slots that still run look back only this far.

@@ -12,7 +12,7 @@ from uuid import UUID
 
 from msgspec import Struct
 
-from fleet import rows
+from fleet.base import rows
 from fleet.bookings.models import OutOfService, Policy, State
 from fleet.bookings.rules import FAR, LONGEST, Slot, Taken
 from fleet.bookings.selectors import held_slot, why_out

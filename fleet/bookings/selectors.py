@@ -13,11 +13,11 @@ from django.db.models import F, Q, QuerySet
 from django.utils.translation import gettext_lazy
 from msgspec import Struct, structs
 
-from fleet import rows
 from fleet.accounts.models import User
+from fleet.base import rows
+from fleet.base.zones import viewers, zone_of
 from fleet.bookings.models import Booking, OutOfService, Policy, State
 from fleet.bookings.rules import COURSE_QUOTAS, FAR, LONGEST, Quota, Slot, Taken, Wish, day_of, refusals
-from fleet.zones import viewers, zone_of
 from robots.access.models import Course, RobotGroup
 from robots.access.role_rows import OWN, demanded, given
 from robots.access.selectors import given_on, lab_date, missing_qualifications, qualified_until, role_on

@@ -22,6 +22,7 @@ from msgspec import structs
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.audit.services import record
+from fleet.base.names import fault_of
 from fleet.bookings import overlaps
 from fleet.bookings.messages.notifications import changed_by_another
 from fleet.bookings.models import Booking, State
@@ -52,11 +53,10 @@ from fleet.bookings.selectors import (
     stage_of,
     wish_of,
 )
-from fleet.names import fault_of
 from robots.access.models import Course
 from robots.access.selectors import manages_robot, may_manage, role_on
 from robots.registry.models import Robot, Role
-from robots.wire import NotDone, Refusal
+from robots.shared.wire import NotDone, Refusal
 
 LENGTHENED_BY = timedelta(minutes=15)
 # Housekeeping notes that nobody used a slot, from 14 hours to three days after the slot's end. If a computer

@@ -13,8 +13,9 @@ from daphne import http_protocol
 from daphne.utils import parse_x_forwarded_for
 from twisted.web import http
 
-from fleet.server import credentials, limits, stop_addresses
-from fleet.server.connections import network_of
+from fleet.base import stop_addresses
+from fleet.base.network_addresses import network_of
+from fleet.server import credentials, limits
 from fleet.server.limits import Refusal, Refused
 from fleet.server.turns import Key
 
@@ -85,10 +86,8 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
 
     def _own_metrics(self) -> None:
         """Send the metrics of this process to a pages process, which has checked the client's permission."""
-        from teleop.live.metrics import own_metrics  # not above: Django has to be set up first
-
         self.setHeader(b"Content-Type", b"text/plain; version=0.0.4; charset=utf-8")
-        self.write(own_metrics())
+        self.write(self.server.metrics())
         self.finish()
 
     def _stop(self) -> None:

@@ -6,16 +6,19 @@ import os
 import resource
 import time
 from argparse import Namespace
+from collections.abc import Callable
 from typing import Any
 
 from daphne import server as daphne_server  # first: it chooses Twisted's reactor
 from daphne.cli import CommandLineInterface
 from twisted.internet import reactor, task
 
-from fleet.server import channel, credentials, limits, pages_process, stop_addresses, websocket
-from fleet.server.connections import Connections, Places, network_of
+from fleet.base import stop_addresses
+from fleet.base.network_addresses import network_of
+from fleet.server import channel, credentials, limits, pages_process, websocket
+from fleet.server.connections import Connections, Places
 from fleet.server.turns import Key, Turns, WorkQueue
-from robots.processes.scheduling import Garbage, ask_for_priority
+from robots.shared.processes.scheduling import Garbage, ask_for_priority
 
 STOPPERS, OTHERS = "people who stop robots", "others"  # owners of work
 GARBAGE_S = 0.1  # between two collections, so that each one has only few new objects
@@ -30,6 +33,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
 
     keeper: pages_process.Keeper | None = None  # keeps the pages process running; None in tests of the server
     rights: Any = None  # who may stop what: the application sets it (`teleop.stop.rights`)
+    metrics: Callable[[], bytes]  # of this process: the application sets it (`teleop.live.metrics`)
 
     def __init__(self, *args: Any, **options: Any) -> None:
         from django.conf import settings  # the application was imported before

@@ -27,7 +27,7 @@ from twisted.web.http_headers import Headers
 from twisted.web.iweb import IAgentEndpointFactory
 from zope.interface import implementer
 
-from fleet.origin import PORT_HEADER
+from fleet.base.origin import PORT_HEADER
 from fleet.server import limits
 
 log = logging.getLogger(__name__)

@@ -17,8 +17,8 @@ from types import FrameType
 
 import uvicorn
 
-from robots.processes.scheduling import forbid_real_time
-from robots.processes.shutdown import SIGNALS, exit_within
+from robots.shared.processes.scheduling import forbid_real_time
+from robots.shared.processes.shutdown import SIGNALS, exit_within
 
 NICENESS = 15
 END_S = 5.0

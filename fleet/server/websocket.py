@@ -9,8 +9,8 @@ from typing import Any
 from daphne import ws_protocol
 from twisted.internet.tcp import Connection
 
+from fleet.base.network_addresses import network_of
 from fleet.server import limits
-from fleet.server.connections import network_of
 from fleet.server.text_frame import small_text_frame
 
 # Extensions of a connection's scope. To this one, a consumer passes a function that receives texts at once.

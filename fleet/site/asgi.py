@@ -17,11 +17,11 @@ django.setup(set_prefix=False)
 from django.db import connections  # noqa: E402 - Django's apps are ready only now
 from django.urls import resolve  # noqa: E402
 
-from fleet.environment import limit_queries  # noqa: E402
+from fleet.base.environment import limit_queries  # noqa: E402
 from fleet.site.handler import OneThreadHandler, PagesHandler  # noqa: E402
 from fleet.site.websocket_handshake import guarded  # noqa: E402
 from fleet.site.websockets import websocket_urlpatterns  # noqa: E402
-from robots.processes.shutdown import exit_within  # noqa: E402
+from robots.shared.processes.shutdown import exit_within  # noqa: E402
 from teleop.stop.door import StopDoor  # noqa: E402
 
 limit_queries(connections.settings["default"])
@@ -47,9 +47,10 @@ if "daphne.server" in sys.modules:  # Daphne has chosen the reactor
     reactor.addSystemEventTrigger("before", "shutdown", exit_within, END_S)
 
     from fleet.server.command import Server
+    from teleop.live.metrics import own_metrics
     from teleop.stop.rights import rights
 
-    Server.rights = rights
+    Server.rights, Server.metrics = rights, staticmethod(own_metrics)
 
 # The loaded code's objects are never garbage: without this, each full collection checks them all, for 60 ms.
 gc.collect()

@@ -16,7 +16,7 @@ from django.http import FileResponse
 from django.urls import set_script_prefix
 
 from fleet.accounts.sign_in.hashing import MOST_WAITING
-from robots.processes.scheduling import ask_for_stop_priority
+from robots.shared.processes.scheduling import ask_for_stop_priority
 from teleop.api.v1.framework.long_poll import LongPoll
 
 P = ParamSpec("P")

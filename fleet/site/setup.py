@@ -24,9 +24,9 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.accounts.sign_in import first_run, throttle
 from fleet.accounts.sign_in.hashing import HashingBusy
+from robots.check.robot_check import FAIL, run_checks
 from robots.registry import services
 from robots.registry.models import Robot
-from robots.registry.robot_check import FAIL, run_checks
 from robots.registry.selectors import slug_for
 
 _OPEN = (

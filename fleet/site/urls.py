@@ -11,7 +11,7 @@ admin.site.site_title = admin.site.site_header = "Fleet console"
 
 handler400 = "fleet.site.views.bad_request"
 handler404 = "fleet.site.views.not_found"
-handler500 = "fleet.unavailable.error_page"
+handler500 = "fleet.site.unavailable.error_page"
 
 urlpatterns = [
     path("api/", include("teleop.api.urls")),  # first, because programs send the most requests
@@ -31,6 +31,6 @@ urlpatterns = [
     path("texts.js", views.script_texts, name="script-texts"),
     path("", include("fleet.bookings.pages.urls")),
     path("", include("teleop.urls")),
-    path("", include("robots.registry.urls")),
+    path("", include("robots.check.urls")),
     path("", include("robots.access.urls")),
 ]

@@ -22,10 +22,10 @@ from django.views.decorators.cache import cache_control, never_cache
 from django.views.decorators.http import require_safe
 from django.views.i18n import JavaScriptCatalog
 
-from fleet import languages
 from fleet.accounts.middleware import TooManyFields
 from fleet.accounts.requests import wants_json
 from fleet.audit.kinds import Kept
+from fleet.base import languages
 
 WHY_KEPT = {
     Kept.SPEECH: _("To find the person who made a robot say a sentence."),
@@ -82,7 +82,7 @@ def script_texts(request: HttpRequest) -> HttpResponseBase:
     `language` is the page's: a person's choice may differ from that of the browser.
     """
     with override(languages.chosen(request.GET.get("language", "")) or get_language()):
-        return _ScriptTexts.as_view(packages=["fleet"])(request)
+        return _ScriptTexts.as_view(packages=["fleet.site"])(request)
 
 
 @login_not_required

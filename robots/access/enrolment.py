@@ -19,13 +19,13 @@ from fleet.accounts.models import User
 from fleet.accounts.names import AccountNames
 from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.services import lock_chain, record
-from fleet.names import spelled_out
+from fleet.base.names import spelled_out
 from robots.access import welcome
 from robots.access.models import Course, Enrolment, Invitation
 from robots.access.people_lists.reading import Listed, PeopleList, Wrong
 from robots.access.selectors import courses_managed_by, lab_date
 from robots.access.signals import publish_access_changed
-from robots.wire import NotDone, Refusal
+from robots.shared.wire import NotDone, Refusal
 
 if TYPE_CHECKING:
     from robots.access.services import Actor

@@ -17,7 +17,7 @@ from django.utils.crypto import get_random_string
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
-from fleet.names import NameField
+from fleet.base.names import NameField
 from robots.registry.models import Robot, Role
 
 ONE_SECOND = timedelta(seconds=1)

@@ -15,7 +15,7 @@ from django.utils.translation import override
 
 from fleet.accounts import emails
 from fleet.accounts.models import User
-from fleet.languages import of_person
+from fleet.base.languages import of_person
 from robots.access.models import Course
 
 SALT = "robots.access.welcome"

@@ -15,19 +15,15 @@ from uuid import UUID
 
 from msgspec import Struct
 
-from robots import wire
 from robots.bridge import state_view
-from robots.bridge.audit.record_sink import TakenDescription
 from robots.bridge.audit.records import Records, Requester, unrecorded
-from robots.bridge.config import BridgeConfig
 from robots.bridge.drive.drive_input import DriveInput
 from robots.bridge.drive.drive_log import WAITING, DriveLog
 from robots.bridge.drive.holder_inputs import HolderInputs
-from robots.bridge.drive.input_filters import COMMAND_LIFE_S
+from robots.bridge.gate.arm.discs import Posture
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.geometry.arm_discs import Posture
 from robots.bridge.gate.obstacles.depth_camera import Frame
-from robots.bridge.gate.values import BRIDGE_STARTED, STILL, Forgotten, LaserScan, Pose, Velocity, Verdict
+from robots.bridge.gate.values import BRIDGE_STARTED, Forgotten, LaserScan
 from robots.bridge.gate.words import forgotten
 from robots.bridge.health.battery_time import BatteryTime
 from robots.bridge.health.diagnostics import Diagnostics, Status
@@ -36,16 +32,22 @@ from robots.bridge.lease.lease_guard import LeaseGuard
 from robots.bridge.lease.motion_after_stop import MotionAfterStop
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.lease.stop_latch import StopLatch
-from robots.bridge.navigation.goal_map import GoalMap
-from robots.bridge.overload import LoopLateness
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.steady_view import SteadyLimits, SteadyVerdict
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.tasks.holder_tasks import HolderTasks, holder_of
 from robots.bridge.tasks.publishing import Publisher
 from robots.bridge.tasks.task import Activity, Robot
-from robots.processes.durations import Durations
-from robots.wire import Drive, Ended, Grant, Refusal, StopState
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.configuration.input_filters import COMMAND_LIFE_S
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.maps.goal_map import GoalMap
+from robots.shared.processes.durations import Durations
+from robots.shared.processes.overload import LoopLateness
+from robots.shared.records.record_sink import TakenDescription
+from robots.shared.records.verdict import Verdict
+from robots.shared.wire import Drive, Ended, Grant, Refusal, StopState
 
 log = logging.getLogger(__name__)
 

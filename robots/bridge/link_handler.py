@@ -12,13 +12,13 @@ import logging
 import time
 from uuid import UUID
 
-from robots import wire
 from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.core import Core
 from robots.bridge.lease.lease_orders import LeaseOrders
-from robots.bridge.server.flood_limits import TokenBucket
 from robots.bridge.server.link_server import Link
 from robots.bridge.topics.inspector_client import InspectorClient
+from robots.shared import wire
+from robots.shared.link.flood_limits import TokenBucket
 
 log = logging.getLogger(__name__)
 

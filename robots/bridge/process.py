@@ -17,12 +17,9 @@ from uuid import UUID
 
 from msgspec import Struct, structs
 
-from robots import wire
 from robots.bridge import state_view
-from robots.bridge.audit.record_sink import RecordSink, TakenMap
 from robots.bridge.audit.records import Records
 from robots.bridge.camera.camera_client import CameraClient
-from robots.bridge.config import BridgeConfig
 from robots.bridge.core import Core
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
@@ -30,18 +27,26 @@ from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.lease.state_store import AlreadyRunning, SavedState, StateStore
 from robots.bridge.link_handler import LinkHandler
 from robots.bridge.maps.map_fetch import MapFetcher
-from robots.bridge.navigation.goal_map import GoalMap
 from robots.bridge.ros.bounds.memory import end_without_memory, lift_limit, limit_memory
 from robots.bridge.ros.node import RosBase
 from robots.bridge.server.link_server import LinkServer
 from robots.bridge.topics.inspector_client import InspectorClient
 from robots.bridge.watchdog.client import WatchdogClient
-from robots.bridge.watchdog.config import lane_path
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
-from robots.processes import last_words
-from robots.processes.scheduling import Garbage, ask_for_priority
-from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED, exit_within
-from robots.stop.pending_stops import PendingStops, WaitingStop, name_of
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.configuration.watchdog_config import lane_path
+from robots.shared.link.pending_stops import PendingStops, WaitingStop, name_of
+from robots.shared.maps.goal_map import GoalMap
+from robots.shared.processes import last_words
+from robots.shared.processes.scheduling import Garbage, ask_for_priority
+from robots.shared.processes.shutdown import (
+    EXIT_ALREADY_RUNNING,
+    EXIT_NAME_LOST,
+    EXIT_NOT_JOINED,
+    exit_within,
+)
+from robots.shared.records.record_sink import RecordSink, TakenMap
 
 log = logging.getLogger(__name__)
 

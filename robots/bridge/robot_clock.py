@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from robots.bridge.config import CLOCK_SKEW_S
+from robots.shared.configuration.bridge_config import CLOCK_SKEW_S
 
 LONGEST_AGE_S = 366 * 24 * 3600.0  # a larger difference shows that a stamp is no time of day
 

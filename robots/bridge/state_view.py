@@ -9,13 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots import wire
-from robots.bridge.config import CLOCK_SKEW_S, SonarSource
 from robots.bridge.gate import words
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.values import Forgotten, Kind, Obstacles, Pose, SpeedLimit, Velocity, Verdict
+from robots.bridge.gate.values import Forgotten, Kind, Obstacles
 from robots.bridge.tasks.holder_tasks import HolderTasks
-from robots.wire import Grant, StopState
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import CLOCK_SKEW_S, SonarSource
+from robots.shared.geometry.poses import Pose, Velocity
+from robots.shared.records.verdict import SpeedLimit, Verdict
+from robots.shared.wire import Grant, StopState
 
 VIEW_RADIUS_M = 8.0
 DRAWN_GRAIN_CM = 6  # one point is drawn for each cell of this size: a view for fifty viewers must be small

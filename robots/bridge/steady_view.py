@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from robots.bridge.gate import words
-from robots.bridge.gate.geometry.arc import speed
-from robots.bridge.gate.values import SpeedLimit, Velocity, Verdict
+from robots.shared.geometry.arc import speed
+from robots.shared.geometry.poses import Velocity
+from robots.shared.records.verdict import SpeedLimit, Verdict
 
 STANDS_S = 2.0  # the words are held for this time if the robot may hardly move
 DRIVES_S = 0.5  # ... and for this time if it may

@@ -11,8 +11,8 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from robots.bridge.urdf.document import FARTHEST_M, Misfit, description_of, name_of, numbers_of, origin_of
-from robots.bridge.urdf.joints import MOVING, Joint, Numbers, joints_of
+from robots.shared.urdf.document import FARTHEST_M, Misfit, description_of, name_of, numbers_of, origin_of
+from robots.shared.urdf.joints import MOVING, Joint, Numbers, joints_of
 
 MOST_SHAPES = 2_000
 MOST_PROBLEMS = 20

@@ -5,8 +5,8 @@ from __future__ import annotations
 from datetime import datetime
 from uuid import UUID
 
-from robots.bridge.audit.record_sink import TakenDescription
 from robots.registry.models import RobotDescription
+from robots.shared.records.record_sink import TakenDescription
 
 
 def description_store(robot_id: UUID, taken: TakenDescription, now: datetime) -> None:

@@ -11,11 +11,11 @@ import msgspec
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-from robots import wire
-from robots.bridge.config import LinkAddress
 from robots.link.client import BridgeLink
 from robots.link.connections import open_link
-from robots.wire import CameraAt, CameraState, CameraWants, Refusal, TakenPicture
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.wire import CameraAt, CameraState, CameraWants, Refusal, TakenPicture
 
 log = logging.getLogger(__name__)
 

@@ -23,15 +23,11 @@ from msgspec import Struct, structs
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-from robots import wire
-from robots.bridge.config import LinkAddress
-from robots.bridge.overload import LATE_S
+from robots.link import stop_courier as courier
 from robots.link.connections import LinkRefused as LinkRefused
 from robots.link.connections import down, open_link, why_down
-from robots.link.lane import Lane
 from robots.link.pending_replies import PendingReplies
-from robots.stop import courier
-from robots.stop.delivery import (
+from robots.link.stop_delivery import (
     SILENT,
     STOP_S,
     answer_of,
@@ -42,8 +38,12 @@ from robots.stop.delivery import (
     stop_message,
     wait_for,
 )
-from robots.stop.pending_stops import PendingStops, WaitingStop, name_of
-from robots.wire import Accepted, Ended, Refusal, Refused, State, Stopped
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.link.lane import Lane
+from robots.shared.link.pending_stops import PendingStops, WaitingStop, name_of
+from robots.shared.processes.overload import LATE_S
+from robots.shared.wire import Accepted, Ended, Refusal, Refused, State, Stopped
 
 log = logging.getLogger(__name__)
 

@@ -12,9 +12,9 @@ from websockets.asyncio.client import connect, unix_connect
 from websockets.exceptions import ConnectionClosed
 from websockets.sync import client as sync_client
 
-from robots.bridge.config import LinkAddress
-from robots.processes import last_words
-from robots.wire import NotDone, Refusal
+from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.processes import last_words
+from robots.shared.wire import NotDone, Refusal
 
 _PING_S = 1.0
 _CLOSE_S = 0.2

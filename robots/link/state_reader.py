@@ -15,12 +15,12 @@ from uuid import UUID
 import msgspec
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-from robots import wire
-from robots.bridge.config import LinkAddress
 from robots.link.client import OTHER_PROTOCOL, require_robot
 from robots.link.connections import LinkRefused, open_sync, why_down
-from robots.stop.delivery import SILENT
-from robots.wire import BridgeFigures, Refused, State
+from robots.link.stop_delivery import SILENT
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.wire import BridgeFigures, Refused, State
 
 ANSWER_S = 3.0  # from the first packet to the answer
 MOST_KEPT = 2  # connections to one bridge

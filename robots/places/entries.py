@@ -14,11 +14,11 @@ from collections.abc import Iterable
 
 from msgspec import Struct
 
-from fleet.names import fault_of
-from robots.bridge.gate.values import Pose
+from fleet.base.names import fault_of
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.phrases import shortened
-from robots.wire.navigation import FARTHEST_PLACE_M
+from robots.shared.geometry.poses import Pose
+from robots.shared.wire.navigation import FARTHEST_PLACE_M
 
 LONGEST_NAME = 60  # characters
 MOST_PLACES = 200  # on one map

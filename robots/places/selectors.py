@@ -10,16 +10,16 @@ from django.db.models import Exists, Max, OuterRef, Q
 from msgspec import Struct
 
 from robots.access.selectors import roles_of
-from robots.bridge.audit.record_sink import TakenMap
-from robots.bridge.gate.geometry.footprint import footprint_of
-from robots.bridge.gate.values import Pose
-from robots.bridge.navigation.goal_map import GoalMap
 from robots.places.entries import key_of
 from robots.places.models import Place, SharedMap
 from robots.registry.configuration import robot_config
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot, RobotMap, Role
-from robots.wire import NotDone, Refusal
+from robots.shared.geometry.footprint import footprint_of
+from robots.shared.geometry.poses import Pose
+from robots.shared.maps.goal_map import GoalMap
+from robots.shared.records.record_sink import TakenMap
+from robots.shared.wire import NotDone, Refusal
 
 if TYPE_CHECKING:
     from fleet.accounts.models import User

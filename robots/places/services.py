@@ -14,7 +14,7 @@ from robots.places.models import Place, SharedMap
 from robots.places.selectors import Clearance, places_of
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.phrases import shortened
-from robots.wire import NotDone, Refusal
+from robots.shared.wire import NotDone, Refusal
 
 if TYPE_CHECKING:
     from fleet.accounts.models import User

@@ -11,11 +11,11 @@ from uuid import UUID
 
 from msgspec import Struct
 
-from fleet import rows
-from robots.bridge.config import Allowed
+from fleet.base import rows
 from robots.registry.models import Robot
 from robots.registry.selectors import allowed_on, robot_facts
-from robots.wire import RobotFacts
+from robots.shared.configuration.bridge_config import Allowed
+from robots.shared.wire import RobotFacts
 
 _ROBOT = (
     "SELECT r.*, p.* FROM robots_robot r JOIN robots_robotprofile p ON p.id = r.profile_id WHERE r.id = %s"

@@ -7,8 +7,8 @@ from uuid import UUID
 
 from django.db import transaction
 
-from robots.bridge.audit.record_sink import TakenMap
 from robots.registry.models import RobotMap
+from robots.shared.records.record_sink import TakenMap
 
 CLOCKS = timedelta(minutes=5)  # allowed difference between the clock of the bridge's computer and others
 

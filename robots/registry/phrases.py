@@ -11,9 +11,9 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from fleet.names import fault_of
-from robots.bridge.tasks.speech import why_not_speakable
+from fleet.base.names import fault_of
 from robots.registry.configuration.profile_schema import LANGUAGE, Problems
+from robots.shared.configuration.spoken_texts import why_not_speakable
 
 LARGEST_FILE_BYTES = 1_000_000
 MOST_PHRASES = 1000  # in one file

@@ -13,20 +13,27 @@ from django.db.models import Q
 from django.utils.text import slugify
 from msgspec import Struct
 
-from fleet import rows
 from fleet.audit.models import Record
-from fleet.names import RESERVED
-from robots import wire
-from robots.bridge.config import Allowed, BridgeConfig, LimbSource, LinkAddress, Topics, What
-from robots.bridge.drive.input_filters import describe
-from robots.bridge.gate.values import GateProfile, Parameters
-from robots.bridge.tasks.denylist import admissible
+from fleet.base import rows
+from fleet.base.names import RESERVED
 from robots.registry.configuration import robot_config
 from robots.registry.configuration.addresses import check_master_uri
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Allowance, Robot, RobotProfile
 from robots.registry.phrases import FALLBACK_LANGUAGE, Line, tags_in
-from robots.wire import CameraEntry, LimbRange, Limits, ReverseSteering, RobotFacts, SonarPose, Use
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import (
+    Allowed,
+    BridgeConfig,
+    LimbSource,
+    LinkAddress,
+    Topics,
+    What,
+)
+from robots.shared.configuration.denylist import admissible
+from robots.shared.configuration.gate_profile import GateProfile, Parameters
+from robots.shared.configuration.input_filters import describe
+from robots.shared.wire import CameraEntry, LimbRange, Limits, ReverseSteering, RobotFacts, SonarPose, Use
 
 DISC_CORNERS = 32  # number of corners of the polygon that is drawn for a disc
 

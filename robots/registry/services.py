@@ -15,10 +15,10 @@ from msgspec import convert, to_builtins
 
 from fleet.audit.command_line import SystemAccount, here
 from fleet.audit.services import record
+from robots.link import stop_courier as courier
 from robots.registry import shipped_profiles
 from robots.registry.models import Allowance, BridgeStatus, Phrase, Robot, RobotProfile
 from robots.registry.phrases import Line, tags_text
-from robots.stop import courier
 
 if TYPE_CHECKING:
     from fleet.accounts.models import User

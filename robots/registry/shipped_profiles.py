@@ -15,12 +15,12 @@ import msgspec
 import yaml
 from msgspec import Struct
 
-from robots.bridge.config import Topic
-from robots.bridge.drive.input_filters import DEFAULT, StickStep
-from robots.bridge.gate.values import Limits
 from robots.registry.models import RobotProfile
 from robots.registry.phrases import Line, read_file
-from robots.wire import ReverseSteering
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.configuration.gate_profile import Limits
+from robots.shared.configuration.input_filters import DEFAULT, StickStep
+from robots.shared.wire import ReverseSteering
 
 DIRECTORY = Path(__file__).parent / "profiles"
 

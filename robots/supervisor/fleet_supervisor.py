@@ -20,14 +20,14 @@ from django.conf import settings
 from django.db import DatabaseError, connection
 
 from fleet.audit.errors import AuditUnavailable
-from robots.bridge.watchdog.config import watchdog_config
-from robots.processes import last_words
-from robots.processes.shutdown import exit_within
-from robots.recording.faults import record_bridge
+from robots.records.faults import record_bridge
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import BridgeStatus, Robot
 from robots.registry.selectors import bridge_config, require_link_settings, socket_path
 from robots.registry.services import bridge_status_set
+from robots.shared.configuration.watchdog_config import watchdog_config
+from robots.shared.processes import last_words
+from robots.shared.processes.shutdown import exit_within
 from robots.supervisor.process_keeper import (
     KILL_S,
     NEXT_START,

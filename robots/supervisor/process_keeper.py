@@ -22,8 +22,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
-from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED
 from robots.registry.models import BridgeStatus
+from robots.shared.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED
 
 State = BridgeStatus.State
 Report = Callable[[State, str, int | None], None]  # state, detail in words, process id

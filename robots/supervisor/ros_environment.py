@@ -11,8 +11,8 @@ import ctypes.util
 import os
 from pathlib import Path
 
-from robots.bridge.config import BridgeConfig
 from robots.registry.configuration.addresses import is_address
+from robots.shared.configuration.bridge_config import BridgeConfig
 
 LIBRARY = "nss_wrapper"
 # One thread for linear algebra: with several, the gate's p99 rose from 0.05 to 17 ms.

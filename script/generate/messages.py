@@ -1,4 +1,4 @@
-"""Writes docs/protocol-messages.md (every field of every message) from `robots.wire`; and docs/openapi.json.
+"""Writes docs/protocol-messages.md (every field of every message) from `robots.shared.wire`; and docs/openapi.json.
 
 Types and defaults come from the structs; descriptions come from their docstrings and the comments next to fields.
 """
@@ -22,17 +22,18 @@ from uuid import UUID
 import msgspec
 from msgspec import Meta, Struct, UnsetType, structs
 
-from robots import wire
+from robots.shared import wire
 
 PAGE = Path(__file__).parents[2] / "docs" / "protocol-messages.md"
 OPENAPI = PAGE.with_name("openapi.json")
 HEAD = f"""# Messages, field by field
 
-*Reference.* `script/messages` writes this page from [robots/wire/](../robots/wire/).
+*Reference.* `script/messages` writes this page from [robots/shared/wire/](../robots/shared/wire/).
 [protocol.md](protocol.md) says how to use the messages (`protocol` {wire.PROTOCOL}).
 Each is one JSON object whose `t` is its name here. A field without a default is required. Unknown fields are
 ignored; a report may leave out fields with their default. *Optional*: null by default. Units are SI unless the
-name says otherwise. Messages between the console's own processes are in `robots/wire/link.py` and `camera.py` only.
+name says otherwise. Messages between the console's own processes are in `robots/shared/wire/link.py` and
+`camera.py` only.
 
 """
 COMMON = 5  # a field that so many messages have is described once, at the top

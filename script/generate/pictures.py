@@ -18,7 +18,7 @@ import PIL.Image
 from playwright.sync_api import Browser, Page, sync_playwright
 from playwright.sync_api import TimeoutError as NotYet
 
-from robots import wire
+from robots.shared import wire
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
 from script.stack.demo import STUDENTS
 from script.stack.places import REPOSITORY

@@ -20,7 +20,7 @@ import msgspec
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
-from robots import wire
+from robots.shared import wire
 from script.stack.stack import Account, Certificate
 
 RENEW_BEFORE_S = 3.0  # before the end of the term

@@ -72,5 +72,5 @@ def static_sources() -> list[Path]:
     """Return the sources of collectstatic."""
     folders = [REPOSITORY / "static", REPOSITORY / "templates"]  # templates name the scripts that pages load
     files = [file for folder in folders for file in folder.rglob("*") if file.is_file()]
-    others = ("package-lock.json", "requirements/web.txt", "fleet/settings.py", "fleet/static.py")
+    others = ("package-lock.json", "requirements/web.txt", "fleet/settings.py", "fleet/site/static.py")
     return [*files, *(REPOSITORY / name for name in others)]

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from django.core.exceptions import ImproperlyConfigured
 
-from fleet.environment import Environment
+from fleet.base.environment import Environment
 from script.stack.places import REPOSITORY
 from script.stack.processes import Child, ChildDied, Ended, end_all, ended_by_signals, say, wait_for_any_end
 from script.stack.stack import Certificate, StartError, daphne, tls_endpoint

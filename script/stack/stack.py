@@ -28,7 +28,7 @@ import msgspec
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import unix_connect
 
-from robots import wire
+from robots.shared import wire
 from script.stack.database import with_tables
 from script.stack.places import (
     COLLECTED,

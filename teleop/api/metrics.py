@@ -20,13 +20,13 @@ from rest_framework.request import Request
 from fleet.accounts.tokens.models import Scope
 from fleet.audit.models import Record
 from fleet.bookings.models import Waiting
-from robots.bridge.config import LinkAddress
 from robots.link.connections import LinkRefused
 from robots.link.state_reader import figures_once
-from robots.processes.durations import buckets
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
-from robots.wire import BridgeFigures, Refusal, State
+from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.processes.durations import buckets
+from robots.shared.wire import BridgeFigures, Refusal, State
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.web_processes import OWN, of_others

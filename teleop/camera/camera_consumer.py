@@ -6,8 +6,8 @@ import asyncio
 import time
 
 from fleet.accounts.tokens.models import Scope
-from robots import wire
-from robots.wire import CameraState, Refusal, WireError, camera_message, kind_of
+from robots.shared import wire
+from robots.shared.wire import CameraState, Refusal, WireError, camera_message, kind_of
 from teleop.background.jobs import run_in_background
 from teleop.camera.feed import CameraFeed, CameraViewer, feed_of
 from teleop.control.scopes import scope_missing
@@ -15,7 +15,7 @@ from teleop.control.status import RobotEntry
 from teleop.live import robot_hub
 from teleop.live.consumers.message_socket import CloseCode
 from teleop.live.consumers.robot_socket import RobotSocket
-from teleop.recording.camera_audit import TOO_MANY_CAMERAS, CameraAudit
+from teleop.records.camera_audit import TOO_MANY_CAMERAS, CameraAudit
 
 # Pages start an acknowledgement with this text; any other spelling is handled more slowly, by `on_message`.
 _ACK = '{"t":"camera_ack",'

@@ -14,10 +14,18 @@ from itertools import count
 from typing import NamedTuple
 from uuid import UUID
 
-from robots import wire
 from robots.link.camera_link import STARTING, CameraLink
 from robots.link.client import BridgeLink
-from robots.wire import CameraState, CameraWants, CameraWatch, PictureHeader, Refusal, TakenPicture, Variant
+from robots.shared import wire
+from robots.shared.wire import (
+    CameraState,
+    CameraWants,
+    CameraWatch,
+    PictureHeader,
+    Refusal,
+    TakenPicture,
+    Variant,
+)
 from teleop.camera.quality import Quality
 
 log = logging.getLogger(__name__)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from robots.wire import CameraSize, Variant
+from robots.shared.wire import CameraSize, Variant
 
 LEAST_HZ = 8.0
 LEAST_VIDEO_HZ = 4.0  # with a long delay, fewer than `LEAST_HZ` arrive, and even fewer small pictures

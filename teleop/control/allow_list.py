@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from robots.bridge.config import Allowed
 from robots.registry.models import Role
-from robots.wire import Refusal
+from robots.shared.configuration.bridge_config import Allowed
+from robots.shared.wire import Refusal
 from teleop.control.status import Rights
 
 

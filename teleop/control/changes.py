@@ -11,7 +11,7 @@ from django.db import DatabaseError, connection, transaction
 from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.bookings.services import BookingRefused
 from robots.registry.models import Robot
-from robots.wire import NotDone, Refusal
+from robots.shared.wire import NotDone, Refusal
 from teleop.models import Lease
 
 

@@ -16,7 +16,7 @@ from uuid import UUID
 from msgspec import Struct
 
 from robots.registry.models import Role
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 
 GRACE_S = 10.0  # a lease may be resumed for this time after its page was lost
 LOST_AFTER_S = 5.0  # a page that sent nothing for this time counts as lost

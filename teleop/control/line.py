@@ -14,7 +14,7 @@ from fleet.accounts.models import User
 from fleet.audit import services as audit
 from fleet.audit.models import Record
 from fleet.bookings.models import Waiting
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.control import lease_checks
 from teleop.control.changes import ControlRefused, recorded_change, robot_locked
 from teleop.control.lease_checks import Tab

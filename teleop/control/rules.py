@@ -9,12 +9,12 @@ from uuid import UUID
 from msgspec import Struct, structs
 
 from fleet.accounts.models import User
+from fleet.base.zones import zone_of
 from fleet.bookings.rules import FAR, Slot, shown
 from fleet.bookings.schedule import Held, Schedule
-from fleet.zones import zone_of
 from robots.access.models import Qualification
 from robots.registry.models import Robot, Role
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.control.lease_checks import OFFER_S, LeaseState, Waiter, offered
 
 ROLE_LOWERED = Refusal("role_lowered", "Your role on this robot is lower now. Take control again.", "account")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from fleet.accounts.tokens.models import Scope
-from robots import wire
-from robots.wire import Refusal
+from robots.shared import wire
+from robots.shared.wire import Refusal
 
 # A token with any of these scopes may take control.
 ACTING = (Scope.DRIVE, Scope.SPEAK, Scope.MOTIONS, Scope.TOPICS)

@@ -9,17 +9,17 @@ from uuid import UUID
 
 from django.db.models.functions import Lower
 
-from fleet import rows
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
 from fleet.audit.models import Record
+from fleet.base import rows
 from fleet.bookings.schedule import Schedule, schedule_of
 from robots.access.models import Qualification
 from robots.access.selectors import lacking, missing_qualifications, role_on, roles_on
 from robots.registry.known_robots import known_robot
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import link_address
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.control.lease_checks import WAITS_S, LeaseState, Tab, Waiter, is_free
 from teleop.control.rules import Subject, out_of_service, permit_for, schedule_for
 from teleop.control.status import ControlStatus, Rights, RobotEntry, SessionEnd

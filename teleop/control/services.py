@@ -19,14 +19,14 @@ from django.db.models import QuerySet
 from fleet.accounts.models import User
 from fleet.audit import services as audit
 from fleet.audit.models import Record
+from fleet.base.names import fault_of
 from fleet.bookings.models import Booking
 from fleet.bookings.schedule import schedule_of
 from fleet.bookings.services import booking_hand_running, booking_lengthen_running, booking_used
-from fleet.names import fault_of
 from robots.access.selectors import supervises
 from robots.registry.models import Robot, Role
 from robots.registry.services import fence_next
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.control import lease_checks
 from teleop.control.changes import ControlRefused, recorded_change, robot_locked
 from teleop.control.lease_checks import LeaseState, Tab, Waiter

@@ -9,9 +9,9 @@ from django.conf import settings
 from msgspec import Struct
 
 from fleet.bookings.schedule import Held, Schedule
-from robots import wire
-from robots.bridge.config import Allowed, LinkAddress
 from robots.registry.models import Role
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Allowed, LinkAddress
 from teleop.control import lease_checks
 from teleop.control.lease_checks import LeaseState, Phase, Tab, Waiter
 from teleop.control.rules import Permit, schedule_for

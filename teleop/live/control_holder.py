@@ -17,7 +17,7 @@ from msgspec import structs
 
 from robots.link.client import LinkRefused
 from robots.registry.models import Role
-from robots.wire import Control, Notice, Refusal
+from robots.shared.wire import Control, Notice, Refusal
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control import line, services

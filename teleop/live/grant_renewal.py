@@ -11,7 +11,7 @@ from contextlib import suppress
 from django.utils import timezone
 
 from robots.link.client import LinkRefused
-from robots.wire import Grant, Pause, Refusal, Revoke
+from robots.shared.wire import Grant, Pause, Refusal, Revoke
 from teleop.control.lease_checks import LeaseState
 from teleop.control.rules import Permit
 from teleop.live.robot_hub import RobotHub

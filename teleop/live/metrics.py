@@ -11,7 +11,7 @@ from prometheus_client.exposition import generate_latest
 from prometheus_client.registry import Collector
 
 from robots.link.client import links
-from robots.processes.durations import buckets
+from robots.shared.processes.durations import buckets
 from teleop.live import robot_hub
 
 WEB = "web"  # the label with the process id of the web process

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robots.wire import Level, Notice, Refusal
+from robots.shared.wire import Level, Notice, Refusal
 from teleop.control.lease_checks import GRACE_S, OFFER_S
 from teleop.control.status import SessionEnd
 from teleop.models import EndReason

@@ -22,8 +22,8 @@ from django.db import DatabaseError
 from django.utils import timezone
 
 from robots.link.client import BridgeLink, links
-from robots.processes.durations import Durations
-from robots.wire import Ended, GoPath, Offers, Refresh, Refusal, Refused, State
+from robots.shared.processes.durations import Durations
+from robots.shared.wire import Ended, GoPath, Offers, Refresh, Refusal, Refused, State
 from teleop.background.database import in_database
 from teleop.control import lease_checks, line
 from teleop.control.changes import ControlRefused

@@ -15,10 +15,10 @@ from fleet.audit import services as audit
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.integrity.canonical import TEXT_BYTES
 from fleet.audit.models import Record
-from robots import wire
 from robots.link.client import LinkRefused
 from robots.registry.models import Role
-from robots.wire import CallService, Refusal, SetParameter
+from robots.shared import wire
+from robots.shared.wire import CallService, Refusal, SetParameter
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.allow_list import check_role, required_role

@@ -17,12 +17,12 @@ from msgspec import structs
 from fleet.accounts.models import User
 from fleet.audit import services as audit
 from fleet.audit.errors import AuditUnavailable
-from robots import wire
-from robots.bridge.drive import twists
 from robots.link.client import LinkRefused
 from robots.places.selectors import place_of_robot
 from robots.registry.models import Role
-from robots.wire import Accepted, LinkCancel, NotDone, Refusal, Refused, TaskRequest, kind_of
+from robots.shared import wire
+from robots.shared.messages import twists
+from robots.shared.wire import Accepted, LinkCancel, NotDone, Refusal, Refused, TaskRequest, kind_of
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.allow_list import check_role, required_role

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
-from robots.wire import MOST_SUBSCRIPTIONS, Refusal
+from robots.shared.wire import MOST_SUBSCRIPTIONS, Refusal
 from teleop.live.view_feed import Send
 
 log = logging.getLogger(__name__)

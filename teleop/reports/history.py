@@ -9,7 +9,7 @@ from uuid import UUID
 import msgspec
 from msgspec import Meta, Struct
 
-from fleet import rows
+from fleet.base import rows
 
 
 class SpokenText(Struct, frozen=True):
@@ -21,7 +21,7 @@ class SpokenText(Struct, frozen=True):
     topic: str
     who: str
     at: Annotated[datetime, Meta(tz=True)]
-    outcome: str | None  # as `robots.wire.SpeechEnd`; None: not known yet
+    outcome: str | None  # as `robots.shared.wire.SpeechEnd`; None: not known yet
     why: str
 
 

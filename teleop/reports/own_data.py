@@ -20,11 +20,11 @@ from django.db.models.functions import Coalesce
 from msgspec import Struct
 from msgspec.structs import replace
 
-from fleet import zones
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.audit.reading import exports
 from fleet.audit.reading.listing import Page, Row, Selection, Wanted, rows_of
+from fleet.base import zones
 from teleop.models import ControlSession
 
 SESSIONS = 20  # per page

@@ -13,10 +13,10 @@ from django.db.models.fields.json import KeyTextTransform
 from django.db.models.functions import Cast, Coalesce, ExtractHour, TruncDate
 from msgspec import Struct
 
-from fleet import zones
 from fleet.audit.models import Content, Record
 from fleet.audit.reading import wording
 from fleet.audit.reading.listing import Selection, Wanted
+from fleet.base import zones
 from robots.registry.models import Robot
 from teleop.reports.durations import duration_text
 

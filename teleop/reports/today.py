@@ -16,9 +16,9 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 from msgspec import Struct
 
-from fleet import zones
 from fleet.accounts.models import User
 from fleet.audit.models import Record
+from fleet.base import zones
 from fleet.bookings.models import Booking, State
 from fleet.bookings.selectors import grace_of, held_slot, policies_of, stage_of
 from robots.access.selectors import robots_visible_to, roles_of

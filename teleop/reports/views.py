@@ -22,12 +22,12 @@ from django.views.decorators.cache import cache_control, never_cache
 from django.views.decorators.http import require_POST, require_safe
 from msgspec import Struct
 
-from fleet import zones
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit.reading import wording
 from fleet.audit.reading.addresses import number, session_url_of
 from fleet.audit.reading.listing import Row
+from fleet.base import zones
 from fleet.bookings.permissions import awaiting_approval
 from robots.access.selectors import robot_visible_to, supervises
 from robots.access.who_sees import reader_of

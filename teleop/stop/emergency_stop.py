@@ -2,7 +2,7 @@
 
 A stop never waits for the database.
 
-Every press is sent. Repeated presses share records (`teleop.recording.repeat_suppression`).
+Every press is sent. Repeated presses share records (`teleop.records.repeat_suppression`).
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from django.utils import timezone
 from msgspec import structs
 
 from fleet.accounts.models import User
-from robots.bridge.server.flood_limits import TokenBucket
 from robots.link.client import BridgeLink, LinkRefused, links
+from robots.link.stop_delivery import stop_message
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
-from robots.stop.delivery import stop_message
-from robots.stop.presses import Pending, Result, keep_pending, press_all, record_outcome, record_press
-from robots.wire import LinkClear, Refusal, Stopped
+from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.wire import LinkClear, Refusal, Stopped
 from teleop.background.database import in_database, in_database_background
 from teleop.background.jobs import run_in_background
 from teleop.control.lease_checks import Tab
 from teleop.control.selectors import lease_of
 from teleop.control.services import clear_authorize
-from teleop.recording.repeat_suppression import RepeatSuppressor
+from teleop.records.repeat_suppression import RepeatSuppressor
+from teleop.stop.presses import Pending, Result, keep_pending, press_all, record_outcome, record_press
 
 PACE_S = 0.05  # between two presses for one robot that wait for their answers
 # Presses of one person's pages that are sent while another has no answer yet

@@ -17,17 +17,17 @@ from uuid import UUID
 
 from django.db import DatabaseError, connection
 
-from fleet import rows
 from fleet.accounts.models import User
 from fleet.accounts.selectors import people_of_sessions
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import tokens_by_text
+from fleet.base import rows
+from fleet.base.stop_addresses import slug_of
 from fleet.server.credentials import Credential
-from fleet.server.stop_addresses import slug_of
 from fleet.server.turns import Key
 from robots.access.selectors import visible_to_each
-from robots.processes.scheduling import ask_for_stop_priority
 from robots.registry.models import Robot
+from robots.shared.processes.scheduling import ask_for_stop_priority
 
 log = logging.getLogger(__name__)
 

@@ -29,11 +29,11 @@ from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid, token_of
 from robots.access.selectors import robot_visible_to, robots_visible_to
 from robots.registry.models import Robot
-from robots.stop.presses import Pending, Result
-from robots.wire import Refusal, Stopped
-from teleop.recording import refusals
-from teleop.recording.refusals import RefusedRequest
+from robots.shared.wire import Refusal, Stopped
+from teleop.records import refusals
+from teleop.records.refusals import RefusedRequest
 from teleop.stop import emergency_stop
+from teleop.stop.presses import Pending, Result
 
 SIGNED_OUT = Refusal("signed_out", "Not done: you are signed out. Sign in again.", "account")
 _NO_ROBOT = Refusal("not_found", "There is no such robot, or you may not see it.", "wire")

@@ -15,8 +15,8 @@ from urllib.parse import SplitResult, urlsplit
 from django.conf import settings
 from django.utils.translation import gettext as _
 
-from fleet.environment import WebhookAllow
-from robots.wire import NotDone, Refusal
+from fleet.base.environment import WebhookAllow
+from robots.shared.wire import NotDone, Refusal
 
 LONGEST = 500  # characters
 _PRINTED = re.compile(r"[\x21-\x7e]+")

@@ -18,7 +18,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 
 from fleet.accounts.sign_in.secrets import decrypted
-from robots.wire import NotDone
+from robots.shared.wire import NotDone
 from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks.addresses import target_of
 from teleop.webhooks.events import body_of, event_id, rfc3339

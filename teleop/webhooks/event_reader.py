@@ -13,9 +13,9 @@ from django.db import transaction
 from django.db.models import QuerySet
 from django.utils import timezone
 
-from fleet import rows
 from fleet.audit.models import Record
 from fleet.audit.services import wait_for_writers
+from fleet.base import rows
 from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks.events import is_event
 

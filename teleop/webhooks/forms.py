@@ -8,9 +8,9 @@ from django import forms
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
-from fleet.names import require
+from fleet.base.names import require
 from robots.registry.models import Robot
-from robots.wire import NotDone
+from robots.shared.wire import NotDone
 from teleop.models import Webhook
 from teleop.webhooks.addresses import LONGEST, target_of
 from teleop.webhooks.events import EVENT_CATEGORIES

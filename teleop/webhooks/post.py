@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from django.utils.translation import gettext as _
 
-from robots.wire import NotDone, Refusal
+from robots.shared.wire import NotDone, Refusal
 from teleop.webhooks.addresses import Endpoint, Target, resolved
 
 STEP_S = 5.0  # at most to connect, and between two parts of an answer

@@ -13,9 +13,9 @@ from django.utils.translation import gettext as _
 from fleet.accounts.models import User
 from fleet.accounts.sign_in.secrets import encrypted
 from fleet.audit.services import record
-from fleet.names import require
+from fleet.base.names import require
 from robots.registry.models import Robot
-from robots.wire import NotDone, Refusal
+from robots.shared.wire import NotDone, Refusal
 from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks.addresses import target_of
 from teleop.webhooks.event_reader import newest_record

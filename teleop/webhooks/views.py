@@ -19,8 +19,8 @@ from django.views.decorators.http import require_http_methods, require_safe
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit.reading import wording
-from fleet.zones import viewers
-from robots.wire import NotDone
+from fleet.base.zones import viewers
+from robots.shared.wire import NotDone
 from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks import services
 from teleop.webhooks.events import EVENT_CATEGORIES, TEST

@@ -21,7 +21,7 @@ from fleet.audit import retention
 from fleet.audit.integrity.verify import verify_all
 from fleet.audit.models import Actor, Content, Record
 from fleet.audit.services import record
-from teleop.recording import refusals
+from teleop.records import refusals
 from tests.processes import until
 
 pytestmark = pytest.mark.django_db

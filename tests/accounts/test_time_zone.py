@@ -14,10 +14,10 @@ from django.core.exceptions import ImproperlyConfigured
 from django.test import Client
 from django.utils import timezone as django_timezone
 
-from fleet import environment, zones
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from fleet.environment import Environment
+from fleet.base import environment, zones
+from fleet.base.environment import Environment
 from robots.registry.models import Robot
 from teleop.models import ControlSession
 from teleop.reports import robot_report

@@ -10,7 +10,7 @@ import pytest
 
 from fleet.audit.kinds import KINDS, grouped
 from fleet.audit.reading import wording
-from robots.recording.bridge_records import ENDS
+from robots.records.bridge_records import ENDS
 
 ROOT = Path(__file__).parents[2]
 RECORDING = {
@@ -33,12 +33,12 @@ INDIRECT = {
     },
     ("teleop/live/service_calls.py", "kind"): {"service.call", "parameter.set"},
     ("teleop/live/task_sender.py", "f'{what}.cancel'"): {"speech.cancel", "motion.cancel"},
-    ("robots/recording/bridge_records.py", "kind"): {end for end, _ in ENDS.values()},
+    ("robots/records/bridge_records.py", "kind"): {end for end, _ in ENDS.values()},
     # These pass on a kind that their caller gives, or the kind of an existing record.
     ("fleet/accounts/changes.py", "kind"): set(),
     ("fleet/bookings/services.py", "kind"): set(),
     ("teleop/control/services.py", "kind"): set(),
-    ("robots/stop/presses.py", "record.kind"): set(),
+    ("teleop/stop/presses.py", "record.kind"): set(),
     ("teleop/webhooks/services.py", "kind"): set(),
     ("teleop/live/service_calls.py", "begun.kind"): set(),
 }

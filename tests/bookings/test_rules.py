@@ -10,7 +10,7 @@ from fleet.bookings.models import Policy
 from fleet.bookings.rules import BINDING, Quota, Slot, Taken, Wish, check_cancel, refusals, to_utc
 from robots.access.models import RobotGroup
 from robots.registry.models import Role
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 
 MADRID = ZoneInfo("Europe/Madrid")
 NOW = datetime(2026, 3, 2, 9, 0, tzinfo=timezone.utc)  # a Monday

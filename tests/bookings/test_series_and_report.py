@@ -18,7 +18,7 @@ from fleet.bookings.pages.calendar import span
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import BookingRefused, booking_make
 from robots.access.models import Course, Enrolment
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 
 pytestmark = pytest.mark.django_db
 

@@ -11,19 +11,21 @@ from types import SimpleNamespace
 import msgspec
 import numpy as np
 
-from robots import wire
-from robots.bridge.audit.record_sink import (
-    DriveSummary,
-    GateStart,
-    GateSummary,
-    Holder,
-    Parameters,
-    Position,
-    RecordError,
-    RecordSink,
-)
 from robots.bridge.audit.records import Records
-from robots.bridge.config import (
+from robots.bridge.core import Core, RosStatus
+from robots.bridge.drive.drive_log import DriveLog
+from robots.bridge.gate.arm.discs import Disc
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.sensor_limits import Fault
+from robots.bridge.gate.timing.latency import Latency
+from robots.bridge.gate.values import ForgetCode, Forgotten, Obstacles, SensorHealth
+from robots.bridge.lease.state_store import SavedState
+from robots.bridge.navigation.localisation import Spread
+from robots.bridge.tasks.head import Aim
+from robots.bridge.tasks.motions import Swept
+from robots.bridge.tasks.speech import Utterance
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import (
     Allowed,
     BridgeConfig,
     HeadSource,
@@ -33,32 +35,21 @@ from robots.bridge.config import (
     Topic,
     Topics,
 )
-from robots.bridge.core import Core, RosStatus
-from robots.bridge.drive.drive_log import DriveLog
-from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.geometry.arm_discs import Disc
-from robots.bridge.gate.geometry.planar import NO_POINTS, Points
-from robots.bridge.gate.sensor_limits import Fault
-from robots.bridge.gate.timing.latency import Latency
-from robots.bridge.gate.values import (
-    STILL,
-    ForgetCode,
-    Forgotten,
-    GateProfile,
-    Limits,
-    Obstacles,
-    Pose,
-    SensorHealth,
-    SpeedLimit,
-    Velocity,
-    Verdict,
+from robots.shared.configuration.gate_profile import GateProfile, Limits
+from robots.shared.geometry.planar import NO_POINTS, Points
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.records.record_sink import (
+    DriveSummary,
+    GateStart,
+    GateSummary,
+    Holder,
+    Parameters,
+    Position,
+    RecordError,
+    RecordSink,
 )
-from robots.bridge.lease.state_store import SavedState
-from robots.bridge.navigation.localisation import Spread
-from robots.bridge.tasks.head import Aim
-from robots.bridge.tasks.motions import Swept
-from robots.bridge.tasks.speech import Utterance
-from robots.wire import Drive, Ended, Grant, Refusal
+from robots.shared.records.verdict import SpeedLimit, Verdict
+from robots.shared.wire import Drive, Ended, Grant, Refusal
 
 LIMITS = Limits(1.0, 0.2, 0.0, 2.0, 1.0, 2.0)
 CONFIG = BridgeConfig(

@@ -8,9 +8,11 @@ import pytest
 
 from robots.bridge.core import ODOMETRY_ONLINE_S, RosStatus
 from robots.bridge.gate.sensor_limits import Fault
-from robots.bridge.gate.values import STILL, LaserScan, Pose, SpeedLimit, Velocity, Verdict
+from robots.bridge.gate.values import LaserScan
 from robots.bridge.lease.state_store import SavedState
-from robots.wire import Grant
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.records.verdict import SpeedLimit, Verdict
+from robots.shared.wire import Grant
 from tests.bridge.support import ORDERS, Bench, ObedientBench
 
 FORWARD = Velocity(0.5, 0.0, 0.0)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from robots.bridge.gate.values import STILL
-from robots.bridge.overload import KEPT_S, LoopLateness
-from robots.wire import Overload
+from robots.shared.geometry.poses import STILL
+from robots.shared.processes.overload import KEPT_S, LoopLateness
+from robots.shared.wire import Overload
 from tests.bridge.support import Bench
 
 

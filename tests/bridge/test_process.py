@@ -8,10 +8,10 @@ import time
 import pytest
 from msgspec import structs
 
-from robots.bridge.config import LinkAddress
 from robots.bridge.lease.state_store import SavedState, StateStore
 from robots.bridge.process import TICK_S, Bridge
-from robots.wire import Grant
+from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.wire import Grant
 from tests.bridge.support import CONFIG, MemorySink
 
 

@@ -6,8 +6,10 @@ import itertools
 
 import pytest
 
-from robots.bridge.gate.values import STILL, Parameters, SpeedLimit, Velocity, Verdict
 from robots.bridge.steady_view import DRIVES_S, LIMITS_S, STANDS_S, SteadyLimits, SteadyVerdict
+from robots.shared.configuration.gate_profile import Parameters
+from robots.shared.geometry.poses import STILL, Velocity
+from robots.shared.records.verdict import SpeedLimit, Verdict
 from tests.bridge.support import Bench
 from tests.gate.conftest import tiago_profile
 from tests.gate.world import World, leg, wall

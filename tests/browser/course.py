@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from robots.bridge.gate.geometry.planar import wrapped
+from robots.shared.geometry.planar import wrapped
 
 START = (1.7, 1.7, 0.0)  # in the office: x, y, heading in degrees; zero of odometry
 # Points before, in and behind the door; metres from the start.

@@ -24,7 +24,7 @@ from geometry_msgs.msg import PoseStamped, Twist
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
-from robots.bridge.ros.message_types.convert import planar
+from robots.bridge.ros.sensors.convert import planar
 from tests.browser.course import SHARE, Follower, keys
 
 FULL_MPS, FULL_RADPS = 1.0, 2.0944

@@ -15,9 +15,9 @@ from benchmarks.world.play import at_most, loop_of
 from benchmarks.world.sensors import STANDARD, Sensors
 from benchmarks.world.truth import Truth
 from benchmarks.world.witness import seen
-from robots.bridge.gate.geometry.arm_discs import AT_HOME
-from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.gate.arm.discs import AT_HOME
 from robots.bridge.tasks.arm_posture import ArmPosture
+from robots.shared.geometry.poses import STILL, Velocity
 from robots.simulator.faults import Faults
 from robots.simulator.physics.base import Twist
 from robots.simulator.physics.mujoco_world import Physics, Pose

@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.gate.geometry.planar import from_columns
 from robots.bridge.gate.sensing.depth import Columns, columns_of, seen_through, top_m
-from robots.bridge.gate.values import LaserScan, Pose
+from robots.bridge.gate.values import LaserScan
+from robots.shared.geometry.planar import from_columns
+from robots.shared.geometry.poses import Pose
 from tests.gate.conftest import LASER, tiago_profile
 from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, VIEW, WALL, Looker, camera, picture
 

@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.gate.geometry.planar import wrapped
-from robots.bridge.gate.values import STILL, Parameters, Pose, Velocity
+from robots.shared.configuration.gate_profile import Parameters
+from robots.shared.geometry.planar import wrapped
+from robots.shared.geometry.poses import STILL, Pose, Velocity
 from tests.gate.conftest import tiago_profile
 from tests.gate.world import World, doorway
 

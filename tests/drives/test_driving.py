@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from robots.bridge.gate.values import Pose, Velocity, Verdict
+from robots.shared.geometry.poses import Pose, Velocity
+from robots.shared.records.verdict import Verdict
 from tests.gate.conftest import LASER, box_profile, tiago_profile
 from tests.gate.world import World, doorway, leg, wall
 

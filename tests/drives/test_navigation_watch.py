@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate import navigation_watch
-from robots.bridge.gate.values import Parameters, Pose, Velocity
 from robots.bridge.navigation.navigation_goals import LEAST_SPARE_M
+from robots.shared.configuration.gate_profile import Parameters
+from robots.shared.geometry.poses import Pose, Velocity
 from tests.drives.test_near_side import RADIUS_M, NearSighted
 from tests.gate.conftest import LASER, Feeder, tiago_profile
 from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, TABLE, Looker, camera

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate.obstacles.depth_camera import frame_of
-from robots.bridge.gate.values import DepthView, Pose, Velocity
+from robots.shared.configuration.gate_profile import DepthView
+from robots.shared.geometry.poses import Pose, Velocity
 from tests.gate.conftest import tiago_profile
 from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, Looker, camera, picture
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate import gate as gate_module
+from robots.bridge.gate.arm.discs import AT_HOME, Posture
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.geometry.arm_discs import AT_HOME, Posture
-from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity
+from robots.bridge.gate.values import LaserScan
+from robots.shared.geometry.poses import STILL, Pose, Velocity
 from tests.gate.conftest import LASER, SONARS, box_profile, tiago_profile
 
 

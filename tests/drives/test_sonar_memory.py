@@ -10,7 +10,9 @@ import pytest
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.obstacles.sonar_memory import MOST
-from robots.bridge.gate.values import STILL, DepthView, LaserScan, Pose, Velocity
+from robots.bridge.gate.values import LaserScan
+from robots.shared.configuration.gate_profile import DepthView
+from robots.shared.geometry.poses import STILL, Pose, Velocity
 from tests.gate.conftest import LASER, SONARS, Feeder, tiago_profile
 from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, camera, picture
 from tests.gate.world import World, leg, wall

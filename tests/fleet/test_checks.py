@@ -1,6 +1,6 @@
 """The system checks report missing packages, static files and TLS, with a remedy."""
 
-from fleet import checks
+from fleet.site import checks
 
 
 def test_missing_npm_packages_are_named_with_the_command(settings, tmp_path):

@@ -7,8 +7,8 @@ import sys
 import pytest
 from django.core.exceptions import ImproperlyConfigured
 
-from fleet import environment
-from fleet.environment import Environment
+from fleet.base import environment
+from fleet.base.environment import Environment
 from tests.processes import REPOSITORY
 
 KEY = "k" * 50

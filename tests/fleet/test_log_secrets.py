@@ -11,7 +11,7 @@ import pytest
 from django.conf import settings
 from django.urls import URLPattern, get_resolver
 
-from fleet.logs import Redacted, redacted
+from fleet.base.logs import Redacted, redacted
 
 SECRET = "4sX9kq7-Zt_2vB8nQw"
 # Parameters of addresses that are secrets; the others name something.

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 
-from fleet.names import Looks, fault_of, fault_of_person, fault_of_word, folded
+from fleet.base.names import Looks, fault_of, fault_of_person, fault_of_word, folded
 
 OF_PEOPLE = (
     "Ada Lovelace",

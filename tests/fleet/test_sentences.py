@@ -13,9 +13,9 @@ import msgspec
 import pytest
 from django.utils import timezone, translation
 
-from fleet.formats.sentences import _catalogue, in_words, words_of
-from robots import wire
-from robots.sentences import counted, pieces, say
+from fleet.base.formats.sentences import _catalogue, in_words, words_of
+from robots.shared import wire
+from robots.shared.wire.sentences import counted, pieces, say
 from script.generate import sentences
 
 # Modules whose sentences are not in the catalogue yet
@@ -30,7 +30,7 @@ NOT_YET = [
     "robots/bridge/drive/drive_by.py",
     "robots/bridge/drive/drive_input.py",
     "robots/bridge/drive/holder_inputs.py",
-    "robots/bridge/drive/twists.py",
+    "robots/shared/messages/twists.py",
     "robots/bridge/gate/sensor_limits.py",
     "robots/bridge/lease/lease_guard.py",
     "robots/bridge/lease/lease_orders.py",
@@ -48,14 +48,14 @@ NOT_YET = [
     "robots/bridge/tasks/input_routing.py",
     "robots/bridge/tasks/motions.py",
     "robots/bridge/tasks/publishing.py",
-    "robots/bridge/tasks/speech.py",
+    "robots/shared/configuration/spoken_texts.py",
     "robots/bridge/topics/inspector_client.py",
     "robots/link/client.py",
     "robots/link/connections.py",
     "robots/places/selectors.py",
     "robots/places/services.py",
-    "robots/stop/presses.py",
-    "robots/wire/codec.py",
+    "teleop/stop/presses.py",
+    "robots/shared/wire/codec.py",
     "teleop/api/v1/courses.py",
     "teleop/api/v1/events.py",
     "teleop/api/v1/framework/idempotency.py",
@@ -115,7 +115,7 @@ def test_sentences_are_said_in_the_readers_language(tmp_path: Path, settings, mo
     (folder / "sentences.po").write_text(SPANISH)
     sentences.compiled(folder / "sentences.po")
     settings.LOCALE_PATHS = [tmp_path]
-    monkeypatch.setattr("fleet.formats.sentences._catalogue", _catalogue.__wrapped__)
+    monkeypatch.setattr("fleet.base.formats.sentences._catalogue", _catalogue.__wrapped__)
     until = datetime(2026, 12, 3, 15, tzinfo=ZoneInfo("Europe/Madrid"))
     old = say("{sensor} is {age:age} old, {gap:fine} m", sensor=say("laser"), age=0.61, gap=0.05)
     robots = counted(

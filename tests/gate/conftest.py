@@ -10,7 +10,9 @@ import pytest
 
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.timing.trail import between
-from robots.bridge.gate.values import GateProfile, LaserScan, Limits, Parameters, Pose, Velocity
+from robots.bridge.gate.values import LaserScan
+from robots.shared.configuration.gate_profile import GateProfile, Limits, Parameters
+from robots.shared.geometry.poses import Pose, Velocity
 
 LASER = "/scan_raw"
 SONARS = {

@@ -18,7 +18,8 @@ from robots.bridge.gate.sensing.depth import (
     picture_of_image,
     top_m,
 )
-from robots.bridge.gate.values import DepthView, Pose
+from robots.shared.configuration.gate_profile import DepthView
+from robots.shared.geometry.poses import Pose
 from tests.gate.conftest import Feeder, tiago_profile
 
 FOV = math.radians(63.0)

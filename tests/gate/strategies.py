@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from robots.bridge.gate.values import Velocity
+from robots.shared.geometry.poses import Velocity
 
 
 def clouds(reach_m):

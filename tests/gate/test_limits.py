@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate.sensing.sectors import gaps_between
-from robots.bridge.gate.values import STILL, Limits, Parameters, SpeedLimit, Velocity
+from robots.shared.configuration.gate_profile import Limits, Parameters
+from robots.shared.geometry.poses import STILL, Velocity
+from robots.shared.records.verdict import SpeedLimit
 from tests.gate.conftest import Feeder, box_profile, tiago_profile
 
 

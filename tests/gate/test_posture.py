@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.bridge.gate.geometry.arm_discs import AT_HOME, UNKNOWN, Posture, beyond, discs_along, is_home
-from robots.bridge.gate.geometry.footprint import Discs
-from robots.bridge.gate.values import SpeedLimit
+from robots.bridge.gate.arm.discs import AT_HOME, UNKNOWN, Posture, beyond, discs_along, is_home
+from robots.shared.geometry.footprint import Discs
+from robots.shared.records.verdict import SpeedLimit
 from tests.gate.conftest import Feeder, box_profile, tiago_profile
 
 RADIUS_M = 0.09

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate import words
-from robots.bridge.gate.values import Velocity
+from robots.shared.geometry.poses import Velocity
 from tests.gate.conftest import LASER, Feeder, tiago_profile
 
 

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.values import STILL, GateProfile, LaserScan, Pose, Velocity
+from robots.bridge.gate.values import LaserScan
+from robots.shared.configuration.gate_profile import GateProfile
+from robots.shared.geometry.poses import STILL, Pose, Velocity
 from tests.gate.conftest import LASER
 
 ORIGIN = Pose(0.0, 0.0, 0.0)

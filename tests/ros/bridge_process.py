@@ -7,8 +7,10 @@ from pathlib import Path
 
 import msgspec
 
-from robots import wire
-from robots.bridge.audit.record_sink import (
+from robots.bridge.process import run
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.records.record_sink import (
     DriveSummary,
     GateStart,
     GateSummary,
@@ -18,8 +20,6 @@ from robots.bridge.audit.record_sink import (
     TakenDescription,
     TakenMap,
 )
-from robots.bridge.config import BridgeConfig
-from robots.bridge.process import run
 
 
 class FileSink:

@@ -17,10 +17,17 @@ import msgspec
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import unix_connect
 
-from robots import wire
-from robots.bridge.config import BridgeConfig, LinkAddress, ScanSource, SonarSource, Topic, Topics
-from robots.bridge.gate.values import GateProfile, Limits
-from robots.bridge.watchdog.config import lane_path, watchdog_config
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import (
+    BridgeConfig,
+    LinkAddress,
+    ScanSource,
+    SonarSource,
+    Topic,
+    Topics,
+)
+from robots.shared.configuration.gate_profile import GateProfile, Limits
+from robots.shared.configuration.watchdog_config import lane_path, watchdog_config
 from tests.forked import ForkedProgram
 from tests.processes import PATIENCE_S, until
 from tests.ros.support import Master, end

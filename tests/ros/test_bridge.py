@@ -25,13 +25,13 @@ from nav_msgs.msg import Odometry
 from rospy.msg import serialize_message
 from sensor_msgs.msg import Range
 
-from robots import wire
-from robots.bridge.config import Topic
 from robots.bridge.core import Core
 from robots.bridge.lease.state_store import StateStore
 from robots.bridge.process import Bridge
 from robots.bridge.ros.node import RosBase
-from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST
 from tests.bridge.support import MemorySink
 from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config

@@ -8,8 +8,8 @@ import pytest
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
-from robots.bridge.config import ScanSource, Topic, Topics
-from robots.bridge.gate.values import GateProfile, Limits
+from robots.shared.configuration.bridge_config import ScanSource, Topic, Topics
+from robots.shared.configuration.gate_profile import GateProfile, Limits
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 
 HALF_WIDTH_M = 0.28

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from robots.bridge.ros import ros_folders
+from robots.shared.ros import ros_folders
 
 CHECK = (
     "import robots.bridge.ros, sys, daphne.server, rospy, rosbag, yaml; print(yaml.__file__, rospy.__file__)"

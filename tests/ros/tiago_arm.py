@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
-from robots.bridge.config import ArmSource, Topic
+from robots.shared.configuration.bridge_config import ArmSource, Topic
 from robots.simulator.joints.frames import urdf
 from robots.simulator.joints.joint_table import HOME
 from robots.simulator.sensors.body import BODIES

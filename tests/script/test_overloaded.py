@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from robots.bridge.drive.input_filters import COMMAND_LIFE_S
+from robots.shared.configuration.input_filters import COMMAND_LIFE_S
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, temporary_stack
 

@@ -10,7 +10,7 @@ import urllib.error
 import urllib.request
 from typing import Any
 
-from robots import wire
+from robots.shared import wire
 from script.stack.client import Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS
 from tests.processes import until

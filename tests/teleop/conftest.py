@@ -12,9 +12,9 @@ from django.test import Client
 from msgspec import structs
 
 from fleet.accounts.models import User
-from robots.bridge.config import Allowed
 from robots.link.client import links
 from robots.registry.models import RobotRole
+from robots.shared.configuration.bridge_config import Allowed
 from teleop.background.database import in_database_background
 from teleop.control import selectors
 from tests.conftest import PASSWORD

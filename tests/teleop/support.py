@@ -16,11 +16,11 @@ from channels.testing import WebsocketCommunicator
 from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable
 from fleet.site.asgi import application
-from robots import wire
 from robots.bridge.server.link_server import Link, LinkServer
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
-from robots.wire import Odometry, Refusal, State, StopState, Verdict
+from robots.shared import wire
+from robots.shared.wire import Odometry, Refusal, State, StopState, Verdict
 from teleop.background.database import in_database
 from teleop.models import ControlSession
 

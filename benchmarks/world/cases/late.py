@@ -18,7 +18,7 @@ from benchmarks.world.loop import Case, Conditions, Jump, Loop
 from benchmarks.world.play import SCAN, loop_of, played
 from benchmarks.world.robot import tiago_profile
 from benchmarks.world.truth import Truth
-from robots.bridge.gate.values import Parameters
+from robots.shared.configuration.gate_profile import Parameters
 from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.worlds import Wall, World
 

@@ -25,7 +25,7 @@ from benchmarks.harness import Figure, progress, quantile
 from benchmarks.world.cases import crossing, objects
 from benchmarks.world.loop import RELEASED, Case, Driver, Glance, Leaving, Seen, Stick, Trace
 from benchmarks.world.play import loop_of, played
-from robots.bridge.gate.geometry.planar import wrapped
+from robots.shared.geometry.planar import wrapped
 from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.worlds import Chair, Person, Table
 

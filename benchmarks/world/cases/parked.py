@@ -17,7 +17,7 @@ from benchmarks.world.loop import Case, Conditions
 from benchmarks.world.play import loop_of, played
 from benchmarks.world.sensors import Sensors
 from benchmarks.world.witness import Contact, count, first_contact, worst_first
-from robots.bridge.gate.geometry.planar import wrapped
+from robots.shared.geometry.planar import wrapped
 from robots.simulator.physics.mujoco_world import Physics, Pose
 from robots.simulator.sensors.body import TIAGO
 

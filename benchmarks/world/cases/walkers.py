@@ -20,7 +20,7 @@ from benchmarks.world.robot import tiago_profile
 from benchmarks.world.walkers import plan as plans
 from benchmarks.world.walkers.plan import Plan
 from benchmarks.world.walkers.run import Met, Moment, Run
-from robots.bridge.gate.values import GateProfile
+from robots.shared.configuration.gate_profile import GateProfile
 
 RUNS = int(os.environ.get("FLEET_BENCH_WALKERS", "100"))
 FIRST = int(os.environ.get("FLEET_BENCH_FIRST", "0"))  # first seed, to continue where another run ended

@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.world.walkers import plane
 from benchmarks.world.walkers.gait import STEP_S, Build, Floats, Walk, moved, step_length, way
 from benchmarks.world.walkers.plane import Things
-from robots.bridge.gate.values import Pose, Velocity
+from robots.shared.geometry.poses import Pose, Velocity
 from robots.simulator.sensors.odometry import Drift
 
 HULL_M = 0.27

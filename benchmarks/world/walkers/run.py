@@ -16,7 +16,7 @@ from benchmarks.world.controllers import Controller, Fan, Floats, Ranges
 from benchmarks.world.walkers import plane
 from benchmarks.world.walkers.plan import HULL_M, LASER, WARM_UP_S, Plan
 from benchmarks.world.walkers.plane import Things
-from robots.bridge.gate.values import STILL, Pose, Velocity
+from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.simulator.physics.base import BaseController, Twist
 from robots.simulator.sensors.odometry import Odometry
 

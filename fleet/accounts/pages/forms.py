@@ -9,7 +9,7 @@ from django.conf import settings
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
-from fleet import zones
+from fleet.base import zones
 
 PANELS = ("chart", "motions", "phrases")  # panels of the control page on a desktop screen
 PLACES = ("left", "top", "bottom")

@@ -8,8 +8,8 @@ from uuid import UUID
 from django.contrib.auth.backends import ModelBackend
 from django.contrib.auth.models import AbstractBaseUser, AnonymousUser
 
-from fleet import rows
 from fleet.accounts.models import User
+from fleet.base import rows
 
 
 class StaffBackend(ModelBackend):

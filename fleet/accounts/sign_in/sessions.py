@@ -7,7 +7,7 @@ from typing import Any
 from django.contrib.sessions.backends import db
 from django.utils import timezone
 
-from fleet import rows
+from fleet.base import rows
 
 
 class SessionStore(db.SessionStore):

@@ -8,7 +8,7 @@ from django.conf import settings
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
-from fleet.names import NameField
+from fleet.base.names import NameField
 
 
 class Scope(models.TextChoices):

@@ -12,12 +12,12 @@ from django.db import transaction
 from django.db.models import QuerySet
 from django.utils import timezone
 
-from fleet import rows
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope, Token
 from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
-from fleet.names import require
+from fleet.base import rows
+from fleet.base.names import require
 
 LONGEST = timedelta(days=366)
 PREFIX = "fleet_"  # so that a search finds tokens in files that must not contain any

@@ -27,12 +27,12 @@ from django.http import StreamingHttpResponse
 from django.utils import timezone
 from msgspec.structs import asdict
 
-from fleet import zones
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from fleet.audit.reading import wording
 from fleet.audit.reading.listing import Row, Selection, Wanted
 from fleet.audit.services import record
+from fleet.base import zones
 
 log = logging.getLogger(__name__)
 

@@ -12,13 +12,13 @@ from django.core.exceptions import ValidationError
 from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
-from fleet import zones
 from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.kinds import KINDS, grouped
 from fleet.audit.models import Actor, Chain
 from fleet.audit.reading import wording
 from fleet.audit.reading.listing import CONSOLE, Wanted, outcomes_of, with_ends, without_ends
 from fleet.audit.reading.search import words_of
+from fleet.base import zones
 
 ANY = [("", _("any"))]
 THE_CONSOLE = _("the console itself")

@@ -22,11 +22,11 @@ from django.db.models.lookups import IsNull
 from msgspec import Struct
 from msgspec.structs import replace
 
-from fleet import zones
 from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
 from fleet.audit.reading.search import indexed, texts_among, texts_with
+from fleet.base import zones
 
 PAGE = 50  # rows
 COUNTED = 1000  # rows that are counted; beyond this number the page shows only "more than"

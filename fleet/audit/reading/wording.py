@@ -11,7 +11,7 @@ from django.utils.translation import gettext as _
 
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
-from fleet.zones import viewers
+from fleet.base.zones import viewers
 
 FACTS = 4  # values at most in a line of a list
 LONG = 60  # characters at most of a text in such a line; also entries at most of a list on the record's page

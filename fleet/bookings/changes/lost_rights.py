@@ -27,7 +27,7 @@ from fleet.bookings.services import BookingRefused, record_booking, robot_locked
 from robots.access.selectors import lacking, roles_on
 from robots.access.signals import access_changed, publish_access_changed
 from robots.registry.models import Robot, Role
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 
 log = logging.getLogger(__name__)
 

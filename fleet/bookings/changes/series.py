@@ -10,14 +10,14 @@ from zoneinfo import ZoneInfo
 from msgspec import Struct, structs
 
 from fleet.accounts.models import User
+from fleet.base.zones import zone_of
 from fleet.bookings.models import Booking
 from fleet.bookings.rules import BINDING, RULES, Slot, refusals, to_utc
 from fleet.bookings.selectors import wish_of
 from fleet.bookings.services import BookingRefused, booking_make
-from fleet.zones import zone_of
 from robots.access.models import Course
 from robots.registry.models import Robot
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 
 MOST_WEEKS = 30
 

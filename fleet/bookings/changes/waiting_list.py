@@ -20,6 +20,8 @@ from django.utils.translation import override
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
+from fleet.base.languages import of_person
+from fleet.base.zones import zone_of
 from fleet.bookings.messages.notifications import in_words, notification_write
 from fleet.bookings.models import Booking, State, Waiting
 from fleet.bookings.rules import LONGEST, Slot, Wish, refusals
@@ -34,10 +36,8 @@ from fleet.bookings.services import (
     settling,
     state_for,
 )
-from fleet.languages import of_person
-from fleet.zones import zone_of
 from robots.registry.models import Robot
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 
 SHORTEST_OFFER = timedelta(minutes=5)
 LONGEST_OFFER = timedelta(hours=12)

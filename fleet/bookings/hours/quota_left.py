@@ -10,10 +10,10 @@ from django.utils.translation import gettext as _
 from msgspec import Struct
 
 from fleet.accounts.models import User
+from fleet.base.zones import zone_of
 from fleet.bookings.models import Booking, Policy
 from fleet.bookings.rules import LONGEST, Slot, day_of, duration
 from fleet.bookings.selectors import policies_of
-from fleet.zones import zone_of
 from robots.access.models import Course
 from robots.access.selectors import lab_date, robots_visible_to, roles_of
 from robots.registry.models import Role

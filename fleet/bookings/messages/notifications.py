@@ -25,9 +25,9 @@ from django.utils.translation import override
 from fleet.accounts import emails
 from fleet.accounts.models import User
 from fleet.accounts.services import erased
+from fleet.base.languages import of_person
+from fleet.base.zones import zone_of
 from fleet.bookings.models import Booking, FeedAddress, Notification, State, Waiting
-from fleet.languages import of_person
-from fleet.zones import zone_of
 
 log = logging.getLogger(__name__)
 

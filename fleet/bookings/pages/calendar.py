@@ -12,8 +12,9 @@ from zoneinfo import ZoneInfo
 from django.utils.translation import gettext as _
 from msgspec import UNSET, Struct, UnsetType
 
-from fleet import rows
 from fleet.accounts.models import User
+from fleet.base import rows
+from fleet.base.zones import viewers, zone_of
 from fleet.bookings import rules
 from fleet.bookings.models import WEEKDAYS, OutOfService, Policy
 from fleet.bookings.permissions import shows_person
@@ -27,7 +28,6 @@ from fleet.bookings.selectors import (
     policies_of,
     stage_of,
 )
-from fleet.zones import viewers, zone_of
 from robots.access.selectors import robots_managed_by
 from robots.access.who_sees import reader_of
 from robots.registry.models import Robot

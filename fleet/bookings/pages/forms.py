@@ -12,15 +12,15 @@ from django import forms
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
-from fleet import rows
+from fleet.base import rows
+from fleet.base.zones import viewers
 from fleet.bookings.changes.policy_changes import POLICY_FIELDS
 from fleet.bookings.changes.series import MOST_WEEKS
 from fleet.bookings.models import DAY_NAMES, WEEKDAYS, OutOfService, Policy
 from fleet.bookings.rules import Slot, to_utc
-from fleet.zones import viewers
 from robots.access.models import Course, RobotGroup
 from robots.registry.models import Robot
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 
 TIME_FORMAT = "%Y-%m-%dT%H:%M"
 YEARS = range(2000, 2200)  # other years are typing errors

@@ -20,6 +20,8 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from fleet.accounts.requests import person_of
 from fleet.audit.reading.exports import BOM
+from fleet.base.zones import day_of as day_in
+from fleet.base.zones import viewers, zone_of
 from fleet.bookings.changes import policy_changes as policy_services
 from fleet.bookings.changes.series import Week, preview, series_make, weekly
 from fleet.bookings.hours.report import BY, lines, report
@@ -27,8 +29,6 @@ from fleet.bookings.models import OutOfService, Policy
 from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm, SeriesForm, typed_day
 from fleet.bookings.rules import Slot, day_of, shown
 from fleet.bookings.selectors import policies_of, policy_of
-from fleet.zones import day_of as day_in
-from fleet.zones import viewers, zone_of
 from robots.access.models import RobotGroup
 from robots.access.selectors import (
     courses_managed_by,

@@ -23,6 +23,8 @@ from msgspec.json import encode
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of, wants_json
+from fleet.base.origin import public_url
+from fleet.base.zones import viewers
 from fleet.bookings import services
 from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, waiting_leave
 from fleet.bookings.hours.quota_left import common_left, left_of
@@ -45,8 +47,6 @@ from fleet.bookings.selectors import (
 )
 from fleet.bookings.services import BookingRefused
 from fleet.bookings.shared_facts import in_turn
-from fleet.origin import public_url
-from fleet.zones import viewers
 from robots.access.models import Course
 from robots.access.selectors import (
     bookable_by,
@@ -61,7 +61,7 @@ from robots.access.selectors import (
 )
 from robots.access.who_sees import reader_of
 from robots.registry.models import Robot, Role
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 
 LISTED = 50  # rows at most in a list of one's own bookings
 MOST = 500  # rows at most in a list of a course's bookings

@@ -20,7 +20,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from fleet.accounts.requests import person_of
-from fleet.origin import public_origin, public_url
+from fleet.base.origin import public_origin, public_url
 from robots.access import enrolment, services, welcome
 from robots.access.models import Course, Invitation
 from robots.access.pages.forms import (

@@ -23,8 +23,8 @@ from msgspec import structs
 from fleet.accounts.models import User
 from fleet.accounts.names import AccountNames
 from fleet.accounts.tokens.models import Scope
-from fleet.kept_files import KeptFileForm
-from fleet.names import RESERVED, require
+from fleet.base.kept_files import KeptFileForm
+from fleet.base.names import RESERVED, require
 from robots.access.models import Course, Qualification, RobotGroup
 from robots.access.people_lists.columns import Role
 from robots.access.people_lists.encodings import ENCODINGS, Decoded, NotInEncodingError, decoded

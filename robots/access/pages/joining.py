@@ -19,7 +19,7 @@ from robots.access import welcome as links
 from robots.access.enrolment import EnrolmentRefused, check_invitation, invitation_accept, invitation_of
 from robots.access.models import Invitation
 from robots.access.pages.forms import JoinForm
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 
 
 @never_cache

@@ -15,7 +15,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 from msgspec import Struct, structs
 
-from fleet.names import spelled_out
+from fleet.base.names import spelled_out
 from robots.access.people_lists.columns import Column, Role, columns_of, role_of
 
 MOST_LINES = 5000

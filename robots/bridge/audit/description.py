@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import zlib
 
-from robots.bridge.audit.record_sink import TakenDescription
-from robots.bridge.urdf.document import LARGEST
+from robots.shared.records.record_sink import TakenDescription
+from robots.shared.urdf.document import LARGEST
 
 
 def taken_description(found: object) -> TakenDescription:

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robots.bridge.audit.record_sink import Sample
-from robots.bridge.gate.values import Pose, Velocity
+from robots.shared.geometry.poses import Pose, Velocity
+from robots.shared.records.record_sink import Sample
 
 SAMPLE_S = 0.5
 TOLERANCE_M = 0.05

@@ -15,7 +15,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeVar
 
-from robots.bridge.audit.record_sink import BadRecord, RecordError
+from robots.shared.records.record_sink import BadRecord, RecordError
 
 log = logging.getLogger(__name__)
 

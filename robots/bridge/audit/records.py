@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple, TypeVar
 
-from robots.bridge.audit.record_sink import Holder, Parameters, RecordSink, TakenDescription, TakenMap
 from robots.bridge.audit.record_writer import RecordWriter
-from robots.wire import Refusal
+from robots.shared.records.record_sink import Holder, Parameters, RecordSink, TakenDescription, TakenMap
+from robots.shared.wire import Refusal
 
 Reply = Callable[[Refusal | None], None]  # answers a request: with a refusal, or None if it is accepted
 

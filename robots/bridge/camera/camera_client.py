@@ -14,10 +14,10 @@ from typing import Protocol
 import msgspec
 from msgspec import Struct
 
-from robots.bridge.config import BridgeConfig
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.topics.line_process import LineProcess
-from robots.wire import CameraAt, Refusal
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.wire import CameraAt, Refusal
 
 COMMAND = (sys.executable, "-m", "robots.bridge.ros.camera")
 SILENCE_S = 5.0  # a process without a sign of life for this time hangs: it is killed, and another one starts

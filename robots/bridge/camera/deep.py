@@ -16,7 +16,7 @@ import PIL.Image
 from numpy.typing import NDArray
 
 from robots.bridge.camera.image_header import Damaged, read_header
-from robots.wire import PictureScale
+from robots.shared.wire import PictureScale
 
 PERCENTILES = (2.0, 98.0)
 DARKEST = 24  # grey of the lowest value: black is for pixels without a value

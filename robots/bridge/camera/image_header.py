@@ -7,7 +7,7 @@ import struct
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from robots.wire import PictureFormat
+from robots.shared.wire import PictureFormat
 
 LARGEST_SIDE = 4096  # pixels: a browser needs 64 MB to paint such a picture
 LARGEST_BYTES = 4 * 1024 * 1024  # of an encoded picture

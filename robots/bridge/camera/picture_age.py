@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 
-from robots.bridge.config import CLOCK_SKEW_S
 from robots.bridge.robot_clock import RobotClock
+from robots.shared.configuration.bridge_config import CLOCK_SKEW_S
 
 OTHER_CLOCK_S = 10.0  # no picture is this late: then its stamp comes from another clock than the odometry's
 REAL_CLOCK = RobotClock()  # of which no odometry told anything yet

@@ -13,11 +13,11 @@ import msgspec
 from websockets.asyncio.server import Server, ServerConnection
 from websockets.exceptions import ConnectionClosed
 
-from robots import wire
 from robots.bridge.camera.camera_client import socket_path
-from robots.bridge.config import LinkAddress
 from robots.bridge.server.listening import listen, remove_socket
-from robots.wire import CameraAt, CameraState, TakenPicture, Variant, WireError
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.wire import CameraAt, CameraState, TakenPicture, Variant, WireError
 
 log = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from robots.bridge.camera.image_header import JPEG_END, end_of, read_header
-from robots.wire import PictureFormat, PictureScale
+from robots.shared.wire import PictureFormat, PictureScale
 
 
 class Shown(NamedTuple):

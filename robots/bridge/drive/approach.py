@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from robots.bridge.gate.values import Pose
+from robots.shared.geometry.poses import Pose
 
 BRAKING_SHARE = 0.65  # braking / acceleration: a loaded robot brakes more slowly than it should
 # Reaction time in latencies. Odometry is late: with a value below 2, the robot moves past the goal.

@@ -11,14 +11,15 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from robots import wire
-from robots.bridge.audit.record_sink import Parameters
 from robots.bridge.audit.records import RecordedTask, Requester
 from robots.bridge.drive.approach import ARRIVED, Travelled, speed_towards
-from robots.bridge.drive.input_filters import COMMAND_LIFE_S
-from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
 from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
-from robots.wire import DriveBy, Grant, Refusal
+from robots.shared import wire
+from robots.shared.configuration.input_filters import COMMAND_LIFE_S
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.records.record_sink import Parameters
+from robots.shared.records.verdict import Verdict
+from robots.shared.wire import DriveBy, Grant, Refusal
 
 DEFAULT_SHARE = 0.4  # of the robot's speed limit, if the request names no speed
 CONFIRMED_S = 2.0  # the request ends after this time without a sign of the holder's client

@@ -6,9 +6,16 @@ from collections.abc import Sequence
 
 from msgspec.structs import replace
 
-from robots.bridge.drive.input_filters import COMMAND_LIFE_S, Memory, StickPosition, StickStep, apply_filters
-from robots.bridge.gate.values import STILL, Limits, Velocity
-from robots.wire import Drive, NeutralNeeded, Refusal
+from robots.shared.configuration.gate_profile import Limits
+from robots.shared.configuration.input_filters import (
+    COMMAND_LIFE_S,
+    Memory,
+    StickPosition,
+    StickStep,
+    apply_filters,
+)
+from robots.shared.geometry.poses import STILL, Velocity
+from robots.shared.wire import Drive, NeutralNeeded, Refusal
 
 _WINDOW_S = 30.0
 

@@ -16,10 +16,11 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from robots.bridge.audit.drive_path import Path, Track
-from robots.bridge.audit.record_sink import DriveEnd, DriveSummary, GateStart, GateSummary, Holder, Position
 from robots.bridge.audit.records import Records, unrecorded
-from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
-from robots.wire import Refusal
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.records.record_sink import DriveEnd, DriveSummary, GateStart, GateSummary, Holder, Position
+from robots.shared.records.verdict import Verdict
+from robots.shared.wire import Refusal
 
 _STANDSTILL_S = 0.5
 MERGE_S = 1.0  # s: a shorter pause belongs to the same intervention

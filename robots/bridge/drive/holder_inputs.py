@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from robots import wire
-from robots.bridge.config import BridgeConfig
 from robots.bridge.drive.drive_input import DriveInput, stick_of, velocity_of
-from robots.bridge.gate.values import STILL, Velocity
-from robots.wire import Drive, Grant, NeutralNeeded, Refusal
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.geometry.poses import STILL, Velocity
+from robots.shared.wire import Drive, Grant, NeutralNeeded, Refusal
 
 
 class HolderInputs:

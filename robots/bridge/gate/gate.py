@@ -45,10 +45,7 @@ from msgspec import structs
 from numpy.typing import NDArray
 
 from robots.bridge.gate import words
-from robots.bridge.gate.geometry import arm_discs
-from robots.bridge.gate.geometry.arc import speed
-from robots.bridge.gate.geometry.footprint import Discs, Footprint, footprint_of
-from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Drift, Points, placed, put, relative_to
+from robots.bridge.gate.arm import discs as arm_discs
 from robots.bridge.gate.motion.braking import deceleration
 from robots.bridge.gate.motion.certificate import plays_clear, restrains_nothing
 from robots.bridge.gate.motion.corridors import Corridors
@@ -77,21 +74,13 @@ from robots.bridge.gate.timing.freshness import ODOMETRY_STALE_S, Freshness
 from robots.bridge.gate.timing.latency import Latency
 from robots.bridge.gate.timing.trail import LARGEST_HOLE_S, Trail
 from robots.bridge.gate.timing.unseen_motion import Doubt, UnseenMotion
-from robots.bridge.gate.values import (
-    STILL,
-    ForgetCode,
-    Forgotten,
-    GateProfile,
-    Kind,
-    LaserScan,
-    Obstacles,
-    Pose,
-    Sector,
-    SensorHealth,
-    SpeedLimit,
-    Velocity,
-    Verdict,
-)
+from robots.bridge.gate.values import ForgetCode, Forgotten, Kind, LaserScan, Obstacles, Sector, SensorHealth
+from robots.shared.configuration.gate_profile import GateProfile
+from robots.shared.geometry.arc import speed
+from robots.shared.geometry.footprint import Discs, Footprint, footprint_of
+from robots.shared.geometry.planar import NO_POINTS, ORIGIN, Drift, Points, placed, put, relative_to
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.records.verdict import SpeedLimit, Verdict
 
 STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02

@@ -34,7 +34,9 @@ from robots.bridge.gate.motion.safe_twist import is_finite, is_still
 from robots.bridge.gate.obstacles.sonar_memory import SonarMemory
 from robots.bridge.gate.sensing.depth import CELL_M
 from robots.bridge.gate.timing.freshness import DEPTH_STALE_S
-from robots.bridge.gate.values import STILL, Obstacles, Velocity, Verdict
+from robots.bridge.gate.values import Obstacles
+from robots.shared.geometry.poses import STILL, Velocity
+from robots.shared.records.verdict import Verdict
 
 DEPTH_LOST_S = 2.0
 UNSEEN_S = 2.0  # longest time for which the way ahead may be outside the depth picture

@@ -10,8 +10,7 @@ from collections.abc import Collection
 from typing import NamedTuple
 
 from robots.bridge.gate import words
-from robots.bridge.gate.geometry import arc, arm_discs
-from robots.bridge.gate.geometry.footprint import Footprint
+from robots.bridge.gate.arm import discs as arm_discs
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.obstacles.depth_camera import DepthCamera
 from robots.bridge.gate.obstacles.sources import Laser, Sonar
@@ -27,7 +26,12 @@ from robots.bridge.gate.timing.freshness import (
     Freshness,
 )
 from robots.bridge.gate.timing.trail import Trail
-from robots.bridge.gate.values import GateProfile, Sector, SpeedLimit, Velocity, Way
+from robots.bridge.gate.values import Sector
+from robots.shared.configuration.gate_profile import GateProfile
+from robots.shared.geometry import arc
+from robots.shared.geometry.footprint import Footprint
+from robots.shared.geometry.poses import Velocity
+from robots.shared.records.verdict import SpeedLimit, Way
 
 REVERSE_RAD = 0.75 * math.pi  # directions beyond this angle count as reverse
 CAMERA_LATE_S = 0.5  # if a person drives by a camera picture that is older, the speed is limited

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from robots.bridge.gate.values import Side, Velocity, Way
+from robots.shared.geometry.poses import Velocity
+from robots.shared.records.verdict import Side, Way
 
 SIDES: tuple[Side, ...] = (
     "ahead",

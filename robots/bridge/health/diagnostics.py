@@ -15,9 +15,9 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from robots import wire
 from robots.bridge.gate.words import age
-from robots.wire import HealthLevel
+from robots.shared import wire
+from robots.shared.wire import HealthLevel
 
 MOST_PARTS = 200
 MOST_VOICES = 8  # of one part

@@ -16,8 +16,8 @@ from functools import partial
 
 from robots.bridge.audit.records import Records
 from robots.bridge.health.diagnostics import BADNESS, MOST_PARTS, Diagnostics, Part, plain_names
-from robots.bridge.server.flood_limits import TokenBucket
-from robots.wire import HealthLevel
+from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.wire import HealthLevel
 
 CHECK_S = 1.0
 SETTLED_S = 60.0  # after the robot came (nodes may report later than odometry), and after it went away

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robots.wire import Grant, Refusal
+from robots.shared.wire import Grant, Refusal
 
 
 @dataclass

@@ -17,7 +17,7 @@ from typing import Protocol
 from robots.bridge.core import Core
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.server.link_server import Link
-from robots.wire import Grant, Granted, Pause, Refusal, Refused, Revoke
+from robots.shared.wire import Grant, Granted, Pause, Refusal, Refused, Revoke
 
 log = logging.getLogger(__name__)
 

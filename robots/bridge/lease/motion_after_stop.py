@@ -13,9 +13,10 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 
 from robots.bridge.audit.records import Records
-from robots.bridge.config import BridgeConfig, Topics
-from robots.bridge.gate.values import STILL, GateProfile, Pose, Velocity
-from robots.wire import MovesAlthoughStopped, Part, StopState
+from robots.shared.configuration.bridge_config import BridgeConfig, Topics
+from robots.shared.configuration.gate_profile import GateProfile
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.wire import MovesAlthoughStopped, Part, StopState
 
 SPARE_S = 0.3  # beyond the braking time of the robot
 MOVES_S = 0.5  # of motion, with pauses: less may be a bump, or noise

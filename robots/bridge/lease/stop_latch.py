@@ -9,7 +9,7 @@ from uuid import UUID
 from msgspec import structs
 
 from robots.bridge.lease.state_store import SavedState
-from robots.wire import Refusal, StopState
+from robots.shared.wire import Refusal, StopState
 
 PRESSES_KNOWN = 1000  # number of stored presses; a press that is delivered twice arrives again within seconds
 # A press time of the watchdog that is older may belong to an earlier boot of this computer: it is not used.

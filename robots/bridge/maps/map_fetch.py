@@ -16,8 +16,8 @@ from contextlib import suppress
 import msgspec
 from msgspec import Struct
 
-from robots.bridge.audit.record_sink import TakenMap
-from robots.bridge.config import BridgeConfig, Topic
+from robots.shared.configuration.bridge_config import BridgeConfig, Topic
+from robots.shared.records.record_sink import TakenMap
 
 log = logging.getLogger(__name__)
 

@@ -11,11 +11,11 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from robots import wire
 from robots.bridge.gate.gate import BEYOND_REASON
-from robots.bridge.gate.geometry.planar import ORIGIN, put, relative_to, wrapped
-from robots.bridge.gate.values import Pose
-from robots.wire import Refusal
+from robots.shared import wire
+from robots.shared.geometry.planar import ORIGIN, put, relative_to, wrapped
+from robots.shared.geometry.poses import Pose
+from robots.shared.wire import Refusal
 
 OLD_S = 2.0  # while somebody has control, a transform is too old after this time
 # A larger standard deviation is too uncertain. A pose that a person has just set has 0.5 m and 0.3 rad.

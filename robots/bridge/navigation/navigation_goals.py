@@ -13,13 +13,9 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
-from robots import wire
 from robots.bridge.audit.records import Requester
 from robots.bridge.gate import navigation_watch
-from robots.bridge.gate.geometry.arm_discs import KNOWN_S
-from robots.bridge.gate.geometry.planar import NO_POINTS, Points
-from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
-from robots.bridge.navigation.goal_map import NO_MAP, UNKNOWN_NOW, GoalMap
+from robots.bridge.gate.arm.discs import KNOWN_S
 from robots.bridge.navigation.hold import Hold
 from robots.bridge.navigation.localisation import Localisation, Spread
 from robots.bridge.navigation.path import PlannedPath
@@ -27,7 +23,12 @@ from robots.bridge.navigation.sensor_grace import MAY_PASS, SensorGrace
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, Goal, Goals
 from robots.bridge.tasks.input_routing import InputRouting
 from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
-from robots.wire import Go, Grant, Refusal
+from robots.shared import wire
+from robots.shared.geometry.planar import NO_POINTS, Points
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.maps.goal_map import NO_MAP, UNKNOWN_NOW, GoalMap
+from robots.shared.records.verdict import Verdict
+from robots.shared.wire import Go, Grant, Refusal
 
 CONFIRMED_S = 2.0  # the goal ends after this time without a sign of the holder's client
 ANSWERS_S = 5.0  # the goal ends after this time without a report from navigation, while the robot stands

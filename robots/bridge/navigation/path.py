@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.gate import BEYOND_REASON
-from robots.bridge.gate.geometry.planar import NO_POINTS, Points
-from robots.bridge.gate.values import Pose
-from robots.wire import MOST_PATH
+from robots.shared.geometry.planar import NO_POINTS, Points
+from robots.shared.geometry.poses import Pose
+from robots.shared.wire import MOST_PATH
 
 
 class PlannedPath:

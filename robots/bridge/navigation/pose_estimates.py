@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from robots import wire
 from robots.bridge.audit.records import Requester
-from robots.bridge.gate.values import Pose
 from robots.bridge.navigation.navigation_goals import NO_NAVIGATION, NavigationGoals, Navigator
 from robots.bridge.tasks.at_once import Asked, AtOnce
 from robots.bridge.tasks.task import Context, Ending
-from robots.wire import Grant, Refusal
+from robots.shared import wire
+from robots.shared.geometry.poses import Pose
+from robots.shared.wire import Grant, Refusal
 
 
 class PoseEstimates(AtOnce):

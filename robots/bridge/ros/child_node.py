@@ -9,11 +9,11 @@ from pathlib import Path
 
 import rospy
 
-from robots.bridge.config import BridgeConfig
 from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.bounds.memory import end_without_memory
-from robots.bridge.ros.network.master import DeathWatch
 from robots.bridge.ros.vital import start_vital
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.ros.master import DeathWatch
 
 log = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from robots.bridge.ros.network.master import MasterError
+from robots.shared.ros.master import MasterError
 
 log = logging.getLogger(__name__)
 

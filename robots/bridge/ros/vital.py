@@ -7,7 +7,7 @@ import os
 import threading
 from collections.abc import Callable
 
-from robots.bridge.ros.network.master import MasterError
+from robots.shared.ros.master import MasterError
 
 log = logging.getLogger(__name__)
 

@@ -14,11 +14,11 @@ from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist, TwistStamped
 
 from robots.bridge.ros.bounds.install import install
-from robots.bridge.ros.network.master import DeathWatch, Master, MasterError
-from robots.bridge.ros.registration import register_again
 from robots.bridge.ros.shutdown import refuse_shutdown
 from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
-from robots.bridge.watchdog.config import WatchdogConfig
+from robots.shared.configuration.watchdog_config import WatchdogConfig
+from robots.shared.ros.master import DeathWatch, Master, MasterError
+from robots.shared.ros.registration import register_again
 
 log = logging.getLogger(__name__)
 

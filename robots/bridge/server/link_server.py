@@ -20,10 +20,10 @@ from msgspec import Struct
 from websockets.asyncio.server import Server, ServerConnection
 from websockets.exceptions import ConnectionClosed
 
-from robots.bridge.config import LinkAddress
 from robots.bridge.server.listening import listen, remove_socket
-from robots.link.lane import Lane, LaneServer
-from robots.wire import LaneToken, encode_report
+from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.link.lane import Lane, LaneServer
+from robots.shared.wire import LaneToken, encode_report
 
 log = logging.getLogger(__name__)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from websockets.asyncio.server import Server, ServerConnection, serve, unix_serve
 from websockets.http11 import Request, Response
 
-from robots.bridge.config import LinkAddress
+from robots.shared.configuration.bridge_config import LinkAddress
 
 log = logging.getLogger(__name__)
 

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate import words
+from robots.bridge.gate.arm.discs import Disc
+from robots.bridge.gate.arm.sweep import intruder
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.geometry.arm_discs import Disc
-from robots.bridge.gate.geometry.arm_sweep import intruder
 from robots.bridge.gate.values import Kind, Obstacles
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 
 WATCH: tuple[Kind, ...] = ("scan", "depth")  # kinds of sensors that must work before the arm moves
 WATCH_ARM: tuple[Kind, ...] = ("scan",)  # kinds that must work while the arm moves: it may block the camera

@@ -8,12 +8,12 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from typing import NamedTuple
 
-from robots.bridge.config import ArmSource
 from robots.bridge.gate import words
-from robots.bridge.gate.geometry.arm_discs import AT_HOME, KNOWN_S, Disc, Posture, discs_along, is_home
-from robots.bridge.gate.geometry.arm_sweep import Motion, swept
+from robots.bridge.gate.arm.discs import AT_HOME, KNOWN_S, Disc, Posture, discs_along, is_home
+from robots.bridge.gate.arm.sweep import Motion, swept
 from robots.bridge.tasks.urdf import Tree
-from robots.bridge.urdf.document import BadDescription
+from robots.shared.configuration.bridge_config import ArmSource
+from robots.shared.urdf.document import BadDescription
 
 log = logging.getLogger(__name__)
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from robots import wire
-from robots.bridge.audit.record_sink import Parameters
 from robots.bridge.audit.records import RecordedTask, Requester, pop_due
 from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
-from robots.wire import Grant, Refusal, TaskKind
+from robots.shared import wire
+from robots.shared.records.record_sink import Parameters
+from robots.shared.wire import Grant, Refusal, TaskKind
 
 
 class Asked:

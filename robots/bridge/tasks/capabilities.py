@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from robots import wire
-from robots.bridge.config import BridgeConfig
 from robots.bridge.tasks.input_routing import InputRouting
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig
 
 
 class Capabilities:

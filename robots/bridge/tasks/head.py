@@ -11,8 +11,8 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from robots.bridge.config import HeadSource
-from robots.bridge.gate.values import Velocity
+from robots.shared.configuration.bridge_config import HeadSource
+from robots.shared.geometry.poses import Velocity
 
 AHEAD_TAKES_S = 1.5
 DOWN_S = 0.8  # time for two pictures of a slow camera and their delay: they show which space is free

@@ -5,14 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any
 
-from robots import wire
 from robots.bridge.audit.records import Requester
-from robots.bridge.gate.values import STILL
 from robots.bridge.navigation.navigation_goals import NavigationGoals
 from robots.bridge.tasks.at_once import Asked, AtOnce
 from robots.bridge.tasks.head import Aim, Head
 from robots.bridge.tasks.task import Activity, Context, Ending
-from robots.wire import Grant, Refusal
+from robots.shared import wire
+from robots.shared.geometry.poses import STILL
+from robots.shared.wire import Grant, Refusal
 
 TURNS_S = 10.0  # turns of the head with shorter pauses have one record together
 MOST_TURNS = 20  # turns of the head that may wait for their record

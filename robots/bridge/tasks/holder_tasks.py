@@ -12,16 +12,12 @@ from typing import Any, TypeVar
 
 from msgspec import structs
 
-from robots import wire
-from robots.bridge.audit.record_sink import Holder
 from robots.bridge.audit.records import Records, Reply, Requester
-from robots.bridge.config import BridgeConfig
 from robots.bridge.drive.drive_by import DrivesBy
 from robots.bridge.gate.gate import Gate
 from robots.bridge.limbs.limbs import Limbs
 from robots.bridge.navigation.navigation_goals import NavigationGoals
 from robots.bridge.tasks.capabilities import Capabilities
-from robots.bridge.tasks.denylist import admissible
 from robots.bridge.tasks.input_routing import InputRouting
 from robots.bridge.tasks.motions import MotionPlayer, Motions
 from robots.bridge.tasks.named_ends import NamedEnds
@@ -29,7 +25,11 @@ from robots.bridge.tasks.parts import PARTS
 from robots.bridge.tasks.publishing import Publications, Publisher
 from robots.bridge.tasks.speech import SpeechTasks
 from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Robot, TaskPart, TaskRules
-from robots.wire import Grant, Refusal
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.configuration.denylist import admissible
+from robots.shared.records.record_sink import Holder
+from robots.shared.wire import Grant, Refusal
 
 log = logging.getLogger(__name__)
 

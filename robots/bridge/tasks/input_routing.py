@@ -15,11 +15,11 @@ from typing import Any
 
 from msgspec import structs
 
-from robots import wire
 from robots.bridge.audit.records import RecordedTask, Requester
-from robots.bridge.config import Topic
 from robots.bridge.tasks.task import Cause, Context, Ending, Reaction, TaskPart
-from robots.wire import Grant, Refusal, Role, Use
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.wire import Grant, Refusal, Role, Use
 
 NAMES: dict[Use, str] = {"drive": "driving", "speech": "speech", "motions": "motions"}
 PARTING_S = 1.0  # when its holder's control has ended, a chosen drive topic gets zeros for at most this time

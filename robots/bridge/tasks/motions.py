@@ -15,16 +15,16 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from robots import wire
-from robots.bridge.audit.record_sink import Parameters
 from robots.bridge.audit.records import Requester
-from robots.bridge.gate.geometry.arm_discs import Disc
-from robots.bridge.gate.geometry.arm_sweep import Motion
+from robots.bridge.gate.arm.discs import Disc
+from robots.bridge.gate.arm.sweep import Motion
 from robots.bridge.tasks.arm_clearance import ArmClearance, ArmModel
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
 from robots.bridge.tasks.input_routing import InputRouting
 from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
-from robots.wire import Grant, Refusal
+from robots.shared import wire
+from robots.shared.records.record_sink import Parameters
+from robots.shared.wire import Grant, Refusal
 
 FARTHEST = 100.0  # rad or m: no joint of an arm goes farther
 # Limit of unwatched goals in memory: any node on the robot's network can invent goal ids.

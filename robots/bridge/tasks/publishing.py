@@ -8,14 +8,14 @@ from typing import Any, Protocol
 
 import msgspec
 
-from robots import wire
-from robots.bridge.audit.record_sink import Parameters
 from robots.bridge.audit.records import RecordedTask, Requester, pop_due
-from robots.bridge.drive import twists
-from robots.bridge.drive.input_filters import COMMAND_LIFE_S
 from robots.bridge.tasks.input_routing import InputRouting
 from robots.bridge.tasks.task import HALTED, Cause, Context, Ending, Reaction, TaskPart
-from robots.wire import Grant, Refusal
+from robots.shared import wire
+from robots.shared.configuration.input_filters import COMMAND_LIFE_S
+from robots.shared.messages import twists
+from robots.shared.records.record_sink import Parameters
+from robots.shared.wire import Grant, Refusal
 
 NOT_SENT = Refusal(
     "inspector_silent", "The message was not published: the robot’s inspector ended. Ask again.", "robot"

@@ -7,7 +7,6 @@ emergency stop end it, by its goal's id.
 from __future__ import annotations
 
 import re
-import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,33 +14,17 @@ from typing import Any
 
 from msgspec import Struct
 
-from robots import wire
-from robots.bridge.audit.record_sink import Parameters
 from robots.bridge.audit.records import Requester
 from robots.bridge.tasks.goals import Goal, Goals
 from robots.bridge.tasks.input_routing import InputRouting
 from robots.bridge.tasks.task import Cause, Context, Ending, Reaction, TaskPart
-from robots.wire import Grant, Refusal
+from robots.shared import wire
+from robots.shared.configuration.spoken_texts import why_not_speakable
+from robots.shared.records.record_sink import Parameters
+from robots.shared.wire import Grant, Refusal
 
-LONGEST_CHARACTERS = 500
 # Keep a topic that is no action connected this long: its text waits one second for new subscribers.
 LINGER_S = 1.5
-_LAYOUT = frozenset("\n\t")
-
-
-def why_not_speakable(text: str) -> Refusal | None:
-    """Return why a robot cannot speak this text; None if it can."""
-    for position, character in enumerate(text):
-        if character not in _LAYOUT and unicodedata.category(character) in {"Cc", "Cs"}:
-            reason = f"Character {position + 1} (U+{ord(character):04X}) cannot be spoken: delete it."
-            return Refusal("control_characters", reason, "robot", {"position": position})
-    if not any(character.isprintable() and not character.isspace() for character in text):
-        return Refusal("empty_text", "The text is empty: write a text first.", "robot")
-    if len(text) > LONGEST_CHARACTERS:
-        reason = f"The text has {len(text)} characters; the limit is {LONGEST_CHARACTERS}."
-        figures = {"length": len(text), "limit": LONGEST_CHARACTERS}
-        return Refusal("text_too_long", reason, "robot", figures)
-    return None
 
 
 def robot_language(asked: str, own: Sequence[str]) -> str:

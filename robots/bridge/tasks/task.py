@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar
 
-from robots import wire
 from robots.bridge.audit.records import Records, Requester
-from robots.bridge.config import BridgeConfig
-from robots.bridge.gate.values import Velocity
 from robots.bridge.tasks.named_ends import ShowsEnd
-from robots.wire import Grant, Refusal
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.geometry.poses import Velocity
+from robots.shared.wire import Grant, Refusal
 
 if TYPE_CHECKING:
     from robots.bridge.gate.gate import Gate

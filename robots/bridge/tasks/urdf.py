@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.urdf.document import BadDescription, description_of
-from robots.bridge.urdf.joints import Joint, joints_of
+from robots.shared.urdf.document import BadDescription, description_of
+from robots.shared.urdf.joints import Joint, joints_of
 
 Matrix = NDArray[np.float64]
 Position = float | Matrix  # of a joint: one value, or an array of values over time

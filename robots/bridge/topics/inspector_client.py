@@ -18,8 +18,6 @@ from typing import Any, Protocol
 import msgspec
 from msgspec import Struct
 
-from robots import wire
-from robots.bridge.config import BridgeConfig
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.topics.inspector_messages import (
     Check,
@@ -33,7 +31,9 @@ from robots.bridge.topics.inspector_messages import (
     Request,
 )
 from robots.bridge.topics.line_process import LineProcess
-from robots.wire import MOST_SUBSCRIPTIONS, Refusal
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.wire import MOST_SUBSCRIPTIONS, Refusal
 
 log = logging.getLogger(__name__)
 

@@ -6,9 +6,9 @@ import time
 
 from msgspec import Struct
 
-from robots import wire
 from robots.bridge.robot_clock import RobotClock
-from robots.wire import Refusal
+from robots.shared import wire
+from robots.shared.wire import Refusal
 
 
 class TooLate(Exception):

@@ -6,8 +6,8 @@ import sys
 
 import msgspec
 
-from robots.bridge.watchdog.config import WatchdogConfig
 from robots.bridge.watchdog.process import run
+from robots.shared.configuration.watchdog_config import WatchdogConfig
 
 if __name__ == "__main__":
     sys.exit(run(msgspec.json.decode(sys.argv[1], type=WatchdogConfig)))

@@ -10,9 +10,9 @@ from collections.abc import Callable
 import msgspec
 from msgspec import structs
 
-from robots import wire
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
 from robots.bridge.watchdog.socket import LARGEST
+from robots.shared import wire
 
 log = logging.getLogger(__name__)
 

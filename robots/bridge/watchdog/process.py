@@ -11,17 +11,17 @@ from typing import Protocol
 
 import msgspec
 
-from robots import wire
 from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.watchdog import WatchdogNode
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
-from robots.bridge.watchdog.config import WatchdogConfig
 from robots.bridge.watchdog.rules import Heartbeat, StopRules
 from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
 from robots.bridge.watchdog.stop_file import StopFile
-from robots.processes.scheduling import ask_for_priority
-from robots.processes.shutdown import exit_within
-from robots.wire import LinkStop, Refusal, Refused, Stopped, StopState
+from robots.shared import wire
+from robots.shared.configuration.watchdog_config import WatchdogConfig
+from robots.shared.processes.scheduling import ask_for_priority
+from robots.shared.processes.shutdown import exit_within
+from robots.shared.wire import LinkStop, Refusal, Refused, Stopped, StopState
 
 log = logging.getLogger(__name__)
 

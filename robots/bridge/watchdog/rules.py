@@ -11,7 +11,7 @@ from uuid import UUID
 
 from msgspec import Struct, structs
 
-from robots.wire import MovesAlthoughStopped
+from robots.shared.wire import MovesAlthoughStopped
 
 SILENT_S = 0.15  # s, three heartbeats: the bridge is dead, frozen, or its loop is blocked
 LOST_S = (

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Struct
 
-from robots.bridge.config import (
+from robots.shared.configuration.bridge_config import (
     GRIPPER_COMMAND,
     TRAJECTORY,
     ArmSource,
@@ -28,10 +28,10 @@ from robots.bridge.config import (
     Topic,
     Topics,
 )
-from robots.bridge.drive.input_filters import SMOOTHING, STEPS, StickStep
-from robots.bridge.gate.values import Parameters
-from robots.bridge.tasks.denylist import FULL_NAME, USE_TYPES
-from robots.wire import MOST_CAMERAS
+from robots.shared.configuration.denylist import FULL_NAME, USE_TYPES
+from robots.shared.configuration.gate_profile import Parameters
+from robots.shared.configuration.input_filters import SMOOTHING, STEPS, StickStep
+from robots.shared.wire import MOST_CAMERAS
 
 T = TypeVar("T", bound=Struct)
 V = TypeVar("V")

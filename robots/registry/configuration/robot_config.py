@@ -13,9 +13,6 @@ from typing import Any, Protocol
 import msgspec
 from msgspec import Struct
 
-from robots.bridge.config import ArmSource, DepthSource, Topic, Topics
-from robots.bridge.drive.input_filters import StickStep
-from robots.bridge.gate.values import DepthView, GateProfile, Limits, Parameters
 from robots.registry.configuration.profile_schema import (
     CAREFUL_WHEN_SMALL,
     Footprint,
@@ -32,6 +29,9 @@ from robots.registry.configuration.profile_schema import (
     topic_problems,
     unknown_steps,
 )
+from robots.shared.configuration.bridge_config import ArmSource, DepthSource, Topic, Topics
+from robots.shared.configuration.gate_profile import DepthView, GateProfile, Limits, Parameters
+from robots.shared.configuration.input_filters import StickStep
 
 BEGINNER_MPS = 0.4  # highest speed of a full stick before a person raises the speed share
 MAY_BE_ZERO = {"reverse_mps", "lateral_mps"}  # 0 forbids this motion; the other limits must be above 0

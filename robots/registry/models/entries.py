@@ -8,11 +8,11 @@ from django.db import models
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
-from robots.bridge.config import Topics
-from robots.bridge.tasks.denylist import why_denied
 from robots.registry import phrases
 from robots.registry.configuration import profile_schema, robot_config
 from robots.registry.models.registry import Robot, RobotProfile, Role, topic_name
+from robots.shared.configuration.bridge_config import Topics
+from robots.shared.configuration.denylist import why_denied
 
 
 class OfProfileOrRobot(models.Model):
@@ -112,7 +112,7 @@ class Phrase(OfProfileOrRobot):
 class Allowance(OfProfileOrRobot):
     """An entry of the allow-list. Use of a name without an entry is refused.
 
-    `robots.bridge.tasks.denylist` forbids some entries.
+    `robots.shared.configuration.denylist` forbids some entries.
     """
 
     class What(models.TextChoices):

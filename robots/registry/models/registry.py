@@ -16,10 +16,10 @@ from django.utils.text import format_lazy
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
-from fleet.names import Looks, NameField, fault_of_word, folded, require
-from robots.bridge.drive import input_filters as stick
-from robots.bridge.tasks.denylist import USE_TYPES
+from fleet.base.names import Looks, NameField, fault_of_word, folded, require
 from robots.registry.configuration import addresses, profile_schema, robot_config
+from robots.shared.configuration import input_filters as stick
+from robots.shared.configuration.denylist import USE_TYPES
 
 T = TypeVar("T")
 

@@ -1,3 +1,3 @@
-"""The simulated robot's ROS side. Only this package and `robots.bridge.ros` import rospy."""
+"""The simulated robot's ROS side. In the simulator, only this package imports rospy."""
 
-import robots.bridge.ros  # noqa: F401  (makes rospy importable)
+import robots.shared.ros  # noqa: F401  (makes rospy importable)

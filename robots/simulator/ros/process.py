@@ -12,8 +12,8 @@ from pathlib import Path
 import rosgraph
 import rospy
 
-from robots.bridge.ros.network.master import Master, MasterError
-from robots.processes.shutdown import end_event
+from robots.shared.processes.shutdown import end_event
+from robots.shared.ros.master import Master, MasterError
 from robots.simulator.robot import Robot
 from robots.simulator.ros.node import CameraOptions, SimulatorNode
 from robots.simulator.ros.registration import watch_registration

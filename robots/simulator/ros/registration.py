@@ -9,8 +9,8 @@ from collections.abc import Callable
 import rosgraph
 import rospy
 
-from robots.bridge.ros.network.master import Master, MasterError
-from robots.bridge.ros.registration import register_again
+from robots.shared.ros.master import Master, MasterError
+from robots.shared.ros.registration import register_again
 
 log = logging.getLogger(__name__)
 

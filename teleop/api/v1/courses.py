@@ -16,14 +16,14 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
-from fleet.origin import public_origin
+from fleet.base.origin import public_origin
 from robots.access import enrolment, services
 from robots.access.models import Course, Qualification
 from robots.access.pages.forms import ActionForm, end_of, free_slug
 from robots.access.people_lists.reading import read_people
 from robots.access.selectors import courses_managed_by, demanded_in, grants_in, lab_date, robots_of
 from robots.registry.models import Robot
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import (

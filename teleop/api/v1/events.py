@@ -25,7 +25,7 @@ from fleet.accounts.tokens.services import key_of
 from fleet.audit.models import Record
 from robots.access import who_sees
 from robots.access.selectors import robots_visible_to
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import Problem
 from teleop.background.database import in_database

@@ -22,7 +22,7 @@ from fleet.audit.reading import exports, wording
 from fleet.audit.reading.listing import CONSOLE, Row, Selection, Wanted, row_of, rows_of
 from fleet.audit.reading.search import words_of
 from robots.registry.models import Robot
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.cursors import decoded, encoded, page_by_time
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc

@@ -7,7 +7,7 @@ from typing import Any
 from django.http import HttpResponseRedirect
 from rest_framework.request import Request
 
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import ApiView
 from teleop.api.v1.framework.problems import Problem
 

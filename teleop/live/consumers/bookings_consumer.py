@@ -11,8 +11,8 @@ import logging
 
 from django.db import DatabaseError
 
-from robots import wire
-from robots.wire import Refusal, fleet_message
+from robots.shared import wire
+from robots.shared.wire import Refusal, fleet_message
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.live.consumers.message_socket import MessageSocket

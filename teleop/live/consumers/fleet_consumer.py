@@ -17,13 +17,23 @@ from msgspec import Struct, structs
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
 from fleet.bookings.schedule import Schedule, schedules_of
-from robots import wire
 from robots.access.selectors import robots_visible_to, roles_of
-from robots.bridge.config import LinkAddress
 from robots.link.client import BridgeLink, links
 from robots.registry.models import Role
 from robots.registry.selectors import link_address
-from robots.wire import Ended, FleetCard, GoPath, NotDone, Offers, Refusal, Refused, State, fleet_message
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.wire import (
+    Ended,
+    FleetCard,
+    GoPath,
+    NotDone,
+    Offers,
+    Refusal,
+    Refused,
+    State,
+    fleet_message,
+)
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.changes import database_refusal
@@ -31,7 +41,7 @@ from teleop.control.rules import out_of_service
 from teleop.control.selectors import SIGNED_OUT, SignIn
 from teleop.control.status import booked_slots
 from teleop.live.consumers.message_socket import BUSY, CloseCode, MessageSocket
-from teleop.recording.refusals import RefusedRequest
+from teleop.records.refusals import RefusedRequest
 from teleop.stop.emergency_stop import StopButton, clear
 
 log = logging.getLogger(__name__)

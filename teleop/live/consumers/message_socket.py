@@ -14,8 +14,8 @@ from typing import Any
 
 from channels.consumer import AsyncConsumer
 
-from robots.bridge.server.flood_limits import TokenBucket
-from robots.wire import (
+from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.wire import (
     Accepted,
     BookingsReport,
     BrowserReport,
@@ -27,8 +27,8 @@ from robots.wire import (
     encode,
     heading,
 )
-from teleop.recording import refusals
-from teleop.recording.refusals import RefusedRequest
+from teleop.records import refusals
+from teleop.records.refusals import RefusedRequest
 
 log = logging.getLogger(__name__)
 

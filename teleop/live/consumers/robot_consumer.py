@@ -11,9 +11,9 @@ from uuid import UUID
 from django.db import DatabaseError
 
 from fleet.accounts.tokens.models import Scope
-from robots import wire
 from robots.registry.models import Role
-from robots.wire import (
+from robots.shared import wire
+from robots.shared.wire import (
     Accepted,
     Ended,
     GoPath,

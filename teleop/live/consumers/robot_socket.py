@@ -9,7 +9,7 @@ from django.utils import timezone
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope, Token
 from robots.access.selectors import robots_visible_to
-from robots.wire import BridgeGone, Ended, GoPath, Offers, Refusal, Refused
+from robots.shared.wire import BridgeGone, Ended, GoPath, Offers, Refusal, Refused
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.selectors import SignIn, rights_of, robot_entry
@@ -17,7 +17,7 @@ from teleop.control.status import ControlStatus, Rights, RobotEntry
 from teleop.live import notices, robot_hub
 from teleop.live.consumers.message_socket import CloseCode, MessageSocket
 from teleop.models import named
-from teleop.recording.refusals import RefusedRequest
+from teleop.records.refusals import RefusedRequest
 
 
 class RobotSocket(MessageSocket):

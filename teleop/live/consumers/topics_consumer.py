@@ -6,9 +6,9 @@ import time
 from typing import Any
 
 from fleet.accounts.tokens.models import Scope
-from robots import wire
-from robots.bridge.server.flood_limits import TokenBucket
-from robots.wire import NotDone, Refusal, Refused, TopicQuery, kind_of, topics_message
+from robots.shared import wire
+from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.wire import NotDone, Refusal, Refused, TopicQuery, kind_of, topics_message
 from teleop.background.jobs import run_in_background
 from teleop.control.scopes import scope_missing
 from teleop.live import robot_hub
@@ -16,7 +16,7 @@ from teleop.live.consumers.message_socket import BUSY, CloseCode
 from teleop.live.consumers.robot_socket import RobotSocket
 from teleop.live.service_calls import ServiceCall, execute
 from teleop.live.topic_feed import SampleWithheld, TopicViewer
-from teleop.recording.camera_audit import TOO_MANY_CAMERAS, CameraAudit
+from teleop.records.camera_audit import TOO_MANY_CAMERAS, CameraAudit
 
 MAX_PENDING = 8  # queries per connection
 QUERIES_PER_S = 5.0  # an answer may be large, and is not acknowledged

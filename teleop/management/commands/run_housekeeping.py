@@ -27,13 +27,13 @@ from fleet.bookings.changes import lost_rights
 from fleet.bookings.changes import waiting_list as waiting
 from fleet.bookings.messages import notifications
 from fleet.bookings.services import remove_old_cancelled, store_no_shows
-from robots.processes.shutdown import end_event
-from robots.recording.faults import RobotWatch
+from robots.records.faults import RobotWatch
+from robots.shared.processes.shutdown import end_event
 from teleop.api.v1.framework.idempotency import remove_old_answers
 from teleop.control import lease_checks, line, services
 from teleop.control.changes import ControlRefused
 from teleop.control.selectors import held_leases
-from teleop.recording import camera_audit
+from teleop.records import camera_audit
 from teleop.reports import session_maps
 from teleop.webhooks.delivery import remove_old_deliveries
 from teleop.webhooks.worker import WebhookWorker

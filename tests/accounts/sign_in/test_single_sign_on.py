@@ -21,7 +21,7 @@ from django.test import Client, RequestFactory
 from fleet.accounts.models import User
 from fleet.accounts.sign_in.adapters import SingleSignOnAdapter
 from fleet.audit.models import Record
-from fleet.environment import Environment, single_sign_on
+from fleet.base.environment import Environment, single_sign_on
 from tests.accounts.sign_in.provider import CLIENT, PASSWORD, SECRET
 from tests.conftest import PASSWORD as PASSWORD_HERE
 

@@ -14,8 +14,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from robots.bridge.gate.values import Velocity
-from robots.bridge.gate_recording import Decision, replay
+from robots.bridge.gate_trace import Decision, replay
+from robots.shared.geometry.poses import Velocity
 
 RECORDINGS = sorted((Path(__file__).parents[2] / "data" / "recordings").glob("*.gate"))
 THINGS = [path for path in RECORDINGS if not path.stem.startswith("doorway")]

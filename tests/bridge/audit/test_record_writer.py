@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from robots.bridge.audit.record_sink import BadRecord, RecordError
 from robots.bridge.audit.record_writer import RecordWriter
+from robots.shared.records.record_sink import BadRecord, RecordError
 
 
 class Log:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from robots import wire
-from robots.bridge.gate.values import STILL
+from robots.shared import wire
+from robots.shared.geometry.poses import STILL
 from tests.bridge.support import ORDERS, ObedientBench
 
 NOTE = wire.Publish(1, "/notes", "std_msgs/String", {"data": "hello"}, 5.0)

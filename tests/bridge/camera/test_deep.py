@@ -14,7 +14,7 @@ from robots.bridge.camera.deep import DARKEST, EVEN, is_deep, raw_deep, stretche
 from robots.bridge.camera.image_header import Damaged
 from robots.bridge.camera.jpeg import decoded, small
 from robots.bridge.camera.shown import compressed_picture
-from robots.wire import PictureScale
+from robots.shared.wire import PictureScale
 
 WIDTH, HEIGHT = 64, 48
 DEPTH, HEAT = "/xtion/depth/image_raw", "/thermal/image_raw"

@@ -6,7 +6,7 @@ from collections import deque
 import pytest
 
 from robots.bridge.drive.approach import ARRIVED, Travelled, speed_towards
-from robots.bridge.gate.values import Pose
+from robots.shared.geometry.poses import Pose
 
 TICK_S = 0.05
 

@@ -6,12 +6,13 @@ import math
 import msgspec
 import pytest
 
-from robots import wire
 from robots.bridge.core import RosStatus
 from robots.bridge.drive.drive_by import CONFIRMED_S, HELD_S
 from robots.bridge.gate.sensor_limits import Fault
-from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
-from robots.wire import DriveBy, DriveByCancel, Grant
+from robots.shared import wire
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.records.verdict import Verdict
+from robots.shared.wire import DriveBy, DriveByCancel, Grant
 from tests.bridge.support import Bench, codes, settled
 
 METRE = DriveBy(1, distance_m=1.0, speed_mps=0.5, seq=7)

@@ -3,8 +3,9 @@
 import pytest
 
 from robots.bridge.drive.drive_input import AgeEstimator, DriveInput, velocity_of
-from robots.bridge.gate.values import STILL, Limits
-from robots.wire import Drive
+from robots.shared.configuration.gate_profile import Limits
+from robots.shared.geometry.poses import STILL
+from robots.shared.wire import Drive
 
 LIMITS = Limits(1.0, 0.2, 0.5, 2.0, 1.0, 2.0)
 

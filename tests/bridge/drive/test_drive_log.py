@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from robots.bridge.audit.record_sink import DriveSummary, GateStart, GateSummary, Position
-from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
-from robots.wire import Refusal
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.records.record_sink import DriveSummary, GateStart, GateSummary, Position
+from robots.shared.records.verdict import Verdict
+from robots.shared.wire import Refusal
 from tests.bridge.support import Bench
 
 FORWARD = Velocity(0.5, 0.0, 0.0)

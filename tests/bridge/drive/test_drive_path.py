@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.bridge.audit.drive_path import LEVER_M, TOLERANCE_M, Path, simplify
-from robots.bridge.audit.record_sink import Sample
+from robots.shared.records.record_sink import Sample
 
 CENTIMETRE = 0.01
 

@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from robots.bridge.drive.drive_input import DriveInput
-from robots.bridge.drive.input_filters import (
+from robots.shared.configuration.input_filters import (
     COMMAND_LIFE_S,
     DEFAULT,
     SMOOTHING,
@@ -25,7 +25,7 @@ from robots.bridge.drive.input_filters import (
     StickStep,
     apply_filters,
 )
-from robots.wire import Drive
+from robots.shared.wire import Drive
 from tests.bridge.support import CONFIG, Bench
 
 PERIOD_S = 0.05

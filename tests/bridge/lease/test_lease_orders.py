@@ -8,15 +8,15 @@ from uuid import UUID
 
 import pytest
 
-from robots import wire
 from robots.bridge.camera.camera_client import CameraClient
-from robots.bridge.config import LinkAddress
 from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.link_handler import LinkHandler
 from robots.bridge.server.link_server import LinkServer
 from robots.bridge.topics.inspector_client import InspectorClient
 from robots.link.client import BridgeLink
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import LinkAddress
 from tests.bridge.server.test_link import Follower
 from tests.bridge.support import Bench, Wire
 

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
-from robots import wire
-from robots.bridge.config import ArmSource, HeadSource, LimbSource, Topic
 from robots.bridge.core import RosStatus
-from robots.bridge.gate.values import STILL, Velocity
 from robots.bridge.lease.motion_after_stop import CREEPS_S, STANDS_S
 from robots.bridge.lease.state_store import SavedState
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import ArmSource, HeadSource, LimbSource, Topic
+from robots.shared.geometry.poses import STILL, Velocity
 from tests.bridge.support import CONFIG, Bench
 
 DRIVES, TURNS = Velocity(0.3, 0.0, 0.0), Velocity(0.0, 0.0, -0.4)

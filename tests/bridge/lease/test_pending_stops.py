@@ -15,15 +15,15 @@ import pytest
 import pytest_asyncio
 from django.conf import settings
 
-from robots import wire
-from robots.bridge.config import LinkAddress
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.process import initial_state
 from robots.bridge.server.link_server import Link, LinkServer
+from robots.link import stop_courier as courier
 from robots.link.client import BridgeLink
-from robots.stop import courier
-from robots.stop.pending_stops import FOLDER, PendingStops, WaitingStop, name_of
-from robots.stop.presses import Pending, press
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.link.pending_stops import FOLDER, PendingStops, WaitingStop, name_of
+from teleop.stop.presses import Pending, press
 from tests.bridge.support import CONFIG, Bench
 
 ROBOT = UUID(CONFIG.robot_id)

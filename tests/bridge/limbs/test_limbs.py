@@ -5,13 +5,13 @@ import math
 import msgspec
 import pytest
 
-from robots import wire
-from robots.bridge.config import ArmSource, LimbSource, Topic
-from robots.bridge.gate.geometry.arm_discs import AT_HOME, Posture
-from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.gate.arm.discs import AT_HOME, Posture
 from robots.bridge.tasks.goals import OURS
 from robots.bridge.tasks.task import Activity
-from robots.wire import LimbCancel, MoveLimb
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import ArmSource, LimbSource, Topic
+from robots.shared.geometry.poses import STILL, Velocity
+from robots.shared.wire import LimbCancel, MoveLimb
 from tests.bridge.support import CONFIG, Bench
 
 GRIPPER = LimbSource("/gripper_controller/follow_joint_trajectory", ["left", "right"], (0.0, 0.045), 0.05)

@@ -6,10 +6,11 @@ import struct
 import numpy as np
 import pytest
 
-from robots.bridge.gate.geometry.footprint import footprint_of
-from robots.bridge.gate.values import GateProfile, Pose
-from robots.bridge.maps.occupancy import cells_of, taken
-from robots.bridge.navigation.goal_map import GoalMap
+from robots.shared.configuration.gate_profile import GateProfile
+from robots.shared.geometry.footprint import footprint_of
+from robots.shared.geometry.poses import Pose
+from robots.shared.maps.goal_map import GoalMap
+from robots.shared.maps.occupancy import cells_of, taken
 from tests.bridge.support import LIMITS
 
 DISC = footprint_of(GateProfile(LIMITS, 0.27, None, {}, {}, {}, False, 0.3))

@@ -11,11 +11,11 @@ import msgspec
 import psutil
 import pytest
 
-from robots.bridge.audit.record_sink import TakenMap
-from robots.bridge.config import BridgeConfig, Topic
-from robots.bridge.gate.values import Pose
 from robots.bridge.maps import map_fetch
 from robots.bridge.maps.map_fetch import AGAIN_S, FRESH_S, MapFetcher, MapWanted, NoMap
+from robots.shared.configuration.bridge_config import BridgeConfig, Topic
+from robots.shared.geometry.poses import Pose
+from robots.shared.records.record_sink import TakenMap
 from tests.bridge.support import CONFIG
 from tests.processes import until
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from robots.bridge.maps.occupancy import MAX_MAP_SIDE, MAX_PICTURE_SIDE, MOST_CELLS, BadMap, taken
+from robots.shared.maps.occupancy import MAX_MAP_SIDE, MAX_PICTURE_SIDE, MOST_CELLS, BadMap, taken
 
 NORTH = (0.0, 0.0, math.sin(math.pi / 4.0), math.cos(math.pi / 4.0))
 UNKNOWN, FREE, OCCUPIED = ((127, 135, 131, opacity) for opacity in (0, 34, 255))

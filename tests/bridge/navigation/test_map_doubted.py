@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
-from robots import wire
-from robots.bridge.config import NavigationSource, Topic
-from robots.bridge.gate.values import Pose
-from robots.bridge.navigation.goal_map import UNKNOWN_NOW
 from robots.bridge.navigation.localisation import MISSING, Spread
 from robots.bridge.navigation.navigation_goals import OTHER_MAP
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import NavigationSource, Topic
+from robots.shared.geometry.poses import Pose
+from robots.shared.maps.goal_map import UNKNOWN_NOW
 from tests.bridge.support import CONFIG, Bench
 
 TOPICS = msgspec.structs.replace(

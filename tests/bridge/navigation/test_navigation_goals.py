@@ -7,16 +7,17 @@ import msgspec
 import numpy as np
 import pytest
 
-from robots import wire
-from robots.bridge.config import HeadSource, NavigationSource, Topic
 from robots.bridge.gate import navigation_watch
-from robots.bridge.gate.values import STILL, Pose, SpeedLimit, Velocity, Verdict
-from robots.bridge.navigation.goal_map import UNKNOWN_NOW
 from robots.bridge.navigation.hold import UNENDED, UNHEARD, WATCHED_S
 from robots.bridge.navigation.localisation import Localisation, Spread
 from robots.bridge.navigation.navigation_goals import DOUBT_S, LOOKS_S
 from robots.bridge.navigation.path import PlannedPath
-from robots.wire import Go, GoCancel, LookAhead
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import HeadSource, NavigationSource, Topic
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.maps.goal_map import UNKNOWN_NOW
+from robots.shared.records.verdict import SpeedLimit, Verdict
+from robots.shared.wire import Go, GoCancel, LookAhead
 from tests.bridge.support import CONFIG, Bench, FreeMap
 
 SOURCE = NavigationSource("/move_base", "/nav_vel", "/amcl_pose", set_pose="/initialpose")

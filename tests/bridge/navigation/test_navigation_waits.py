@@ -6,13 +6,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from robots import wire
-from robots.bridge.config import NavigationSource, Topic
 from robots.bridge.core import RosStatus
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity
+from robots.bridge.gate.values import LaserScan
 from robots.bridge.navigation.localisation import Spread
 from robots.bridge.navigation.sensor_grace import SETTLES_S, WAITS_S, WELL_S, SensorGrace
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import NavigationSource, Topic
+from robots.shared.geometry.poses import STILL, Pose, Velocity
 from tests.bridge.support import CONFIG, Bench
 
 TOPICS = msgspec.structs.replace(

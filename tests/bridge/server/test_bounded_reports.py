@@ -8,7 +8,7 @@ import msgspec
 import pytest
 from msgspec import inspect
 
-from robots import wire
+from robots.shared import wire
 
 TEXT = "\x01" * 5000  # six bytes each in JSON
 ENTRIES = 150

@@ -11,11 +11,11 @@ import uuid
 
 import pytest
 
-from robots import wire
-from robots.bridge.config import LinkAddress
 from robots.bridge.server.link_server import LinkServer
 from robots.link.client import BridgeLink
-from robots.link.lane import lane_path
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.link.lane import lane_path
 from tests.bridge.support import CONFIG, Bench
 
 PATIENCE_S = 10.0

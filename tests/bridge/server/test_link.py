@@ -18,13 +18,13 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus, WebSocketException
 
 import robots.link.client
-from robots import wire
-from robots.bridge.config import LinkAddress
 from robots.bridge.link_handler import OTHER_ROBOT
 from robots.bridge.server.link_server import LinkServer
 from robots.link.client import BridgeLink, LinkRefused, Links, stop_once
 from robots.link.connections import _headers
 from robots.link.state_reader import state_once
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import LinkAddress
 from tests.bridge.support import CONFIG, Bench
 from tests.processes import free_port
 

@@ -10,14 +10,14 @@ from uuid import uuid4
 
 import pytest
 
-from robots import wire
 from robots.bridge.camera.camera_client import CameraClient
-from robots.bridge.gate.values import STILL
 from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.lease.state_store import StateStore
 from robots.bridge.link_handler import DRIVES_BURST, OTHER_ROBOT, REFUSAL_GAP_S, LinkHandler
 from robots.bridge.tasks.speech import SpeechTasks
 from robots.bridge.topics.inspector_client import InspectorClient
+from robots.shared import wire
+from robots.shared.geometry.poses import STILL
 from tests.bridge.lease.test_lease_orders import GRANT
 from tests.bridge.support import Bench, Wire
 

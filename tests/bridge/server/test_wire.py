@@ -5,7 +5,7 @@ import json
 import msgspec
 import pytest
 
-from robots import wire
+from robots.shared import wire
 from tests.bridge.support import Bench
 
 TAB = "0123456789abcdef"

@@ -2,9 +2,9 @@
 
 import pytest
 
-from robots.bridge.config import DepthSource, HeadSource, ScanSource, Topic, Topics
-from robots.bridge.tasks.denylist import COUNTERFEITED, names_set, why_denied, why_fields_denied
-from robots.wire import Field
+from robots.shared.configuration.bridge_config import DepthSource, HeadSource, ScanSource, Topic, Topics
+from robots.shared.configuration.denylist import COUNTERFEITED, names_set, why_denied, why_fields_denied
+from robots.shared.wire import Field
 
 TEXT = "std_msgs/String"
 TWIST = "geometry_msgs/Twist"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from robots import wire
-from robots.bridge.gate.values import Velocity
+from robots.shared import wire
+from robots.shared.geometry.poses import Velocity
 from tests.bridge.support import Bench, Outcome, codes, settled
 
 

@@ -5,10 +5,7 @@ import math
 import msgspec
 import pytest
 
-from robots import wire
 from robots.bridge.audit.records import unrecorded
-from robots.bridge.config import HeadSource
-from robots.bridge.gate.values import Velocity
 from robots.bridge.tasks.head import (
     AHEAD_TAKES_S,
     ARRIVED_S,
@@ -18,6 +15,9 @@ from robots.bridge.tasks.head import (
     TURN_RADPS,
     Head,
 )
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import HeadSource
+from robots.shared.geometry.poses import Velocity
 from tests.bridge.support import CONFIG, Bench, Outcome, codes, settled
 
 SOURCE = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68)

@@ -3,10 +3,10 @@
 import msgspec
 import pytest
 
-from robots import wire
-from robots.bridge.config import Allowed, ArmSource
-from robots.bridge.gate.values import STILL, Velocity
 from robots.bridge.tasks.input_routing import PARTING_S, PATIENCE_S
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Allowed, ArmSource
+from robots.shared.geometry.poses import STILL, Velocity
 from tests.bridge.support import CONFIG, Bench, Outcome, settled
 
 TTS, PLAY, TWIST = (

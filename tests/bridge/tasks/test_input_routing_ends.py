@@ -2,8 +2,8 @@
 
 import pytest
 
-from robots import wire
-from robots.bridge.gate.values import STILL
+from robots.shared import wire
+from robots.shared.geometry.poses import STILL
 from tests.bridge.support import Outcome
 from tests.bridge.tasks.test_input_routing import LISTENED, ask, bench, choose, chosen, connects, settled
 

@@ -2,10 +2,11 @@
 
 import pytest
 
-from robots import wire
-from robots.bridge.gate.values import STILL, SensorHealth, Velocity
+from robots.bridge.gate.values import SensorHealth
 from robots.bridge.tasks.motions import offered, recorded
 from robots.bridge.tasks.named_ends import NAMED_S
+from robots.shared import wire
+from robots.shared.geometry.poses import STILL, Velocity
 from tests.bridge.support import Bench, Outcome, runs_out, settled
 
 AHEAD = ((0.6, 0.0, 0.2),)

@@ -8,15 +8,16 @@ from types import SimpleNamespace
 import msgspec
 import pytest
 
-from robots import wire
-from robots.bridge.audit.record_sink import Holder
 from robots.bridge.audit.records import Requester
-from robots.bridge.config import Allowed
 from robots.bridge.drive.drive_input import stick_of, velocity_of
-from robots.bridge.drive.twists import velocity_from
-from robots.bridge.gate.values import STILL, Limits, Velocity
 from robots.bridge.tasks.publishing import Publications
-from robots.wire import Refusal
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Allowed
+from robots.shared.configuration.gate_profile import Limits
+from robots.shared.geometry.poses import STILL, Velocity
+from robots.shared.messages.twists import velocity_from
+from robots.shared.records.record_sink import Holder
+from robots.shared.wire import Refusal
 from tests.bridge.support import CONFIG, Bench, MemoryPublisher, Outcome, settled
 
 NOTES = Allowed("publish", "/notes", "std_msgs/String")

@@ -3,16 +3,10 @@
 import msgspec
 import pytest
 
-from robots import wire
-from robots.bridge.config import Allowed
-from robots.bridge.tasks.speech import (
-    LINGER_S,
-    LONGEST_CHARACTERS,
-    Utterance,
-    find_spoken_word,
-    robot_language,
-    why_not_speakable,
-)
+from robots.bridge.tasks.speech import LINGER_S, Utterance, find_spoken_word, robot_language
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Allowed
+from robots.shared.configuration.spoken_texts import LONGEST_CHARACTERS, why_not_speakable
 from tests.bridge.support import CONFIG, Bench, settled
 
 SECOND = Allowed("choose", "/second_tts", "pal_interaction_msgs/TtsAction", "speech")

@@ -4,11 +4,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from robots import wire
 from robots.bridge.core import RosStatus
 from robots.bridge.tasks.parts import PARTS
 from robots.bridge.tasks.task import Cause, Reaction, TaskPart
-from robots.wire import TASK_KINDS, Refusal
+from robots.shared import wire
+from robots.shared.wire import TASK_KINDS, Refusal
 from tests.bridge.support import ORDERS, ObedientBench, Outcome
 
 KINDS = {kind.name: kind for kind in TASK_KINDS}

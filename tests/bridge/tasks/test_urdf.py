@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robots.bridge.tasks.urdf import Tree
-from robots.bridge.urdf.document import BadDescription
+from robots.shared.urdf.document import BadDescription
 from robots.simulator.joints.frames import frames, place, urdf
 from robots.simulator.joints.joint_table import HOME
 from robots.simulator.sensors.body import BODIES

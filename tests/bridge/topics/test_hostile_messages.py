@@ -4,8 +4,8 @@ import time
 
 import pytest
 
-from robots.bridge.messages.packing import MAX_STEPS, MAX_WRITTEN_BYTES, Detail, Layout, TooLarge
-from robots.wire import Field
+from robots.shared.messages.packing import MAX_STEPS, MAX_WRITTEN_BYTES, Detail, Layout, TooLarge
+from robots.shared.wire import Field
 
 DETAIL = Detail(whole=32, first=16, text=500)
 SOON_S = 5.0  # on a busy machine; without limits, reading takes minutes or never ends

@@ -12,9 +12,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from robots import wire
 from robots.bridge.topics import inspector_client, line_process
 from robots.bridge.topics.inspector_client import MAX_QUERIES, InspectorClient
+from robots.shared import wire
 from tests.bridge.support import CONFIG
 
 PATIENCE_S = 20.0

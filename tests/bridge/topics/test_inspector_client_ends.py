@@ -12,9 +12,9 @@ from types import SimpleNamespace
 import msgspec
 import pytest
 
-from robots import wire
 from robots.bridge.topics import inspector_client, line_process
 from robots.bridge.topics.inspector_messages import InspectorQuery, TooLate
+from robots.shared import wire
 from tests.bridge.tasks.test_publishing import bench, note, settled
 from tests.bridge.topics.test_inspector_client import AT_A_RATE, ORDER, PATIENCE_S, Viewer, make, question
 

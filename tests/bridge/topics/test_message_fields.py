@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.bridge.messages.fields import FLOATS, INTEGERS, STAMPS, BadField, fit_fields
-from robots.bridge.messages.packing import Broken, Detail, Layout
-from robots.wire import Field
+from robots.shared.messages.fields import FLOATS, INTEGERS, STAMPS, BadField, fit_fields
+from robots.shared.messages.packing import Broken, Detail, Layout
+from robots.shared.wire import Field
 
 ALL = Detail(10**6, 10**6, 10**6)
 VECTOR = [Field(axis, "float64") for axis in "xyz"]

@@ -11,12 +11,12 @@ from uuid import uuid4
 import msgspec
 import pytest
 
-from robots import wire
 from robots.bridge.lease.state_store import SavedState, StateStore
 from robots.bridge.watchdog.client import MISSING_S, WatchdogClient
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
 from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
 from robots.bridge.watchdog.stop_file import StopFile
+from robots.shared import wire
 
 PATIENCE_S = 10.0
 

@@ -14,7 +14,7 @@ from uuid import uuid4
 import pytest
 from playwright.sync_api import expect
 
-from robots import wire
+from robots.shared import wire
 from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack
 from tests.browser.people import Person, robot_side

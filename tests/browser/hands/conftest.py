@@ -14,7 +14,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from robots import wire
+from robots.shared import wire
 from script.stack.client import sign_in
 from script.stack.stack import Stack
 from tests.browser.hands.desk import Chromium, Desk, Firefox, Window, wait_for

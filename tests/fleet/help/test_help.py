@@ -64,7 +64,7 @@ def test_a_reader_gets_a_translated_page(reader: Client, settings: Any) -> None:
 
 
 def test_links_out_of_the_docs_become_text() -> None:
-    assert "robots/wire" in pages.page("protocol-messages").body
+    assert "robots/shared/wire" in pages.page("protocol-messages").body
     assert "../" not in "".join(re.findall(r'href="([^"]*)"', pages.page("protocol-messages").body))
 
 

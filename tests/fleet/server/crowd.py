@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 import msgspec
 
 from benchmarks.parts.process_stats import children
-from robots import wire
+from robots.shared import wire
 from tests.script.support import command_line
 
 

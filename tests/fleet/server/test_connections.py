@@ -2,7 +2,8 @@
 
 import pytest
 
-from fleet.server.connections import Connections, Places, network_of
+from fleet.base.network_addresses import network_of
+from fleet.server.connections import Connections, Places
 
 
 @pytest.fixture

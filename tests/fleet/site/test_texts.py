@@ -16,7 +16,7 @@ from django.template.base import Lexer, Token, TokenType
 from django.test import Client
 from django.utils import translation
 
-from fleet import languages
+from fleet.base import languages
 
 TEMPLATES = sorted((settings.BASE_DIR / "templates").rglob("*.html"))
 # Blocks that fill attributes of a tag in base.html: people do not read them.

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from robots.bridge.gate.geometry import arc
-from robots.bridge.gate.geometry.footprint import Disc, Discs, Polygon, clearances
-from robots.bridge.gate.values import Velocity
+from robots.shared.geometry import arc
+from robots.shared.geometry.footprint import Disc, Discs, Polygon, clearances
+from robots.shared.geometry.poses import Velocity
 
 SPAN_S = 6.0
 STEP_S = 0.002

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robots.bridge.gate.geometry import arc
-from robots.bridge.gate.geometry.footprint import Disc, Discs, Footprint, Polygon, Spread, footprint_of
-from robots.bridge.gate.geometry.planar import ORIGIN, Drift, Path, placed, put, relative_to
-from robots.bridge.gate.values import Pose, Velocity
+from robots.shared.geometry import arc
+from robots.shared.geometry.footprint import Disc, Discs, Footprint, Polygon, Spread, footprint_of
+from robots.shared.geometry.planar import ORIGIN, Drift, Path, placed, put, relative_to
+from robots.shared.geometry.poses import Pose, Velocity
 from tests.gate.conftest import box_profile, tiago_profile
 from tests.gate.geometry.test_arc import (
     check_against,

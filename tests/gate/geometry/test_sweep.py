@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from robots.bridge.gate.geometry.arm_sweep import CELL_M, Motion, intruder, swept, thinned
+from robots.bridge.gate.arm.sweep import CELL_M, Motion, intruder, swept, thinned
 from robots.bridge.gate.values import Obstacles
 
 RADIUS_M = 0.1

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.bridge.gate.motion import braking
-from robots.bridge.gate.values import Velocity
+from robots.shared.geometry.poses import Velocity
 from tests.gate.conftest import tiago_profile
 
 seconds = st.floats(0.0, 10.0)

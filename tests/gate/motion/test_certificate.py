@@ -8,12 +8,13 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from robots.bridge.gate.geometry.footprint import footprint_of
 from robots.bridge.gate.motion.certificate import plays_clear, restrains_nothing
 from robots.bridge.gate.motion.corridors import Box, Corridors
 from robots.bridge.gate.motion.rollout import Sent, safe_share
 from robots.bridge.gate.motion.safe_twist import restrain
-from robots.bridge.gate.values import Limits, Parameters, Velocity
+from robots.shared.configuration.gate_profile import Limits, Parameters
+from robots.shared.geometry.footprint import footprint_of
+from robots.shared.geometry.poses import Velocity
 from tests.gate.conftest import tiago_profile
 
 PERIOD_S = 0.05

@@ -11,8 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.bridge.gate.geometry.footprint import Polygon, footprint_of
-from robots.bridge.gate.geometry.planar import Drift
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.rollout import (
     CLEAR,
@@ -24,7 +22,10 @@ from robots.bridge.gate.motion.rollout import (
     safe_share,
     stepped_up,
 )
-from robots.bridge.gate.values import STILL, Limits, Velocity
+from robots.shared.configuration.gate_profile import Limits
+from robots.shared.geometry.footprint import Polygon, footprint_of
+from robots.shared.geometry.planar import Drift
+from robots.shared.geometry.poses import STILL, Velocity
 from tests.gate import strategies
 from tests.gate.conftest import LASER, Feeder, box_profile, tiago_profile
 

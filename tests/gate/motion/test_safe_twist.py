@@ -9,10 +9,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robots.bridge.gate.geometry.footprint import footprint_of
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.safe_twist import allowed_margin, restrain
-from robots.bridge.gate.values import Velocity
+from robots.shared.geometry.footprint import footprint_of
+from robots.shared.geometry.poses import Velocity
 from tests.gate import strategies
 from tests.gate.conftest import box_profile, tiago_profile
 

@@ -9,11 +9,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from robots.bridge.gate.geometry.planar import NO_POINTS, placed
 from robots.bridge.gate.movers.forecast import MOST_MPS, forecast
 from robots.bridge.gate.movers.movers import Movers
 from robots.bridge.gate.sensing.scan import Sweep
-from robots.bridge.gate.values import STILL, Pose, Velocity
+from robots.shared.geometry.planar import NO_POINTS, placed
+from robots.shared.geometry.poses import STILL, Pose, Velocity
 from tests.gate.conftest import LASER, tiago_profile
 from tests.gate.world import ORIGIN, World, doorway, leg, wall
 

@@ -14,7 +14,7 @@ from benchmarks.world.walkers import gait
 from benchmarks.world.walkers import plan as plans
 from benchmarks.world.walkers.plane import Things
 from benchmarks.world.walkers.run import Run
-from robots.bridge.gate.values import Velocity
+from robots.shared.geometry.poses import Velocity
 from tests.gate.conftest import tiago_profile
 
 PROFILE = tiago_profile(sonar_poses={}, sonar_fov={})

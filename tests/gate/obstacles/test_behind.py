@@ -7,7 +7,7 @@ import math
 import pytest
 
 from robots.bridge.gate.obstacles.behind import LASTS_S, LOOKED_S
-from robots.bridge.gate.values import Pose, Velocity
+from robots.shared.geometry.poses import Pose, Velocity
 from tests.gate.conftest import Feeder, tiago_profile
 from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, Looker, camera
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.gate.geometry.planar import placed, relative_to
-from robots.bridge.gate.values import Pose, Velocity
+from robots.shared.geometry.planar import placed, relative_to
+from robots.shared.geometry.poses import Pose, Velocity
 from tests.gate.conftest import tiago_profile
 from tests.gate.world import World, leg, wall
 

@@ -9,8 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.bridge.gate.geometry.footprint import Disc
-from robots.bridge.gate.geometry.planar import ORIGIN, placed, relative_to
 from robots.bridge.gate.obstacles.laser_memory import LaserMemory
 from robots.bridge.gate.obstacles.point_memory import (
     BRIEFLY_S,
@@ -27,7 +25,11 @@ from robots.bridge.gate.obstacles.sightings import sight
 from robots.bridge.gate.obstacles.sources import Laser
 from robots.bridge.gate.sensing.scan import Sweep
 from robots.bridge.gate.timing.trail import Trail
-from robots.bridge.gate.values import STILL, LaserScan, Limits, Pose, Velocity
+from robots.bridge.gate.values import LaserScan
+from robots.shared.configuration.gate_profile import Limits
+from robots.shared.geometry.footprint import Disc
+from robots.shared.geometry.planar import ORIGIN, placed, relative_to
+from robots.shared.geometry.poses import STILL, Pose, Velocity
 from tests.drives.test_driving import towards
 from tests.gate.conftest import box_profile, tiago_profile
 from tests.gate.world import World, doorway, leg, wall

@@ -6,7 +6,7 @@ import numpy as np
 
 from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
 from robots.bridge.gate.timing.trail import Trail
-from robots.bridge.gate.values import STILL, Pose
+from robots.shared.geometry.poses import STILL, Pose
 
 
 class Counting:

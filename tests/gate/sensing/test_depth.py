@@ -8,7 +8,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from robots.bridge.gate.geometry.arm_discs import AT_HOME, UNKNOWN, Posture
+from robots.bridge.gate.arm.discs import AT_HOME, UNKNOWN, Posture
 from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.sensing.depth import (
     DepthImage,
@@ -20,8 +20,9 @@ from robots.bridge.gate.sensing.depth import (
     seen_through,
 )
 from robots.bridge.gate.sensing.scan import Malformed
-from robots.bridge.gate.values import Limits, Pose, Velocity
-from robots.bridge.gate_recording import Recorder, replay
+from robots.bridge.gate_trace import Recorder, replay
+from robots.shared.configuration.gate_profile import Limits
+from robots.shared.geometry.poses import Pose, Velocity
 from tests.gate.conftest import Feeder, tiago_profile
 from tests.gate.depth_pictures import (
     FLOOR,

@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.bridge.gate.geometry.footprint import Disc
-from robots.bridge.gate.geometry.planar import placed, relative_to
 from robots.bridge.gate.sensing.scan import Sweep, cone_points, differences, has_neighbour, outside_hull
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.timing.unseen_motion import Doubt
-from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity
+from robots.bridge.gate.values import LaserScan
+from robots.shared.geometry.footprint import Disc
+from robots.shared.geometry.planar import placed, relative_to
+from robots.shared.geometry.poses import STILL, Pose, Velocity
 from tests.gate.conftest import LASER, Feeder, tiago_profile
 
 NAN, INF = math.nan, math.inf

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate.timing.unseen_motion import UnseenMotion
-from robots.bridge.gate.values import STILL, Limits, Pose, Velocity
+from robots.shared.configuration.gate_profile import Limits
+from robots.shared.geometry.poses import STILL, Pose, Velocity
 from tests.gate.conftest import LASER, SONARS, Feeder, tiago_profile
 from tests.gate.world import World, leg, wall
 

@@ -18,7 +18,9 @@ from robots.bridge.gate.timing.latency import (
     MOST_BACKLOG_S,
     Latency,
 )
-from robots.bridge.gate.values import Limits, SpeedLimit, Velocity
+from robots.shared.configuration.gate_profile import Limits
+from robots.shared.geometry.poses import Velocity
+from robots.shared.records.verdict import SpeedLimit
 
 LIMITS = Limits(1.0, 0.2, 0.0, 2.0944, 1.0, 2.0944)
 ASSUMED_S = 0.2

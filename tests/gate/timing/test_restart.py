@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.gate.geometry.arm_discs import AT_HOME
-from robots.bridge.gate.values import STILL, Forgotten, Pose
+from robots.bridge.gate.arm.discs import AT_HOME
+from robots.bridge.gate.values import Forgotten
+from robots.shared.geometry.poses import STILL, Pose
 from tests.gate.conftest import LASER, SONARS, Feeder, tiago_profile
 
 

@@ -10,7 +10,8 @@ import pytest
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.sensor_limits import late_share
 from robots.bridge.gate.timing.freshness import Freshness
-from robots.bridge.gate.values import STILL, Pose, SpeedLimit, Velocity
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.records.verdict import SpeedLimit
 from tests.gate.conftest import LASER, SONARS, Feeder, tiago_profile
 
 

@@ -7,8 +7,8 @@ from xml.etree.ElementTree import Element
 
 import pytest
 
-from robots.bridge.urdf.document import BadDescription, description_of
 from robots.description.drawable import drawable
+from robots.shared.urdf.document import BadDescription, description_of
 from robots.simulator.joints.frames import frames
 from robots.simulator.joints.looks import description
 from robots.simulator.sensors.body import BODIES

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from django.utils import timezone
 
-from robots.bridge.audit.record_sink import TakenMap
-from robots.bridge.gate.values import Pose
-from robots.bridge.maps.occupancy import of_percents
 from robots.registry.maps import map_store
 from robots.registry.models import Robot
+from robots.shared.geometry.poses import Pose
+from robots.shared.maps.occupancy import of_percents
+from robots.shared.records.record_sink import TakenMap
 
 
 def room(mark: str = "") -> TakenMap:

@@ -17,7 +17,7 @@ from robots.places.selectors import maps_of, place_of_robot
 from robots.places.services import map_name, place_add, place_change, place_delete, places_import
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot, RobotMap
-from robots.wire import NotDone
+from robots.shared.wire import NotDone
 from teleop.reports.session_maps import remove_unneeded
 from tests.robots.places.maps import map_of
 

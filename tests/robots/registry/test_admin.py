@@ -11,7 +11,7 @@ from django.urls import reverse
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from robots.registry.admin import ReadableJSON
+from fleet.site.admin.robots import ReadableJSON
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.registry.services import bridge_status_set, profile_save, robot_save
 from robots.supervisor.process_keeper import LOCK, only_instance

@@ -11,12 +11,12 @@ from django.urls import reverse
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from robots.bridge.config import Allowed, Topic
-from robots.bridge.tasks.denylist import why_denied
 from robots.registry.configuration.robot_config import profile_topics
 from robots.registry.models import Allowance, Robot, RobotProfile, Role
 from robots.registry.selectors import allowed_on, bridge_config
 from robots.registry.services import entry_delete, entry_save
+from robots.shared.configuration.bridge_config import Allowed, Topic
+from robots.shared.configuration.denylist import why_denied
 from teleop.control.selectors import robot_entry
 from tests.robots.registry.test_admin import filled
 

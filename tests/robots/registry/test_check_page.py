@@ -8,7 +8,7 @@ import pytest
 from django.test import Client
 from django.urls import reverse
 
-from robots.registry import views
+from robots.check import views
 from robots.registry.models import Robot
 
 pytestmark = pytest.mark.django_db

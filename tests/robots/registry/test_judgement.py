@@ -11,8 +11,11 @@ import msgspec
 import pytest
 
 from fleet.accounts.models import User
-from robots.bridge.config import BridgeConfig
-from robots.bridge.probe_findings import (
+from robots.check.robot_check import Check, judge, plan_for, run_checks
+from robots.registry.models import Robot
+from robots.registry.selectors import bridge_config
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.processes.probe_findings import (
     CallbackFound,
     DescriptionFound,
     DriveFound,
@@ -20,9 +23,6 @@ from robots.bridge.probe_findings import (
     HostFound,
     TopicFound,
 )
-from robots.registry.models import Robot
-from robots.registry.robot_check import Check, judge, plan_for, run_checks
-from robots.registry.selectors import bridge_config
 
 
 @pytest.fixture
@@ -233,7 +233,7 @@ def test_a_wrong_entry_in_the_registry_is_the_first_answer(robot: Robot) -> None
 
 def test_a_full_disk_is_an_answer_too(robot: Robot) -> None:
     full = OSError(errno.ENOSPC, "No space left on device")
-    with mock.patch("robots.registry.robot_check.ros_environment", autospec=True, side_effect=full):
+    with mock.patch("robots.check.robot_check.ros_environment", autospec=True, side_effect=full):
         (only,) = run_checks(robot)
     assert (only.name, only.level) == ("host aliases", "fail")
     assert "No space left on device" in only.text
@@ -241,7 +241,7 @@ def test_a_full_disk_is_an_answer_too(robot: Robot) -> None:
 
 def test_a_probe_that_hangs_is_given_up(robot: Robot) -> None:
     hanging = mock.patch(
-        "robots.registry.robot_check._probe",
+        "robots.check.robot_check._probe",
         autospec=True,
         side_effect=subprocess.TimeoutExpired("probe", 20),
     )
@@ -252,7 +252,7 @@ def test_a_probe_that_hangs_is_given_up(robot: Robot) -> None:
 
 def test_a_bridge_on_another_computer_asks_for_the_check_there(robot: Robot, well: Findings) -> None:
     robot.bridge_address = "wss://bridges.lab:7443"
-    with mock.patch("robots.registry.robot_check._probe", autospec=True, return_value=well):
+    with mock.patch("robots.check.robot_check._probe", autospec=True, return_value=well):
         first, *others = run_checks(robot)
     assert (first.level, {check.level for check in others}) == ("warn", {"ok"})
     assert "wss://bridges.lab:7443" in first.text
@@ -266,7 +266,7 @@ class TestPage:
     @pytest.fixture(autouse=True)
     def answers(self) -> Any:
         answers = [Check("master", "fail", "No ROS master answers.", "Is the robot on?")]
-        with mock.patch("robots.registry.views.run_checks", autospec=True, return_value=answers) as asked:
+        with mock.patch("robots.check.views.run_checks", autospec=True, return_value=answers) as asked:
             yield asked
 
     def test_everybody_who_sees_the_robot_reads_every_answer(self, observer: User, signed_in: Any) -> None:

@@ -7,7 +7,7 @@ from django.test import Client
 from django.urls import reverse
 
 from fleet.accounts.models import User
-from robots.registry.admin_entries import MOST_ROWS
+from fleet.site.admin.robot_entries import MOST_ROWS
 from robots.registry.models import Allowance, Robot, RobotProfile, RobotRole
 from tests.robots.registry.test_admin import filled
 

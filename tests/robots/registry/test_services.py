@@ -16,10 +16,10 @@ from django.db import connections
 from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
+from robots.link import stop_courier as courier
 from robots.registry import services
 from robots.registry.models import BridgeStatus, Robot, RobotProfile
-from robots.stop import courier
-from robots.stop.pending_stops import WaitingStop, name_of
+from robots.shared.link.pending_stops import WaitingStop, name_of
 
 
 def last_record() -> Record:

@@ -12,10 +12,10 @@ from uuid import uuid4
 
 import pytest
 
-from robots import wire
-from robots.bridge.config import LinkAddress
 from robots.link.connections import LinkRefused
-from robots.stop.delivery import reach, stop_message, wait_for
+from robots.link.stop_delivery import reach, stop_message, wait_for
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import LinkAddress
 
 ROBOT = uuid4()
 PATIENCE_S = 10.0

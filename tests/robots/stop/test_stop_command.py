@@ -20,12 +20,12 @@ from websockets.sync.server import ServerConnection, unix_serve
 
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
-from robots import wire
+from fleet.site.management.commands import stop
 from robots.bridge.link_handler import OTHER_ROBOT
-from robots.registry.management.commands import stop
+from robots.link import stop_courier as courier
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
-from robots.stop import courier
+from robots.shared import wire
 from tests.processes import PATIENCE_S
 
 pytestmark = pytest.mark.django_db(transaction=True)  # another thread reads the registry

@@ -15,7 +15,7 @@ from tests.processes import REPOSITORY
 
 SOON_S = 5.0
 BEGIN = """import sys, time
-from robots.processes.shutdown import end_event
+from robots.shared.processes.shutdown import end_event
 end = end_event({}); print(flush=True)
 """
 NO_LIFE_LINE, LIFE_LINE, IMPATIENT = "None, 60", "0, 60", "None, 0.2"

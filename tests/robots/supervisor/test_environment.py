@@ -10,9 +10,9 @@ from unittest import mock
 import msgspec
 import pytest
 
-from robots.bridge.config import BridgeConfig
 from robots.registry.models import Robot
 from robots.registry.selectors import bridge_config
+from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.supervisor.ros_environment import WrapperMissing, ros_environment
 
 RESOLVE = "import socket, sys; print(socket.gethostbyname(sys.argv[1]))"

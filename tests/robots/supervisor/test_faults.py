@@ -6,8 +6,8 @@ import pytest
 
 from fleet.audit.models import Record
 from robots.link.client import LinkRefused
-from robots.recording import faults
-from robots.recording.faults import (
+from robots.records import faults
+from robots.records.faults import (
     BRIDGE,
     ROBOT,
     SURE_AFTER,
@@ -19,7 +19,7 @@ from robots.recording.faults import (
 )
 from robots.registry.models import BridgeStatus, Robot
 from robots.registry.selectors import link_address
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from tests.processes import until
 
 State = BridgeStatus.State

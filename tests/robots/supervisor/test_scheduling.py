@@ -8,7 +8,7 @@ import sys
 
 SCRIPT = """
 import json, os, resource, subprocess, sys, threading, time
-from robots.processes import scheduling
+from robots.shared.processes import scheduling
 
 allowed = int(sys.argv[1])
 limits = resource.getrlimit
@@ -61,7 +61,7 @@ def test_without_permission_priority_stays_unchanged():
 
 
 def test_a_process_that_renounced_priority_gets_none():
-    script = "from robots.processes import scheduling as s; s.forbid_real_time(); print(s.ask_for_priority())"
+    script = "from robots.shared.processes import scheduling as s; s.forbid_real_time(); print(s.ask_for_priority())"
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, check=True, text=True, timeout=60
     )

@@ -13,9 +13,9 @@ from pathlib import Path
 import psutil
 import pytest
 
-from robots.processes import last_words
-from robots.processes.shutdown import EXIT_NAME_LOST, EXIT_NOT_JOINED
 from robots.registry.models import BridgeStatus
+from robots.shared.processes import last_words
+from robots.shared.processes.shutdown import EXIT_NAME_LOST, EXIT_NOT_JOINED
 from robots.supervisor.fleet_supervisor import eager
 from robots.supervisor.process_keeper import (
     KILL_S,

@@ -27,9 +27,9 @@ from tf2_msgs.msg import TFMessage
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import unix_connect
 
-from robots import wire
 from robots.bridge.camera.camera_client import COMMAND
-from robots.bridge.config import CameraSource
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import CameraSource
 from robots.simulator.cameras import encoding
 from robots.simulator.cameras.lens import HEAD_LENS
 from robots.simulator.faults import parse_faults

@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from robots.bridge.camera.camera_client import CameraClient
-from robots.wire import CameraAt
+from robots.shared.wire import CameraAt
 from tests.processes import PATIENCE_S
 from tests.ros.bridge_support import tiago_config
 

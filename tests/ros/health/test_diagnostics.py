@@ -10,8 +10,8 @@ import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from robots import wire
-from robots.bridge.config import Topic
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Topic
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 from tests.ros.strangers import Messages, Node, framed

@@ -16,7 +16,7 @@ from robots.bridge.ros.inspector.definitions import (
     installed,
     parsed,
 )
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared.ros.message_types.classes import message_class
 
 HEADER, POSE = "std_msgs/Header", "geometry_msgs/Pose"
 LEVEL = "lab_msgs/Level"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from robots import wire
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import parsed
+from robots.shared import wire
 
 EMBEDS = f"{'=' * 80}\nMSG: "
 

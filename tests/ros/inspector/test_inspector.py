@@ -22,12 +22,9 @@ from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Bool, Empty, Float64, Header, String
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
-from robots import wire
-from robots.bridge.config import Allowed
 from robots.bridge.ros.inspector import graph
 from robots.bridge.ros.inspector.requests import MOST_QUESTIONS, Inspector
 from robots.bridge.ros.inspector.subscriptions import rate_hz
-from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.topics.inspector_client import COMMAND
 from robots.bridge.topics.inspector_messages import (
     Check,
@@ -38,6 +35,9 @@ from robots.bridge.topics.inspector_messages import (
     Ready,
 )
 from robots.bridge.topics.inspector_messages import Report as InspectorReport
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Allowed
+from robots.shared.ros.message_types.classes import message_class
 from tests.processes import PATIENCE_S, REPOSITORY, until
 from tests.ros.bridge_support import tiago_config
 from tests.ros.spoiled_master import CUT_SHORT, spoiling

@@ -16,17 +16,17 @@ import rospy
 from std_msgs.msg import Empty, String
 from std_srvs.srv import SetBool, SetBoolResponse
 
-from robots import wire
 from robots.bridge.ros.inspector import requests
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.inspector.publishing import Publishers, PublishPermit
 from robots.bridge.ros.inspector.subscriptions import Subscriptions
-from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.network.tcpros import connect_to_publisher
 from robots.bridge.ros.tasks.publishing import heard_by
 from robots.bridge.topics.inspector_client import HALT_S
 from robots.bridge.topics.inspector_messages import Check, HaltPublishing, InspectorQuery, KeepAlive
+from robots.shared import wire
+from robots.shared.ros.master import Master
 from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import tiago_config
 from tests.ros.inspector.test_inspector import ALLOWED, InspectorProcess, order, serving, talking

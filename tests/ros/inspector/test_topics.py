@@ -12,8 +12,8 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 
-from robots import wire
-from robots.bridge.config import Allowed
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Allowed
 from tests.processes import until
 from tests.ros.bridge_support import BridgeProcess, Hand, tiago_config
 from tests.ros.support import Inbox

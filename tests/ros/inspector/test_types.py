@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from robots.bridge.ros.message_types import classes
-from robots.bridge.ros.message_types.classes import UnknownTypeError, message_class, service_class
+from robots.shared.ros.message_types import classes
+from robots.shared.ros.message_types.classes import UnknownTypeError, message_class, service_class
 from tests.processes import REPOSITORY
 
 TABLE = Path(__file__).parents[1] / "data" / "md5sums.txt"
@@ -67,7 +67,7 @@ def test_an_unknown_type_is_named(name):
 
 ASK = """
 import time
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared.ros.message_types.classes import message_class
 import std_msgs.msg, actionlib_msgs.msg
 start = time.perf_counter()
 message_class("play_motion_msgs/PlayMotionAction")

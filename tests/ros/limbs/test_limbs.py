@@ -7,9 +7,9 @@ import itertools
 import pytest
 from msgspec import structs
 
-from robots import wire
-from robots.bridge.config import GRIPPER_COMMAND, ArmSource, LimbSource, Topic
 from robots.bridge.limbs.limb_move import THERE_M
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import GRIPPER_COMMAND, ArmSource, LimbSource, Topic
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 

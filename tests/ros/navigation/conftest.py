@@ -13,8 +13,8 @@ import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
-from robots import wire
-from robots.bridge.config import NavigationSource, Topic
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import NavigationSource, Topic
 from tests.processes import PATIENCE_S
 from tests.ros.bridge_support import WatchdogProcess, drivable, running_bridge, tiago_config
 

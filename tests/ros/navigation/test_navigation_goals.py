@@ -12,7 +12,7 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from move_base_msgs.msg import MoveBaseActionGoal
 from nav_msgs.msg import Path
 
-from robots import wire
+from robots.shared import wire
 from tests.processes import until
 from tests.ros.navigation.conftest import NAVIGATION, pause, place, speed
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from robots import wire
+from robots.shared import wire
 from tests.processes import REPOSITORY
 from tests.ros.bridge_support import drivable, tiago_config
 from tests.ros.navigation.conftest import RENEW_S, TOPICS, Traveller, guarded_bridge

@@ -11,9 +11,9 @@ import rospy
 from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 from nav_msgs.msg import OccupancyGrid
 
-from robots import wire
-from robots.bridge.config import Topic
 from robots.bridge.ros.network.master_monitor import SURVEY_S
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Topic
 from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import WatchdogProcess, drivable, running_bridge, tiago_config
 from tests.ros.navigation.conftest import FAR, NEAR, TOPICS, Traveller, guarded_bridge, pause, place

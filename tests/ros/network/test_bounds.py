@@ -21,15 +21,15 @@ from types import MethodType, SimpleNamespace
 import pytest
 
 import robots.bridge.ros.bounds.servers as doors
-from robots.bridge.ros.bounds import texts
 from robots.bridge.ros.bounds.board import MOST_BARRED, MOST_SHOWN, SHOWN_S, Board
 from robots.bridge.ros.bounds.listening import Reading
 from robots.bridge.ros.bounds.logs import BURST, LogLimiter
 from robots.bridge.ros.bounds.mailboxes import LOOP_SHARE, Mailboxes
 from robots.bridge.ros.bounds.sizes import Kind, kind_of
-from robots.bridge.ros.network.master import Master, MasterError
 from robots.bridge.ros.sensors.frames import MOST_FIXED, MOST_MOVING, Frames, PoseUnknown
 from robots.bridge.ros.tasks.publishing import _AtOnce
+from robots.shared.ros import texts
+from robots.shared.ros.master import Master, MasterError
 from tests.processes import REPOSITORY, serving
 from tests.ros import strangers
 from tests.ros.network.test_hostile_nodes import answering
@@ -70,7 +70,7 @@ def test_an_answer_with_too_many_values_is_none():
 
 
 def test_an_answer_without_end_is_none(monkeypatch):
-    monkeypatch.setattr("robots.bridge.ros.network.master.LARGEST_ANSWER", 100_000)
+    monkeypatch.setattr("robots.shared.ros.master.LARGEST_ANSWER", 100_000)
     with answering(answer_of(LONG)) as uri, pytest.raises(MasterError, match="more than 100000 bytes"):
         Master(uri, "/test").alive()
 

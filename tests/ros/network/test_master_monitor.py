@@ -11,12 +11,12 @@ from contextlib import contextmanager
 import pytest
 import rospy
 
-from robots.bridge.config import Topic
-from robots.bridge.probe_findings import BRIDGE
 from robots.bridge.ros.network import master_monitor
-from robots.bridge.ros.network.master import Master, node_alive
 from robots.bridge.ros.network.master_monitor import SILENCE_S, MasterMonitor
-from robots.processes.shutdown import EXIT_NOT_JOINED
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.processes.probe_findings import BRIDGE
+from robots.shared.processes.shutdown import EXIT_NOT_JOINED
+from robots.shared.ros.master import Master, node_alive
 from tests.processes import PATIENCE_S, free_port
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 from tests.ros.network.test_hostile_nodes import answering

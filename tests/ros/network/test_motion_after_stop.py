@@ -11,7 +11,7 @@ import pytest
 import rospy
 from geometry_msgs.msg import Twist
 
-from robots import wire
+from robots.shared import wire
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 

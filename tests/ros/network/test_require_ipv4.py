@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robots.bridge.ros.network.master import MasterError, require_ipv4
+from robots.shared.ros.master import MasterError, require_ipv4
 
 
 @pytest.mark.parametrize("uri", ["http://[::1]:11311", "http://[fd00::7]:11311"])

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from robots import wire
-from robots.bridge.config import DepthSource, Topic
-from robots.bridge.gate.values import DepthView
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import DepthSource, Topic
+from robots.shared.configuration.gate_profile import DepthView
 from tests.processes import PATIENCE_S
 from tests.ros import strangers
 from tests.ros.bridge_support import BridgeProcess, Hand, drivable, running_bridge, tiago_config

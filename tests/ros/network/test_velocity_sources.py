@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from robots.bridge.ros.network.master import SystemState
 from robots.bridge.ros.network.velocity_sources import velocity_sources
+from robots.shared.ros.master import SystemState
 
 TWIST, ODOMETRY = "geometry_msgs/Twist", "/mobile_base_controller/odom"
 COMMAND = "/mobile_base_controller/cmd_vel"

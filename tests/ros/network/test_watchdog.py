@@ -18,10 +18,10 @@ import rospy
 from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist
 
-from robots import wire
-from robots.bridge.config import BridgeConfig
-from robots.bridge.probe_findings import BRIDGE, watchdog_name
-from robots.processes.shutdown import EXIT_NAME_LOST
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.processes.probe_findings import BRIDGE, watchdog_name
+from robots.shared.processes.shutdown import EXIT_NAME_LOST
 from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import BridgeProcess, Hand, WatchdogProcess, drivable, tiago_config
 from tests.ros.support import Inbox, Master, RosClient

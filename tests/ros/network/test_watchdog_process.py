@@ -11,12 +11,12 @@ import pytest
 import rospy
 
 import robots.bridge.ros.watchdog as ros_watchdog
-from robots import wire
-from robots.bridge.config import Topic
-from robots.bridge.watchdog.config import WatchdogConfig
 from robots.bridge.watchdog.process import Watchdog
 from robots.bridge.watchdog.rules import Heartbeat, StopPress, StopRules
 from robots.bridge.watchdog.socket import WatchdogSocket
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.configuration.watchdog_config import WatchdogConfig
 
 
 class Robot:

@@ -10,10 +10,10 @@ from nav_msgs.msg import Odometry
 from rospy import Time
 from sensor_msgs.msg import JointState, LaserScan
 
-from robots.bridge.config import ArmSource, ScanSource, Topic, Topics
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate_recording import BadRecording
+from robots.bridge.gate_trace import BadTrace
 from robots.bridge.ros.sensors import bag
+from robots.shared.configuration.bridge_config import ArmSource, ScanSource, Topic, Topics
 from tests.gate.conftest import LASER, tiago_profile
 
 TOPICS = Topics(
@@ -70,9 +70,9 @@ def test_joint_states_of_a_bag_show_if_the_arm_is_at_home(tmp_path, position, he
 
 
 def test_a_bag_without_odometry_or_a_missing_bag_is_refused(tmp_path):
-    with pytest.raises(BadRecording, match="holds nothing on /odom"):
+    with pytest.raises(BadTrace, match="holds nothing on /odom"):
         list(bag.drive(filled(tmp_path / "blind.bag", odometry=False), Gate(PROFILE), TOPICS))
     rubbish = tmp_path / "rubbish.bag"
     rubbish.write_bytes(b"#ROSBAG V2.0\nrubbish")
-    with pytest.raises(BadRecording, match=r"rubbish\.bag"):
+    with pytest.raises(BadTrace, match=r"rubbish\.bag"):
         list(bag.drive(rubbish, Gate(PROFILE), TOPICS))

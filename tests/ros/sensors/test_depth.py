@@ -16,10 +16,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from robots import wire
-from robots.bridge.config import DepthSource, HeadSource
-from robots.bridge.gate.values import DepthView
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import DepthSource, HeadSource
+from robots.shared.configuration.gate_profile import DepthView
+from robots.shared.ros.message_types.classes import message_class
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 from tests.ros.tiago_arm import ARM, JOINT_STATES

@@ -7,11 +7,11 @@ import rospy
 from msgspec import structs
 from sensor_msgs.msg import JointState
 
-from robots import wire
 from robots.bridge.ros import node
-from robots.bridge.ros.network.master import MasterError, SystemState
 from robots.bridge.ros.node import RosBase
 from robots.bridge.tasks.arm_posture import ArmPosture
+from robots.shared import wire
+from robots.shared.ros.master import MasterError, SystemState
 from tests.bridge.support import CONFIG
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config

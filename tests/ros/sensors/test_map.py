@@ -16,20 +16,20 @@ from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 from tf2_msgs.msg import TFMessage
 
-from robots import wire
-from robots.bridge.audit.record_sink import TakenMap
-from robots.bridge.config import Topic
+from fleet.site.management.commands.seed_demo import seed_map
 from robots.bridge.maps.map_fetch import MapWanted, NoMap
-from robots.bridge.probe_findings import BRIDGE
-from robots.bridge.ros.network.master import Master as RosMaster
 from robots.bridge.ros.on_demand_topics import OnDemandTopics
 from robots.bridge.ros.ros_worker import RosWorker
 from robots.bridge.ros.sensors.map import take
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.places.selectors import place_of_robot
-from robots.recording.bridge_records import AuditSink
-from robots.registry.management.commands.seed_demo import seed_map
+from robots.records.bridge_records import AuditSink
 from robots.registry.models import RobotMap
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.processes.probe_findings import BRIDGE
+from robots.shared.records.record_sink import TakenMap
+from robots.shared.ros.master import Master as RosMaster
 from tests.processes import until
 from tests.ros.bridge_support import running_bridge, tiago_config
 from tests.ros.support import Master

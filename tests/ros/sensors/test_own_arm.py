@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 
-from robots.bridge.gate.geometry.arm_sweep import Motion
+from robots.bridge.gate.arm.sweep import Motion
 from robots.bridge.ros.sensors import posture_topics
 from robots.bridge.ros.sensors.posture_topics import PostureTopics
 from robots.bridge.tasks.arm_clearance import ArmClearance

@@ -7,7 +7,7 @@ import math
 import pytest
 from nav_msgs.msg import Odometry
 
-from robots.bridge.ros.message_types.convert import planar
+from robots.bridge.ros.sensors.convert import planar
 
 HALF = math.radians(50.0) / 2.0
 

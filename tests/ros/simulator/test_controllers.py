@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared.ros.message_types.classes import message_class
 
 _numbers = itertools.count()
 HEAD = ("head_1_joint", "head_2_joint")

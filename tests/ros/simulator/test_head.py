@@ -11,7 +11,7 @@ from geometry_msgs.msg import Point, Vector3
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared.ros.message_types.classes import message_class
 
 ACTION = "/head_controller/point_head_action"
 _numbers = itertools.count()

@@ -17,13 +17,13 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from robots.bridge.config import Topic
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
-from robots.bridge.ros.message_types.classes import message_class, service_class
-from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.bridge.ros.tasks.speech import SpeechTopics
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.ros.master import Master
+from robots.shared.ros.message_types.classes import message_class, service_class
 from tests.bridge.support import CONFIG
 from tests.processes import PATIENCE_S
 

@@ -10,8 +10,8 @@ import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
-from robots import wire
 from robots.bridge.drive.drive_by import CONFIRMED_S
+from robots.shared import wire
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 

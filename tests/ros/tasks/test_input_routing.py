@@ -9,12 +9,12 @@ import pytest
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from geometry_msgs.msg import Twist
 
-from robots import wire
-from robots.bridge.config import Allowed, Topic
 from robots.bridge.ros.inspector.graph import graph
-from robots.bridge.ros.message_types.classes import message_class
-from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.node import RosBase
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Allowed, Topic
+from robots.shared.ros.master import Master
+from robots.shared.ros.message_types.classes import message_class
 from tests.bridge.support import CONFIG
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config

@@ -9,13 +9,13 @@ import pytest
 import rospy
 from actionlib_msgs.msg import GoalStatus
 
-from robots.bridge.gate.geometry.arm_sweep import Motion
+from robots.bridge.gate.arm.sweep import Motion
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
-from robots.bridge.ros.message_types.classes import message_class, service_class
-from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.tasks.motions import ERRORS, MotionTopics
 from robots.bridge.tasks.goals import OURS
-from robots.wire import MotionOffer
+from robots.shared.ros.master import Master
+from robots.shared.ros.message_types.classes import message_class, service_class
+from robots.shared.wire import MotionOffer
 from tests.processes import PATIENCE_S, until
 from tests.ros.spoiled_master import CUT_SHORT, spoiling
 

@@ -15,9 +15,9 @@ from geometry_msgs.msg import Pose2D
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
-from robots import wire
-from robots.bridge.config import Topic
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.ros.message_types.classes import message_class
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 from tests.ros.support import SimulatorProcess

@@ -14,9 +14,9 @@ import pytest
 
 from robots.bridge.ros.inspector import services
 from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.message_types.classes import service_class
-from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.network.tcpros import Conversation
+from robots.shared.ros.master import Master
+from robots.shared.ros.message_types.classes import service_class
 
 TRIGGER = "std_srvs/Trigger"
 

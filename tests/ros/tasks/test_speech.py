@@ -9,9 +9,9 @@ import pytest
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from std_msgs.msg import String
 
-from robots import wire
-from robots.bridge.config import Allowed, Topic
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Allowed, Topic
+from robots.shared.ros.message_types.classes import message_class
 from tests.processes import until
 from tests.ros.bridge_support import running_bridge, tiago_config
 

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 
 from benchmarks.soak.killed import Person, Witness, read_log
 from benchmarks.soak.reconciliation import unrecorded
-from robots import wire
+from robots.shared import wire
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
 from script.stack.stack import Stack
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import urllib.request
 
-from robots import wire
+from robots.shared import wire
 from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack
 from tests.script.programs.test_programs import ROBOT, Api

@@ -12,7 +12,7 @@ from datetime import datetime, timedelta, timezone
 import pytest
 
 from benchmarks.parts.observer import Observer
-from robots import wire
+from robots.shared import wire
 from script.stack.client import DRIVE_PERIOD_S, Driver
 from script.stack.places import REPOSITORY
 from script.stack.stack import PRACTICE_ROBOTS, Stack

@@ -12,7 +12,7 @@ from rest_framework.permissions import SAFE_METHODS
 from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import token_make
 from robots.registry.models import Robot, RobotProfile
-from teleop.recording import refusals
+from teleop.records import refusals
 from teleop.stop import emergency_stop
 from tests.robots.places.maps import map_of
 from tests.teleop.api.conftest import Caller

@@ -20,8 +20,8 @@ from fleet.accounts.models import User
 from fleet.accounts.sign_in import second_factor
 from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import token_make
-from robots import wire
 from robots.registry.models import Robot
+from robots.shared import wire
 from teleop.api.v1.framework import idempotency, rates
 from teleop.api.v1.programs import connection, registry, topic_queries
 from teleop.api.v1.robot import tasks, topics

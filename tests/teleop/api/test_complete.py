@@ -14,7 +14,7 @@ from django.test import Client
 from django.urls import URLPattern, get_resolver
 
 from fleet.accounts.models import User
-from robots import wire
+from robots.shared import wire
 from script.generate.messages import openapi
 
 DOCS = Path(__file__).parents[3] / "docs" / "api.md"

@@ -9,12 +9,12 @@ import pytest
 from django.test import Client
 
 from fleet.accounts.models import User
-from robots import wire
 from robots.access.services import role_set
 from robots.places.entries import PlaceEntry
 from robots.places.models import Place
 from robots.places.services import place_add
 from robots.registry.models import Robot, Role
+from robots.shared import wire
 from teleop.api.v1.robot.tasks import TasksBase
 from tests.robots.places.maps import map_of
 from tests.teleop.api.conftest import Caller

@@ -35,11 +35,11 @@ from robots.access.services import qualification_grant, role_set
 from robots.places.entries import PlaceEntry
 from robots.places.services import place_add
 from robots.registry.models import Robot, RobotProfile, Role
-from robots.wire import StopState
+from robots.shared.wire import StopState
 from script.generate.messages import openapi
 from teleop.control.scopes import ACTING
 from teleop.models import ControlSession
-from teleop.recording import refusals
+from teleop.records import refusals
 from teleop.stop import emergency_stop
 from teleop.webhooks.services import webhook_make
 from tests.robots.places.maps import map_of

@@ -19,8 +19,8 @@ from django.test import Client
 
 from fleet.accounts.models import User
 from fleet.accounts.sign_in.adapters import AccountAdapter
+from fleet.base.names import NameField
 from fleet.bookings.models import Booking, State
-from fleet.names import NameField
 from robots.registry.models import Robot, RobotProfile
 from tests.teleop.api.conftest import Caller
 from tests.teleop.api.test_bookings import hour, words

@@ -12,8 +12,8 @@ from uuid import uuid4
 import pytest
 from websockets.asyncio.server import ServerConnection, unix_serve
 
-from robots import wire
-from robots.wire import Accepted, Control, NotDone, Refusal, Refused, encode
+from robots.shared import wire
+from robots.shared.wire import Accepted, Control, NotDone, Refusal, Refused, encode
 from teleop.api.v1.programs import connection, registry
 from teleop.api.v1.programs.connection import ProgramConnection, ProgramSignIn, Velocity
 from tests.teleop.support import eventually

@@ -7,15 +7,15 @@ import msgspec
 import pytest
 
 from fleet.audit.models import Record
-from robots import wire
 from robots.bridge.camera.picture_server import PictureServer
 from robots.registry.models import Robot, RobotRole
 from robots.registry.selectors import link_address
-from robots.wire import CameraState, LinkCamera, Refusal, TakenPicture
+from robots.shared import wire
+from robots.shared.wire import CameraState, LinkCamera, Refusal, TakenPicture
 from teleop.background.database import in_database
 from teleop.camera import camera_consumer, feed
 from teleop.live.consumers.message_socket import CloseCode
-from teleop.recording import camera_audit, repeat_suppression
+from teleop.records import camera_audit, repeat_suppression
 from tests.teleop.support import Page, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -1,6 +1,6 @@
 """A viewer of video gets each picture after a key picture; after damage it waits for the next key picture."""
 
-from robots.wire import CameraWatch
+from robots.shared.wire import CameraWatch
 from teleop.camera.feed import CameraViewer, _Newest
 
 

@@ -23,7 +23,7 @@ from fleet.bookings.services import booking_cancel, booking_hand, booking_make
 from robots.access.enrolment import enrol, unenrol
 from robots.access.models import Course
 from robots.registry.models import Robot, RobotProfile, Role
-from robots.wire import NotDone
+from robots.shared.wire import NotDone
 from teleop.control import services
 from teleop.control.changes import NotStored
 from teleop.control.lease_checks import Tab

@@ -10,7 +10,7 @@ from fleet.bookings.rules import Slot
 from fleet.bookings.schedule import schedule_of
 from fleet.bookings.services import booking_approve, booking_cancel, booking_make
 from robots.registry.models import Role
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.control import line, services
 from teleop.control.lease_checks import Tab
 from teleop.control.rules import Subject, permit_for, schedule_for

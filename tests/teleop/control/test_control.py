@@ -19,10 +19,10 @@ from fleet.audit.models import Record
 from fleet.bookings.models import Booking, OutOfService
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
-from robots import wire
 from robots.link.client import BridgeLink
 from robots.registry.models import Robot
-from robots.wire import Refusal
+from robots.shared import wire
+from robots.shared.wire import Refusal
 from teleop.background.database import in_database
 from teleop.control import lease_checks, line, services
 from teleop.control.lease_checks import Tab

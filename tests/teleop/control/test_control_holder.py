@@ -10,7 +10,7 @@ from django.conf import settings
 from django.utils import timezone
 
 from fleet.accounts.models import User
-from robots import wire
+from robots.shared import wire
 from teleop.background.database import in_database
 from teleop.control import services
 from teleop.control.lease_checks import Tab, fingerprint

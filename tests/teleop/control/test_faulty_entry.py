@@ -2,8 +2,8 @@
 
 import pytest
 
-from robots import wire
 from robots.registry.models import Robot, RobotProfile
+from robots.shared import wire
 from teleop.background.database import in_database
 from tests.teleop.support import Page
 

@@ -11,7 +11,7 @@ from fleet.audit import services as audit
 from fleet.audit.models import Record
 from fleet.bookings.models import Waiting
 from robots.registry.models import Robot, RobotRole
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.control import line, services
 from teleop.control.lease_checks import Tab
 from teleop.control.selectors import end_notes, lease_of, line_of

@@ -9,9 +9,9 @@ from django.db import OperationalError
 from django.utils import timezone
 
 from fleet.audit.models import Record
-from robots import wire
 from robots.access.models import Course, Enrolment, Qualification, QualificationGrant, RobotGroup
 from robots.registry.models import Robot, RobotRole
+from robots.shared import wire
 from teleop.background.database import in_database
 from teleop.live import grant_renewal, robot_hub
 from teleop.live.consumers.message_socket import CloseCode

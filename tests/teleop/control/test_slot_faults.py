@@ -8,9 +8,9 @@ from django.urls import reverse
 from django.utils import timezone
 
 from fleet.bookings.models import Booking, State
-from robots import wire
 from robots.access.models import Course, Enrolment, RobotGroup
 from robots.access.selectors import lab_date
+from robots.shared import wire
 from teleop.background.database import in_database
 from teleop.live.grant_renewal import GRANT_S
 from tests.teleop.support import eventually

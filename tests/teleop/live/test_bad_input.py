@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from robots import wire
+from robots.shared import wire
 from teleop.live.consumers.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode
 
 pytestmark = pytest.mark.django_db(transaction=True)

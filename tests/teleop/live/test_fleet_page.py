@@ -9,9 +9,9 @@ import pytest
 import pytest_asyncio
 
 from fleet.audit.models import Record
-from robots import wire
 from robots.link import client as robots_link
 from robots.registry.models import Robot, RobotRole
+from robots.shared import wire
 from teleop.background.database import in_database
 from teleop.live.consumers import fleet_consumer
 from teleop.live.consumers.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode

@@ -9,7 +9,7 @@ from typing import get_args
 import pytest
 from websockets.asyncio.server import serve
 
-from robots import wire
+from robots.shared import wire
 from script.generate import messages
 
 PAGE = (Path(__file__).parents[3] / "docs" / "protocol.md").read_text()

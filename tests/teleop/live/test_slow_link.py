@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from robots import wire
 from robots.bridge.drive.drive_input import COMMAND_LIFE_S
-from robots.bridge.gate.values import STILL
+from robots.shared import wire
+from robots.shared.geometry.poses import STILL
 from teleop.live import view_feed
 from teleop.live.view_feed import Viewer
 from tests.bridge.support import Bench

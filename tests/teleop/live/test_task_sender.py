@@ -6,9 +6,9 @@ import threading
 import pytest
 
 from fleet.audit.models import Record
-from robots import wire
-from robots.bridge.config import Allowed
 from robots.registry.models import Allowance, RobotRole
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Allowed
 from teleop.background.database import in_database
 from teleop.live import task_sender
 from teleop.live.task_sender import MAX_PENDING

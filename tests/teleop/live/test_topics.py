@@ -7,9 +7,9 @@ import pytest
 
 from fleet.audit.integrity.canonical import TEXT_BYTES
 from fleet.audit.models import Record
-from robots import wire
-from robots.bridge.config import Allowed
 from robots.registry.models import Robot, RobotRole
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Allowed
 from teleop.background.database import in_database
 from teleop.live.consumers.message_socket import CloseCode
 from teleop.live.consumers.topics_consumer import MAX_PENDING, QUERIES_BURST

@@ -5,7 +5,7 @@ from collections import Counter
 
 import pytest
 
-from robots import wire
+from robots.shared import wire
 from teleop.live.view_feed import FULL_RATE_VIEWERS, Viewer, ViewFeed
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -7,10 +7,10 @@ from typing import get_args
 import pytest
 
 from fleet.audit.models import Record
-from robots import wire
-from robots.bridge.config import Allowed
-from robots.wire.decoders import BrowserMessage
-from robots.wire.topics import TopicQuery
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Allowed
+from robots.shared.wire.decoders import BrowserMessage
+from robots.shared.wire.topics import TopicQuery
 from teleop.background.database import in_database
 from tests.teleop.live.test_task_sender import FENCE, ORDERS
 from tests.teleop.support import Page

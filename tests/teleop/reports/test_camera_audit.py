@@ -10,10 +10,10 @@ from django.utils import timezone
 
 from fleet.audit.models import Record
 from fleet.audit.services import record
-from robots import wire
 from robots.registry.models import RobotRole
+from robots.shared import wire
 from teleop.background.database import in_database
-from teleop.recording import camera_audit, repeat_suppression
+from teleop.records import camera_audit, repeat_suppression
 from tests.teleop.support import Page, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -12,11 +12,11 @@ import pytest
 from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
-from robots import wire
-from robots.wire import Refusal
+from robots.shared import wire
+from robots.shared.wire import Refusal
 from teleop.background.database import in_database
-from teleop.recording import refusals, repeat_suppression
-from teleop.recording.refusals import RefusedRequest, write_record
+from teleop.records import refusals, repeat_suppression
+from teleop.records.refusals import RefusedRequest, write_record
 from teleop.stop.emergency_stop import Press
 from tests.teleop.support import TIMEOUT_S, Page, eventually
 

@@ -14,10 +14,10 @@ from django.urls import reverse
 from django.utils import timezone as django_timezone
 
 from fleet.audit.services import record
-from robots.bridge.audit.record_sink import TakenMap
-from robots.bridge.gate.values import Pose
 from robots.registry.maps import map_store
 from robots.registry.models import RobotMap
+from robots.shared.geometry.poses import Pose
+from robots.shared.records.record_sink import TakenMap
 from teleop.models import ControlSession, EndReason
 from teleop.reports import session_maps, session_report
 from teleop.reports.path_plot import AROUND_M, HEIGHT, WIDTH, DrivePath, MapImage, plot_drives

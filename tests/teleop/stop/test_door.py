@@ -5,8 +5,8 @@ import asyncio
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import token_used
+from fleet.base.stop_addresses import RIGHT
 from fleet.server.credentials import Credential
-from fleet.server.stop_addresses import RIGHT
 from teleop.stop import door
 from teleop.stop.rights import Right
 

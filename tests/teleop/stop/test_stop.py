@@ -12,14 +12,14 @@ import robots.link.client
 from fleet.accounts.models import User
 from fleet.audit import services as audit
 from fleet.audit.models import Record
-from robots import wire
 from robots.link.client import LinkRefused, links
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
+from robots.shared import wire
 from teleop.background import database
 from teleop.background.database import in_database
 from teleop.live.consumers.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER
-from teleop.recording.repeat_suppression import MOST, RepeatSuppressor
+from teleop.records.repeat_suppression import MOST, RepeatSuppressor
 from teleop.stop import emergency_stop
 from tests.teleop.support import eventually, unavailable
 

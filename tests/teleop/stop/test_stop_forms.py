@@ -5,7 +5,7 @@ import json
 import pytest
 from django.test import Client
 
-from robots import wire
+from robots.shared import wire
 from teleop.background.database import in_database
 
 pytestmark = pytest.mark.django_db(transaction=True)

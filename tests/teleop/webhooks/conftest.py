@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from fleet.environment import WebhookAllow
+from fleet.base.environment import WebhookAllow
 from teleop.models import Webhook
 from teleop.webhooks import services
 from teleop.webhooks.events import EVENT_CATEGORIES

@@ -5,7 +5,7 @@ from ipaddress import ip_address, ip_network
 import pytest
 from django.core.exceptions import ImproperlyConfigured
 
-from fleet.environment import Environment, WebhookAllow, webhook_allow
+from fleet.base.environment import Environment, WebhookAllow, webhook_allow
 from teleop.webhooks.addresses import AddressRefused, is_public, resolved, target_of
 
 

@@ -23,7 +23,7 @@ from django.db import connection
 from django.utils import timezone
 
 from fleet.audit.services import record
-from fleet.environment import WebhookAllow
+from fleet.base.environment import WebhookAllow
 from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks import delivery, post, services
 from teleop.webhooks.delivery import PAUSES, remove_old_deliveries, send_due

@@ -11,8 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.arc import speed
-from robots.bridge.gate.values import GateProfile, Velocity
+from robots.shared.configuration.gate_profile import GateProfile
+from robots.shared.geometry.arc import speed
+from robots.shared.geometry.poses import Velocity
 
 
 def deceleration(profile: GateProfile) -> tuple[float, float]:

@@ -45,12 +45,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from robots.bridge.gate.geometry.footprint import Footprint
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.corridors import Box, Corridors
 from robots.bridge.gate.motion.rollout import Sent
 from robots.bridge.gate.motion.safe_twist import harmless_m
-from robots.bridge.gate.values import GateProfile, Velocity
+from robots.shared.configuration.gate_profile import GateProfile
+from robots.shared.geometry.footprint import Footprint
+from robots.shared.geometry.poses import Velocity
 
 SLACK_M = 0.005
 LONGEST_M = 20.0

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robots.bridge.gate.geometry.arc import Metres
-from robots.bridge.gate.geometry.planar import Points
+from robots.shared.geometry.arc import Metres
+from robots.shared.geometry.planar import Points
 
 GUESSES = 3  # points to remember: a decision checks three boxes
 

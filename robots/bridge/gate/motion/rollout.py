@@ -17,13 +17,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry import arc
-from robots.bridge.gate.geometry.arc import Metres, OneOrEach, Rows
-from robots.bridge.gate.geometry.footprint import Footprint, Spread
-from robots.bridge.gate.geometry.planar import Drift, Path, Points, chosen
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.safe_twist import STANDING_MPS, allowed_margin
-from robots.bridge.gate.values import GateProfile, Pose, Velocity
+from robots.shared.configuration.gate_profile import GateProfile
+from robots.shared.geometry import arc
+from robots.shared.geometry.arc import Metres, OneOrEach, Rows
+from robots.shared.geometry.footprint import Footprint, Spread
+from robots.shared.geometry.planar import Drift, Path, Points, chosen
+from robots.shared.geometry.poses import Pose, Velocity
 
 MOVER_MARGIN_M = 0.10  # margin of moving points, instead of m_hard: their future place is uncertain
 RESTS_S = 0.4  # the robot stands this long before a mover may be there: people turn and start within a step

@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry import arc
-from robots.bridge.gate.geometry.arc import Courses, Direction, Metres, OneOrEach, Rows
-from robots.bridge.gate.geometry.footprint import Footprint, clearances
-from robots.bridge.gate.geometry.planar import Points, chosen
 from robots.bridge.gate.motion import braking
-from robots.bridge.gate.values import GateProfile, Parameters, Velocity
+from robots.shared.configuration.gate_profile import GateProfile, Parameters
+from robots.shared.geometry import arc
+from robots.shared.geometry.arc import Courses, Direction, Metres, OneOrEach, Rows
+from robots.shared.geometry.footprint import Footprint, clearances
+from robots.shared.geometry.planar import Points, chosen
+from robots.shared.geometry.poses import Velocity
 
 # The gate asks for this much less room than the robot has now, so the robot can always drive out.
 ROOM_LEFT_M = 0.0001

@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.planar import ORIGIN, Points, placed, relative_to, wrapped
 from robots.bridge.gate.obstacles.sightings import BEHIND_M, beams_at
 from robots.bridge.gate.sensing.scan import Sweep
-from robots.bridge.gate.values import Pose
+from robots.shared.geometry.planar import ORIGIN, Points, placed, relative_to, wrapped
+from robots.shared.geometry.poses import Pose
 
 NEAR_M = 4.5  # a thing farther from the sensor cannot reach the robot before it stands; farther legs flicker
 AGES_S = (0.07, 0.15, 0.3, 0.5, 0.8, 1.15)  # of the scans to compare with; the last is a slow person's stride

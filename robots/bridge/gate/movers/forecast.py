@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.planar import Drift, Points
 from robots.bridge.gate.movers.tracks import Track
+from robots.shared.geometry.planar import Drift, Points
 
 MOST_MPS = 2.2  # people in buildings
 LEAST_MPS = 0.2  # a slower one stands

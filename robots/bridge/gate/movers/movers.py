@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from robots.bridge.gate.geometry.planar import ORIGIN, Points, placed, relative_to
 from robots.bridge.gate.movers.arrivals import OLDEST_S, Arrivals, Look
 from robots.bridge.gate.movers.forecast import may_move
 from robots.bridge.gate.movers.tracks import KEPT_S, LOST_S, Track, followed
 from robots.bridge.gate.obstacles.sightings import sight
 from robots.bridge.gate.sensing.scan import Sweep
 from robots.bridge.gate.timing.unseen_motion import Doubt
-from robots.bridge.gate.values import Pose
+from robots.shared.geometry.planar import ORIGIN, Points, placed, relative_to
+from robots.shared.geometry.poses import Pose
 
 MOVER = "mover"
 # If the robot may have moved farther without odometry, standing things seem to have come in a later scan.

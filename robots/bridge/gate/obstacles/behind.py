@@ -12,12 +12,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.planar import Points, from_columns, placed
 from robots.bridge.gate.obstacles.depth_camera import DepthCamera
 from robots.bridge.gate.obstacles.point_memory import TURN_M
 from robots.bridge.gate.timing.tremble import Odometer
 from robots.bridge.gate.timing.unseen_motion import Doubt
-from robots.bridge.gate.values import Pose, Velocity
+from robots.shared.geometry.planar import Points, from_columns, placed
+from robots.shared.geometry.poses import Pose, Velocity
 
 CELL_M = 0.1
 CELLS = 128  # along each side of the grid, a power of two: 12.8 m

@@ -20,19 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.arm_discs import Disc
-from robots.bridge.gate.geometry.footprint import Footprint
-from robots.bridge.gate.geometry.planar import (
-    NO_POINTS,
-    ORIGIN,
-    Points,
-    chosen,
-    from_columns,
-    joined,
-    placed,
-    relative_to,
-    wrapped,
-)
+from robots.bridge.gate.arm.discs import Disc
 from robots.bridge.gate.obstacles.near_side import NearSide
 from robots.bridge.gate.obstacles.point_memory import (
     BRIEFLY_S,
@@ -69,7 +57,21 @@ from robots.bridge.gate.sensing.scan import Sweep
 from robots.bridge.gate.timing.freshness import DEPTH_STALE_S, Freshness
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.timing.unseen_motion import Doubt
-from robots.bridge.gate.values import DepthView, Kind, Pose, SensorHealth
+from robots.bridge.gate.values import Kind, SensorHealth
+from robots.shared.configuration.gate_profile import DepthView
+from robots.shared.geometry.footprint import Footprint
+from robots.shared.geometry.planar import (
+    NO_POINTS,
+    ORIGIN,
+    Points,
+    chosen,
+    from_columns,
+    joined,
+    placed,
+    relative_to,
+    wrapped,
+)
+from robots.shared.geometry.poses import Pose
 
 Flags = NDArray[np.bool_]
 

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.planar import placed, relative_to
 from robots.bridge.gate.obstacles.sightings import beams_at
 from robots.bridge.gate.obstacles.sources import Laser
 from robots.bridge.gate.sensing.scan import Sweep
 from robots.bridge.gate.timing.trail import Trail
-from robots.bridge.gate.values import Pose
+from robots.shared.geometry.planar import placed, relative_to
+from robots.shared.geometry.poses import Pose
 
 LEAST_TURN_RAD = 0.26  # least reported turn between two scans that are compared
 MOST_TURN_RAD = 1.0  # after a larger turn the scans have too little in common

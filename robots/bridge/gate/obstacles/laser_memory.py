@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from robots.bridge.gate.geometry.planar import ORIGIN, Points, chosen, placed, relative_to
 from robots.bridge.gate.obstacles.point_memory import LASER_LAYER, Memory, moved_nearer, outside_robot
 from robots.bridge.gate.obstacles.sightings import sight_of_doubtful
 from robots.bridge.gate.obstacles.sources import Carried, Laser
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.timing.unseen_motion import Doubt
-from robots.bridge.gate.values import Kind, Pose, SensorHealth
+from robots.bridge.gate.values import Kind, SensorHealth
+from robots.shared.geometry.planar import ORIGIN, Points, chosen, placed, relative_to
+from robots.shared.geometry.poses import Pose
 
 
 class LaserMemory:

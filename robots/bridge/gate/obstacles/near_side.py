@@ -16,19 +16,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.footprint import Footprint
-from robots.bridge.gate.geometry.planar import (
-    NO_POINTS,
-    ORIGIN,
-    Points,
-    chosen,
-    from_columns,
-    placed,
-    relative_to,
-)
 from robots.bridge.gate.obstacles.point_memory import DEPTH_LAYER, Memory
 from robots.bridge.gate.sensing.depth import CELL_M, Columns, Transform
-from robots.bridge.gate.values import Pose
+from robots.shared.geometry.footprint import Footprint
+from robots.shared.geometry.planar import NO_POINTS, ORIGIN, Points, chosen, from_columns, placed, relative_to
+from robots.shared.geometry.poses import Pose
 
 Flags = NDArray[np.bool_]
 

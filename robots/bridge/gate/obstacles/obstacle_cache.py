@@ -10,11 +10,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Points, joined, placed, relative_to
 from robots.bridge.gate.motion.corridors import Corridors
 from robots.bridge.gate.obstacles.sources import Source
 from robots.bridge.gate.timing.trail import Trail
-from robots.bridge.gate.values import Obstacles, Pose
+from robots.bridge.gate.values import Obstacles
+from robots.shared.geometry.planar import NO_POINTS, ORIGIN, Points, joined, placed, relative_to
+from robots.shared.geometry.poses import Pose
 
 
 class ObstacleCache:

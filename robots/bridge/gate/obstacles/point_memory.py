@@ -15,20 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.footprint import Footprint
-from robots.bridge.gate.geometry.planar import (
-    NO_POINTS,
-    ORIGIN,
-    Points,
-    chosen,
-    from_columns,
-    placed,
-    relative_to,
-)
 from robots.bridge.gate.sensing.scan import INSIDE_HULL_M
 from robots.bridge.gate.timing.tremble import Odometer
 from robots.bridge.gate.timing.unseen_motion import Doubt
-from robots.bridge.gate.values import Pose
+from robots.shared.geometry.footprint import Footprint
+from robots.shared.geometry.planar import NO_POINTS, ORIGIN, Points, chosen, from_columns, placed, relative_to
+from robots.shared.geometry.poses import Pose
 
 CELLS = 256  # along each side of the grid, a power of two: 6.4 m of 2.5 cm
 PASSES = 2  # a point is forgotten after this many observations of free space at its place

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.planar import Points, chosen, from_columns, wrapped
 from robots.bridge.gate.sensing.scan import Sweep
+from robots.shared.geometry.planar import Points, chosen, from_columns, wrapped
 
 BEHIND_M = 0.12  # beams that end this far behind a place passed through it
 PAST_M = 0.015  # steadied beams that end this far behind a place hit nothing there: more than a laser's noise

@@ -25,16 +25,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.footprint import Footprint
-from robots.bridge.gate.geometry.planar import (
-    NO_POINTS,
-    ORIGIN,
-    Points,
-    from_columns,
-    placed,
-    put,
-    relative_to,
-)
 from robots.bridge.gate.obstacles.depth_camera import Frame, all_seen_through
 from robots.bridge.gate.obstacles.point_memory import moved_nearer
 from robots.bridge.gate.obstacles.sightings import sight_of_doubtful
@@ -43,7 +33,10 @@ from robots.bridge.gate.sensing.scan import INSIDE_HULL_M, Sweep
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.timing.tremble import Odometer
 from robots.bridge.gate.timing.unseen_motion import Doubt
-from robots.bridge.gate.values import Kind, Pose, SensorHealth
+from robots.bridge.gate.values import Kind, SensorHealth
+from robots.shared.geometry.footprint import Footprint
+from robots.shared.geometry.planar import NO_POINTS, ORIGIN, Points, from_columns, placed, put, relative_to
+from robots.shared.geometry.poses import Pose
 
 Flags = NDArray[np.bool_]
 

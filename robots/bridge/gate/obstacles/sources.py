@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-from robots.bridge.gate.geometry.footprint import Footprint
-from robots.bridge.gate.geometry.planar import NO_POINTS, Points, placed, wrapped
 from robots.bridge.gate.obstacles.sonar_memory import Reading, SonarMemory
 from robots.bridge.gate.sensing import scan
 from robots.bridge.gate.sensing.sectors import sector_of
 from robots.bridge.gate.timing.freshness import LASER_LATE_S, SONAR_STALE_S, Freshness
 from robots.bridge.gate.timing.trail import Trail
-from robots.bridge.gate.values import CLOSE_ECHO_M, Kind, LaserScan, Pose, Sector, SensorHealth
+from robots.bridge.gate.values import Kind, LaserScan, Sector, SensorHealth
 from robots.bridge.gate.words import figure
+from robots.shared.configuration.gate_profile import CLOSE_ECHO_M
+from robots.shared.geometry.footprint import Footprint
+from robots.shared.geometry.planar import NO_POINTS, Points, placed, wrapped
+from robots.shared.geometry.poses import Pose
 
 # most beams this near to the direction of travel must measure something
 LASER_WATCHES_RAD = math.radians(20.0)

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.planar import Points, from_columns
 from robots.bridge.gate.sensing.scan import Malformed
+from robots.shared.geometry.planar import Points, from_columns
 
 Floats = NDArray[np.float32]
 Levels = NDArray[np.uint16]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.footprint import Footprint
-from robots.bridge.gate.geometry.planar import NO_POINTS, Points, from_columns, placed, wrapped
-from robots.bridge.gate.values import Pose
+from robots.shared.geometry.footprint import Footprint
+from robots.shared.geometry.planar import NO_POINTS, Points, from_columns, placed, wrapped
+from robots.shared.geometry.poses import Pose
 
 NEIGHBOUR_BEAMS = 2
 NEIGHBOUR_M = 0.10

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from robots.bridge.gate.geometry.planar import wrapped
-from robots.bridge.gate.values import Pose, Sector
+from robots.bridge.gate.values import Sector
+from robots.shared.geometry.planar import wrapped
+from robots.shared.geometry.poses import Pose
 
 AT_M = 1.0  # sectors are computed for this distance
 LEAST_RAD = math.radians(3.0)  # narrower gaps are ignored

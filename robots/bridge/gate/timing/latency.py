@@ -28,7 +28,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.values import Limits, Velocity
+from robots.shared.configuration.gate_profile import Limits
+from robots.shared.geometry.poses import Velocity
 
 ADDED_S = 0.05  # added to the slowest measurement after fading: one period of the gate
 LEAST_S = 0.10  # for any robot: a period of the gate, and a period of the laser (odometry carries its points)

@@ -6,11 +6,11 @@ import math
 from bisect import bisect_left, bisect_right
 from typing import Literal
 
-from robots.bridge.gate.geometry.planar import ORIGIN, put, relative_to, wrapped
 from robots.bridge.gate.timing.freshness import CLOCK_SET_BACK_S
 from robots.bridge.gate.timing.tremble import Rest
 from robots.bridge.gate.timing.unseen_motion import Doubt, difference
-from robots.bridge.gate.values import Pose, Velocity
+from robots.shared.geometry.planar import ORIGIN, put, relative_to, wrapped
+from robots.shared.geometry.poses import Pose, Velocity
 
 KEPT = 200  # poses: 4 s at 50 Hz; no sensor's data are used for longer than 0.5 s
 # Longest interpolation between two poses, and extrapolation beyond the newest. A longer hole is a gap.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from robots.bridge.gate.geometry.planar import wrapped
-from robots.bridge.gate.values import Pose, Velocity
+from robots.shared.geometry.planar import wrapped
+from robots.shared.geometry.poses import Pose, Velocity
 
 # Limits for poses with a noise of 2 mm and 2 mrad (standard deviation), with room for rare larger errors.
 TREMBLES_M, TREMBLES_RAD = 0.015, 0.015  # distance from an older pose, which trembles, too

@@ -15,10 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.geometry.arc import speed
-from robots.bridge.gate.geometry.planar import wrapped
 from robots.bridge.gate.timing.latency import LONGEST_S
-from robots.bridge.gate.values import STILL, Limits, Pose, Velocity
+from robots.shared.configuration.gate_profile import Limits
+from robots.shared.geometry.arc import speed
+from robots.shared.geometry.planar import wrapped
+from robots.shared.geometry.poses import STILL, Pose, Velocity
 
 Floats = NDArray[np.float64]
 

@@ -29,9 +29,9 @@ from rospy.impl.transport import INBOUND
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.servers import CALL_REFUSED
 from robots.bridge.ros.bounds.sizes import Kind, kind_of, size_text
-from robots.bridge.ros.bounds.texts import NAME, cut
-from robots.bridge.ros.network.master import Master, MasterError
-from robots.bridge.server.flood_limits import TokenBucket
+from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.ros.master import Master, MasterError
+from robots.shared.ros.texts import NAME, cut
 
 log = logging.getLogger(__name__)
 

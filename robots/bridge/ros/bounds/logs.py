@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 import time
 
-from robots.bridge.ros.bounds.texts import cut
-from robots.bridge.server.flood_limits import TokenBucket
+from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.ros.texts import cut
 
 TALKATIVE = ("rospy", "rosout", "xmlrpc", "rosgraph", "genpy")
 PER_S, BURST = 2.0, 50.0

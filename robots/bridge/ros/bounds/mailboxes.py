@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Hashable
 from typing import Protocol
 
-from robots.bridge.server.flood_limits import TokenBucket
+from robots.shared.link.flood_limits import TokenBucket
 
 # Share of the loop's time for one source. Scans of 700 beams at 15 Hz take 0.02, of 1081 beams at 40 Hz 0.06;
 # a slow computer needs three times as much.

@@ -20,9 +20,9 @@ from rospy.impl.registration import get_topic_manager
 
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.memory import end_without_memory
-from robots.bridge.ros.bounds.texts import NAME, SENTENCE, cut
 from robots.bridge.ros.network.tcpros import LARGEST_HEADER, Conversation
-from robots.bridge.server.flood_limits import TokenBucket
+from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.ros.texts import NAME, SENTENCE, cut
 
 log = logging.getLogger(__name__)
 

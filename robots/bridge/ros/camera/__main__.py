@@ -19,17 +19,17 @@ from typing import Any
 
 import msgspec
 
-from robots import wire
 from robots.bridge.camera.camera_client import SILENCE_S
 from robots.bridge.camera.picture_server import PictureServer
-from robots.bridge.config import BridgeConfig
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros import child_node
 from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.camera.producer import Producer
-from robots.bridge.ros.network.master import CAMERA
 from robots.bridge.ros.vital import start_vital
-from robots.processes.shutdown import exit_within
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.processes.shutdown import exit_within
+from robots.shared.ros.master import CAMERA
 
 NICE = 3  # commands to the robot go first
 MOST_BYTES = 1024 * 1024 * 1024  # of memory

@@ -15,15 +15,15 @@ from robots.bridge.camera.image_header import Damaged
 from robots.bridge.camera.lens import Lens, Misfit, lens_of
 from robots.bridge.camera.picture_age import PictureAge
 from robots.bridge.camera.shown import compressed_picture, raw_picture
-from robots.bridge.config import CameraSource
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.bounds.sizes import expect
-from robots.bridge.ros.bounds.texts import NAME, cut
 from robots.bridge.ros.on_demand_topics import BUFFER_BYTES, listen
 from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
-from robots.wire import PictureFormat, PictureScale, Refusal
+from robots.shared.configuration.bridge_config import CameraSource
+from robots.shared.ros.texts import NAME, cut
+from robots.shared.wire import PictureFormat, PictureScale, Refusal
 
 SILENT_S = 2.0
 MOST_WORDS = 200  # characters: frames may have long names

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 from robots.bridge.camera.image_header import Damaged
 from robots.bridge.camera.picture_server import Wants
 from robots.bridge.camera.sizes import VIDEO_HZ, VIDEO_WIDTH
-from robots.bridge.config import BridgeConfig
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.camera.camera_topics import (
@@ -26,7 +25,8 @@ from robots.bridge.ros.camera.camera_topics import (
     damage_text,
 )
 from robots.bridge.ros.sensors.tf import TfTopics
-from robots.wire import CameraState, PictureFormat, TakenPicture, Variant
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.wire import CameraState, PictureFormat, TakenPicture, Variant
 
 if TYPE_CHECKING:
     from robots.bridge.camera.h264 import H264Encoder

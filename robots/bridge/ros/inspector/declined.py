@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 
 
 class Declined(Exception):

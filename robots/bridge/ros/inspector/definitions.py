@@ -21,11 +21,11 @@ from genmsg.gentools import compute_md5
 from genmsg.msg_loader import load_msg_from_string
 from genmsg.msgs import is_builtin, parse_type
 
-from robots.bridge.messages.fields import FLOATS, INTEGERS
-from robots.bridge.messages.packing import HEADER, Layout
 from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.message_types.classes import UnknownTypeError, message_class
-from robots.wire import Field
+from robots.shared.messages.fields import FLOATS, INTEGERS
+from robots.shared.messages.packing import HEADER, Layout
+from robots.shared.ros.message_types.classes import UnknownTypeError, message_class
+from robots.shared.wire import Field
 
 # Before each type that a text embeds; some publishers break by dashes, or not at all.
 EMBEDDED = re.compile(r"^(?:(?:={3,}|-{3,})[ \t]*\n\s*)?MSG:[ \t]*(\S+/\S+)[ \t]*$", re.MULTILINE)

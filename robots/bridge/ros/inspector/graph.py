@@ -9,11 +9,11 @@ from typing import Any
 
 import msgspec
 
-from robots import wire
-from robots.bridge.messages.fields import BadField
-from robots.bridge.ros.bounds.texts import MOST_TOPICS, NAME, cut
 from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.network.master import INSPECTOR, Master
+from robots.shared import wire
+from robots.shared.messages.fields import BadField
+from robots.shared.ros.master import INSPECTOR, Master
+from robots.shared.ros.texts import MOST_TOPICS, NAME, cut
 
 PARTS = ("goal", "cancel", "status", "feedback", "result")  # topics of an action
 LARGEST_VALUE = 48 * 1024  # bytes of a parameter's JSON

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from robots.bridge.config import BridgeConfig
 from robots.bridge.ros import child_node
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.inspector.publishing import Publishers
 from robots.bridge.ros.inspector.subscriptions import Subscriptions
-from robots.bridge.ros.network.master import INSPECTOR, Master
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.ros.master import INSPECTOR, Master
 
 
 class Node:

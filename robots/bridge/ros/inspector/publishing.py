@@ -16,9 +16,9 @@ from functools import partial
 import rospy
 
 from robots.bridge.ros.inspector.definitions import Definition
-from robots.bridge.ros.network.master import Master, MasterError
 from robots.bridge.ros.tasks.publishing import immediate_publisher, publish
 from robots.bridge.ros.vital import start_vital
+from robots.shared.ros.master import Master, MasterError
 
 LISTENERS_S = 1.0  # a topic's first message waits at most this long for listeners to connect
 WAITING = 20  # the most messages that wait on one topic

@@ -1,6 +1,6 @@
 """Handles each request of the bridge: a query, a subscription, a message to the robot, or a halt.
 
-The inspector refuses publications, calls and parameters that the denylist (`robots/bridge/tasks/denylist.py`)
+The inspector refuses publications, calls and parameters that the denylist (`robots/shared/configuration/denylist.py`)
 forbids.
 """
 
@@ -17,19 +17,12 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from robots import wire
-from robots.bridge.config import BridgeConfig
-from robots.bridge.messages.fields import BadField, fit_fields
-from robots.bridge.messages.packing import Broken, TooLarge
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.inspector import graph, services
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
 from robots.bridge.ros.inspector.publishing import PublishPermit
-from robots.bridge.ros.message_types.classes import message_class
-from robots.bridge.ros.network.master import INSPECTOR, Master, MasterError
 from robots.bridge.ros.network.tcpros import Conversation, Header, first_response
-from robots.bridge.tasks.denylist import COUNTERFEITED, admissible, names_set, why_denied, why_fields_denied
 from robots.bridge.topics.inspector_messages import (
     Check,
     Done,
@@ -41,6 +34,19 @@ from robots.bridge.topics.inspector_messages import (
     Request,
     TooLate,
 )
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.configuration.denylist import (
+    COUNTERFEITED,
+    admissible,
+    names_set,
+    why_denied,
+    why_fields_denied,
+)
+from robots.shared.messages.fields import BadField, fit_fields
+from robots.shared.messages.packing import Broken, TooLarge
+from robots.shared.ros.master import INSPECTOR, Master, MasterError
+from robots.shared.ros.message_types.classes import message_class
 
 if TYPE_CHECKING:
     from robots.bridge.ros.inspector.node import Node

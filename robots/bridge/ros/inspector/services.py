@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
-from robots.bridge.messages.fields import fit_fields
-from robots.bridge.messages.packing import Detail
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, parsed
-from robots.bridge.ros.message_types.classes import UnknownTypeError, service_class
-from robots.bridge.ros.network.master import INSPECTOR, Master, NotThere
 from robots.bridge.ros.network.tcpros import Conversation, connect
+from robots.shared.messages.fields import fit_fields
+from robots.shared.messages.packing import Detail
+from robots.shared.ros.master import INSPECTOR, Master, NotThere
+from robots.shared.ros.message_types.classes import UnknownTypeError, service_class
 
 CALL_S = 1.5  # until a service must have answered
 LARGEST_ANSWER = 16 * 1024 * 1024  # bytes

@@ -12,16 +12,9 @@ from urllib.parse import urlsplit
 import rospy
 
 from robots.bridge.core import RosStatus
-from robots.bridge.probe_findings import BRIDGE
-from robots.bridge.ros.network.master import (
-    DeathWatch,
-    Master,
-    MasterError,
-    SystemState,
-    node_alive,
-    require_ipv4,
-)
-from robots.bridge.ros.registration import register_again
+from robots.shared.processes.probe_findings import BRIDGE
+from robots.shared.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive, require_ipv4
+from robots.shared.ros.registration import register_again
 
 log = logging.getLogger(__name__)
 

@@ -23,8 +23,10 @@ from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 import msgspec
 from rosgraph.network import get_host_name
 
-from robots.bridge.config import ArmSource
-from robots.bridge.probe_findings import (
+from robots.bridge.ros.network.tcpros import Conversation, first_response
+from robots.bridge.tasks.urdf import Tree
+from robots.shared.configuration.bridge_config import ArmSource
+from robots.shared.processes.probe_findings import (
     CALLER,
     CallbackFound,
     DescriptionFound,
@@ -35,11 +37,9 @@ from robots.bridge.probe_findings import (
     Plan,
     TopicFound,
 )
-from robots.bridge.ros.message_types.classes import UnknownTypeError, message_class
-from robots.bridge.ros.network.master import Master, MasterError, SystemState
-from robots.bridge.ros.network.tcpros import Conversation, first_response
-from robots.bridge.tasks.urdf import Tree
-from robots.bridge.urdf.document import BadDescription
+from robots.shared.ros.master import Master, MasterError, SystemState
+from robots.shared.ros.message_types.classes import UnknownTypeError, message_class
+from robots.shared.urdf.document import BadDescription
 
 CALLBACK_S = 2.0
 DESCRIPTION_S = 5.0  # a description has hundreds of kilobytes, and may come by radio

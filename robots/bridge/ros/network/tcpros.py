@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import msgspec
 
-from robots.bridge.ros.network.master import Master, MasterError, left_s
+from robots.shared.ros.master import Master, MasterError, left_s
 
 LARGEST_HEADER = 1024 * 1024  # bytes of a connection header, which includes a definition
 MOST_FIELDS = 100  # of a header

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from robots.bridge.ros.bounds.texts import TITLE, cut
-from robots.bridge.ros.network.master import SystemState, is_own
+from robots.shared.ros.master import SystemState, is_own
+from robots.shared.ros.texts import TITLE, cut
 
 # Named topics, and nodes of each: the answer to a stop has them, too, and must stay small.
 MOST_TOPICS = MOST_NODES = 3

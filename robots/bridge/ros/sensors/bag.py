@@ -9,12 +9,13 @@ from typing import Any
 
 import rosbag
 
-from robots.bridge.config import Topics
+from robots.bridge.gate.arm.discs import AT_HOME, UNKNOWN, is_home
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.geometry.arm_discs import AT_HOME, UNKNOWN, is_home
-from robots.bridge.gate.values import STILL, Velocity, Verdict
-from robots.bridge.gate_recording import BadRecording
-from robots.bridge.ros.message_types.convert import laser_scan, planar
+from robots.bridge.gate_trace import BadTrace
+from robots.bridge.ros.sensors.convert import laser_scan, planar
+from robots.shared.configuration.bridge_config import Topics
+from robots.shared.geometry.poses import STILL, Velocity
+from robots.shared.records.verdict import Verdict
 
 TimedVerdict = tuple[float, Verdict]
 
@@ -23,7 +24,7 @@ def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[TimedVerdict]:
     """Replay the bag to `gate`; yields the time and the verdict of each command on the drive topic.
 
     The bag's own times count as arrival times. The gate gets only the arm's state "at home" or "away". It
-    gets no depth pictures, so it answers as with a silent camera. Raises BadRecording if the file is no bag,
+    gets no depth pictures, so it answers as with a silent camera. Raises BadTrace if the file is no bag,
     or contains no command or no odometry.
     """
     readers = _readers(gate, topics)
@@ -40,10 +41,10 @@ def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[TimedVerdict]:
                     sent = verdict.velocity
                     yield time.to_sec(), verdict._replace(limits=gate.limits(time.to_sec()))
     except (rosbag.ROSBagException, OSError) as error:
-        raise BadRecording(f"{file.name} is no rosbag, or was cut: {error}") from error
+        raise BadTrace(f"{file.name} is no rosbag, or was cut: {error}") from error
     for needed in (topics.odometry.name, topics.drive.name):
         if needed not in seen:
-            raise BadRecording(f"{file.name} holds nothing on {needed}")
+            raise BadTrace(f"{file.name} holds nothing on {needed}")
 
 
 def _readers(gate: Gate, topics: Topics) -> dict[str, Callable[[Any, float], None]]:

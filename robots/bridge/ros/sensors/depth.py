@@ -13,7 +13,6 @@ import genpy
 import rospy
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 
-from robots.bridge.config import DepthSource
 from robots.bridge.core import Core
 from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.sensing.depth import (
@@ -25,11 +24,12 @@ from robots.bridge.gate.sensing.depth import (
     picture_of_image,
 )
 from robots.bridge.gate.sensing.scan import Malformed
-from robots.bridge.gate.values import DepthView
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
-from robots.bridge.ros.bounds.texts import SENTENCE, cut
 from robots.bridge.ros.on_demand_topics import listen
 from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
+from robots.shared.configuration.bridge_config import DepthSource
+from robots.shared.configuration.gate_profile import DepthView
+from robots.shared.ros.texts import SENTENCE, cut
 
 EARLY_SHARE = 0.8  # of the time between two pictures: a picture may arrive a little early
 

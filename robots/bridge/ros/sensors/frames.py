@@ -19,9 +19,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.values import Pose
-from robots.bridge.quaternions import LEAST, rotation
-from robots.bridge.ros.bounds.texts import NAME
+from robots.shared.geometry.poses import Pose
+from robots.shared.geometry.quaternions import LEAST, rotation
+from robots.shared.ros.texts import NAME
 
 MAP, ODOM = "map", "odom"  # frames by their usual names (REP 105)
 KEPT = 100  # transforms of each frame: 2 s at 50 Hz

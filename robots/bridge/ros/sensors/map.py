@@ -18,13 +18,13 @@ from functools import partial
 import msgspec
 from msgspec import Struct
 
-from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.maps.map_fetch import END_S, MapWanted, NoMap
-from robots.bridge.maps.occupancy import LARGEST_MESSAGE, BadMap, taken
-from robots.bridge.ros.message_types.classes import message_class
-from robots.bridge.ros.network.master import Master, MasterError
 from robots.bridge.ros.network.tcpros import Conversation, connect_to_publisher
-from robots.processes.shutdown import exit_within
+from robots.shared.maps.occupancy import LARGEST_MESSAGE, BadMap, taken
+from robots.shared.processes.shutdown import exit_within
+from robots.shared.records.record_sink import TakenMap
+from robots.shared.ros.master import Master, MasterError
+from robots.shared.ros.message_types.classes import message_class
 
 CALLER = "/fleet_map"
 MESSAGE_S = 5.0  # the map's topic is latched: its publisher sends the map at once

@@ -6,9 +6,9 @@ from functools import partial
 
 import rospy
 
-from robots.bridge.gate.values import Pose
 from robots.bridge.ros.on_demand_topics import listen
 from robots.bridge.ros.sensors.frames import MAP, ODOM, Frames
+from robots.shared.geometry.poses import Pose
 
 
 class TfTopics:

@@ -8,11 +8,11 @@ from typing import Any, Protocol
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
-from robots.bridge.config import Topic
-from robots.bridge.ros.bounds.texts import NAME, SENTENCE, cut, most_of
-from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.tasks.publishing import Sender, heard_by, publish
 from robots.bridge.tasks.goals import OURS
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.ros.message_types.classes import message_class
+from robots.shared.ros.texts import NAME, SENTENCE, cut, most_of
 
 EVENTS_WAIT = 50  # messages of one kind that wait for the event loop: ended goals, spoken words
 RUNNING = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)

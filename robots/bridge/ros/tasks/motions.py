@@ -8,19 +8,19 @@ from typing import Any
 
 from msgspec import structs
 
-from robots.bridge.config import Topic
-from robots.bridge.gate.geometry.arm_sweep import Motion
-from robots.bridge.messages.packing import Detail
+from robots.bridge.gate.arm.sweep import Motion
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
-from robots.bridge.ros.bounds.texts import MOST_MOTIONS, PARAGRAPH, SENTENCE, TITLE, cut
 from robots.bridge.ros.inspector import services
 from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.message_types.classes import message_class
-from robots.bridge.ros.network.master import Master, MasterError
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
 from robots.bridge.tasks.goals import OURS
 from robots.bridge.tasks.motions import Motions, offered, recorded
-from robots.wire import MotionOffer
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.messages.packing import Detail
+from robots.shared.ros.master import Master, MasterError
+from robots.shared.ros.message_types.classes import message_class
+from robots.shared.ros.texts import MOST_MOTIONS, PARAGRAPH, SENTENCE, TITLE, cut
+from robots.shared.wire import MotionOffer
 
 WHOLE = Detail(whole=10_000, first=10_000, text=1000)  # motions, and characters of a name
 LARGEST_LIST = 1024 * 1024  # bytes of the list of motions

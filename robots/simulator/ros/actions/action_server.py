@@ -9,7 +9,7 @@ from typing import Any
 from actionlib import ActionServer
 from actionlib_msgs.msg import GoalStatus
 
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared.ros.message_types.classes import message_class
 
 
 class Goals:

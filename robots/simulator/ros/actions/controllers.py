@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import rospy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared.ros.message_types.classes import message_class
 from robots.simulator.joints.joint_table import JOINTS
 from robots.simulator.joints.motions import Phase, Point, Run
 from robots.simulator.joints.trajectories import ErrorCode, RefusedTrajectoryError, check, joints_of, missed

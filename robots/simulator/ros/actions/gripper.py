@@ -10,7 +10,7 @@ import rospy
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 from trajectory_msgs.msg import JointTrajectory
 
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared.ros.message_types.classes import message_class
 from robots.simulator.joints.joint_table import JOINTS
 from robots.simulator.joints.motions import Phase, Point, Run
 from robots.simulator.joints.trajectories import GOAL_TOLERANCE, RefusedTrajectoryError, check, joints_of

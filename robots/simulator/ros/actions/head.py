@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import rospy
 
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared.ros.message_types.classes import message_class
 from robots.simulator.joints.frames import FrameError, Matrix, frames, place
 from robots.simulator.joints.gaze import PAN, REACHED_RAD, TILT, Eye, GazeError, aim, error, eye
 from robots.simulator.joints.motions import EASED_PEAK, Phase, Point, Run

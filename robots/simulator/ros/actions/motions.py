@@ -6,7 +6,7 @@ from typing import Any
 
 import rospy
 
-from robots.bridge.ros.message_types.classes import message_class, service_class
+from robots.shared.ros.message_types.classes import message_class, service_class
 from robots.simulator.joints.motions import ErrorCode, Phase, RefusedMotionError, Run
 from robots.simulator.robot import Robot
 from robots.simulator.ros.actions.action_server import Goals

@@ -6,7 +6,7 @@ from typing import Any
 
 import rospy
 
-from robots.bridge.ros.message_types.classes import message_class
+from robots.shared.ros.message_types.classes import message_class
 from robots.simulator.ros.actions.action_server import Goals
 from robots.simulator.speech import Utterance, objection
 

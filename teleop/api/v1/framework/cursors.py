@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from django.core.exceptions import ValidationError
 from django.db.models import Model, Q, QuerySet
 
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.problems import Problem
 
 M = TypeVar("M", bound=Model)

@@ -28,7 +28,7 @@ from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import key_of
 from fleet.audit.errors import TooManyChanges
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.problems import CONTENT_TYPE, Problem, body_of, problem_of
 from teleop.models import KeyedRequest
 

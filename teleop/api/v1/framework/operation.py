@@ -28,7 +28,7 @@ from fleet.accounts.tokens.services import key_of
 from robots.access.selectors import robots_visible_to, role_on
 from robots.registry.known_robots import KnownRobot, known_robot_at
 from robots.registry.models import Robot, Role
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.authentication import TokenAuthentication
 from teleop.api.v1.framework.idempotency import KEY_PARAMETER, Requester, once
 from teleop.api.v1.framework.parameters import parameters_of, query_of, require_declared
@@ -44,8 +44,8 @@ from teleop.api.v1.framework.problems import (
 )
 from teleop.api.v1.framework.rates import TOO_OFTEN, asks_too_often
 from teleop.control.scopes import scope_missing
-from teleop.recording import refusals
-from teleop.recording.refusals import RefusedRequest
+from teleop.records import refusals
+from teleop.records.refusals import RefusedRequest
 
 View = TypeVar("View", bound=Callable[..., Any])
 

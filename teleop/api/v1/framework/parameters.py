@@ -12,7 +12,7 @@ from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.problems import Problem
 
 YEARS = range(2000, 2200)  # another year is probably a typing error; the same years as on the pages

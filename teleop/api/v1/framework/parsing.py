@@ -10,7 +10,7 @@ from msgspec import Struct
 from rest_framework.parsers import BaseParser
 from rest_framework.request import Request
 
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.problems import Problem
 
 MOST_BYTES = 64 * 1024

@@ -20,7 +20,7 @@ from rest_framework.exceptions import (
 from rest_framework.response import Response
 from rest_framework.views import set_rollback
 
-from robots.wire import NotDone, Refusal, Rule, Said
+from robots.shared.wire import NotDone, Refusal, Rule, Said
 
 CONTENT_TYPE = "application/problem+json"
 _BY_RULE: dict[str, int] = {"account": 403, "wire": 400, "audit": 503, "database": 503}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections import OrderedDict
 
-from robots.bridge.server.flood_limits import TokenBucket
-from robots.wire import Refusal
+from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.wire import Refusal
 
 PER_S = 200.0  # on average; a lab's dashboard sends a tenth of that
 BURST = 400.0

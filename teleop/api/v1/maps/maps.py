@@ -19,7 +19,7 @@ from robots.places.entries import LONGEST_NAME
 from robots.places.models import Place
 from robots.places.selectors import MapOfRobots, maps_of
 from robots.registry.models import Robot, RobotMap, Role
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.framework.versions import etag_of

@@ -16,8 +16,8 @@ from robots.places.entries import LARGEST_FILE, LONGEST_NAME, PlaceEntry
 from robots.places.models import Place
 from robots.places.services import Imported
 from robots.registry.configuration.profile_schema import Problems
-from robots.wire import Refusal
-from robots.wire.navigation import Coordinate, Heading
+from robots.shared.wire import Refusal
+from robots.shared.wire.navigation import Coordinate, Heading
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.maps.maps import MapsBase, PlaceDetail, detail_of

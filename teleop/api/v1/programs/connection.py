@@ -19,8 +19,8 @@ from msgspec import Struct, structs
 from websockets.asyncio.client import ClientConnection, unix_connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-from robots import wire
-from robots.wire import Accepted, Booked, Control, NotDone, Offers, Refusal, Refused, Welcome, kind_of
+from robots.shared import wire
+from robots.shared.wire import Accepted, Booked, Control, NotDone, Offers, Refusal, Refused, Welcome, kind_of
 
 log = logging.getLogger(__name__)
 

@@ -7,7 +7,7 @@ import os
 import time
 from uuid import UUID
 
-from robots.wire import NotDone, Refusal
+from robots.shared.wire import NotDone, Refusal
 from teleop.api.v1.programs.connection import ProgramConnection, ProgramSignIn
 
 SOCKET = "FLEET_PROGRAMS_SOCKET"  # where the web process listens; set by `fleet.server.pages_process`

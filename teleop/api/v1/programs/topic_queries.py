@@ -10,8 +10,8 @@ from msgspec import Struct, structs
 from websockets.asyncio.client import unix_connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-from robots import wire
-from robots.wire import NotDone, Refusal, Refused, Sample, Subscribe, TopicQuery, kind_of
+from robots.shared import wire
+from robots.shared.wire import NotDone, Refusal, Refused, Sample, Subscribe, TopicQuery, kind_of
 from teleop.api.v1.programs.connection import GONE, NOT_CONNECTED, OPEN_S, ProgramSignIn
 
 ANSWER_S = 12.0  # the inspector may have to start

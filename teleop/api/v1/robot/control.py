@@ -16,10 +16,10 @@ from rest_framework.request import Request
 
 from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import key_of
-from robots import wire
 from robots.registry.models import Robot
 from robots.registry.selectors import robot_facts
-from robots.wire import Booked, Control, ControlState, Limits, Refusal
+from robots.shared import wire
+from robots.shared.wire import Booked, Control, ControlState, Limits, Refusal
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.programs.connection import ProgramConnection, ProgramSignIn, Velocity

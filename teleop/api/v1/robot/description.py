@@ -16,11 +16,11 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
-from robots.bridge.urdf.document import BadDescription
 from robots.description.drawable import Drawable, drawable
 from robots.description.meshes import Mesh, NoMesh, mesh_at
 from robots.registry.models import Robot, RobotDescription
-from robots.wire import Refusal
+from robots.shared.urdf.document import BadDescription
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem

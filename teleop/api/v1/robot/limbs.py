@@ -10,10 +10,10 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
-from robots import wire
 from robots.registry.selectors import robot_facts
-from robots.wire import Limb, Refusal
-from robots.wire.limbs import LimbPosition
+from robots.shared import wire
+from robots.shared.wire import Limb, Refusal
+from robots.shared.wire.limbs import LimbPosition
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.robot.tasks import TaskEntry, TasksBase

@@ -12,12 +12,12 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
-from robots import wire
 from robots.places.entries import LONGEST_NAME
 from robots.places.selectors import place_of_robot
 from robots.registry.models import Robot, RobotMap
-from robots.wire import Refusal
-from robots.wire.navigation import Coordinate, Heading, MapDigest
+from robots.shared import wire
+from robots.shared.wire import Refusal
+from robots.shared.wire.navigation import Coordinate, Heading, MapDigest
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem

@@ -12,13 +12,13 @@ from rest_framework.request import Request
 
 from fleet.accounts.tokens.models import Scope
 from robots.access.selectors import roles_by_id
+from robots.link import stop_courier as courier
 from robots.link.connections import LinkRefused
 from robots.link.state_reader import state_once
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import link_address, phrases_of, robot_rows
-from robots.stop import courier
-from robots.stop.pending_stops import name_of
-from robots.wire import PendingStop, Refusal, RobotFacts, State
+from robots.shared.link.pending_stops import name_of
+from robots.shared.wire import PendingStop, Refusal, RobotFacts, State
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.parameters import Time, whole_number
 from teleop.control import lease_checks

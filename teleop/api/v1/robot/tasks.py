@@ -17,14 +17,14 @@ from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
 from fleet.audit.models import Record
-from robots import wire
 from robots.access.selectors import supervises
 from robots.link.connections import LinkRefused
 from robots.link.state_reader import state_once
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
-from robots.wire import MotionOffer, NotDone, Refusal, StopState
-from robots.wire.base import FARTHEST_HEAD_RAD
+from robots.shared import wire
+from robots.shared.wire import MotionOffer, NotDone, Refusal, StopState
+from robots.shared.wire.base import FARTHEST_HEAD_RAD
 from teleop.api.v1.framework.long_poll import LongPoll
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time, whole_number

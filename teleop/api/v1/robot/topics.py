@@ -14,8 +14,8 @@ from msgspec import Meta, Struct
 from rest_framework.request import Request
 
 from fleet.accounts.tokens.models import Scope
-from robots import wire
-from robots.wire import (
+from robots.shared import wire
+from robots.shared.wire import (
     Called,
     Described,
     Graph,

@@ -20,7 +20,7 @@ from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
 from robots.access.models import RobotGroup
 from robots.registry.models import Robot
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem, fault_refusal
 from teleop.api.v1.framework.versions import etag_of, version_seen

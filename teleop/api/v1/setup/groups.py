@@ -15,7 +15,7 @@ from robots.access import services
 from robots.access.models import GroupRole, Qualification, RobotGroup
 from robots.access.pages.forms import free_slug
 from robots.registry.models import Robot, Role
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import (
     SetupView,

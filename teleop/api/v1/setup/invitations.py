@@ -11,11 +11,11 @@ from django.utils import timezone
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 
-from fleet.origin import public_origin, public_url
+from fleet.base.origin import public_origin, public_url
 from robots.access import enrolment, welcome
 from robots.access.models import Invitation
 from robots.access.pages.forms import InvitationForm, end_of
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.courses import Changed, CoursesBase, PeopleRequest
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem

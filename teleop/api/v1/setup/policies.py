@@ -21,7 +21,7 @@ from fleet.bookings.selectors import policies_of
 from robots.access.models import RobotGroup
 from robots.access.selectors import robots_managed_by
 from robots.registry.models import Robot
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem

@@ -21,7 +21,7 @@ from robots.registry.phrases import (
     why_no_tags,
 )
 from robots.registry.services import phrases_import, profile_save
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem

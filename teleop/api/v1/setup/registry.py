@@ -16,7 +16,7 @@ from fleet.accounts.tokens.models import Scope
 from robots.registry.models import Robot, RobotProfile
 from robots.registry.selectors import slug_for
 from robots.registry.services import robot_save
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem

@@ -12,9 +12,9 @@ from msgspec import Meta, Struct
 from rest_framework.request import Request
 
 from fleet.accounts.tokens.models import Scope
+from fleet.base.zones import names, zone_of
 from fleet.bookings.changes.series import MOST_WEEKS, Week, preview, series_make, weekly
 from fleet.bookings.rules import Slot
-from fleet.zones import names, zone_of
 from robots.access.models import Course
 from robots.access.selectors import (
     courses_managed_by,
@@ -24,7 +24,7 @@ from robots.access.selectors import (
     robots_supervised_by,
 )
 from robots.registry.models import Robot
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem

@@ -19,10 +19,10 @@ from fleet.accounts.models import User
 from fleet.accounts.services import service_account_make
 from fleet.accounts.tokens.models import Scope, Token
 from fleet.accounts.tokens.services import MOST, TokenInvalid, TooManyTokens, token_end, token_make, tokens_of
-from fleet.names import require
+from fleet.base.names import require
 from robots.access.selectors import robots_visible_to
 from robots.registry.models import Robot
-from robots.wire import Refusal
+from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem

@@ -4,8 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from robots.bridge.config import GRIPPER_COMMAND, TRAJECTORY, ArmSource, LimbSource, Topic, Topics
 from robots.registry.configuration.profile_schema import topic_problems
+from robots.shared.configuration.bridge_config import (
+    GRIPPER_COMMAND,
+    TRAJECTORY,
+    ArmSource,
+    LimbSource,
+    Topic,
+    Topics,
+)
 
 DRIVE, ODOMETRY = Topic("/cmd_vel", "geometry_msgs/Twist"), Topic("/odom", "nav_msgs/Odometry")
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from robots.bridge.config import NavigationSource, Topic, Topics
 from robots.registry.configuration.profile_schema import topic_problems
+from robots.shared.configuration.bridge_config import NavigationSource, Topic, Topics
 
 DRIVE, ODOMETRY = Topic("/key_vel", "geometry_msgs/Twist"), Topic("/odom", "nav_msgs/Odometry")
 MAP = Topic("/map", "nav_msgs/OccupancyGrid")

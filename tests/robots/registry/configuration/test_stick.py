@@ -12,9 +12,9 @@ from django.urls import reverse
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from robots.bridge.drive.input_filters import Curve, DeadZone, Mean, OneEuro, Snap
 from robots.registry.models import Robot, RobotProfile
 from robots.registry.selectors import bridge_config, robot_facts
+from robots.shared.configuration.input_filters import Curve, DeadZone, Mean, OneEuro, Snap
 from tests.robots.registry.test_admin import filled
 
 pytestmark = pytest.mark.django_db

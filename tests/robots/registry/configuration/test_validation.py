@@ -12,11 +12,11 @@ import pytest
 from django.core.exceptions import ValidationError
 from msgspec import Struct
 
-from robots.bridge.config import Topics
-from robots.bridge.gate.values import Parameters
 from robots.registry.configuration import robot_config
 from robots.registry.models import Robot, RobotProfile
 from robots.registry.shipped_profiles import profile_files
+from robots.shared.configuration.bridge_config import Topics
+from robots.shared.configuration.gate_profile import Parameters
 
 pytestmark = pytest.mark.django_db
 

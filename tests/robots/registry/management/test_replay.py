@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from django.core.management import CommandError, call_command
 
-from robots.bridge.gate.values import STILL, Velocity
-from robots.bridge.gate_recording import Recorder
+from robots.bridge.gate_trace import Recorder
+from robots.shared.geometry.poses import STILL, Velocity
 from tests.gate.conftest import Feeder, tiago_profile
 
 

@@ -9,7 +9,7 @@ from django.utils import timezone as clock
 
 from fleet.bookings import services
 from fleet.bookings.models import Booking
-from robots.wire import NotDone, Refusal
+from robots.shared.wire import NotDone, Refusal
 from teleop.api.v1.framework import idempotency
 from teleop.models import KeyedRequest
 from tests.teleop.api.test_bookings import hour, wish, words

@@ -32,7 +32,7 @@ from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import token_make
 from robots.registry.models import RobotProfile
 from script.generate.messages import OPENAPI, openapi
-from teleop.recording import refusals
+from teleop.records import refusals
 from teleop.stop import emergency_stop
 from tests.teleop.api.test_matrix import (
     NO_LEASE,

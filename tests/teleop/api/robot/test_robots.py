@@ -6,10 +6,10 @@ from django.test.utils import CaptureQueriesContext
 
 from fleet.audit.models import Content
 from fleet.audit.services import record
-from robots import wire
 from robots.bridge.drive.drive_input import velocity_of
 from robots.registry.configuration import robot_config
 from robots.registry.models import Phrase, RobotRole
+from robots.shared import wire
 from teleop.api.v1 import events
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.robot.control import VelocityRequest, _velocity

@@ -1,0 +1,10 @@
+"""Filters of templates."""
+
+from __future__ import annotations
+
+from django import template
+
+from fleet.base.formats.sentences import words_of
+
+register = template.Library()
+register.filter("words", words_of)

@@ -1,0 +1,80 @@
+"""Sentences about robots in the language of the person whose request runs; scripts: `static/js/lib/sentences.js`."""
+
+from __future__ import annotations
+
+import gettext
+from collections.abc import Callable, Mapping
+from datetime import datetime
+from functools import cache
+from typing import Any
+
+from django.conf import settings
+from django.utils.formats import date_format, number_format
+from django.utils.timezone import localtime
+from django.utils.translation import get_language, to_locale
+
+from robots.shared.wire import Worded
+from robots.shared.wire.sentences import Sentence, capitalised, filled
+
+
+def in_words(sentence: str) -> str:
+    """Return a sentence in the reader's language; a text that is none as it is."""
+    return _translated(*sentence.parts) if isinstance(sentence, Sentence) else _translated(sentence)
+
+
+def words_of(message: Worded, field: str = "text") -> str:
+    """Return a sentence of a message in the reader's language."""
+    said = getattr(message, "said", None) or {}
+    return _translated(*said.get(field, [getattr(message, field)]))
+
+
+@cache
+def _catalogue(language: str) -> gettext.NullTranslations:
+    return gettext.translation("sentences", settings.LOCALE_PATHS[0], [to_locale(language)], fallback=True)
+
+
+def _translated(key: str, figures: Mapping[str, Any] | None = None, many: str = "") -> str:
+    catalogue = _catalogue(get_language() or settings.LANGUAGE_CODE)
+    text = catalogue.ngettext(key, many, figures["count"]) if many and figures else catalogue.gettext(key)
+    return filled(text, figures, _shown) if figures else text
+
+
+def _shown(value: Any, form: str) -> str:
+    if isinstance(value, list):
+        value = _translated(*value)
+    elif isinstance(value, Sentence):
+        value = in_words(value)
+    if form in _FORMATS:
+        return _FORMATS[form](value)
+    if isinstance(value, float | int):
+        return _number(value, int(form[1:-1]) if form else None)
+    return str(value)
+
+
+def _number(value: float, digits: int | None) -> str:
+    return str(number_format(value, digits, use_l10n=True, force_grouping=False))
+
+
+def _age(age_s: float) -> str:
+    if age_s < 120.0:
+        return f"{_number(age_s, 1 if age_s < 60.0 else 0)} s"
+    return f"{_number(age_s / 60.0, 0)} min"
+
+
+def _moment(form: str) -> Callable[[Any], str]:
+    def shown(at: Any) -> str:
+        moment = datetime.fromisoformat(at) if isinstance(at, str) else at
+        is_moment = isinstance(moment, datetime) and moment.tzinfo is not None
+        return date_format(localtime(moment) if is_moment else moment, form)
+
+    return shown
+
+
+_FORMATS: Mapping[str, Callable[[Any], str]] = {
+    "fine": lambda value: _number(value, 1 if value >= 0.095 else 2),
+    "age": _age,
+    "capital": capitalised,
+    "clock": _moment("H:i"),
+    "day": _moment("d M Y"),
+    "when": _moment("D d M Y, H:i"),
+}

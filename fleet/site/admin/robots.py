@@ -1,0 +1,370 @@
+"""The registry in the admin. `robots.registry.services` checks, saves and records all changes."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, ClassVar
+
+from django import forms
+from django.conf import settings
+from django.contrib import admin, messages
+from django.db import models
+from django.db.models import QuerySet
+from django.forms import ModelForm
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect
+from django.urls import reverse
+from django.utils.html import format_html, format_html_join
+from django.utils.timezone import localtime
+from django.utils.translation import gettext
+from django.utils.translation import gettext_lazy as _
+
+from fleet.accounts.models import User
+from fleet.accounts.requests import person_of
+from fleet.audit.recorded_admin import RecordedAdmin
+from fleet.site.admin.robot_entries import AllowanceInline, SpokenFormSet, list_link, save_entries
+from robots.access.services import role_set
+from robots.registry import services, shipped_profiles
+from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
+from robots.registry.selectors import last_editor, slug_for
+from robots.supervisor.process_keeper import LOCK, supervised
+
+
+class ReadableJSON(json.JSONEncoder):
+    """JSON with indentation, for editing."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**{**options, "indent": 2})
+
+
+READABLE: dict[type[models.Field[Any, Any]], dict[str, Any]] = {
+    models.JSONField: {
+        "encoder": ReadableJSON,
+        "widget": forms.Textarea(
+            attrs={"rows": 8, "cols": 100, "class": "vLargeTextField json", "spellcheck": "false"}
+        ),
+    }
+}
+
+
+def rows(kind: str, example: str) -> forms.Textarea:
+    """Return a text box for JSON. A script (static/js/admin/pairs.js) shows the JSON as rows of name and value."""
+    extra = {"data-pairs": kind, "data-example": example, "rows": 4}
+    return forms.Textarea(attrs={"class": "vLargeTextField json", "spellcheck": "false", **extra})
+
+
+ENDED = {BridgeStatus.State.DISABLED, BridgeStatus.State.STOPPED}  # true also while no supervisor runs
+
+
+class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Roles of people on this robot."""
+
+    model = RobotRole
+    formset = SpokenFormSet
+    extra = 0
+    autocomplete_fields = ["user"]
+    verbose_name_plural = _("people (staff may do everything without an entry)")
+
+
+class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
+    """A form that refuses to save if the entry was saved by somebody else since the form was opened.
+
+    Otherwise an old form could, for example, put a robot back into service.
+    """
+
+    as_of = forms.CharField(widget=forms.HiddenInput, required=False)
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        if not self.instance._state.adding:
+            self.initial["as_of"] = self.instance.updated_at.isoformat()
+
+    def clean_as_of(self) -> str:
+        """Raise `ValidationError` if the entry was saved since the form was opened."""
+        as_of: str = self.cleaned_data["as_of"]
+        if as_of and as_of != self.initial.get("as_of", as_of):  # a copy (*Save as new*) has no initial value
+            text = gettext(
+                "%s has saved this entry since you opened it. Nothing was saved. Open the page again."
+            )
+            raise forms.ValidationError(text % last_editor(self.instance))
+        return as_of
+
+
+class RobotForm(FreshForm):
+    """The form of a robot. If the slug is empty, it is made from the name."""
+
+    class Meta:
+        widgets: ClassVar[dict[str, Any]] = {
+            "host_aliases": rows("text", "tiago-42c=10.68.0.1"),
+            "overrides": rows("grouped", "limits.forward_mps=0.5"),
+        }
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        if "slug" in self.fields:
+            self.fields["slug"].required = False
+        if "master_uri" in self.fields:
+            self.fields["master_uri"].widget.attrs["placeholder"] = "http://tiago-42c:11311"
+        if "advertised_address" in self.fields:
+            self.fields["advertised_address"].widget.attrs["placeholder"] = "10.68.0.2"
+
+    def clean_slug(self) -> str:
+        """Return the typed slug; if it is empty, a slug made from the name that no other robot has."""
+        typed: str = self.cleaned_data["slug"]
+        return typed or slug_for(self.cleaned_data.get("name", ""))
+
+
+@admin.register(Robot)
+class RobotAdmin(RecordedAdmin):
+    """Robots. They cannot be deleted, because sessions and records refer to them; staff untick "enabled" instead."""
+
+    list_display = [
+        "name",
+        "slug",
+        "profile",
+        "enabled",
+        "practice",
+        "master_uri",
+        "bridge_state",
+        "check_link",
+    ]
+    list_filter = ["enabled", "practice", "profile"]
+    list_select_related = ["profile", "bridge"]
+    search_fields = ["name", "slug", "master_uri"]
+    prepopulated_fields = {"slug": ["name"]}
+    readonly_fields = ["bridge_state", "check_link", "lists", "updated_at"]
+    form = RobotForm
+    formfield_overrides = READABLE
+    inlines = [RoleInline, AllowanceInline]
+    fieldsets = [
+        (
+            None,
+            {
+                "fields": [
+                    "name",
+                    "slug",
+                    "profile",
+                    "master_uri",
+                    "enabled",
+                    "bridge_state",
+                    "check_link",
+                    "lists",
+                    "as_of",
+                ]
+            },
+        ),
+        (
+            _("Network"),
+            {
+                "classes": ["collapse"],
+                "fields": ["advertised_address", "host_aliases", "bridge_address"],
+                "description": _(
+                    "ROS nodes call each other back by name, so names must resolve both ways. Most faults in a lab "
+                    "are here; the check after saving finds them. Example: advertised address 10.68.0.2, host "
+                    "aliases tiago-42c with the value 10.68.0.1."
+                ),
+            },
+        ),
+        (
+            _("Differences from its kind"),
+            {
+                "classes": ["collapse"],
+                "fields": ["practice", "drive_topic", "default_share", "max_share", "overrides", "stick"],
+                "description": _(
+                    "Leave this as it is for a robot like all others of its profile. A change takes effect within "
+                    "3 s; this robot stops for it, other robots do not. Example of an override: "
+                    "limits.forward_mps with the value 0.5."
+                ),
+            },
+        ),
+    ]
+
+    @admin.display(description=_("bridge"))
+    def bridge_state(self, robot: Robot) -> str:
+        """Return the last reported state of the bridge process."""
+        status = getattr(robot, "bridge", None)
+        if status is None:
+            return gettext("not seen by a supervisor yet")
+        since = gettext("%(state)s since %(time)s") % {
+            "state": status.get_state_display(),
+            "time": f"{localtime(status.since):%Y-%m-%d %H:%M:%S %Z}",
+        }
+        status_text = f"{since}: {status.detail}" if status.detail else since
+        if status.state in ENDED or robot.bridge_address or supervised(settings.FLEET_RUN_DIR / LOCK):
+            return status_text
+        return gettext("no supervisor is running; the last report: %s") % status_text
+
+    @admin.display(description=_("check"))
+    def check_link(self, robot: Robot) -> str:
+        """Return a link to the check page."""
+        if robot._state.adding:
+            return gettext("after saving")
+        url = reverse("robot-check", args=[robot.slug])
+        return format_html('<a href="{}">{}</a>', url, gettext("Check this robot"))
+
+    @admin.display(description=_("lists"))
+    def lists(self, robot: Robot) -> str:
+        """Return links to all entries: below, only the first are shown."""
+        if robot._state.adding:
+            return gettext("after saving")
+        links = [
+            (list_link(entries, robot__id=robot.pk),)
+            for entries in (robot.roles.all(), robot.allowances.all())
+        ]
+        return format_html_join(" · ", "{}", links)
+
+    def save_model(self, request: HttpRequest, obj: Robot, form: ModelForm[Robot], change: bool) -> None:
+        """Save by the service."""
+        services.robot_save(robot=obj, actor=person_of(request))
+
+    def response_add(
+        self, request: HttpRequest, obj: Robot, post_url_continue: str | None = None
+    ) -> HttpResponse:
+        """Redirect to the check page, unless the person edits more."""
+        response = super().response_add(request, obj, post_url_continue)
+        return self._checked(request, obj) or response
+
+    def response_change(self, request: HttpRequest, obj: Robot) -> HttpResponse:
+        """Redirect to the check page, unless the person edits more."""
+        response = super().response_change(request, obj)
+        return self._checked(request, obj) or response
+
+    def _checked(self, request: HttpRequest, robot: Robot) -> HttpResponse | None:
+        """Return a redirect to the check page after *Save*; None if the person edits more or the robot is disabled."""
+        stays = {"_continue", "_addanother", "_popup", "_saveasnew"} & set(request.POST)
+        return None if stays or not robot.enabled else redirect("robot-check", robot.slug)
+
+    def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
+        """Save roles and allow-list by the service."""
+        if formset.model is not RobotRole:
+            save_entries(formset, person_of(request))
+            return
+        for entry in formset.save(commit=False):
+            _give(entry, person_of(request))
+        for entry in formset.deleted_objects:
+            role_set(robot=entry.robot, user=entry.user, role=None, actor=person_of(request))
+
+    def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        """Forbid deletion: robots are disabled instead."""
+        return False
+
+
+def _give(entry: RobotRole, actor: User) -> None:
+    """Save a role as entered. If the row was changed to another person or robot, end the role that it was before."""
+    before = RobotRole.objects.select_related("user", "robot").filter(pk=entry.pk).first()
+    if before is not None and (before.user_id, before.robot_id) != (entry.user_id, entry.robot_id):
+        role_set(robot=before.robot, user=before.user, role=None, actor=actor)
+    role_set(robot=entry.robot, user=entry.user, role=Role(entry.role), actor=actor)
+
+
+@admin.register(RobotRole)
+class RobotRoleAdmin(RecordedAdmin):
+    """All roles of all people."""
+
+    list_display = ["user", "robot", "role"]
+    list_filter = ["role", "robot"]
+    list_select_related = ["user", "robot"]
+    search_fields = ["user__username", "user__full_name", "robot__name"]
+    autocomplete_fields = ["user", "robot"]
+
+    def save_model(
+        self, request: HttpRequest, obj: RobotRole, form: ModelForm[RobotRole], change: bool
+    ) -> None:
+        """Save by the service."""
+        _give(obj, person_of(request))
+
+    def delete_model(self, request: HttpRequest, obj: RobotRole) -> None:
+        """Take the role away by the service."""
+        role_set(robot=obj.robot, user=obj.user, role=None, actor=person_of(request))
+
+    def delete_queryset(self, request: HttpRequest, queryset: QuerySet[RobotRole]) -> None:
+        """Take each role away by the service."""
+        for entry in queryset.select_related("robot", "user"):
+            self.delete_model(request, entry)
+
+
+@admin.register(RobotProfile)
+class RobotProfileAdmin(RecordedAdmin):
+    """Kinds of robots."""
+
+    list_display = ["name", "slug", "holonomic", "forward_mps", "blind_mps", "drive_topic", "source"]
+    readonly_fields = ["source", "lists", "updated_at"]
+    form = FreshForm
+    formfield_overrides = READABLE
+    actions = ["take_shipped"]
+    inlines = [AllowanceInline]
+    save_as = True
+    fieldsets = [
+        (None, {"fields": ["name", "slug", "holonomic", "source", "lists", "as_of"]}),
+        (
+            _("Limits"),
+            {
+                "fields": [
+                    *("forward_mps", "reverse_mps", "lateral_mps", "turn_radps"),
+                    *("linear_mps2", "angular_radps2", "blind_mps"),
+                ],
+                "description": _(
+                    "The safety gate's assumptions about the base. If a number is higher than the base can do, the "
+                    "gate brakes too late."
+                ),
+            },
+        ),
+        (
+            _("Driving"),
+            {"fields": ["default_share", "reverse_steering", "stick", "drive_topic", "drive_type"]},
+        ),
+        (_("Body and ROS interface"), {"fields": ["footprint", "topics", "gate"]}),
+    ]
+
+    @admin.display(description=_("source"))
+    def source(self, profile: RobotProfile) -> str:
+        """Return whether the profile equals its data file."""
+        file = shipped_profiles.file_of(profile)
+        if file is None:
+            return gettext("made here")
+        if shipped_profiles.differs(profile, file):
+            return gettext("edited here; the shipped one differs")
+        return gettext("as shipped")
+
+    @admin.display(description=_("lists"))
+    def lists(self, profile: RobotProfile) -> str:
+        """Return a link to all entries: below, only the first are shown."""
+        if profile._state.adding:
+            return gettext("after saving")
+        return list_link(profile.allowances.all(), profile__id=profile.pk)
+
+    @admin.action(description=_("Replace local edits by the shipped version"))
+    def take_shipped(self, request: HttpRequest, queryset: QuerySet[RobotProfile]) -> None:
+        """Restore the profiles from their data files."""
+        for profile in queryset:
+            taken = services.profile_take_shipped(profile=profile, actor=person_of(request))
+            if taken:
+                self.message_user(request, gettext("%s is now as shipped.") % profile.name, messages.SUCCESS)
+            else:
+                text = gettext("%s was made here; it has no shipped version.") % profile.name
+                self.message_user(request, text, messages.WARNING)
+
+    def save_model(
+        self, request: HttpRequest, obj: RobotProfile, form: ModelForm[RobotProfile], change: bool
+    ) -> None:
+        """Save by the service, and warn if the blind speed was raised."""
+        services.profile_save(profile=obj, actor=person_of(request))
+        if change and "blind_mps" in form.changed_data and obj.blind_mps > form.initial["blind_mps"]:
+            text = gettext(
+                "The blind speed of every %(name)s is now %(now)s m/s (before: %(before)s). Where no sensor watches, "
+                "only the operator does."
+            )
+            figures = {"now": f"{obj.blind_mps:g}", "before": f"{form.initial['blind_mps']:g}"}
+            self.message_user(request, text % {"name": obj.name, **figures}, messages.WARNING)
+
+    def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
+        """Save the allow-list by the service."""
+        save_entries(formset, person_of(request))
+
+    def delete_model(self, request: HttpRequest, obj: RobotProfile) -> None:
+        """Delete by the service."""
+        services.profile_delete(profile=obj, actor=person_of(request))
+
+    def has_delete_permission(self, request: HttpRequest, obj: RobotProfile | None = None) -> bool:
+        """Return whether the profile can be deleted: not if it is shipped (it would come back) or in use."""
+        return obj is not None and shipped_profiles.file_of(obj) is None and not obj.robots.exists()

@@ -1,0 +1,40 @@
+"""``manage.py run_fleet [SLUG ...]``: run the fleet supervisor until a signal ends it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.conf import settings
+from django.core.management.base import BaseCommand, CommandError, CommandParser
+
+from robots.link.stop_courier import courier
+from robots.registry.models import Robot
+from robots.supervisor.fleet_supervisor import Fleet, Stopping, supervise, wait_shortly
+from robots.supervisor.process_keeper import LOCK, AlreadySupervised, only_instance
+
+
+class Command(BaseCommand):
+    """The fleet supervisor."""
+
+    help = "Run a bridge for every enabled robot, and the housekeeping."
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        """Add the option: robots."""
+        parser.add_argument(
+            "slugs", nargs="*", metavar="SLUG", help="only these robots, for one of several hosts"
+        )
+
+    def handle(self, *args: Any, **options: Any) -> None:
+        """Run until a signal comes."""
+        wait_shortly()
+        only = frozenset(options["slugs"])
+        unknown = only - set(Robot.objects.values_list("slug", flat=True))
+        if unknown:
+            raise CommandError(f"There is no robot {', '.join(sorted(unknown))}.")
+        stopping = Stopping()
+        try:
+            with only_instance(settings.FLEET_RUN_DIR / LOCK):
+                courier().start(stays=True)
+                supervise(Fleet(only), stopping)
+        except AlreadySupervised as other:
+            raise CommandError(f"A supervisor is running already (process {other}).") from other

@@ -1,0 +1,1 @@
+"""The space that an arm needs, as discs."""

@@ -1,1 +1,0 @@
-"""Planar geometry of the robot: poses, footprint, arm discs, and arcs to first contact."""

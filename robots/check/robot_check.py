@@ -1,0 +1,359 @@
+"""Checks whether a robot can be driven from this computer. Each check has a result and a remedy.
+
+`robots.bridge.ros.network.probe` collects facts in a separate process, in the environment of the robot's bridge;
+`judge` makes results from the facts. The web process never imports ROS.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Literal
+
+import msgspec
+from django.conf import settings
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_noop
+from msgspec import Struct
+
+from robots.description.drawable import drawable
+from robots.registry.configuration.profile_schema import Problems
+from robots.registry.models import Robot
+from robots.registry.selectors import bridge_config
+from robots.shared.configuration.bridge_config import CLOCK_SKEW_S, BridgeConfig
+from robots.shared.configuration.gate_profile import CLOSE_ECHO_M
+from robots.shared.processes.probe_findings import (
+    BRIDGE,
+    CallbackFound,
+    DescriptionFound,
+    DriveFound,
+    Findings,
+    HostFound,
+    Listened,
+    Plan,
+    TopicFound,
+    watchdog_name,
+)
+from robots.shared.urdf.document import BadDescription
+from robots.supervisor.ros_environment import WrapperMissing, ros_environment
+
+Level = Literal["ok", "warn", "fail"]
+OK: Level = "ok"
+WARN: Level = "warn"
+FAIL: Level = "fail"
+PROBE_TIMEOUT_S = 20.0
+NEEDED = ("odometry", "scan")  # required for motion
+STAMPED = ("sensor_msgs/BatteryState", "diagnostic_msgs/DiagnosticArray")
+QUIET = ("battery", "charging", "speech", "motions", "gripper", "torso")  # may be silent for a long time
+MOST_LEFT_OUT = 3  # parts of a description that a result names
+_findings = msgspec.json.Decoder(Findings)
+
+
+class Check(Struct, frozen=True):
+    """One result. `advice` is the remedy; "" if none is needed."""
+
+    name: str
+    level: Level
+    text: str
+    advice: str = ""
+
+
+def run_checks(robot: Robot) -> list[Check]:
+    """Run all checks and return their results; this takes a few seconds."""
+    try:
+        config = bridge_config(robot)
+        environment = ros_environment(config, settings.FLEET_RUN_DIR)
+    except Problems as problems:
+        return [Check(_("registry"), FAIL, str(problems), _("Correct the robot’s entry or its profile."))]
+    except WrapperMissing as error:
+        return [Check(_("host aliases"), FAIL, str(error), _("Install it on the console’s computer."))]
+    except OSError as error:
+        text = _("The console cannot save them (%s).") % error.strerror
+        return [Check(_("host aliases"), FAIL, text, _("Is the disk of the console’s computer full?"))]
+    try:
+        return [*_elsewhere(robot), *judge(config, _probe(config, environment))]
+    except subprocess.TimeoutExpired:
+        text = _("No answer within %d s.") % PROBE_TIMEOUT_S
+        return [Check(_("probe"), FAIL, text, _("Is the network overloaded?"))]
+    except (subprocess.CalledProcessError, msgspec.DecodeError) as error:
+        return [Check(_("probe"), FAIL, _("The probe failed: %s") % error, _("See the console’s log."))]
+
+
+def _elsewhere(robot: Robot) -> Iterator[Check]:
+    if robot.bridge_address:
+        yield Check(
+            _("other computer"),
+            WARN,
+            _("This computer ran the check, but the robot’s bridge runs at %s.") % robot.bridge_address,
+            _("Run manage.py check_robot %s on that computer.") % robot.slug,
+        )
+
+
+def _probe(config: BridgeConfig, environment: dict[str, str]) -> Findings:
+    done = subprocess.run(
+        [sys.executable, "-m", "robots.bridge.ros.network.probe"],
+        input=msgspec.json.encode(plan_for(config)),
+        stdout=subprocess.PIPE,
+        env=environment,
+        cwd=settings.BASE_DIR,
+        timeout=PROBE_TIMEOUT_S,
+        check=True,
+    )
+    return _findings.decode(done.stdout)
+
+
+def plan_for(config: BridgeConfig) -> Plan:
+    """Return the topics that the robot's profile and entry name."""
+    topics = config.topics
+    return Plan(config.master_uri, topics.drive, list(_listened(config)), arm=topics.arm)
+
+
+def _listened(config: BridgeConfig) -> Iterator[Listened]:
+    topics = config.topics
+    yield Listened("odometry", topics.odometry.name, topics.odometry.type, stamped=True)
+    for scan in topics.scans:
+        yield Listened(f"scan {scan.topic}", scan.topic, "sensor_msgs/LaserScan", stamped=True)
+    for topic in sorted({sonar.topic for sonar in topics.sonars}):
+        frames = [sonar.frame_id for sonar in topics.sonars if sonar.topic == topic]
+        yield Listened(f"sonars {topic}", topic, "sensor_msgs/Range", stamped=True, frames=frames)
+    if topics.depth:
+        yield Listened("depth", topics.depth.topic, topics.depth.type, stamped=True)
+    if topics.joint_states:
+        yield Listened("joint states", topics.joint_states.name, topics.joint_states.type, stamped=True)
+    for camera in topics.cameras:
+        yield Listened(f"camera {camera.topic}", camera.topic, camera.type, stamped=True)
+    for what in ("battery", "charging", "diagnostics"):
+        if source := getattr(topics, what):
+            yield Listened(what, source.name, source.type, stamped=source.type in STAMPED)
+    if topics.map:
+        yield Listened("map", topics.map.name, topics.map.type, stamped=False)
+    for what in ("speech", "motions"):
+        action = getattr(topics, what)
+        if action and action.type.endswith("Action"):  # a plain topic for texts has no results
+            yield Listened(what, f"{action.name}/result", f"{action.type}Result", stamped=True)
+    for limb, source in topics.limbs.items():
+        yield Listened(limb, f"{source.action}/result", f"{source.type}Result", stamped=True)
+    if topics.navigation:
+        status = f"{topics.navigation.action}/status"
+        yield Listened("navigation", status, "actionlib_msgs/GoalStatusArray", stamped=True)
+
+
+# --- results -------------------------------------------------------------------------------------
+
+
+def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
+    """Yield the results, the most basic first. If the ROS master does not answer, yield only that."""
+    if findings.master_error is not None:
+        yield Check(
+            _("master"),
+            FAIL,
+            findings.master_error,
+            _("Is the robot on, and in this network? Its ROS_MASTER_URI should be %s.") % config.master_uri,
+        )
+        return
+    yield Check(_("master"), OK, _("The ROS master at %s answers.") % config.master_uri)
+    yield _names_here(findings.hosts)
+    if findings.callback is not None:
+        yield _names_there(findings.callback)
+    yield _clock(findings)
+    for listened, topic in zip(_listened(config), findings.topics, strict=True):
+        yield _topic(listened, topic)
+    if findings.description is not None:
+        if config.topics.arm:
+            yield _arm(findings.description)
+        yield _description(findings.description)
+    if findings.drive is not None:
+        yield from _drive(config, findings.drive)
+
+
+def _names_here(hosts: list[HostFound]) -> Check:
+    name = _("names, robot to console")
+    unknown = [host.name for host in hosts if host.address is None]
+    if unknown:
+        return Check(
+            name,
+            FAIL,
+            _("The robot’s nodes call themselves %s, which cannot be resolved here.") % _and(unknown),
+            _("Add it to the robot’s host aliases, such as %s.") % f'{{"{unknown[0]}": "10.68.0.1"}}',
+        )
+    unreached = [f"{host.name} ({host.address}: {host.error})" for host in hosts if host.error]
+    if unreached:
+        return Check(
+            name,
+            FAIL,
+            _("Nodes on %s cannot be reached.") % _and(unreached),
+            _("Is the address right (host aliases), a firewall between, or the node dead (rosnode cleanup)?"),
+        )
+    return Check(name, OK, _("The robot’s nodes (%s) can be reached.") % _and([host.name for host in hosts]))
+
+
+def _names_there(callback: CallbackFound) -> Check:
+    name = _("names, console to robot")
+    if callback.called:
+        return Check(name, OK, _("The robot called the console back at %s.") % callback.advertised)
+    where = f"{callback.advertised} ({callback.error})" if callback.error else callback.advertised
+    text = _("The robot could not call the console back at %s.") % where
+    if callback.route and callback.advertised != callback.route:
+        return Check(name, FAIL, text, _("Set the robot’s advertised address to %s.") % callback.route)
+    return Check(name, FAIL, text, _("Does a firewall on this computer keep the robot out?"))
+
+
+def _clock(findings: Findings) -> Check:
+    name = _("clock")
+    if findings.clock_is_simulated:
+        return Check(name, OK, _("The robot’s clock is simulated (/use_sim_time): ages are not compared."))
+    skews = [topic.skew_s for topic in findings.topics if topic.skew_s is not None]
+    if not skews:
+        return Check(name, WARN, _("No stamped message arrived, so clocks could not be compared."))
+    skew_s = min(skews, key=abs)
+    if abs(skew_s) <= CLOCK_SKEW_S:
+        agree = _("Robot and console agree within %.2f s.") % max(abs(skew_s), 0.01)
+        return Check(name, OK, agree)
+    ahead = _("The robot’s stamps are %.1f s ahead of the console’s clock.")
+    behind = _("The robot’s stamps are %.1f s behind the console’s clock.")
+    return Check(
+        name,
+        WARN,
+        (ahead if skew_s > 0 else behind) % abs(skew_s),
+        _(
+            "Let both follow the same time server (chrony). The console does not depend on it; recordings may."
+        ),
+    )
+
+
+def _topic(listened: Listened, found: TopicFound) -> Check:
+    name = _named(listened.what)
+    bad = FAIL if listened.what.split()[0] in NEEDED else WARN
+    words = {"topic": listened.topic, "type": listened.type}
+    if not found.publishers:
+        return Check(name, bad, _("No node publishes %(topic)s (%(type)s).") % words, _(_MISSING))
+    if found.error is not None:
+        text = _("%(topic)s cannot be read: %(error)s.") % {**words, "error": found.error}
+        return Check(name, bad, text, _(_UNREADABLE))
+    if found.type != listened.type:
+        text = _("%(topic)s is a %(found)s, not a %(type)s.") % {**words, "found": found.type}
+        return Check(name, bad, text, _(_MISSING))
+    if found.our_md5 is None:
+        return Check(name, bad, _("The console does not know the type %s.") % listened.type, _(_UNKNOWN))
+    if found.md5 != found.our_md5:
+        text = _("%(topic)s (%(type)s) has md5 %(theirs)s on the robot and %(ours)s here: they do not match.")
+        sums = {"theirs": found.md5, "ours": found.our_md5}
+        return Check(name, bad, text % {**words, **sums}, _(_OTHER_VERSION))
+    if not found.messages and listened.what not in QUIET:
+        text = _("%(topic)s (%(type)s) exists, but no message came.") % words
+        return Check(name, bad, text, _(_SILENT))
+    unseen = sorted(set(listened.frames) - set(found.frames))
+    if unseen:
+        frames = {"unseen": _and(unseen), "frames": _and(found.frames)}
+        text = _("%(topic)s has no messages from %(unseen)s, only from %(frames)s.") % {**words, **frames}
+        return Check(name, bad, text, _("Correct the sensors’ frame ids in the profile."))
+    if close := sorted(frame for frame, range_m in found.ranges.items() if range_m <= CLOSE_ECHO_M):
+        metres = {"frames": _and(close), "metres": min(found.ranges[frame] for frame in close)}
+        text = _("%(topic)s: %(frames)s reports %(metres).2f m.") % {**words, **metres}
+        return Check(name, WARN, text, _(_CLOSE))
+    alive, quiet = _("%(topic)s (%(type)s): messages arrive."), _("%(topic)s (%(type)s): right type.")
+    return Check(name, OK, (alive if found.messages else quiet) % words)
+
+
+def _named(what: str) -> str:
+    """Return `Listened.what` in the reader's language; the name of a topic in it is not translated."""
+    kind, slash, topic = what.partition(" /")
+    return _(kind) + slash + topic
+
+
+# The kinds of `_listened`, for the catalogues of translators.
+_KINDS = (
+    *(gettext_noop("odometry"), gettext_noop("scan"), gettext_noop("sonars"), gettext_noop("depth")),
+    *(gettext_noop("joint states"), gettext_noop("camera"), gettext_noop("battery")),
+    *(gettext_noop("charging"), gettext_noop("speech"), gettext_noop("motions"), gettext_noop("map")),
+    *(gettext_noop("gripper"), gettext_noop("torso"), gettext_noop("navigation")),
+    gettext_noop("diagnostics"),
+)
+_MISSING = gettext_noop(
+    "Is the node running, and is the topic’s name in the robot’s profile right (rostopic list)?"
+)
+_UNREADABLE = gettext_noop("See the results for names above.")
+_UNKNOWN = gettext_noop("Choose one of the types in the profile’s help text.")
+_OTHER_VERSION = gettext_noop("The robot has another version of the message’s package.")
+_CLOSE = gettext_noop(
+    "It holds reverse. If nothing stands there: clean the sensor, remove objects in front of it, "
+    "or remove it from the profile."
+)
+_NOT_DRAWN = gettext_noop("The 3D view does not show these parts.")
+_SILENT = gettext_noop("Is the sensor switched on, and does its driver work (rostopic hz)?")
+
+
+def _description(found: DescriptionFound) -> Check:
+    name = _("description")
+    try:
+        if found.error is not None:
+            raise BadDescription(found.error)
+        problems = drawable(found.text).problems
+    except BadDescription as bad:
+        return Check(name, WARN, _("/robot_description cannot be used: %s.") % bad, _(_NOT_DRAWN))
+    if not problems:
+        return Check(name, OK, _("/robot_description can be used as a whole."))
+    more = (
+        [_("%d more (3D view: notes)") % (len(problems) - MOST_LEFT_OUT)]
+        if len(problems) > MOST_LEFT_OUT
+        else []
+    )
+    left_out = "; ".join([*problems[:MOST_LEFT_OUT], *more])
+    return Check(name, WARN, _("/robot_description is used, but: %s.") % left_out, _(_NOT_DRAWN))
+
+
+def _arm(found: DescriptionFound) -> Check:
+    name = _("description of the arm")
+    lacking = [*found.links, *found.joints]
+    if found.error is not None:
+        text = _("/robot_description cannot be used: %s.") % found.error
+        return Check(name, WARN, text, _("Without it the console does not know where the arm is."))
+    if found.unplaced:
+        text = _("/robot_description does not say where %s is.") % _and(found.unplaced)
+        return Check(name, WARN, text, _("Without it the console does not know where the arm is."))
+    if lacking:
+        text = _("/robot_description lacks %s.") % _and(lacking)
+        advice = _(
+            "The console assumes a hand of 0.25 m there. Load the whole description, or correct the profile’s arm."
+        )
+        return Check(name, WARN, text, advice)
+    return Check(name, OK, _("/robot_description has all links and joints of the arm."))
+
+
+def _drive(config: BridgeConfig, found: DriveFound) -> Iterator[Check]:
+    name, drive = _("drive"), config.topics.drive
+    words = {"topic": drive.name, "type": drive.type}
+    if found.type not in (None, "*", drive.type):
+        text = _("%(topic)s is a %(found)s, not a %(type)s.") % {**words, "found": found.type}
+        yield Check(name, FAIL, text, _("Correct the profile’s type."))
+    elif not found.subscribers:
+        yield Check(
+            name,
+            FAIL,
+            _("No node listens to %(topic)s: the robot would not move.") % words,
+            _("Is the base controller (on TIAGo: twist_mux) running, and the drive topic right?"),
+        )
+    else:
+        text = _("%(nodes)s listens to %(topic)s (%(type)s).") % {**words, "nodes": _and(found.subscribers)}
+        yield Check(name, OK, text)
+    yield _others(
+        drive.name,
+        [node for node in found.publishers if node not in {BRIDGE, watchdog_name(config.robot_id)}],
+    )
+
+
+def _others(topic: str, nodes: list[str]) -> Check:
+    name = _("other drivers")
+    if not nodes:
+        return Check(name, OK, _("No other node publishes to %s.") % topic)
+    text = _("%(nodes)s also publishes to %(topic)s, without the console’s gate.")
+    words = {"nodes": _and(nodes), "topic": topic}
+    return Check(name, WARN, text % words, _("Stop it, or choose a drive topic that only the console uses."))
+
+
+def _and(names: list[str]) -> str:
+    if not names:
+        return _("nothing")
+    *first, last = names
+    return _("%(first)s and %(last)s") % {"first": ", ".join(first), "last": last} if first else last

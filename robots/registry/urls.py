@@ -1,7 +1,0 @@
-"""URLs of the registry's pages."""
-
-from django.urls import path
-
-from robots.registry import views
-
-urlpatterns = [path("robots/<slug:slug>/check/", views.robot_check, name="robot-check")]

@@ -1,0 +1,1 @@
+"""What the console and a robot’s processes both know. No Django; rospy only in `ros/`."""

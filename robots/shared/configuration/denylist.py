@@ -1,0 +1,174 @@
+"""Deny entries that no allow-list may contain: they bypass the safety chain or disturb its sensors. Pure.
+
+Names are checked word by word (/power/is_emergency: power, is, emergency), so that a namespace or a number
+does not hide the purpose of a topic. Types are checked as well, because a robot may use any topic name. In
+doubt, deny.
+
+The registry refuses a denied entry. `admissible` leaves such entries out when the registry, `holder_tasks.py` or the
+inspector takes a configuration. `ros/inspector/requests.py` checks each message, call and parameter.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+
+from robots.shared.configuration.bridge_config import Allowed, Topic, Topics
+from robots.shared.wire import Field
+
+USE_TYPES = {
+    "drive": ("geometry_msgs/Twist", "geometry_msgs/TwistStamped"),
+    "speech": ("pal_interaction_msgs/TtsAction", "std_msgs/String", "sound_play/SoundRequest"),
+    "motions": ("play_motion_msgs/PlayMotionAction",),
+}
+
+# names that ROS does not change when it resolves them
+FULL_NAME = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
+
+_VELOCITY = "velocities move the base: they go through the gate only"
+
+# Parts of names, by reason. A part matches anywhere in a name; an underscore means the begin or end of a
+# word. For a topic chosen for driving, only the first group applies: its input has passed the gate.
+_OVERRIDING = {
+    "controllers and their configuration bypass the gate": "control command trajectory mux "
+    "reconfigure param rosapi nodelet bond _script urscript setpoint _pid_",
+    "the lab’s joystick must override the console": "_joy joystick joypad gamepad teleop _tab_ _tabs_",
+    "locks and emergency stops belong to the robot": "_lock locks locked unlock interlock pause brake breaker stop "
+    "halt emergency closing_loop safety deadman collision",
+    "the console’s own nodes and topics are reserved": "fleet_bridge fleet_inspector",
+}
+_CHAIN = {
+    _VELOCITY: "_vel_ _vels_ velocit cmdvel basevel twist speed _drive_ steer throttle gazebo",
+    "commands to wheels and motors bypass the gate": "cmd wheel motor servo effort torque _pwm_ _jog",
+    "goals and cancels of actions go through the console’s tasks": "goal cancel",
+    "the gate uses scans and ranges": "scan laser lidar hokuyo _sick_ sonar range ultraso bumper cliff",
+    "the gate uses depth images and clouds": "depth points cloud disparity camera xtion realsense kinect astra",
+    "the gate uses odometry": "odom encoder _imu gyro _ekf_ _ukf_ set_pose _reset_",
+    "the gate uses joint positions": "joint",
+    "the gate uses frames and clocks": "_tf clock _time_ robot_description robot_state_publisher",
+    "power and docking belong to the robot": "power battery batteries charg dock shutdown reboot",
+}
+
+_POINTS = {"the points of a motion decide about the arm’s space": "play_motion"}
+
+_SENT_TYPES = {
+    _VELOCITY: r"geometry_msgs/(Accel|Wrench).*|(ackermann|gazebo)_msgs/.*|.*/\w*(Twist|Velocit|CmdVel|Speed)\w*",
+    "controllers bypass the gate": r"(trajectory_msgs|control_msgs|controller_manager_msgs|bond)/.*|"
+    r".*/\w*JointTrajectory\w*",
+    "goals, cancels and their answers go through the console’s tasks": r"actionlib_msgs/.*|"
+    r".*/\w+Action(Goal|Result|Feedback)?",
+    "joysticks must override the console": r".*/\w*Joy\w*",
+    "the gate uses scans and ranges": r".*/\w*(LaserScan|LaserEcho|Bumper)\w*|.*/Range",
+    "the gate uses depth images and clouds": r".*/\w*(PointCloud|Image|CameraInfo)\w*|"
+    r"(stereo_msgs|theora_image_transport)/.*",
+    "the gate uses odometry": r".*/\w*Odom\w*|.*/Imu",
+    "the gate uses joint positions": r".*/\w*JointState\w*",
+    "the gate uses frames and clocks": r"(tf|tf2_msgs)/.*|.*/TransformStamped|rosgraph_msgs/Clock",
+    "power belongs to the robot": r".*/BatteryState|power_msgs/.*",
+    "speech goes through the console’s tasks": r"sound_play/.*",
+}
+_CALLED_TYPES = {
+    _VELOCITY: r".*/\w*(Twist|Velocit|CmdVel|Speed)\w*|gazebo_msgs/.*",
+    "controllers and their configuration bypass the gate": r"(controller_manager_msgs|dynamic_reconfigure|"
+    r"topic_tools|nodelet|rosapi)/.*|.*/\w*(Controller|Reconfigure|SetParam)\w*",
+    "the gate uses depth images and clouds": r".*/\w*SetCameraInfo",
+    "the gate uses odometry": r"robot_localization/.*|.*/\w*Odom\w*",
+    "power belongs to the robot": r"power_msgs/.*",
+}
+
+# Types whose bytes are accepted under other names: ROS compares md5 sums, not type names.
+COUNTERFEITED = (
+    *("geometry_msgs/Twist", "geometry_msgs/TwistStamped", "geometry_msgs/TwistWithCovarianceStamped"),
+    *("geometry_msgs/Wrench", "trajectory_msgs/JointTrajectory", "actionlib_msgs/GoalID", "sensor_msgs/Joy"),
+    *("sensor_msgs/LaserScan", "sensor_msgs/Range", "sensor_msgs/PointCloud", "sensor_msgs/PointCloud2"),
+    *("sensor_msgs/Image", "sensor_msgs/CompressedImage", "sensor_msgs/CameraInfo", "nav_msgs/Odometry"),
+    *("sensor_msgs/Imu", "sensor_msgs/JointState", "tf2_msgs/TFMessage", "geometry_msgs/TransformStamped"),
+    *("rosgraph_msgs/Clock", "sensor_msgs/BatteryState"),
+)
+
+
+def why_denied(what: str, name: str, type: str, topics: Topics, use: str = "") -> str | None:
+    """Return why no allow-list of this robot may contain this entry; None if it may.
+
+    `what`: choose (route input of `use` there), publish, call, set. `type` is "" if unknown.
+    """
+    if not FULL_NAME.fullmatch(name):
+        return "it is not a full ROS name"
+    if what == "choose":
+        return _why_topic_denied(name, type, topics, use)
+    return next(_reasons(what, name, type, topics), None)
+
+
+def why_fields_denied(type: str, fields: Iterable[Field]) -> str | None:
+    """Return why a message of this definition may not be published, by its type or its parts; None if it may."""
+    return next(_by_parts(type, fields), None)
+
+
+def names_set(name: str, *values: object) -> Iterator[str]:
+    """Yield all parameters that are set or lost when one of these values replaces another at `name`."""
+    yield name
+    for value in values:
+        for key, inner in value.items() if isinstance(value, dict) else ():
+            yield from names_set(f"{name}/{key}", inner)
+
+
+def admissible(allowed: Iterable[Allowed], topics: Topics) -> tuple[Allowed, ...]:
+    """Return the entries of an allow-list that are not denied."""
+    return tuple(
+        entry
+        for entry in allowed
+        if why_denied(entry.what, entry.name, entry.type, topics, entry.use) is None
+    )
+
+
+def _why_topic_denied(name: str, type: str, topics: Topics, use: str) -> str | None:
+    """Return why this topic may not be chosen for input of `use`; None if it may.
+
+    For driving, only the rules about overriding apply: the input has passed the gate.
+    """
+    default: Topic | None = getattr(topics, use) if use in USE_TYPES else None
+    if default is None:
+        return f"this robot takes no input for {use or 'no use'}"
+    if type != default.type:
+        return f"its type is {type or 'unknown'}, but input for {use} needs {default.type}"
+    if name != default.name and name in _own(topics):
+        return "the robot uses it for something else"
+    return next(_by_name(name, _OVERRIDING if use == "drive" else _OVERRIDING | _CHAIN), None)
+
+
+def _reasons(what: str, name: str, type: str, topics: Topics) -> Iterator[str]:
+    if name in _own(topics):
+        yield "the console itself uses it"
+    yield from _by_name(name, _OVERRIDING | _CHAIN | ({} if what == "call" else _POINTS))
+    yield from _by_type(type, _SENT_TYPES if what == "publish" else _CALLED_TYPES)
+
+
+def _own(topics: Topics) -> set[str | None]:
+    """Return all topics and actions that the robot's profile names."""
+    names: set[str | None] = set(topics.cancelled)
+    for field in topics.__struct_fields__:
+        sources = getattr(topics, field)
+        for source in sources if isinstance(sources, list) else [sources]:
+            names |= {getattr(source, part, None) for part in ("name", "topic", "info")}
+    return names
+
+
+def _by_name(name: str, groups: dict[str, str]) -> Iterator[str]:
+    words = _words(name)
+    return (why for why, meant in groups.items() if any(word in words for word in meant.split()))
+
+
+def _words(name: str) -> str:
+    """Normalise a name: /tiago/scanRaw2 -> _tiago_scan_raw_ _tiago_scanraw_"""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
+    return " ".join(f"_{'_'.join(re.findall('[a-z]+', spelt.lower()))}_" for spelt in (apart, name))
+
+
+def _by_type(type: str, groups: dict[str, str]) -> Iterator[str]:
+    return (why for why, meant in groups.items() if re.fullmatch(meant, type))
+
+
+def _by_parts(type: str, fields: Iterable[Field]) -> Iterator[str]:
+    yield from _by_type(type, _SENT_TYPES)
+    for field in fields:
+        yield from _by_parts(field.type, field.fields)

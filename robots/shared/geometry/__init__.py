@@ -1,0 +1,1 @@
+"""Poses, arcs and the footprint in the plane."""

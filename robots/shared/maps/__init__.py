@@ -1,0 +1,1 @@
+"""A robot’s map: its cells, and the room at a place."""

@@ -1,0 +1,212 @@
+"""Fits fields from a person or a program to the definition of a message. Pure.
+
+Fields are nested, or have dotted keys, or both; array elements may be named by their number ("points.0.x"). A value
+that does not fit raises `BadField` with the path of the field, written as ``points[0].x``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from robots.shared.wire import Field, Refusal
+
+NOW = "now"  # as a time: the moment of sending
+INTEGERS = {
+    "bool": (0, 1),
+    "byte": (-128, 127),
+    "char": (0, 255),
+    "int8": (-(2**7), 2**7 - 1),
+    "uint8": (0, 2**8 - 1),
+    "int16": (-(2**15), 2**15 - 1),
+    "uint16": (0, 2**16 - 1),
+    "int32": (-(2**31), 2**31 - 1),
+    "uint32": (0, 2**32 - 1),
+    "int64": (-(2**63), 2**63 - 1),
+    "uint64": (0, 2**64 - 1),
+}
+FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}  # largest value
+STAMPS = {"time": "uint32", "duration": "int32"}  # with the type of their seconds
+MAX_DEPTH = 24  # levels of nesting
+MAX_ARRAY = 10_000  # elements; the limit of a message to the console is lower
+
+
+class BadField(ValueError):
+    """A field that the definition does not have, or a value that does not fit. `refusal` is for people."""
+
+    def __init__(self, path: str, text: str) -> None:
+        super().__init__(text)
+        self.refusal = Refusal("bad_field", text, "wire", {"path": path})
+
+
+def fit_fields(definition: Sequence[Field], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `given` as nested values of the definition's types, with constants' names replaced.
+
+    Missing fields stay missing. Raises `BadField`.
+    """
+    return _message(definition, given, "")
+
+
+def _message(definition: Sequence[Field], given: Any, path: str) -> dict[str, Any]:
+    if not isinstance(given, Mapping):
+        raise BadField(path, f"{path}: the fields of a message are needed, not {_describe(given)}.")
+    known = {field.name: field for field in definition}
+    found = {}
+    for name, value in _nested(given).items():
+        inner = f"{path}.{name}" if path else str(name)
+        if name not in known:
+            there = ", ".join(known) or "none"
+            raise BadField(inner, f"There is no field {inner}; the fields are: {there}.")
+        found[name] = _field(known[name], value, inner)
+    return found
+
+
+def _field(field: Field, given: Any, path: str) -> Any:
+    if field.array is None:
+        return _one(field, given, path)
+    values = _elements(given, path)
+    if field.array >= 0 and len(values) != field.array:
+        raise BadField(path, f"{path}: exactly {field.array} values, not {len(values)}.")
+    if len(values) > MAX_ARRAY:
+        raise BadField(path, f"{path}: at most {MAX_ARRAY} values, not {len(values)}.")
+    return [_one(field, value, f"{path}[{number}]") for number, value in enumerate(values)]
+
+
+def _elements(given: Any, path: str) -> Sequence[Any]:
+    if isinstance(given, Mapping):
+        wanted = [str(number) for number in range(len(given))]
+        if set(given) != set(wanted):
+            raise BadField(path, f"{path}: an array’s elements are numbered from 0, without a gap.")
+        return [given[number] for number in wanted]
+    if not isinstance(given, list | tuple):
+        raise BadField(path, f"{path}: an array is needed, not {_describe(given)}.")
+    return given
+
+
+def _one(field: Field, given: Any, path: str) -> Any:
+    if isinstance(given, str) and field.type != "string" and given in field.constants:
+        return field.constants[given]
+    if field.type == "bool":
+        return _truth(given, path)
+    if field.type in INTEGERS:
+        return _whole(field.type, given, path)
+    if field.type in FLOATS:
+        return _number(field.type, given, path)
+    if field.type in STAMPS:
+        return _stamp(field.type, given, path)
+    if field.type == "string":
+        return _text(given, path)
+    return _message(field.fields, given, path)
+
+
+def _truth(given: Any, path: str) -> bool:
+    if given is True or given is False or (type(given) is int and given in (0, 1)):
+        return bool(given)
+    raise BadField(path, f"{path}: true or false, not {_describe(given)}.")
+
+
+def _whole(type_name: str, given: Any, path: str) -> int:
+    low, high = INTEGERS[type_name]
+    if isinstance(given, float) and given.is_integer():
+        given = int(given)
+    if isinstance(given, bool) or not isinstance(given, int):
+        raise BadField(path, f"{path}: a whole number ({type_name}), not {_describe(given)}.")
+    if not low <= given <= high:
+        raise BadField(
+            path, f"{path}: {type_name} goes from {low} to {high}; {_describe(given)} does not fit."
+        )
+    return given
+
+
+def _number(type_name: str, given: Any, path: str) -> float:
+    if isinstance(given, bool) or not isinstance(given, int | float):
+        raise BadField(path, f"{path}: a number ({type_name}), not {_describe(given)}.")
+    try:
+        value = float(given)
+    except OverflowError:
+        value = math.inf
+    if not math.isfinite(value):
+        raise BadField(path, f"{path}: a finite number is needed.")
+    if abs(value) > FLOATS[type_name]:
+        raise BadField(path, f"{path}: {_describe(given)} is too large for {type_name}.")
+    return value
+
+
+def _stamp(type_name: str, given: Any, path: str) -> Any:
+    """Return {"secs", "nsecs"}; a time may be "now"."""
+    if given == NOW and type_name == "time":
+        return NOW
+    if isinstance(given, Mapping):
+        if not set(given) <= {"secs", "nsecs"}:
+            raise BadField(path, f"{path}: a {type_name} has secs and nsecs.")
+        secs = _whole(STAMPS[type_name], given.get("secs", 0), f"{path}.secs")
+        nsecs = _whole(STAMPS[type_name], given.get("nsecs", 0), f"{path}.nsecs")
+        if not 0 <= nsecs < 1_000_000_000:
+            raise BadField(f"{path}.nsecs", f"{path}.nsecs: from 0 to 999999999.")
+        return {"secs": secs, "nsecs": nsecs}
+    if isinstance(given, bool) or not isinstance(given, int | float):
+        also = ' or "now"' if type_name == "time" else ""
+        raise BadField(path, f"{path}: seconds, or secs and nsecs{also}, not {_describe(given)}.")
+    low, high = INTEGERS[STAMPS[type_name]]
+    if not low <= given < high + 1:  # false for NaN and infinities as well
+        raise BadField(
+            path, f"{path}: a {type_name} has from {low} to {high} seconds, not {_describe(given)}."
+        )
+    whole, part = divmod(given, 1)
+    nanoseconds = round(part * 1_000_000_000)
+    return {"secs": int(whole) + nanoseconds // 1_000_000_000, "nsecs": nanoseconds % 1_000_000_000}
+
+
+def _text(given: Any, path: str) -> str:
+    if not isinstance(given, str):
+        raise BadField(path, f"{path}: a text, not {_describe(given)}.")
+    if "\0" in given:
+        raise BadField(path, f"{path}: a text without null characters.")
+    return given
+
+
+def _nested(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Resolve dotted keys: merge "a.b" into "a"."""
+    found: dict[str, Any] = {}
+    for key, value in given.items():
+        _put(found, str(key).split("."), value, "", MAX_DEPTH)
+    return found
+
+
+def _put(into: dict[str, Any], names: list[str], value: Any, path: str, deeper: int) -> None:
+    name, *rest = names
+    path = f"{path}.{name}" if path else name
+    if not deeper:
+        raise BadField(path, f"{path}: the fields are nested too deeply.")
+    if rest:
+        value = {".".join(rest): value}
+    if isinstance(value, Mapping):
+        inner = into.setdefault(name, {})
+        if not isinstance(inner, dict):
+            raise BadField(path, f"{path} is given twice.")
+        for key, part in value.items():
+            _put(inner, str(key).split("."), part, path, deeper - 1)
+    elif name in into:
+        raise BadField(path, f"{path} is given twice.")
+    else:
+        into[name] = value
+
+
+def _describe(value: Any) -> str:
+    """Describe a value in a few words, for a person."""
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return str(value).lower()
+        case Mapping():
+            return "a dictionary"
+        case list() | tuple():
+            return "an array"
+        case str():
+            return f"the text “{value[:20]}”"
+        case int() if value.bit_length() > 128:  # Python refuses to print integers with some thousand digits
+            return "a very large number"
+        case _:
+            return str(value)[:40]

@@ -1,0 +1,267 @@
+"""Reads and writes a message's bytes by its definition. Pure: generates no classes, runs no foreign code.
+
+Messages are read in part: only the beginning of long arrays and texts is read, and the rest is skipped. So a
+map of a million cells costs no more than a short message.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
+
+from robots.shared.messages.fields import FLOATS, INTEGERS, NOW, STAMPS
+from robots.shared.wire import Field
+
+HEADER = "std_msgs/Header"
+MAX_STEPS = 200_000  # for one message: some tenths of a second
+MAX_WRITTEN_BYTES = 4 * 1024 * 1024  # bytes
+_LENGTH = struct.Struct("<I")
+_CODES = {
+    "bool": "?",
+    "byte": "b",
+    "char": "B",
+    "int8": "b",
+    "uint8": "B",
+    "int16": "h",
+    "uint16": "H",
+    "int32": "i",
+    "uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
+    "float32": "f",
+    "float64": "d",
+}
+
+Time = tuple[int, int]  # seconds, nanoseconds
+
+
+class Broken(ValueError):
+    """The bytes are not a message of this definition."""
+
+
+class TooLarge(ValueError):
+    """A message that takes too long to read, or has too many bytes to write."""
+
+
+class Detail(NamedTuple):
+    """The amount to read: `first` elements of arrays longer than `whole`, and `text` characters of texts."""
+
+    whole: int
+    first: int
+    text: int
+
+
+class Reading:
+    """A position in one message's bytes; `shortened` has the full length of each array that was read in part."""
+
+    def __init__(self, data: bytes, detail: Detail) -> None:
+        self.data = data
+        self.at = 0
+        self.detail = detail
+        self.shortened: dict[str, int] = {}  # by path
+        self._steps_left = MAX_STEPS
+
+    def step(self, size: int) -> int:
+        """Advance by `size` bytes; return where they begin."""
+        self._steps_left -= 1
+        if self._steps_left < 0:
+            raise TooLarge("The message has too many parts to be shown.")
+        begin = self.at
+        self.at += size
+        if self.at > len(self.data):
+            raise Broken(f"The message ends after {len(self.data)} bytes, within a field.")
+        return begin
+
+    def length(self) -> int:
+        """Read the length prefix."""
+        size: int = _LENGTH.unpack_from(self.data, self.step(4))[0]
+        return size
+
+
+class _Kind(Protocol):
+    """A field's type. `size` in bytes; None: it varies."""
+
+    size: int | None
+
+    def read(self, reading: Reading, path: str) -> Any: ...
+
+    def skip(self, reading: Reading) -> None: ...
+
+    def write(self, value: Any, out: bytearray, now: Time) -> None: ...  # None: no value was given
+
+
+class _Number:
+    def __init__(self, type_name: str) -> None:
+        self._struct = struct.Struct("<" + _CODES[type_name])
+        self.size: int | None = self._struct.size
+        self._blank = False if type_name == "bool" else 0
+        self._name = type_name
+
+    def read(self, reading: Reading, path: str) -> Any:
+        return self.plain(self._struct.unpack_from(reading.data, reading.step(self._struct.size))[0])
+
+    def skip(self, reading: Reading) -> None:
+        reading.step(self._struct.size)
+
+    def write(self, value: Any, out: bytearray, now: Time) -> None:
+        out += self._struct.pack(self._blank if value is None else value)
+
+    def plain(self, value: Any) -> Any:
+        """Convert for JSON: round a float32 to its digits, NaN and infinities as text."""
+        if self._name not in FLOATS:
+            return value
+        if not math.isfinite(value):
+            return "NaN" if math.isnan(value) else ("Infinity" if value > 0 else "-Infinity")
+        return float(f"{value:.7g}") if self._name == "float32" else value
+
+
+class _Stamp:
+    size: int | None = 8
+
+    def __init__(self, type_name: str, blank: Any = None) -> None:
+        self._struct = struct.Struct("<II" if type_name == "time" else "<ii")
+        self._blank = blank
+
+    def read(self, reading: Reading, path: str) -> dict[str, int]:
+        secs, nsecs = self._struct.unpack_from(reading.data, reading.step(8))
+        return {"secs": secs, "nsecs": nsecs}
+
+    def skip(self, reading: Reading) -> None:
+        reading.step(8)
+
+    def write(self, value: Any, out: bytearray, now: Time) -> None:
+        value = self._blank if value is None else value
+        if value == NOW:
+            out += self._struct.pack(*now)
+        else:
+            out += self._struct.pack(value["secs"], value["nsecs"]) if value else bytes(8)
+
+
+class _Text:
+    size: int | None = None
+
+    def read(self, reading: Reading, path: str) -> str:
+        size = reading.length()
+        begin = reading.step(size)
+        kept = reading.detail.text
+        text = reading.data[begin : begin + min(size, 4 * kept)].decode(errors="replace")
+        return text if len(text) <= kept and size <= 4 * kept else f"{text[:kept]}…"
+
+    def skip(self, reading: Reading) -> None:
+        reading.step(reading.length())
+
+    def write(self, value: Any, out: bytearray, now: Time) -> None:
+        text = (value or "").encode()
+        out += _LENGTH.pack(len(text)) + text
+
+
+class _Array:
+    def __init__(self, element: _Kind, length: int) -> None:
+        self._element = element
+        self._length = length  # -1: any length
+        self.size = None if length < 0 or element.size is None else length * element.size
+
+    def read(self, reading: Reading, path: str) -> list[Any]:
+        length = reading.length() if self._length < 0 else self._length
+        self._check_room(reading, length)
+        shown = length
+        if length > (reading.detail.whole if self._element.size != 0 else 1):
+            shown = reading.detail.first if self._element.size != 0 else 1
+            reading.shortened[path] = length
+        values = [self._element.read(reading, f"{path}[{number}]") for number in range(shown)]
+        self._skip(reading, length - shown)
+        return values
+
+    def skip(self, reading: Reading) -> None:
+        length = reading.length() if self._length < 0 else self._length
+        self._check_room(reading, length)
+        self._skip(reading, length)
+
+    def write(self, value: Any, out: bytearray, now: Time) -> None:
+        values = [None] * max(self._length, 0) if value is None else value
+        if self._length < 0:
+            out += _LENGTH.pack(len(values))
+        if self._element.size == 0:
+            return
+        for element in values:
+            self._element.write(element, out, now)
+            if len(out) > MAX_WRITTEN_BYTES:
+                raise TooLarge(f"The message would have more than {MAX_WRITTEN_BYTES} bytes.")
+
+    def _skip(self, reading: Reading, count: int) -> None:
+        if self._element.size is not None:
+            reading.step(count * self._element.size)
+            return
+        for _ in range(count):
+            self._element.skip(reading)
+
+    def _check_room(self, reading: Reading, length: int) -> None:
+        """Check the length against the bytes left.
+
+        Elements of zero bytes may have any number; they are not iterated.
+        """
+        if self._element.size != 0 and length > len(reading.data) - reading.at:
+            raise Broken(f"An array claims {length} elements, but the message is shorter.")
+
+
+class _Message:
+    def __init__(self, fields: Sequence[Field], header: bool) -> None:
+        self._fields = [(field.name, _kind(field, header)) for field in fields]
+        sizes = [kind.size for _, kind in self._fields]
+        self.size = None if None in sizes else sum(size or 0 for size in sizes)
+
+    def read(self, reading: Reading, path: str) -> dict[str, Any]:
+        reading.step(0)  # a message without fields counts as a step, too
+        before = f"{path}." if path else ""
+        return {name: kind.read(reading, before + name) for name, kind in self._fields}
+
+    def skip(self, reading: Reading) -> None:
+        if self.size is not None:
+            reading.step(self.size)
+            return
+        for _, kind in self._fields:
+            kind.skip(reading)
+
+    def write(self, value: Any, out: bytearray, now: Time) -> None:
+        given = value or {}
+        for name, kind in self._fields:
+            kind.write(given.get(name), out, now)
+
+
+def _kind(field: Field, header: bool) -> _Kind:
+    element: _Kind
+    if field.type in STAMPS:
+        element = _Stamp(field.type, NOW if header and field.name == "stamp" else None)
+    elif field.type in INTEGERS or field.type in FLOATS:
+        element = _Number(field.type)
+    elif field.type == "string":
+        element = _Text()
+    else:
+        element = _Message(field.fields, header=field.type == HEADER)
+    return element if field.array is None else _Array(element, field.array)
+
+
+class Layout:
+    """Byte layout of messages of one definition."""
+
+    def __init__(self, definition: Sequence[Field]) -> None:
+        self._message = _Message(definition, header=False)
+
+    def read(self, data: bytes, detail: Detail) -> tuple[dict[str, Any], dict[str, int]]:
+        """Return the fields, and by path the full lengths of shortened arrays. Raises `Broken` or `TooLarge`."""
+        reading = Reading(data, detail)
+        fields = self._message.read(reading, "")
+        if reading.at != len(data):
+            raise Broken(f"The message has {len(data)} bytes; its definition says {reading.at}.")
+        return fields, reading.shortened
+
+    def write(self, values: dict[str, Any], now: Time) -> bytes:
+        """Return the bytes of `fields.fit_fields`'s result; missing values are zero or empty, a header's stamp is now.
+
+        Raises `TooLarge`.
+        """
+        out = bytearray()
+        self._message.write(values, out, now)
+        return bytes(out)

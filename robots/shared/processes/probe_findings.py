@@ -1,0 +1,101 @@
+"""Questions and answers of `robots.bridge.ros.network.probe` about a robot's ROS: only facts."""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+from msgspec import Struct
+
+from robots.shared.configuration.bridge_config import ArmSource, Topic
+
+CALLER = "/fleet_check"  # the probe's node name
+BRIDGE = "/fleet_bridge"  # the bridge's node name, the same from every console: a second bridge is refused
+WATCHDOG = "/fleet_watchdog"  # prefix of a watchdog's node name; it publishes only zeros
+
+
+def watchdog_name(robot_id: str) -> str:
+    """Return the node name of this console's watchdog of a robot: no other console has that robot id."""
+    return f"{WATCHDOG}_{UUID(robot_id).hex[:12]}"
+
+
+class Listened(Struct, frozen=True):
+    """A topic to subscribe to. `stamped`: its messages begin with a std_msgs/Header."""
+
+    what: str
+    topic: str
+    type: str
+    stamped: bool
+    frames: list[str] = []  # expected frame ids
+
+
+class Plan(Struct, frozen=True):
+    """The questions."""
+
+    master_uri: str
+    drive: Topic
+    listened: list[Listened]
+    listen_s: float = 2.0
+    arm: ArmSource | None = None  # the arm that the robot's description should have
+
+
+class HostFound(Struct, frozen=True):
+    """A host name of the robot's nodes. `address` None: it does not resolve; `error`: it is not reachable."""
+
+    name: str
+    nodes: int
+    address: str | None = None
+    error: str | None = None
+
+
+class CallbackFound(Struct, frozen=True):
+    """Result of the test whether the master can call us at our advertised address."""
+
+    advertised: str
+    called: bool
+    route: str | None = None  # our address in the master's network
+    error: str | None = None
+
+
+class TopicFound(Struct, frozen=True):
+    """One topic as its first reachable publisher offers it."""
+
+    what: str
+    publishers: list[str]
+    type: str | None = None  # as offered
+    md5: str | None = None
+    our_md5: str | None = None  # None: the type is unknown here
+    messages: int = 0
+    frames: list[str] = []
+    skew_s: float | None = None  # stamp minus our clock, of the message with the largest difference
+    error: str | None = None
+    ranges: dict[str, float] = {}  # of sonars, by frame id; metres
+
+
+class DriveFound(Struct, frozen=True):
+    """The drive topic: publishers, subscribers, and its type at the master."""
+
+    publishers: list[str]
+    subscribers: list[str]
+    type: str | None
+
+
+class DescriptionFound(Struct, frozen=True):
+    """The robot's description, and the parts of the arm that it lacks. `error`: why this is unknown."""
+
+    links: list[str] = []
+    joints: list[str] = []
+    unplaced: list[str] = []  # links that it has, but whose places are not known
+    error: str | None = None
+    text: str = ""
+
+
+class Findings(Struct, frozen=True):
+    """All answers. `master_error` None: the master answers; otherwise the rest is empty."""
+
+    master_error: str | None = None
+    hosts: list[HostFound] = []
+    callback: CallbackFound | None = None
+    topics: list[TopicFound] = []
+    drive: DriveFound | None = None
+    description: DescriptionFound | None = None
+    clock_is_simulated: bool = False

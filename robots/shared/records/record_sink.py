@@ -1,0 +1,151 @@
+"""Interface of the audit log, so that the bridge does not depend on a database.
+
+One worker thread calls the methods, one at a time and in order. A method returns when its record is
+committed. It raises `RecordError` if the record is not committed: then the action must not happen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal, NamedTuple, Protocol
+
+from msgspec import Struct
+
+from robots.shared.geometry.poses import Pose
+from robots.shared.records.verdict import Verdict
+from robots.shared.wire import HealthLevel
+
+Parameters = Mapping[str, str | float | None]
+
+
+class RecordError(Exception):
+    """A record could not be committed now. The text says why, for the operator."""
+
+
+class BadRecord(RecordError):
+    """A record that can never be committed: do not try again."""
+
+
+class Holder(Struct, frozen=True):
+    """The person in control, from the grant."""
+
+    holder_id: str
+    holder: str
+    session: str
+    fence: int
+
+
+class Position(Struct, frozen=True):
+    """The robot's position as far as known: metres and radians."""
+
+    pose: Pose | None = None  # in the odometry frame
+    map_to_odom: Pose | None = None  # of the odometry frame in the map frame
+
+
+class Sample(NamedTuple):
+    """The robot's position in the odometry frame."""
+
+    t_s: float  # since the drive began
+    x: float  # metres
+    y: float
+    yaw: float  # rad, continuous beyond a full turn, so that values between samples can be interpolated
+    speed: float  # m/s
+
+
+DriveEnd = Literal["standstill", "halted", "control_changed", "bridge_ended"]
+
+
+class DriveSummary(Struct, frozen=True):
+    """Summary of a drive from odometry: metres, seconds, m/s, rad/s."""
+
+    outcome: DriveEnd
+    ended_by: str  # the outcome in words
+    end: Position
+    distance_m: float
+    duration_s: float
+    top_mps: float
+    top_radps: float
+    interventions: int
+    path: list[Sample]
+    tolerance_m: float  # of the path
+
+
+class GateStart(Struct, frozen=True):
+    """Begin of a gate intervention."""
+
+    verdict: Verdict
+    t_s: float  # since the drive began
+    pose: Pose | None
+
+
+class GateSummary(Struct, frozen=True):
+    """Summary of a gate intervention."""
+
+    duration_s: float  # from its first to its last verdict
+    also: list[str]  # codes of other rules that limited the robot during it
+    nearest: Verdict  # with the nearest obstacle
+    pose: Pose | None  # at its end
+
+
+class TakenMap(Struct, frozen=True, tag=True):
+    """The robot's map as a picture. `origin` is its lower left corner, as in nav_msgs/OccupancyGrid."""
+
+    resolution_m: float  # of a cell; one cell is one pixel
+    origin: Pose  # in the map frame
+    width: int  # cells
+    height: int
+    picture: bytes  # PNG; the first row is the upper edge
+    digest: str  # of picture and position
+
+
+class TakenDescription(Struct, frozen=True):
+    """The robot's description (URDF), compressed by zlib. `problem`: why it cannot be used."""
+
+    digest: str  # of the text
+    packed: bytes
+    problem: str = ""
+
+
+class RecordSink(Protocol):
+    """The audit log, as the bridge uses it. The returned numbers only identify records."""
+
+    def settle(self) -> None:
+        """Commit ends that an earlier bridge of this robot did not record. Called before other methods."""
+
+    def test_writable(self) -> None:
+        """Test whether a record could be committed."""
+
+    def begin_drive(self, holder: Holder, start: Position) -> int:
+        """Commit the start of a drive, before its first twist that is not zero."""
+
+    def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
+        """Commit the end of a drive."""
+
+    def request(self, holder: Holder | None, kind: str, parameters: Parameters) -> int:
+        """Commit a request of a task before it is sent to the robot. None: the bridge requests it itself."""
+
+    def outcome(
+        self, request: int, holder: Holder | None, kind: str, outcome: str, parameters: Parameters
+    ) -> None:
+        """Commit the outcome of a request."""
+
+    def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:
+        """Commit that the gate began to limit the robot, and why."""
+
+    def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None:
+        """Commit that stop `number` reached the robot. The web process records who pressed it.
+
+        `was_standing`: at the press, the robot stood and had no command to move.
+        """
+
+    def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
+        """Commit the end of an intervention and its summary."""
+
+    def ill_parts(self) -> dict[str, HealthLevel]:
+        """Return the parts of the robot whose last record reports a problem, with their levels."""
+
+    def keep_map(self, taken: TakenMap) -> None:
+        """Commit the robot's present map. The robot does not wait for it."""
+
+    def keep_description(self, taken: TakenDescription) -> None:
+        """Commit the robot's present description. The robot does not wait for it."""

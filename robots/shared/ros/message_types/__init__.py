@@ -1,0 +1,1 @@
+"""ROS message classes, found or generated."""

@@ -1,0 +1,119 @@
+"""Encode messages as JSON, and decode them. Each message is one JSON object; its `t` names its kind."""
+
+from __future__ import annotations
+
+from itertools import islice
+from typing import Any, Generic, TypeVar
+
+import msgspec
+from msgspec import Struct, structs
+
+from robots.shared.wire.base import LARGEST_MESSAGE_BYTES, Refusal, Seq, ShortText, WireError
+from robots.shared.wire.sentences import Sentence
+
+T = TypeVar("T")
+
+
+def _plain(value: Any) -> str:
+    """Return the English text of a sentence in a field for a plain text."""
+    if isinstance(value, Sentence):
+        return str(value)
+    raise NotImplementedError(f"a {type(value).__name__} cannot be sent")
+
+
+_encoder = msgspec.json.Encoder(enc_hook=_plain)
+
+
+class MessageDecoder(Generic[T]):
+    """Decode and validate a message in one step; raise `WireError`. `messages` is the union of allowed types."""
+
+    def __init__(self, messages: Any) -> None:
+        self._decoder = msgspec.json.Decoder(messages)
+
+    def __call__(self, raw: str | bytes) -> T:
+        if len(raw) > LARGEST_MESSAGE_BYTES:
+            raise WireError(
+                Refusal(
+                    "too_large",
+                    f"The message has {len(raw)} bytes; at most {LARGEST_MESSAGE_BYTES} are taken.",
+                    "wire",
+                    {"bytes": len(raw), "limit_bytes": LARGEST_MESSAGE_BYTES},
+                )
+            )
+        try:
+            message: T = self._decoder.decode(raw)
+        except msgspec.ValidationError as error:
+            raise WireError(Refusal("invalid", f"The message does not fit: {error}", "wire")) from error
+        except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
+            raise WireError(Refusal("not_json", f"Not a JSON message: {error}", "wire")) from error
+        return message
+
+
+class _Heading(Struct):
+    t: ShortText = ""
+    seq: Seq | None = None
+
+
+_heading = msgspec.json.Decoder(_Heading)
+
+
+def heading(raw: str | bytes) -> tuple[str, int | None]:
+    """Return kind and number of an invalid message for its refusal; ("", None) if they are unreadable."""
+    try:
+        found = _heading.decode(raw[:LARGEST_MESSAGE_BYTES])
+    except (msgspec.DecodeError, UnicodeError, RecursionError):
+        return "", None
+    return found.t, found.seq
+
+
+def kind_of(message: Struct) -> str:
+    """Return the `t` of a message."""
+    return str(type(message).__struct_config__.tag)
+
+
+def encode(message: Struct) -> bytes:
+    """Return the message as JSON."""
+    return _encoder.encode(message)
+
+
+# The largest report of a bridge; the link itself allows eight times as much
+LARGEST_REPORT_BYTES = 1024 * 1024
+# (longest text, most entries of a list): the first pair by which the report fits
+_CUTS = ((2000, 1000), (500, 200), (100, 50), (30, 10))
+
+
+def encode_report(message: Struct) -> bytes:
+    """Encode a bridge's report in at most `LARGEST_REPORT_BYTES`: no text of a robot breaks the link.
+
+    Long texts and lists of a larger report are cut; a cut text ends with its full length, a cut list of texts with
+    the number of missing entries. Answers and messages of topics that were encoded elsewhere are not cut.
+    """
+    encoded = _encoder.encode(message)
+    for longest, most in _CUTS:
+        if len(encoded) <= LARGEST_REPORT_BYTES:
+            break
+        encoded = _encoder.encode(_cut(message, longest, most))
+    return encoded
+
+
+def _cut(value: Any, longest: int, most: int) -> Any:
+    """Return `value` with texts and lists cut at every level. The length of a tuple is part of its type: not cut."""
+    match value:
+        case str() if len(value) > longest:
+            return f"{value[: longest - 20]}… ({len(value)} long)"
+        case Struct():
+            fields = value.__struct_fields__
+            return structs.replace(
+                value, **{name: _cut(getattr(value, name), longest, most) for name in fields}
+            )
+        case tuple():
+            return tuple(_cut(part, longest, most) for part in value)
+        case list():
+            kept = [_cut(part, longest, most) for part in value[:most]]
+            if len(value) > most and isinstance(value[0], str):
+                kept[-1] = f"and {len(value) - most + 1} more"
+            return kept
+        case dict():
+            pairs = islice(value.items(), most)
+            return {_cut(key, longest, most): _cut(part, longest, most) for key, part in pairs}
+    return value

@@ -1,0 +1,249 @@
+"""Messages of pages: control, driving and stop; the web process's answers to pages."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct
+
+from robots.shared.wire.base import (
+    Axis,
+    Fence,
+    Milliseconds,
+    PendingStop,
+    Refusal,
+    ReverseSteering,
+    Role,
+    Seq,
+    Share,
+    TabToken,
+)
+from robots.shared.wire.camera import CameraEntry
+from robots.shared.wire.limbs import Limb, LimbRange
+from robots.shared.wire.state import State
+
+
+class Hello(Struct, frozen=True, tag_field="t", tag="hello"):
+    """First message of a page. `tab` is the tab's own random token: the lease belongs to this token."""
+
+    tab: TabToken
+
+
+class Take(Struct, frozen=True, tag_field="t", tag="take"):
+    """Take control of a robot that nobody holds."""
+
+
+class TakeOver(Struct, frozen=True, tag_field="t", tag="take_over"):
+    """Take control from its holder (supervisors and staff). The reason is recorded."""
+
+    reason: Annotated[str, Meta(min_length=3, max_length=200)]
+
+
+class Renew(Struct, frozen=True, tag_field="t", tag="renew"):
+    """Start a new term of control. Driving alone does not extend the term."""
+
+
+class Release(Struct, frozen=True, tag_field="t", tag="release"):
+    """Release control."""
+
+
+class Ask(Struct, frozen=True, tag_field="t", tag="ask"):
+    """Wait in line for control. The holder sees the name."""
+
+
+class AskCancel(Struct, frozen=True, tag_field="t", tag="ask_cancel"):
+    """Leave the line."""
+
+
+class HandOver(Struct, frozen=True, tag_field="t", tag="hand_over"):
+    """Give control to the person in line with the number `request` (`Request.id`)."""
+
+    request: int
+
+
+class Drive(Struct, frozen=True, tag_field="t", tag="drive"):
+    """The present stick position. The web process forwards the bytes to the bridge unchanged.
+
+    `x` forward, `y` left (holonomic bases), `w` turn left. `share`: the part of the robot's limits at a full stick.
+    `seq` grows with each `Drive` of a connection. `sent_ms` is the browser's monotonic clock (performance.now()).
+    `fence` is the fence of the sender's lease.
+    """
+
+    fence: Fence
+    seq: Seq
+    sent_ms: Milliseconds
+    x: Axis
+    w: Axis
+    y: Axis = 0.0
+    share: Share = 0.4
+
+
+class CameraView(Struct, frozen=True, tag_field="t", tag="camera_view"):
+    """The holder drives by a camera; its picture is `age_ms` old. None: no longer by a camera.
+
+    Sent about five times a second. An old picture limits the speed, as a slow connection of the page does.
+    """
+
+    age_ms: Milliseconds | None = None
+
+
+class ShowJoints(Struct, frozen=True, tag_field="t", tag="show_joints"):
+    """Whether the page draws the robot in 3D from now on. While it does, views have joints and heights."""
+
+    wanted: bool
+
+
+class Stop(Struct, frozen=True, tag_field="t", tag="stop"):
+    """Emergency stop, latched. For every signed-in person who may see the robot."""
+
+
+class Clear(Struct, frozen=True, tag_field="t", tag="clear"):
+    """Clear the latch; nothing moves. For the holder, supervisors and staff.
+
+    `number` is the number of the stop that the page showed (`StopState`): a later stop is not cleared.
+    """
+
+    number: Seq
+
+
+class Refresh(Struct, frozen=True, tag_field="t", tag="refresh"):
+    """Read the robot's capabilities again. For everybody who may see it. `Offers` follows."""
+
+    seq: Seq = 0
+
+
+class StopRobot(Struct, frozen=True, tag_field="t", tag="stop"):
+    """Emergency stop of one robot, from the fleet page."""
+
+    slug: Annotated[str, Meta(min_length=1, max_length=50)]
+
+
+class StopAll(Struct, frozen=True, tag_field="t", tag="stop_all"):
+    """Emergency stop of every robot that this person may see."""
+
+
+class ClearRobot(Struct, frozen=True, tag_field="t", tag="clear"):
+    """Clear the latch of one robot, from the fleet page. For supervisors and staff. `number` as in `Clear`."""
+
+    slug: Annotated[str, Meta(min_length=1, max_length=50)]
+    number: Seq
+
+
+class Limits(Struct, frozen=True):
+    """This robot's speeds at a full stick and share 1 (m/s, rad/s), within the limits set in the admin."""
+
+    forward_mps: float
+    reverse_mps: float
+    lateral_mps: float
+    turn_radps: float
+
+
+class SonarPose(Struct, frozen=True):
+    """A range sensor in the base frame."""
+
+    name: str
+    x: float
+    y: float
+    yaw: float  # of the cone's axis
+    fov: float  # the whole cone's angle
+
+
+class RobotFacts(Struct, frozen=True):
+    """Facts of a robot for a page."""
+
+    slug: str  # its name in web addresses
+    name: str  # for people
+    profile: str  # the kind of robot, for people
+    practice: bool  # whether it is simulated
+    holonomic: bool  # it can drive sideways: `y` of `Drive` counts
+    limits: Limits
+    footprint: list[tuple[float, float]]  # convex outline, base frame, counter-clockwise
+    front_margin_m: float  # distance that the gate keeps to an obstacle ahead
+    lateral_margin_m: float  # distance that the gate keeps beside the footprint
+    default_share: float  # first `share` of a new page
+    max_share: float  # larger shares are reduced to this
+    reverse_steering: ReverseSteering  # car: the turn is mirrored in reverse
+    drive_topic: str  # default topic of velocities
+    sonars: list[SonarPose]  # in the order of `Scan.sonar_cm`
+    stick: str  # steps from stick to gate, in words
+    has_head: bool = False  # it has a head that can look ahead
+    has_map: bool = False  # it has a map, and navigation that drives to places
+    cameras: list[CameraEntry] = []  # cameras that people can watch
+    limbs: dict[Limb, LimbRange] = {}  # limbs that people can move
+
+
+class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):
+    """Answer to `Hello`; sent again when the robot was edited or the person's rights changed."""
+
+    protocol: int  # a page with another number must reload
+    you: str  # your name
+    role: Role  # your role on this robot: it decides your rights
+    robot: RobotFacts
+
+
+class Request(Struct, frozen=True):
+    """A person who waits for control."""
+
+    id: int
+    name: str
+
+
+ControlState = Literal["free", "yours", "elsewhere", "other", "away"]
+
+
+class Booked(Struct, frozen=True):
+    """A booking of the robot. `seconds`: until its end if it runs now, else until its start."""
+
+    name: str  # of the person
+    mine: bool
+    seconds: float
+
+
+class Control(Struct, frozen=True, tag_field="t", tag="control"):
+    """The state of control, as this connection may see it. Sent on every change.
+
+    `state`: "free" (nobody has control), "yours", "elsewhere" (yours, in another tab), "other" (see `holder`), "away"
+    (the holder's page is gone; free after `resumable_s`).
+    """
+
+    state: ControlState
+    holder: str | None = None
+    fence: int | None = None  # only for the holder's own tab
+    session: str | None = None  # control session id
+    remaining_s: float | None = None  # of the term
+    resumable_s: float | None = None
+    requests: list[Request] = []  # the line, in order; only for the holder and for persons who may take over
+    asking: int | None = None  # `Request.id` of this connection's own place in line
+    ahead: int | None = None  # number of people before it in line
+    offer_s: float | None = None  # for so long, only this person can take control
+    may_take_over: bool = False  # this person may send `TakeOver`
+    may_clear: bool = False  # this person may send `Clear`
+    refusal: Refusal | None = None  # reason why this person may not take control now; None: allowed
+    booked: Booked | None = None  # the present booking
+    next_booked: Booked | None = None  # the next booking within a day
+    out_s: float | None = (
+        None  # until the robot goes out of service and this person's control ends; None: not soon
+    )
+
+
+class FleetCard(Struct, frozen=True):
+    """One robot on the fleet page. `state` None: not known, and `refusal` has the reason."""
+
+    state: State | None
+    refusal: Refusal | None = None
+    seen_at: float | None = None  # as in `BridgeGone`
+    may_clear: bool = False  # this person may clear its stop from here
+    pending: PendingStop | None = None  # as `stop` in `BridgeGone`; also sent while the state is known
+    booked: Booked | None = None  # the present booking
+    next_booked: Booked | None = None  # the next booking within a day
+    free_in_s: float | None = None  # until its next free time; None: not within a day
+
+
+class BookingsChanged(Struct, frozen=True, tag_field="t", tag="bookings_changed"):
+    """A booking, a policy or an out-of-service period changed: the page reads its data again."""
+
+
+class Fleet(Struct, frozen=True, tag_field="t", tag="fleet"):
+    """The robots that this person may see, by slug. Sent about once a second and on change."""
+
+    robots: dict[str, FleetCard]

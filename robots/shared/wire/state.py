@@ -1,0 +1,350 @@
+"""The state of a robot and the view of its surroundings. Bridge to page, through the web process."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from msgspec import UNSET, Struct, UnsetType
+
+from robots.shared.wire.base import Refusal, Role, Said, Use, Worded
+from robots.shared.wire.health import Health
+from robots.shared.wire.limbs import Limb, LimbState
+from robots.shared.wire.navigation import GoEnd, GoProgress, Location
+
+# The same words as in bridge/gate/values.py (the gate does not import this module); mypy compares the two in
+# bridge/state_view.py.
+Side = Literal["ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right"]
+Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
+
+
+class SpeedLimit(Worded, frozen=True, omit_defaults=True):
+    """A speed limit for every request. It holds the robot back now if the verdict has its code and way."""
+
+    code: str  # of the rule, a code of `Verdict`
+    text: str  # "at most 0.3 m/s: no picture of the depth camera has come yet"
+    mps: float
+    way: Way | None = None  # direction of the limit; None: all directions
+    said: Said | UnsetType = UNSET
+
+
+class Verdict(Worded, frozen=True, omit_defaults=True):
+    """The gate's answer to the last command. docs/protocol.md lists the codes."""
+
+    code: str  # "free", "idle", or the rule that holds the robot back
+    text: str  # one line for the operator
+    asked: tuple[float, float, float]  # vx, vy (m/s), w (rad/s)
+    allowed: tuple[float, float, float]
+    sensor: str | None = None
+    distance_m: float | None = None  # gap between hull and obstacle
+    bearing_rad: float | None = None  # of the obstacle, base frame
+    side: Side | None = None
+    point: tuple[float, float] | None = None
+    limits: list[SpeedLimit] = []
+    way: Way | None = None  # direction of the speed limit that holds the robot back, if one does
+    said: Said | UnsetType = UNSET
+
+
+class Sensor(Worded, frozen=True):
+    """State of a sensor. `age_s` None: never seen."""
+
+    name: str
+    kind: Literal["scan", "sonar", "odometry", "depth"]
+    ok: bool
+    age_s: float | None
+    text: str = ""
+    said: Said | UnsetType = UNSET
+
+
+class Odometry(Struct, frozen=True):
+    """Pose in the odometry frame and speed in the base frame."""
+
+    x: float
+    y: float
+    yaw: float
+    vx: float
+    vy: float
+    w: float
+
+
+class StopState(Struct, frozen=True):
+    """The stop latch. `state`: "clear", "stopping" (zeros are sent), "stopped" (odometry shows standstill).
+
+    `number` grows with every press. No number is used twice, also not after a restart of the bridge.
+    """
+
+    state: Literal["clear", "stopping", "stopped"]
+    by: str | None = None
+    reason: str = ""
+    standstill_ms: float | None = (
+        None  # from press to standstill by odometry; None also if the robot already stood
+    )
+    number: int = 0
+    was_standing: bool = False  # the robot stood at the press, and until standstill was confirmed
+
+
+Part = Literal["base", "arm", "torso", "head", "gripper"]
+
+
+class MovesAlthoughStopped(Worded, frozen=True):
+    """A stopped robot moves: other software commands it past the console, somebody pushes it, or it rolls.
+
+    The console cannot stop it: press the red button.
+    """
+
+    since_s: float  # since the console noticed it, after the robot's braking time
+    parts: list[Part]  # that move
+    speed_mps: float | None  # of the base, by odometry; None: odometry is silent, and nobody knows
+    turn_radps: float | None
+    # Nodes that publish velocities for the base, without the console's, by topic
+    publishers: dict[str, list[str]]
+    text: str  # the motion and its possible cause, in words
+    said: Said | UnsetType = UNSET
+
+
+class Motion(Struct, frozen=True):
+    """A recorded motion that this console started, from its request on."""
+
+    name: str
+    who: str
+    since_s: float
+
+
+class MotionEnd(Worded, frozen=True):
+    """The end of a motion that this console started. `number` grows with each end.
+
+    `outcome`: succeeded, rejected or failed (by the robot); cancelled, stopped, intruder, not_watched, control_ended,
+    link_lost, not_recorded, unheard.
+    """
+
+    number: int
+    name: str
+    outcome: str
+    text: str
+    said: Said | UnsetType = UNSET
+
+
+SpeechStatus = Literal["sent", "accepted", "speaking"]
+
+
+class Speech(Struct, frozen=True):
+    """A text that the robot speaks for this console, from the moment it was sent.
+
+    `status` comes from the robot's action; a robot that takes plain messages reports no progress: "sent".
+    """
+
+    number: int  # of its record
+    text: str
+    language: str
+    topic: str
+    who: str
+    status: SpeechStatus
+    since_s: float
+    word: tuple[int, int] | None = (
+        None  # the word being spoken, if reported: its first character, last + 1 (code points)
+    )
+
+
+class SpeechEnd(Worded, frozen=True):
+    """The end of a speech.
+
+    `outcome`: done, failed or rejected (by the robot); sent (a plain message: the end is not known); cancelled,
+    stopped, unheard; or the code of a refusal if the speech was recorded but could not begin.
+    """
+
+    number: int  # of its record, as in `Speech`
+    outcome: str
+    text: str  # the reason, or the robot's own words
+    said: Said | UnsetType = UNSET
+
+
+class DriveByProgress(Struct, frozen=True):
+    """A drive by a distance or an angle, from its start: the request, and the progress by odometry."""
+
+    number: int  # of its record
+    who: str
+    goal_m: float | None
+    goal_rad: float | None
+    distance_m: float  # along the heading at the start
+    angle_rad: float
+    since_s: float
+
+
+class DriveByEnd(Worded, frozen=True):
+    """The end of a drive by a distance or an angle.
+
+    `outcome`: done; held_back (the gate allowed no more, or a sensor that it needs is silent); stopped; control_lost;
+    replaced (by the stick or a published velocity); no_odometry; late (the bridge was late); no_progress (the robot
+    does not obey); cancelled, input_moved, bridge_ended; or the code of a refusal.
+    """
+
+    number: int  # of its record, as in `DriveByProgress`
+    seq: int  # of the request, as `fence`
+    fence: int
+    outcome: str
+    text: str
+    because: str | None  # the code of the verdict, refusal or halt that ended it
+    distance_m: float  # as in `DriveByProgress`, at the end
+    angle_rad: float
+    said: Said | UnsetType = UNSET
+
+
+class ChoiceEnd(Worded, frozen=True):
+    """Automatic end of a choice: its topic is gone, and input goes to the default topic `to` again."""
+
+    number: int  # of the choice's record
+    topic: str
+    to: str
+    text: str
+    said: Said | UnsetType = UNSET
+
+
+class Publishing(Struct, frozen=True):
+    """A message that is published at a rate."""
+
+    topic: str
+    type: str
+    rate_hz: float
+
+
+class Forgotten(Worded, frozen=True):
+    """The last time at which the robot forgot what it had seen. `number` grows with each; a new bridge begins at 0.
+
+    `code`: asked (a person asked for it), odometry_restarted (another publisher, or another run of the robot's
+    master), stamps_back (the robot's clock was set back), jump (of the odometry's pose), bridge_started.
+    """
+
+    number: int
+    code: str
+    text: str
+    ago_s: float
+    said: Said | UnsetType = UNSET
+
+
+# waiting: no master. connecting: a master, but no odometry or drive topic yet. online: all is there. refused: the
+# master does not have this bridge registered, or has another one.
+Phase = Literal["waiting", "connecting", "online", "refused"]
+
+
+class NeutralNeeded(Worded, frozen=True):
+    """Why the stick must return to the middle before the robot moves; `text` continues a sentence that says so."""
+
+    code: str  # see docs/protocol.md
+    text: str
+    said: Said | UnsetType = UNSET
+
+
+OverloadedPart = Literal["bridge", "console"]
+
+
+class Overload(Struct, frozen=True):
+    """The console's computer is overloaded: in the last five seconds this `part` woke up to `late_s` too late."""
+
+    part: OverloadedPart
+    late_s: float
+
+
+class State(Worded, frozen=True):
+    """The state of the robot, as its bridge knows it."""
+
+    SENTENCES = ("text", "navigation_held")
+
+    phase: Phase
+    text: str  # one line in words
+    stop: StopState
+    verdict: Verdict
+    odometry: Odometry | None
+    sensors: list[Sensor]
+    battery_percent: float | None
+    charging: bool | None
+    holder: str | None
+    fence: int | None
+    seq: int | None  # of the newest drive message that arrived in order and in time
+    neutral_needed: NeutralNeeded | None
+    foreign: list[str]  # other nodes that publish to the drive topic
+    watchers: list[str]  # names of viewers; `watchers_more` counts the rest
+    clock_skew_s: float | None
+    refused: dict[str, int]  # refused messages so far, by code
+    latency_s: float = 0.0  # from a command to its effect in odometry, as the gate assumes
+    latency_measured: bool = False  # False: it is the value of the profile
+    arm: list[
+        tuple[float, float, float]
+    ] = []  # parts of the arm beyond the base: discs x, y, radius (base frame)
+    watchers_more: int = 0
+    motion: Motion | None = None
+    motion_ended: MotionEnd | None = None  # the last one
+    speech: Speech | None = None
+    speech_ended: SpeechEnd | None = None  # the last one
+    drive_by: DriveByProgress | None = None
+    drive_by_ended: DriveByEnd | None = None  # the last one
+    location: Location | None = None  # None: not known
+    going: GoProgress | None = None
+    going_ended: GoEnd | None = None  # the last one
+    navigation_held: str = ""  # reason why the bridge holds the base although no goal is under way
+    limbs: dict[Limb, LimbState] = {}  # by limb of the robot
+    chosen: dict[Use, str] = {}  # topics that receive input instead of the default topic
+    choice_ended: dict[Use, ChoiceEnd] = {}  # the last choice that ended automatically, until the next choice
+    publishing: list[Publishing] = []
+    overload: Overload | None = None
+    unseen_s: float | None = None  # since the last odometry; None: none ever came
+    watchdog_missing: bool = (
+        False  # the watchdog is missing for 5 s or more: only the bridge can stop the robot
+    )
+    health: Health | None = None  # None: no node of the robot reports its health
+    stands: bool | None = None  # by odometry; None: odometry is silent, and nobody knows
+    moves_although_stopped: MovesAlthoughStopped | None = None
+    battery_left_min: int | None = (
+        None  # at the consumption of the last half hour; None: not known, or on the charger
+    )
+    forgotten: Forgotten | None = None
+    said: Said | UnsetType = UNSET
+
+
+class MotionOffer(Struct, frozen=True):
+    """A recorded motion of the robot, in the robot's own words."""
+
+    name: str  # `motion` of `Play`
+    title: str
+    usage: str = ""  # its group
+    description: str = ""
+    duration_s: float | None = None
+
+
+class UseOffer(Struct, frozen=True):
+    """Default topic (or action) for one use of input, and the type that another topic must have."""
+
+    topic: str
+    type: str
+    chooseable: dict[str, Role] = {}  # topics that may be chosen instead, each with the lowest role that may
+    refusal: Refusal | None = None  # reason why the topic cannot be used now: no node on the robot reads it
+
+
+class Offers(Struct, frozen=True, tag_field="t", tag="offers"):
+    """The robot's capabilities. Sent at the start of a connection and on change."""
+
+    motions: list[MotionOffer] = []
+    motions_text: str = ""  # reason why there is no motion
+    languages: list[str] = []  # of its speech, BCP 47; the robot's default language first
+    uses: dict[Use, UseOffer] = {}  # a robot that does not speak has no "speech"
+    publishable: dict[str, str] = {}  # topics of the allow-list, with their types
+    publishable_from: dict[str, Role] = {}  # the same topics, each with the lowest role that may publish
+
+
+class Scan(Struct, frozen=True):
+    """Points that sensors saw: current base frame, centimetres, flat [x0, y0, x1, y1, ...]."""
+
+    laser_cm: list[int]
+    sonar_cm: list[int | None]  # by index of RobotFacts.sonars; None: nothing in range
+    depth_cm: list[int] = []
+    remembered_cm: list[int] = []  # seen earlier; no sensor sees them now
+    unseen: list[tuple[float, float]] = []  # sectors without laser, sonar: from, to (rad, counter-clockwise)
+    heights_cm: list[int] = []  # of the points of `depth_cm`, while a page draws 3D: [low0, high0, ...]
+
+
+class View(Struct, frozen=True, omit_defaults=True, tag_field="t", tag="view"):
+    """The state and surroundings of the robot, for its viewers. The next view comes only after `Ack`."""
+
+    state: State
+    scan: Scan | None  # None: nothing to draw
+    joints: dict[
+        str, float
+    ] = {}  # positions (rad, m) of the description's joints, while a page draws the robot in 3D

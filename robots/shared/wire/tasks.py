@@ -1,0 +1,263 @@
+"""Tasks: motions, speech, publishing, head, limbs, drives by a distance or an angle or to a place. Page to bridge."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta, Struct
+
+from robots.shared.wire.base import (
+    FARTHEST_HEAD_RAD,
+    FARTHEST_M,
+    FARTHEST_RAD,
+    LARGEST_MESSAGE_BYTES,
+    SLOWEST_HZ,
+    SLOWEST_MPS,
+    SLOWEST_RADPS,
+    Fence,
+    Language,
+    Milliseconds,
+    Rate,
+    Seq,
+    TopicName,
+    TypeName,
+    Use,
+    _require_shallow,
+)
+from robots.shared.wire.limbs import LimbCancel, MoveLimb
+from robots.shared.wire.navigation import Go, GoCancel, SetPose
+
+
+class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
+    """Turn the head to the way ahead."""
+
+    fence: Fence
+    seq: Seq = 0
+
+
+class TurnHead(Struct, frozen=True, tag_field="t", tag="turn_head"):
+    """Turn the head by these angles (radians; positive: left, up) from its last target."""
+
+    fence: Fence
+    pan: Annotated[float, Meta(ge=-FARTHEST_HEAD_RAD, le=FARTHEST_HEAD_RAD)]
+    tilt: Annotated[float, Meta(ge=-FARTHEST_HEAD_RAD, le=FARTHEST_HEAD_RAD)]
+    seq: Seq = 0
+
+
+class Forget(Struct, frozen=True, tag_field="t", tag="forget"):
+    """Forget remembered obstacles; current readings stay. Only while the robot stands still."""
+
+    fence: Fence
+    seq: Seq = 0
+
+
+class Play(Struct, frozen=True, tag_field="t", tag="play"):
+    """Perform a recorded motion."""
+
+    fence: Fence
+    motion: Annotated[str, Meta(min_length=1, max_length=100)]
+    seq: Seq = 0
+
+
+class PlayCancel(Struct, frozen=True, tag_field="t", tag="play_cancel"):
+    """Cancel the motion that this console started. Supervisors and staff without control leave `fence` out."""
+
+    fence: Fence | None = None
+    seq: Seq = 0
+
+
+class Say(Struct, frozen=True, tag_field="t", tag="say"):
+    """Say `text`, at most 500 characters. `topic` None: the present topic of speech (`State.chosen`)."""
+
+    fence: Fence
+    text: Annotated[str, Meta(max_length=LARGEST_MESSAGE_BYTES)]  # the bridge checks the limit of 500
+    language: Language
+    topic: TopicName | None = None
+    seq: Seq = 0
+
+
+class SayCancel(Struct, frozen=True, tag_field="t", tag="say_cancel"):
+    """Cancel the speech of this console. Without `fence`: as in `PlayCancel`."""
+
+    fence: Fence | None = None
+    seq: Seq = 0
+
+
+class DriveBy(Struct, frozen=True, tag_field="t", tag="drive_by"):
+    """Either drive a distance straight on, or turn by an angle on the spot, through the gate.
+
+    The robot must stand. `speed_mps` belongs to `distance_m`, `speed_radps` to `angle_rad`; None: 0.4 of the robot's
+    limit, or your part of the limit if that is smaller. `State.drive_by` shows the drive, `State.drive_by_ended` its
+    end.
+    """
+
+    fence: Fence
+    distance_m: Annotated[float, Meta(ge=-FARTHEST_M, le=FARTHEST_M)] | None = None  # negative: backwards
+    angle_rad: Annotated[float, Meta(ge=-FARTHEST_RAD, le=FARTHEST_RAD)] | None = None  # positive: left
+    speed_mps: Annotated[float, Meta(ge=SLOWEST_MPS, le=10.0)] | None = None
+    speed_radps: Annotated[float, Meta(ge=SLOWEST_RADPS, le=10.0)] | None = None
+    seq: Seq = 0
+
+    def __post_init__(self) -> None:
+        if (self.distance_m is None) == (self.angle_rad is None):
+            raise ValueError("give either distance_m or angle_rad")
+        if (self.speed_mps if self.distance_m is None else self.speed_radps) is not None:
+            raise ValueError("speed_mps belongs to distance_m, speed_radps to angle_rad")
+
+
+class DriveByCancel(Struct, frozen=True, tag_field="t", tag="drive_by_cancel"):
+    """End the drive by a distance or an angle: the robot brakes and stands."""
+
+    fence: Fence
+    seq: Seq = 0
+
+
+class Choose(Struct, frozen=True, tag_field="t", tag="choose"):
+    """Send input of this `use` to `topic` (or to the action of this name) from now on; None: to the default."""
+
+    fence: Fence
+    use: Use
+    topic: TopicName | None = None
+    seq: Seq = 0
+
+
+class Publish(Struct, frozen=True, tag_field="t", tag="publish"):
+    """Publish a message: once (`rate_hz` 0), or at a rate until `PublishStop`, a stop, or the end of control.
+
+    `fields`: nested, or with dotted keys ({"linear.x": 0.2}); missing fields are zero, empty, or the present time. A
+    twist goes only to the robot's drive topic, through the gate. It is valid for 0.3 s, cannot be repeated at a rate,
+    and needs `sent_ms`.
+    """
+
+    fence: Fence
+    topic: TopicName
+    type: TypeName
+    fields: dict[str, Any] = {}
+    rate_hz: Rate = 0.0
+    sent_ms: Milliseconds | None = None  # the sender's monotonic clock
+    seq: Seq = 0
+
+    def __post_init__(self) -> None:
+        _require_shallow(self.fields)
+        if 0.0 < self.rate_hz < SLOWEST_HZ:
+            raise ValueError(f"rate_hz is 0 for once, else at least {SLOWEST_HZ}")
+
+
+class PublishStop(Struct, frozen=True, tag_field="t", tag="publish_stop"):
+    """Stop publishing on `topic`."""
+
+    fence: Fence
+    topic: TopicName
+    seq: Seq = 0
+
+
+TaskRequest = (
+    LookAhead
+    | TurnHead
+    | Forget
+    | Play
+    | PlayCancel
+    | Say
+    | SayCancel
+    | DriveBy
+    | DriveByCancel
+    | Go
+    | GoCancel
+    | SetPose
+    | MoveLimb
+    | LimbCancel
+    | Choose
+    | Publish
+    | PublishStop
+)
+
+
+class TaskKind(Struct, frozen=True):
+    """One kind of task, as every process knows it. `TASK_KINDS` lists them."""
+
+    name: str  # of the kind in REST
+    request: type[Struct]
+    record: str  # kind of the record of its request, see `fleet.audit.kinds`
+    end_record: str  # of its outcome
+    scope: Literal["drive", "speak", "motions", "topics"]  # that the token of a program needs
+    cancel: type[Struct] | None = None
+    cancelled_by_others: bool = False  # supervisors and staff may cancel it without control
+    followed: bool = False  # REST gives each task an address, where a program reads its outcome
+    # Actions, as fields of `Topics` (`robots.shared.configuration.bridge_config`), whose goals a stop cancels; the
+    # watchdog does so without a bridge
+    stopped_actions: tuple[str, ...] = ()
+
+    @property
+    def requests(self) -> tuple[type[Struct], ...]:
+        """The request that begins a task, and the one that cancels it."""
+        return (self.request,) if self.cancel is None else (self.request, self.cancel)
+
+
+SPEECH = TaskKind(
+    "speech",
+    Say,
+    "speech.start",
+    "speech.end",
+    "speak",
+    cancel=SayCancel,
+    cancelled_by_others=True,
+    followed=True,
+)
+MOTION = TaskKind(
+    "motion",
+    Play,
+    "motion.start",
+    "motion.end",
+    "motions",
+    cancel=PlayCancel,
+    cancelled_by_others=True,
+    followed=True,
+)
+DRIVE_BY = TaskKind("drive_by", DriveBy, "drive.by", "drive.by", "drive", cancel=DriveByCancel, followed=True)
+GO = TaskKind(
+    "go",
+    Go,
+    "go.start",
+    "go.end",
+    "drive",
+    cancel=GoCancel,
+    followed=True,
+    stopped_actions=("navigation.action",),
+)
+LIMB = TaskKind(
+    "limb",
+    MoveLimb,
+    "limb.start",
+    "limb.end",
+    "drive",
+    cancel=LimbCancel,
+    followed=True,
+    stopped_actions=("gripper.action", "torso.action"),
+)
+LOOK_AHEAD = TaskKind(
+    "look_ahead",
+    LookAhead,
+    "head.look_ahead",
+    "head.look_ahead",
+    "drive",
+    stopped_actions=("head.point_head",),
+)
+TURN_HEAD = TaskKind("turn_head", TurnHead, "head.turn", "head.turn", "drive")
+FORGET = TaskKind("forget", Forget, "memory.forget", "memory.forget", "drive")
+SET_POSE = TaskKind("set_pose", SetPose, "pose.set", "pose.set", "drive")
+CHOOSE = TaskKind("choose", Choose, "topic.choose", "topic.choose", "topics")
+PUBLISH = TaskKind("publish", Publish, "publish.start", "publish.end", "topics", cancel=PublishStop)
+
+TASK_KINDS = (
+    SPEECH,
+    MOTION,
+    DRIVE_BY,
+    GO,
+    LIMB,
+    LOOK_AHEAD,
+    TURN_HEAD,
+    FORGET,
+    SET_POSE,
+    CHOOSE,
+    PUBLISH,
+)

@@ -1,1 +1,0 @@
-"""Delivers the emergency stop to bridges and watchdogs; repeats and records it. See also `teleop.stop`."""
