@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from uuid import UUID
 
 from django.db.models import F, Q, QuerySet
-from django.utils.translation import gettext_lazy
+from django.utils.translation import gettext_lazy, gettext_noop
 from msgspec import Struct, structs
 
 from fleet.accounts.models import User
@@ -52,15 +52,15 @@ ORDER BY b.starts_at
 class Stage(Enum):
     """The stage of a booking at a moment, as people see it."""
 
-    AWAITING = "awaiting approval"
-    OFFERED = "offered to you from the waiting list"
-    BOOKED = "booked"
-    DUE = "not used yet"
-    IN_USE = "in use"
-    OVER = "over"
-    FINISHED = "finished early"
-    NO_SHOW = "not used"
-    CANCELLED = "cancelled"
+    AWAITING = gettext_noop("awaiting approval")
+    OFFERED = gettext_noop("offered to you from the waiting list")
+    BOOKED = gettext_noop("booked")
+    DUE = gettext_noop("not used yet")
+    IN_USE = gettext_noop("in use")
+    OVER = gettext_noop("over")
+    FINISHED = gettext_noop("finished early")
+    NO_SHOW = gettext_noop("not used")
+    CANCELLED = gettext_noop("cancelled")
 
 
 # People may still change bookings in these stages

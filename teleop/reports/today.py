@@ -187,7 +187,7 @@ def _robot_day(
                 url,
             )
         )
-        facts = [stage_of(booking, grace, now).value, *([booking.purpose] if booking.purpose else [])]
+        facts = [_(stage_of(booking, grace, now).value), *([booking.purpose] if booking.purpose else [])]
         stretches.append(Stretch(booking.starts_at, ends_at, "booked", str(booking.person), facts, url))
     of_session: dict[UUID | None, list[Record]] = defaultdict(list)
     for record in records:

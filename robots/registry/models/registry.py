@@ -405,6 +405,6 @@ class RobotRole(models.Model):
     def __str__(self) -> str:
         return gettext("%(person)s is %(role)s of %(robot)s") % {
             "person": self.user,
-            "role": self.role,
+            "role": gettext(self.role),
             "robot": self.robot,
         }
