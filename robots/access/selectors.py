@@ -275,7 +275,11 @@ class Source(Struct, frozen=True):
         }[self.role]
         if self.course is None:
             return role if self.role is Role.STAFF else gettext("%s, given by staff") % role
-        facts = {"role": role, "course": self.course.name, "until": date_format(self.course.ends_on, "DATE_FORMAT")}
+        facts = {
+            "role": role,
+            "course": self.course.name,
+            "until": date_format(self.course.ends_on, "DATE_FORMAT"),
+        }
         return gettext("%(role)s by course %(course)s, until %(until)s") % facts
 
 
