@@ -209,13 +209,13 @@ def send_to_a_place(page: Page, stack: Stack) -> None:
             page.get_by_text(re.compile("Drives to “charging dock”: .* m left")).wait_for(timeout=5000)
             page.wait_for_timeout(1000.0 * UNDER_WAY_S)
             page.locator("[data-part=banner]").wait_for(state="hidden", timeout=5000)
-            page.locator("[data-part=go-cancel]").wait_for(timeout=1000)
+            page.locator("[data-part=going-cancel]").wait_for(timeout=1000)
             page.screenshot(path=PICTURES / "map.png")
             look_at_the_plan(page, stack)
             break
     else:
         raise TimeoutError("The robot did not drive for long enough.")
-    if (cancel := page.locator("[data-part=go-cancel]")).is_visible():
+    if (cancel := page.locator("[data-part=going-cancel]")).is_visible():
         cancel.click()
     page.locator("[data-part=actions]").get_by_role("button", name="Release").click()
 

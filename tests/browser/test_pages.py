@@ -497,7 +497,7 @@ CROSSED = """(part) => {
   };
   const buttons = [...document.querySelectorAll(".picture-area button")].filter(isFree);
   const before = buttons.map(box);
-  const shown = document.querySelectorAll(`[data-part=${part}], [data-part=${part}] [data-part=go-runs]`);
+  const shown = document.querySelectorAll(`[data-part=${part}], [data-part=${part}] [data-part=going-runs]`);
   for (const one of shown) Object.assign(one, { hidden: false });
   shown[0].dataset.level = "console";
   const over = box(shown[0]);

@@ -17,6 +17,7 @@ const REPORT_MS = 200;
 const GONE_MS = 3000; // an older picture does not count: beside a plan, nobody drives by it any more
 
 export class CameraPanel {
+  static hears = ["facts", "view", "stale", "mayAct"];
   #area;
   #socket;
   #main;
@@ -25,11 +26,11 @@ export class CameraPanel {
   #head;
   #views;
   #fullScreen;
-  #report;
-  #showScene;
+  #send;
+  #tell;
   #snapshot;
   #facts = null;
-  #drives = false;
+  #mayAct = null;
   #reported = false;
   #reportMs = -Infinity;
   #mainSinceMs = 0; // since when the main camera is shown
@@ -39,20 +40,14 @@ export class CameraPanel {
   #listening = new AbortController();
 
   /**
-   * @param {HTMLElement} root of the page; data-camera is the address of the WebSocket, data-has-cameras:
-   *   open it at once, because the first picture of a robot's camera takes some time
-   * @param {Record<string, HTMLElement>} parts
-   * @param {object} page
-   * @param {(request: object) => Promise<?object>} page.request sends a task; returns the refusal or null
-   * @param {(ageMs: ?number) => void} page.report the age of the picture by which the person drives; null: no
-   *   picture
-   * @param {(notice: object) => void} page.notify
-   * @param {(shown: boolean) => void} page.showScene shows or hides the 3D view
+   * @param {import("../control/panels/page_panels.js").Page} page its root's data-camera is the address of the
+   *   WebSocket, data-has-cameras: open it at once, because the first picture of a robot's camera takes some
+   *   time
    */
-  constructor(root, parts, { request, report, notify, showScene = () => {} }) {
+  constructor({ root, parts, request, send, notify, tell }) {
     this.#area = parts["picture-area"];
-    this.#report = report;
-    this.#showScene = showScene;
+    this.#send = send;
+    this.#tell = tell;
     this.#snapshot = parts.snapshot;
     this.#socket = new CameraSocket(socketUrl(root.dataset.camera), decodesVideo());
     this.#main = new CameraView(parts.camera);
@@ -83,17 +78,20 @@ export class CameraPanel {
     this.#show(facts.cameras ?? []);
   }
 
-  /** @param {?object} view the robot's newest view; null: it is too old */
   set view(view) {
     this.#floor.view = view;
   }
 
-  /** @param {boolean} drives whether this tab has control */
-  set drives(drives) {
-    this.#drives = drives;
-    this.#head.mayAct = drives;
-    if (drives || !this.#reported) return;
-    this.#reported = false;
+  /** @param {boolean} stale the newest view is too old */
+  set stale(stale) {
+    if (stale) this.#floor.view = null;
+  }
+
+  /** @param {?boolean} may whether this tab has control; null: not known yet */
+  set mayAct(may) {
+    this.#mayAct = may;
+    this.#head.mayAct = may;
+    if (may || !this.#reported) return;
     this.#report(null);
   }
 
@@ -161,7 +159,7 @@ export class CameraPanel {
   /** Watch the cameras that are shown, and no others. */
   #follow() {
     const isShown = this.#area.clientWidth > 0; // some tabs hide the picture
-    this.#showScene(isShown && this.#views.view === "scene");
+    this.#tell({ sceneShown: isShown && this.#views.view === "scene" });
     const before = [this.#main, this.#second].map((view) => view.camera?.name);
     const main = isShown ? this.#views.main : null;
     const second = isShown ? this.#views.second : null;
@@ -190,13 +188,17 @@ export class CameraPanel {
 
   /** Report the age of the picture by which this person drives: the gate takes it into account. */
   #reportAge() {
-    if (!this.#drives) return;
+    if (!this.#mayAct) return;
     const nowMs = performance.now();
     const ageMs = this.#drivenBy();
     if (ageMs === null ? !this.#reported : nowMs - this.#reportMs < REPORT_MS) return;
-    this.#reported = ageMs !== null;
     this.#reportMs = nowMs;
     this.#report(ageMs);
+  }
+
+  #report(ageMs) {
+    this.#reported = ageMs !== null;
+    this.#send({ t: "camera_view", age_ms: ageMs });
   }
 
   /** Return the age of the picture by which this person drives. Null: none, or too old beside a plan. */

@@ -1,6 +1,5 @@
 /** The control page: wires the modules together. One `ControlPage` per page; `close()` ends all of it. */
 
-import { CameraPanel } from "../camera/camera_panel.js";
 import { Heartbeat } from "../connection/heartbeat.js";
 import { DelayEchoes, RoundTrips } from "../connection/round_trips.js";
 import { CLOSED_FOR_GOOD, LiveSocket, socketUrl } from "../connection/socket.js";
@@ -12,8 +11,6 @@ import { listenToKeys } from "../drive/input/keyboard.js";
 import { keysHelp } from "../drive/input/keys_help.js";
 import { isNeutral, Stick } from "../drive/input/stick.js";
 import { TurnAndLook } from "../drive/input/turn.js";
-import { PlanView } from "../drive/plan_view.js";
-import { SpeedChart } from "../drive/speed_chart.js";
 import { screenLock } from "../drive/wake_lock.js";
 import { hand } from "../hand/watch.js";
 import { lostText, soonText } from "../hand/words.js";
@@ -21,12 +18,7 @@ import { mark, parts } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 import { tabClock, tabToken } from "../lib/tab.js";
 import { Tabs } from "../lib/tabs.js";
-import { HeadStick } from "../limbs/head_stick.js";
-import { LimbPanel } from "../limbs/limb_panel.js";
-import { MapPanel } from "../navigation/map_panel.js";
 import { Notices } from "../page/notices.js";
-import { ScenePanel } from "../scene/scene_panel.js";
-import { TaskPanel } from "../tasks/task_panel.js";
 import { Choices } from "./choices.js";
 import { ControlPanel } from "./control_panel.js";
 import { ControlRequests, isControlRequest } from "./control_requests.js";
@@ -34,8 +26,11 @@ import { Hints } from "./hints.js";
 import { Drawers } from "./layout/drawers.js";
 import { Panels } from "./layout/panels.js";
 import { takeControlFirst } from "./lease.js";
+import { PANELS } from "./panels/list.js";
+import { PagePanels } from "./panels/page_panels.js";
+import { PageState } from "./panels/page_state.js";
 import { RobotContact } from "./robot_contact.js";
-import { ForgottenNotices } from "./status/forgotten.js";
+import { isAtLeast } from "./roles.js";
 import { StatusBar } from "./status/status_bar.js";
 import { isHeld } from "./status/status_text.js";
 import { StopButton } from "./stop/stop_button.js";
@@ -75,21 +70,14 @@ class ControlPage {
   #stopAsked = 0; // number of the stop that the dialog "clear" shows
   #panel;
   #options;
-  #picture;
-  #camera = null; // a robot may have none
-  #map;
-  #scene;
-  #limbs;
-  #headStick;
-  #chart;
   #statusBar;
   #notices;
-  #forgotten;
-  #taskPanel;
+  #state = new PageState();
+  #panels;
   #tabs;
   #drawers;
   #hints;
-  #panels;
+  #layout;
   #screen = screenLock();
   #echoes = new DelayEchoes();
   #echoTrips = new RoundTrips();
@@ -99,6 +87,7 @@ class ControlPage {
   #lostWithControl = false;
   #outdated = false; // the console uses another version of the protocol than this page
   #facts = null;
+  #role = "observer";
   #contact = new RobotContact();
   #moved = false; // the stick is not at rest
   #needsSign = false; // what a hand holds lets go soon, unless the hand moves
@@ -128,51 +117,24 @@ class ControlPage {
     this.#sender = new DriveSender(this.#echoes.counted(this.#socket), this.#stick, this.#clock);
     this.#panel = new ControlPanel(this.#parts);
     this.#options = new DrivingOptions(root, this.#parts);
-    this.#picture = new PlanView(this.#parts.picture);
-    this.#chart = new SpeedChart(this.#parts.chart);
     this.#statusBar = new StatusBar(root, this.#parts, (notice) => this.#notices.add(notice));
     this.#notices = new Notices(this.#parts);
-    this.#forgotten = new ForgottenNotices((notice) => this.#notices.add(notice));
-    this.#taskPanel = new TaskPanel(this.#parts, {
-      addresses: root.dataset,
+    this.#panels = new PagePanels(PANELS, this.#state, {
+      root,
+      parts: this.#parts,
       send: (message) => this.#socket.send(message),
-      notices: this.#notices,
+      notify: (notice) => this.#notices.add(notice),
       clock: this.#clock,
+      steers: () => this.#steers,
     });
-    const robot = `/api/v1/robots/${root.dataset.robot}`;
-    this.#scene = new ScenePanel(
-      this.#parts,
-      { description: `${robot}/description`, map: `${robot}/map` },
-      (message) => this.#socket.send(message),
-    );
-    if (root.dataset.camera) {
-      this.#camera = new CameraPanel(root, this.#parts, {
-        request: (request) => this.#taskPanel.request(request),
-        report: (age) => this.#socket.send({ t: "camera_view", age_ms: age }),
-        notify: (notice) => this.#notices.add(notice),
-        showScene: (shown) => {
-          this.#scene.opens = shown;
-        },
-      });
-    }
-    this.#map = new MapPanel(this.#parts["picture-area"], this.#parts, root.dataset.robot, {
-      request: (request) => this.#taskPanel.request(request),
-      notify: (notice) => this.#notices.add(notice),
-    });
-    this.#limbs = new LimbPanel(this.#parts, {
-      request: (request) => this.#taskPanel.request(request),
-      notify: (notice) => this.#notices.add(notice),
-    });
-    this.#headStick = new HeadStick(
-      this.#parts,
-      (request) => this.#taskPanel.request(request),
-      () => this.#drives && this.#joystick.isShown,
-    );
+    this.#state.subscribe(this.#options, ["facts"]);
+    this.#state.subscribe(this.#statusBar, ["facts"]);
+    this.#state.subscribe(this.#turn, ["state", "mayAct"]);
     this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
     this.#drawers = new Drawers(root);
     const choices = new Choices(root.dataset);
     this.#hints = new Hints(root, this.#parts, choices);
-    this.#panels = new Panels(root, choices, (text) =>
+    this.#layout = new Panels(root, choices, (text) =>
       this.#notices.add({ level: "success", code: "moved", text, quiet: true }),
     );
     this.#requests = new ControlRequests(
@@ -192,6 +154,7 @@ class ControlPage {
       },
     });
     this.#listen();
+    this.#tellRights();
     this.#tabs.begin();
     this.#socket.connect();
   }
@@ -200,28 +163,27 @@ class ControlPage {
     return this.#control?.state === "yours" && this.#socket.open;
   }
 
+  /** Whether keys drive the robot now. */
+  get #steers() {
+    return this.#drives && this.#joystick.isShown;
+  }
+
   close() {
     this.#zero("closed");
     this.#sender.stop();
     clearInterval(this.#timer);
     this.#listening.abort();
     for (const end of this.#endings) end();
-    this.#camera?.close();
     this.#drawers.end();
-    this.#hints.close();
-    this.#panels.close();
     const opened = [
+      this.#state,
+      this.#panels,
+      this.#hints,
+      this.#layout,
       this.#panel,
       this.#options,
-      this.#picture,
-      this.#map,
-      this.#scene,
-      this.#limbs,
-      this.#headStick,
-      this.#chart,
       this.#statusBar,
       this.#tabs,
-      this.#taskPanel,
       this.#requests,
       this.#notices,
       this.#stopButton,
@@ -246,15 +208,9 @@ class ControlPage {
     on(this.#socket, "message", (message) => this.#receive(message));
     on(this.#panel, "choose", (message) => this.#chose(message));
     on(this.#panel, "warn", (text) => this.#notify("warning", "slot", text));
-    on(this.#options, "share", (share) => {
-      this.#sender.share = share;
-    });
-    on(this.#options, "slides", (slides) => {
-      this.#joystick.slides = slides;
-    });
-    on(this.#options, "sticky", (sticky) => {
-      this.#joystick.sticky = sticky;
-    });
+    on(this.#options, "share", (share) => Object.assign(this.#sender, { share }));
+    on(this.#options, "slides", (slides) => Object.assign(this.#joystick, { slides }));
+    on(this.#options, "sticky", (sticky) => Object.assign(this.#joystick, { sticky }));
     on(this.#tabs, "change", ({ tab, before }) => this.#changed(tab, before));
     on(this.#stick, "change", ({ input }) => this.#stickMoved(input));
     on(this.#parts.clear, "click", () => {
@@ -269,7 +225,7 @@ class ControlPage {
     const host = {
       stick: this.#stick,
       holonomic: () => this.#facts?.holonomic ?? false,
-      drives: () => this.#drives && this.#joystick.isShown,
+      drives: () => this.#steers,
       mayStop: () => this.#mine,
       stop: () => this.#stopButton.press(),
     };
@@ -306,7 +262,7 @@ class ControlPage {
   #changed(tab, before) {
     if (before !== null) this.#zero("tab-changed");
     this.#drawers.close();
-    if (!this.#outdated) this.#taskPanel.tab = tab;
+    if (!this.#outdated) this.#state.tell({ tab });
   }
 
   #stickMoved(input) {
@@ -329,7 +285,7 @@ class ControlPage {
     this.#lostWithControl ||= this.#control?.state === "yours";
     this.#control = null;
     this.#panel.control = null;
-    this.#taskPanel.lost();
+    this.#panels.lost();
     this.#requests.lost();
     this.#follow();
     this.#update();
@@ -343,7 +299,7 @@ class ControlPage {
 
   #receive(message) {
     this.#heartbeat.receive(message);
-    if (this.#taskPanel.receive(message)) return;
+    if (this.#panels.receive(message)) return;
     switch (message.t) {
       case "view":
         return this.#onView(message);
@@ -351,22 +307,16 @@ class ControlPage {
         return this.#onControl(message);
       case "welcome":
         return this.#onWelcome(message);
-      case "offers":
-        this.#taskPanel.offers = message;
-        this.#limbs.offers = message;
-        return;
-      case "go_path":
-        this.#map.path = this.#scene.path = message.path_cm;
-        return;
       case "notice":
         return this.#notices.add({ ...message, quiet: SHOWN_BY_PANEL.has(message.code) });
       case "refused":
         return this.#onRefused(message);
       case "bridge_gone":
         this.#contact.lose(message);
-        this.#taskPanel.away();
-        this.#map.path = this.#scene.path = [];
+        this.#panels.gone();
         return this.#update();
+      default: // for panels alone
+        return this.#state.tell({ [message.t]: message });
     }
   }
 
@@ -375,19 +325,15 @@ class ControlPage {
     const { robot, role } = welcome;
     if (role !== "observer") this.#hints.begin();
     this.#facts = robot;
-    this.#options.facts = robot;
-    this.#picture.facts = robot;
-    this.#scene.facts = robot;
-    if (this.#camera) this.#camera.facts = robot;
-    this.#statusBar.facts = robot;
-    this.#map.facts = this.#limbs.facts = this.#headStick.facts = robot;
-    this.#taskPanel.welcome = welcome;
+    this.#role = role;
+    this.#state.tell({ facts: robot, role });
+    this.#tellRights();
   }
 
   /** After an upgrade of the console, a page that was open before sends only stops, to the form's URL. */
   #outdate() {
     this.#outdated = true;
-    this.#taskPanel.tab = null;
+    this.#state.tell({ tab: null });
     this.#socket.close();
   }
 
@@ -415,21 +361,21 @@ class ControlPage {
   /** Enable driving while this tab has control, and only then. */
   #follow() {
     const drives = this.#drives;
-    const none = this.#control === null ? undefined : null; // undefined until the server has reported control
-    this.#taskPanel.fence = drives ? this.#control.fence : none;
     if (drives) {
       this.#sender.start(this.#control.fence);
     } else {
       this.#stick.neutralise("control-ended");
       this.#sender.stop();
     }
-    this.#turn.mayAct = drives;
-    this.#map.drives = drives;
-    this.#limbs.mayAct = drives;
-    this.#headStick.mayAct = drives;
-    if (this.#camera) this.#camera.drives = drives;
+    this.#tellRights();
     this.#screen.keep(drives);
     mark(this.#root, "drives", drives);
+  }
+
+  #tellRights() {
+    const mayAct = this.#control === null ? null : this.#drives; // null until the server has reported control
+    const fence = mayAct ? this.#control.fence : null;
+    this.#state.tell({ fence, mayAct, mayCancel: mayAct || isAtLeast(this.#role, "supervisor") });
   }
 
   #onRefused({ of, refusal }) {
@@ -451,17 +397,9 @@ class ControlPage {
     this.#contact.receive(view.state, now);
     const echo = this.#echoes.receive(view.state.seq, now);
     if (echo !== null) this.#echoTrips.add(echo);
-    this.#picture.view = view;
-    if (this.#camera) this.#camera.view = view;
-    this.#map.view = view;
-    this.#scene.view = view;
-    this.#limbs.state = view.state;
-    this.#chart.add(view.state);
-    this.#taskPanel.state = view.state;
-    this.#turn.state = view.state;
+    this.#state.tellView(view);
     this.#showHint();
     this.#followGate(view.state, before);
-    this.#forgotten.follow(view.state.forgotten ?? null, now);
     this.#update();
   }
 
@@ -483,8 +421,7 @@ class ControlPage {
   #zero(reason) {
     this.#stick.neutralise(reason);
     this.#sender.zero();
-    this.#taskPanel.zero();
-    this.#headStick.release();
+    this.#panels.zero();
   }
 
   // --- what is shown ---------------------------------------------------------------------------
@@ -494,8 +431,7 @@ class ControlPage {
     const asksNeutral = this.#stick.waitsForNeutral || Boolean(this.#contact.state?.neutral_needed);
     if (!asksNeutral || !this.#drives) this.#needsNeutralSinceMs = now;
     const cut = this.#isCut();
-    this.#picture.stale = this.#scene.stale = this.#map.stale = cut;
-    if (this.#camera && cut) this.#camera.view = null;
+    this.#state.tell({ stale: cut });
     if (document.hidden) this.#contact.hide(now);
     mark(this.#root, "cut", !this.#socket.open || this.#contact.isLost(now));
     this.#statusBar.show({

@@ -5,20 +5,23 @@ import { dim } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 
 export class Forget {
+  static hears = ["mayAct"];
+  static requests = {
+    forget: {
+      name: () => gettext("Forget what was seen"),
+      done: () => gettext("Remembered obstacles are forgotten."),
+    },
+  };
   #button;
   #question;
   #listening = new AbortController();
 
-  /**
-   * @param {HTMLButtonElement} button
-   * @param {HTMLDialogElement} dialog in which a person confirms it
-   * @param {(request: object) => void} send
-   */
-  constructor(button, dialog, send) {
-    this.#button = button;
-    this.#question = question(dialog, () => send({ t: "forget" }));
-    dim(button, true, takeControlFirst());
-    button.addEventListener("click", () => this.#ask(), { signal: this.#listening.signal });
+  /** @param {import("../control/panels/page_panels.js").Page} page */
+  constructor({ parts, request }) {
+    this.#button = parts.forget;
+    this.#question = question(parts["forget-dialog"], () => request({ t: "forget" }));
+    this.mayAct = null;
+    this.#button.addEventListener("click", () => this.#ask(), { signal: this.#listening.signal });
   }
 
   /** @param {?boolean} may whether this tab has control; null: not known yet */

@@ -34,15 +34,16 @@ function away([x, y]) {
 }
 
 export class PlanView {
+  static hears = ["facts", "view", "stale"];
   #canvas;
   #facts = null;
   #view = null;
   #stale = false;
   #span = 3;
 
-  /** @param {HTMLCanvasElement} canvas its colours are custom properties named --view-... */
-  constructor(canvas) {
-    this.#canvas = new Canvas(canvas, "--view-", COLOURS, (pen, width, height) =>
+  /** @param {import("../control/panels/page_panels.js").Page} page */
+  constructor({ parts }) {
+    this.#canvas = new Canvas(parts.picture, "--view-", COLOURS, (pen, width, height) =>
       this.#draw(pen, width, height),
     );
   }

@@ -19,11 +19,12 @@ export function speedsOf({ verdict, odometry }) {
 }
 
 export class SpeedChart {
+  static hears = ["state"];
   #plot;
 
-  /** @param {HTMLElement} element */
-  constructor(element) {
-    this.#plot = new RollingPlot(element, TIME, () => ({
+  /** @param {import("../control/panels/page_panels.js").Page} page */
+  constructor({ parts }) {
+    this.#plot = new RollingPlot(parts.chart, TIME, () => ({
       lines: LINES.map(({ label, ...line }) => ({ ...line, label: label() })),
       legendRows: 1,
       scales: {
@@ -34,7 +35,8 @@ export class SpeedChart {
     this.#plot.names = LINES.map(({ name }) => name);
   }
 
-  add(state) {
+  /** @param {object} state of the robot */
+  set state(state) {
     this.#plot.add(speedsOf(state));
   }
 

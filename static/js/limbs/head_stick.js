@@ -19,6 +19,7 @@ const MOST_WAITING = 2; // requests without an answer
 const REST = 0.12; // smaller deflections count as the middle
 const KEYS = { KeyI: [0, 1], KeyK: [0, -1], KeyJ: [1, 0], KeyL: [-1, 0] };
 const AHEAD = "KeyO";
+const AHEAD_BUTTONS = ["head-ahead", "look-ahead"]; // beside the stick, in the drawer "More"
 
 /** Return the share of the fastest turn for a deflection from -1 to 1: fine near the middle. Pure. */
 export function shaped(deflection) {
@@ -28,6 +29,14 @@ export function shaped(deflection) {
 }
 
 export class HeadStick {
+  static hears = ["facts", "mayAct"];
+  static requests = {
+    look_ahead: {
+      name: () => gettext("Look ahead"),
+      done: () => gettext("The head turns to where the robot drives."),
+    },
+    turn_head: { name: () => gettext("Turn the head") },
+  };
   #pad;
   #knob;
   #request;
@@ -41,12 +50,8 @@ export class HeadStick {
   #parts;
   #listening = new AbortController();
 
-  /**
-   * @param {Record<string, HTMLElement>} parts head-open, head-box, head-pad, head-knob, head-ahead
-   * @param {(request: object) => Promise<?object>} request returns the refusal or null
-   * @param {() => boolean} steers whether keys control the robot now
-   */
-  constructor(parts, request, steers) {
+  /** @param {import("../control/panels/page_panels.js").Page} page */
+  constructor({ parts, request, steers }) {
     this.#parts = parts;
     this.#pad = parts["head-pad"];
     this.#knob = parts["head-knob"];
@@ -54,7 +59,7 @@ export class HeadStick {
     const { signal } = this.#listening;
     const on = (target, type, act) => target.addEventListener(type, act, { signal });
     on(parts["head-open"], "click", () => this.#open(parts["head-box"].hidden));
-    on(parts["head-ahead"], "click", () => this.#ahead());
+    for (const part of AHEAD_BUTTONS) on(parts[part], "click", () => this.#ahead());
     on(window, "keydown", (event) => steers() && this.#key(event));
     this.#finger = new PointerGrip(this.#pad, {
       begin: () => this.#begin(),
@@ -69,19 +74,20 @@ export class HeadStick {
   /** @param {object} facts of the robot */
   set facts({ has_head: hasHead = false }) {
     this.#hasHead = hasHead;
-    if (!hasHead) this.release();
+    show(this.#parts["look-ahead"], hasHead);
+    if (!hasHead) this.zero();
   }
 
   /** @param {boolean} may whether this tab has control of a robot */
   set mayAct(may) {
     this.#may = may;
-    dim(this.#parts["head-ahead"], !may, takeControlFirst());
+    for (const part of AHEAD_BUTTONS) dim(this.#parts[part], !may, takeControlFirst());
     mark(this.#pad, "idle", !may);
-    if (!may) this.release();
+    if (!may) this.zero();
   }
 
   /** End input now, also if a finger or a key is still held. */
-  release() {
+  zero() {
     this.#finger.drop("released");
     this.#keys.drop("released");
   }
@@ -95,11 +101,11 @@ export class HeadStick {
   #open(opens) {
     show(this.#parts["head-box"], opens);
     this.#parts["head-open"].setAttribute("aria-pressed", String(opens));
-    if (!opens) this.release();
+    if (!opens) this.zero();
   }
 
   #ahead() {
-    this.release();
+    this.zero();
     this.#request({ t: "look_ahead" });
   }
 
@@ -110,7 +116,7 @@ export class HeadStick {
 
   #drag({ clientX, clientY }) {
     const { left, top, width, height } = this.#pad.getBoundingClientRect();
-    if (width === 0) return this.release(); // something hides the pad
+    if (width === 0) return this.zero(); // something hides the pad
     const right = (2 * (clientX - left)) / width - 1;
     const down = (2 * (clientY - top)) / height - 1;
     const size = Math.max(1, Math.hypot(right, down));
@@ -149,6 +155,6 @@ export class HeadStick {
     this.#waiting += 1;
     const refusal = await this.#request({ t: "turn_head", pan, tilt, quiet: true });
     this.#waiting -= 1;
-    if (refusal) this.release(); // the next request would be refused, too
+    if (refusal) this.zero(); // the next request would be refused, too
   }
 }

@@ -6,16 +6,22 @@
 import { takeControlFirst } from "../control/lease.js";
 import { hand } from "../hand/watch.js";
 import { dim, setText, show } from "../lib/dom.js";
-import { centimetres, endNotice } from "./words.js";
+import { NewEnds } from "../tasks/task_ends.js";
+import { centimetres, endNotice, limbName, movesOf, movingText } from "./words.js";
 
 const HOME = "home"; // the motion that brings the arm home
 const PRIMARY = 1; // in `buttons`: the main button alone, a finger, the tip of a pen
 const KEYS_REST_MS = 400; // after the last press of an arrow key on a slider
 
 export class LimbPanel {
+  static hears = ["facts", "offers", "state.limbs", "mayAct"];
+  static task = "limbs";
+  static requests = {
+    move_limb: { name: ({ limb }) => limbName(limb) },
+    limb_cancel: { name: () => gettext("Cancel the move of gripper or torso") },
+  };
   #parts;
   #request;
-  #notify;
   #ranges = {};
   #home = null;
   #grips = new Map(); // by limbs whose slider is under a finger
@@ -23,17 +29,17 @@ export class LimbPanel {
   #held = new Set(); // limbs whose slider is under a finger or moved by arrow keys
   #left = new Set(); // limbs whose slider was under a finger that was lost: its end counts no more
   #timers = {};
-  #ended = null; // ends that are known, by limb; null before the first state
+  #ends;
   #listening = new AbortController();
 
-  /**
-   * @param {Record<string, HTMLElement>} parts
-   * @param {{request: (request: object) => Promise<?object>, notify: (notice: object) => void}} page
-   */
-  constructor(parts, { request, notify }) {
+  /** @param {import("../control/panels/page_panels.js").Page} page */
+  constructor({ parts, request, notify }) {
     this.#parts = parts;
     this.#request = request;
-    this.#notify = notify;
+    this.#ends = new NewEnds((ended, limb) => {
+      const notice = endNotice(limb, ended);
+      if (notice) notify(notice);
+    });
     const { signal } = this.#listening;
     const on = (part, type, act) => parts[part].addEventListener(type, act, { signal });
     on("arm-home", "click", () => request({ t: "play", motion: HOME, title: this.#home?.title }));
@@ -79,12 +85,20 @@ export class LimbPanel {
     this.#showOpener();
   }
 
-  /** @param {object} state of the robot */
-  set state({ limbs = {} }) {
+  /** @param {object} limbs of the robot's state */
+  set limbs(limbs) {
     this.#limbs = limbs;
     for (const limb of Object.keys(limbs))
       if (this.#ranges[limb] && !this.#held.has(limb)) this.#follow(limb);
-    this.#followEnds(limbs);
+    const ends = Object.entries(limbs).map(([limb, { ended = null }]) => [limb, ended]);
+    this.#ends.follow(Object.fromEntries(ends));
+  }
+
+  shows(limbs) {
+    const moving = movesOf(limbs);
+    if (moving.length === 0) return null;
+    const cancel = moving.map(([limb]) => ({ t: "limb_cancel", limb }));
+    return { words: movingText(limbs), who: moving[0][1].who, cancel };
   }
 
   /** @param {boolean} may whether this tab has control */
@@ -178,21 +192,5 @@ export class LimbPanel {
     hand.end(this.#grips.get(limb));
     this.#grips.delete(limb);
     this.#held.delete(limb);
-  }
-
-  #followEnds(limbs) {
-    const known = this.#ended;
-    this.#ended = Object.fromEntries(
-      Object.entries(limbs).map(([limb, { ended = null }]) => [
-        limb,
-        ended ? `${ended.fence} ${ended.seq}` : "",
-      ]),
-    );
-    if (known === null) return;
-    for (const [limb, { ended = null }] of Object.entries(limbs)) {
-      if (!ended || known[limb] === this.#ended[limb]) continue;
-      const notice = endNotice(limb, ended);
-      if (notice) this.#notify(notice);
-    }
   }
 }

@@ -9,13 +9,17 @@ export function limbName(limb) {
   return limb === "gripper" ? gettext("Gripper") : gettext("Torso");
 }
 
+/** Return the limbs that move, each with its state. @param {object} limbs of the robot's state */
+export function movesOf(limbs) {
+  return Object.entries(limbs).filter(([, { to_m: toM = null }]) => toM !== null);
+}
+
 /**
  * Return a text about the running moves; empty if there are none.
  * @param {object} limbs of the robot's state
  */
 export function movingText(limbs = {}) {
-  return Object.entries(limbs)
-    .filter(([, { to_m: toM = null }]) => toM !== null)
+  return movesOf(limbs)
     .map(([limb, { at_m: atM, to_m: toM, ending = "" }]) => {
       const now = atM === null ? "?" : centimetres(atM);
       const moves = interpolate(gettext("%s: %s, to %s"), [limbName(limb), now, centimetres(toM)]);

@@ -3,10 +3,11 @@
 import { takeControlFirst } from "../control/lease.js";
 import { isSeen } from "../control/status/status_text.js";
 import { dim, make, mark, setText, setTextOrHide, show } from "../lib/dom.js";
+import { NewEnds } from "../tasks/task_ends.js";
 import { MapView } from "./map_view.js";
 import { readMaps, readPicture } from "./places_api.js";
 import { PlacesPanel } from "./places_panel.js";
-import { endText } from "./words.js";
+import { endNotice, goingText } from "./words.js";
 
 const LOOK_MS = 2_000; // between two reads, while the panel is open and has no map
 const AGAIN_EVERY = 10; // times LOOK_MS: a known map is read again, because the robot may have another map
@@ -16,6 +17,16 @@ const MODES = ["go", "pose", "place"];
 const IN_CONTROL = ["go", "pose"];
 
 export class MapPanel {
+  static hears = ["facts", "view", "state.going", "go_path", "stale", "mayAct"];
+  static task = "going";
+  static requests = {
+    go: { name: () => gettext("Go there") },
+    go_cancel: { name: () => gettext("Cancel the drive to a place") },
+    set_pose: {
+      name: () => gettext("Robot is here"),
+      done: () => gettext("The robot was told where it is."),
+    },
+  };
   #root;
   #parts;
   #robot;
@@ -25,27 +36,24 @@ export class MapPanel {
   #view = null; // made when the panel is first opened
   #mode = null; // one of MODES, or null
   #wanted = ""; // text: what a press on the map lacked
-  #drives = false;
+  #mayAct = null;
   #path = [];
   #newest = null;
-  #ended; // fence and number of the last known end of a drive to a goal; undefined before the first state
+  #ends;
   #loaded = null; // the map that is shown
   #picked = null; // the named place that was pressed on the map
   #pickedMs = 0;
   #timer = null;
   #listening = new AbortController();
 
-  /**
-   * @param {HTMLElement} root the area of the picture
-   * @param {Record<string, HTMLElement>} parts
-   * @param {string} robot its slug
-   * @param {{request: (request: object) => Promise<?object>, notify: (notice: object) => void}} page
-   */
-  constructor(root, parts, robot, { request, notify }) {
+  /** @param {import("../control/panels/page_panels.js").Page} page */
+  constructor({ root: { dataset }, parts, request, notify }) {
+    const root = parts["picture-area"];
     this.#root = root;
     this.#parts = parts;
-    this.#robot = robot;
+    this.#robot = dataset.robot;
     this.#request = request;
+    this.#ends = new NewEnds((ended) => notify(endNotice(ended)));
     this.#notify = notify;
     const { signal } = this.#listening;
     const on = (part, act) => parts[part].addEventListener("click", act, { signal });
@@ -84,28 +92,41 @@ export class MapPanel {
   /** @param {{state: object, scan: ?object}} view of the robot */
   set view(view) {
     this.#newest = view;
-    this.#followEnd(view.state.going_ended ?? null);
     if (this.#parts.map.hidden) return;
     this.#view.view = view;
     this.#speak();
   }
 
-  set path(path) {
+  /** @param {{now: ?object, ended: ?object}} going the drive to a goal */
+  set going({ ended }) {
+    this.#ends.follow({ going: ended });
+  }
+
+  shows({ now }) {
+    return now && { words: goingText(now), who: now.who, cancel: [{ t: "go_cancel" }] };
+  }
+
+  /** @param {{path_cm: number[]}} message the planned path: flat x, y in the frame of the map */
+  set go_path({ path_cm: path }) {
     this.#path = path;
     if (this.#view) this.#view.path = path;
   }
 
-  /** @param {boolean} drives whether this tab has control */
-  set drives(drives) {
-    this.#drives = drives;
-    this.#places.drives = drives;
-    dim(this.#parts["map-picked-go"], !drives, takeControlFirst());
-    if (!drives && IN_CONTROL.includes(this.#mode)) this.#choose(null);
+  /** @param {?boolean} may whether this tab has control; null: not known yet */
+  set mayAct(may) {
+    this.#mayAct = may;
+    this.#places.mayAct = may;
+    dim(this.#parts["map-picked-go"], !may, takeControlFirst());
+    if (!may && IN_CONTROL.includes(this.#mode)) this.#choose(null);
   }
 
   /** @param {boolean} stale the map shows old data */
   set stale(stale) {
     mark(this.#parts.map, "old", stale);
+  }
+
+  gone() {
+    this.go_path = { path_cm: [] };
   }
 
   close() {
@@ -201,9 +222,9 @@ export class MapPanel {
   }
 
   #mayRequest() {
-    if (!this.#drives)
+    if (!this.#mayAct)
       this.#notify({ level: "info", code: "map control", text: takeControlFirst() });
-    return this.#drives;
+    return this.#mayAct;
   }
 
   #chosen(pose) {
@@ -244,23 +265,12 @@ export class MapPanel {
     if (this.#mode !== "pose") this.#wanted = "";
     else if (wanted) this.#wanted = wanted;
     // Without control, the robot's pose is not read: a missing pose does not mean that the robot is lost.
-    const isLost = state && !location && isSeen(state) && this.#drives && this.#loaded !== null;
+    const isLost = state && !location && isSeen(state) && this.#mayAct && this.#loaded !== null;
     const words =
       this.#wanted ||
       (modes[this.#mode] ?? (held || location?.problem || (isLost ? lostText() : "")));
     setText(this.#parts["map-words"], words);
     show(this.#parts["map-words"], words !== "");
-  }
-
-  #followEnd(ended) {
-    const number = ended ? `${ended.fence} ${ended.seq}` : "";
-    const known = this.#ended;
-    this.#ended = number;
-    if (known === undefined || number === known || !ended) return;
-    const level = ["arrived", "cancelled", "replaced"].includes(ended.outcome)
-      ? "success"
-      : "warning";
-    this.#notify({ level, code: `go ${number}`, text: endText(ended) });
   }
 }
 

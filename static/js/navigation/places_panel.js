@@ -21,7 +21,7 @@ export class PlacesPanel {
   #asked = null; // the dialog for a name that is open, or was last: {title, name, yes, remove}
   #deletes; // the question before a place is deleted
   #remove; // deletes the place that the question names
-  #drives = false;
+  #mayAct = null;
   #listening = new AbortController();
 
   /**
@@ -62,10 +62,10 @@ export class PlacesPanel {
     this.#parts["map-places"].setAttribute("aria-expanded", String(opens));
   }
 
-  set drives(drives) {
-    this.#drives = drives;
+  set mayAct(may) {
+    this.#mayAct = may;
     for (const button of this.#parts["places-list"].querySelectorAll(".place-go"))
-      dim(button, !drives, takeControlFirst());
+      dim(button, !may, takeControlFirst());
   }
 
   /**
@@ -85,7 +85,7 @@ export class PlacesPanel {
     );
     show(this.#parts["places-change"], map?.changeable ?? false);
     if (map) this.#parts["places-export"].href = exportAddress(map);
-    this.drives = this.#drives;
+    this.mayAct = this.#mayAct;
   }
 
   /**

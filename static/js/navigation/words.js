@@ -1,12 +1,20 @@
 /** Texts about drives to a place. Pure. */
 
 /** Return a text about the end of a drive. @param {{outcome: string, text: string}} end */
-export function endText({ outcome, text }) {
+function endText({ outcome, text }) {
   if (outcome === "arrived") return gettext("The robot is there.");
   if (outcome === "replaced")
     return gettext("The stick took over: the drive to the place has ended.");
   if (outcome === "cancelled") return gettext("The drive to the place was cancelled.");
   return interpolate(gettext("The drive to the place has ended. %s"), [text]);
+}
+
+/** Return the notice of a drive's end. */
+export function endNotice(ended) {
+  const level = ["arrived", "cancelled", "replaced"].includes(ended.outcome)
+    ? "success"
+    : "warning";
+  return { level, code: `go ${ended.fence} ${ended.seq}`, text: endText(ended) };
 }
 
 /**

@@ -7,8 +7,9 @@ const DESCRIPTION_EVERY = 15; // times AGAIN_MS: the robot may have been started
 const AGAIN_MS = 4_000; // between two checks, while the view is open
 
 export class ScenePanel {
+  static hears = ["facts", "view", "go_path", "stale", "sceneShown"];
   #parts;
-  #addresses;
+  #robot; // its address
   #send;
   #load;
   #scene = null; // made when the view is first opened
@@ -26,14 +27,12 @@ export class ScenePanel {
   #listening = new AbortController();
 
   /**
-   * @param {Record<string, HTMLElement>} parts
-   * @param {{description: string, map: string}} addresses
-   * @param {(message: object) => void} send
+   * @param {import("../control/panels/page_panels.js").Page} page
    * @param {(address: string) => Promise<object>} load the module
    */
-  constructor(parts, addresses, send, load = (address) => import(address)) {
+  constructor({ root, parts, send }, load = (address) => import(address)) {
     this.#parts = parts;
-    this.#addresses = addresses;
+    this.#robot = `/api/v1/robots/${root.dataset.robot}`;
     this.#send = send;
     this.#load = load;
     parts["scene-modes"].addEventListener(
@@ -44,7 +43,7 @@ export class ScenePanel {
   }
 
   /** @param {boolean} opens whether the view is shown from now on */
-  set opens(opens) {
+  set sceneShown(opens) {
     if (opens === this.#opens) return;
     this.#opens = opens;
     show(this.#parts.scene, opens);
@@ -68,8 +67,8 @@ export class ScenePanel {
     if (this.#opens && this.#scene) this.#scene.view = view;
   }
 
-  /** @param {number[]} path flat x, y in centimetres, frame of the map */
-  set path(path) {
+  /** @param {{path_cm: number[]}} message the planned path: flat x, y in the frame of the map */
+  set go_path({ path_cm: path }) {
     this.#path = path;
     if (this.#scene) this.#scene.path = path;
   }
@@ -78,6 +77,10 @@ export class ScenePanel {
   set stale(stale) {
     mark(this.#parts.scene, "old", stale);
     if (stale) this.#isDescribed = false; // the robot may come back with another description
+  }
+
+  gone() {
+    this.go_path = { path_cm: [] };
   }
 
   close() {
@@ -142,7 +145,7 @@ export class ScenePanel {
   async #readDescription(signal) {
     try {
       const headers = this.#tag ? { "If-None-Match": this.#tag } : {};
-      const answer = await fetch(this.#addresses.description, { signal, headers });
+      const answer = await fetch(`${this.#robot}/description`, { signal, headers });
       const isKnown = answer.status === 304;
       const found = isKnown ? { digest: this.#digest } : await answer.json();
       if (signal.aborted) return false;
@@ -170,7 +173,7 @@ export class ScenePanel {
 
   async #readMap(signal) {
     try {
-      const answer = await fetch(this.#addresses.map, { signal });
+      const answer = await fetch(`${this.#robot}/map`, { signal });
       if (!answer.ok) return;
       const map = await answer.json();
       if (map.number === this.#map) return;

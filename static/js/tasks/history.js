@@ -25,12 +25,15 @@ export function outcomeText(outcome) {
 }
 
 export class History {
+  static hears = ["offers", "state.speech", "state.chosen", "mayAct", "tab"];
   #parts;
   #url;
   #send;
   #list;
   #entries = [];
-  #topic = null;
+  #uses = {};
+  #chosen = {};
+  #topic = null; // to which speech goes now: entries of this topic are marked
   #saying = null; // number of the current speech
   #ended = null; // the last ended speech: the robot may report its end before the record has it
   #newest = "";
@@ -38,14 +41,10 @@ export class History {
   #reading = Promise.resolve();
   #listening = new AbortController();
 
-  /**
-   * @param {Record<string, HTMLElement>} parts
-   * @param {string} url of the history
-   * @param {(request: object) => void} send
-   */
-  constructor(parts, url, send) {
+  /** @param {import("../control/panels/page_panels.js").Page} page */
+  constructor({ root, parts, request: send }) {
     this.#parts = parts;
-    this.#url = url;
+    this.#url = root.dataset.speech;
     this.#send = send;
     this.#list = new SearchList(parts["history-list"], {
       label: gettext("Search history"),
@@ -64,25 +63,30 @@ export class History {
     this.#list.dim(!may, takeControlFirst());
   }
 
-  /** @param {?string} topic to which speech goes now: entries of this topic are marked */
-  set topic(topic) {
-    if (topic === this.#topic) return;
-    this.#topic = topic;
-    this.#show();
+  /** @param {object} offers of the robot */
+  set offers({ uses = {} }) {
+    this.#uses = uses;
+    this.#markTopic();
   }
 
-  /** @param {boolean} isShown whether the history is visible */
-  set isShown(isShown) {
-    this.#isShown = isShown;
-    if (isShown) this.load();
+  /** @param {Object<string, string>} chosen topics by use, where they are not the default */
+  set chosen(chosen) {
+    this.#chosen = chosen;
+    this.#markTopic();
   }
 
-  /** @param {object} state of the robot: the current speech, and the end of the last one */
-  set state({ speech = null, speech_ended: ended = null }) {
-    const newest = `${speech?.number} ${ended?.number}`;
+  /** @param {string} tab that is shown */
+  set tab(tab) {
+    this.#isShown = tab === "speech";
+    if (this.#isShown) this.load();
+  }
+
+  /** @param {{now: ?object, ended: ?object}} speech of the robot */
+  set speech({ now, ended }) {
+    const newest = `${now?.number} ${ended?.number}`;
     if (newest === this.#newest) return;
     this.#newest = newest;
-    this.#saying = speech?.number ?? null;
+    this.#saying = now?.number ?? null;
     this.#ended = ended;
     if (this.#isShown) this.load();
   }
@@ -104,6 +108,13 @@ export class History {
   close() {
     this.#listening.abort();
     this.#list.close();
+  }
+
+  #markTopic() {
+    const topic = this.#chosen.speech ?? this.#uses.speech?.topic ?? null;
+    if (topic === this.#topic) return;
+    this.#topic = topic;
+    this.#show();
   }
 
   #more() {

@@ -3,7 +3,7 @@
 import { takeControlFirst } from "../control/lease.js";
 import { dim, make, makeButton, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
-import { levelOf } from "./task_ends.js";
+import { Endings, levelOf } from "./task_ends.js";
 
 // A press this soon after the end of a motion was meant to cancel it: people need longer to react to the end.
 const MEANT_CANCEL_MS = 500;
@@ -45,12 +45,24 @@ function heldOnce(event) {
 }
 
 export class Motions {
+  static hears = ["offers", "state.motion", "mayAct", "mayCancel", "tab"];
+  static task = "motion";
+  static requests = {
+    play: { name: ({ title, motion }) => interpolate(gettext("Play %s"), [title ?? motion]) },
+    play_cancel: { name: () => gettext("Cancel the motion"), control: "optional" },
+    refresh: {
+      name: () => gettext("Read the list again"),
+      done: () => gettext("The robot is asked for its list again."),
+      control: "none",
+    },
+  };
   #parts;
   #send;
   #list;
   #buttons = new Map();
   #titles = new Map(); // by name; kept while the robot is away and offers no motions
   #running = null;
+  #ends;
   #ended = null; // the motion that ended last
   #endedMs = 0;
   #mayAct = null;
@@ -58,13 +70,11 @@ export class Motions {
   #mayCancel = false;
   #listening = new AbortController();
 
-  /**
-   * @param {Record<string, HTMLElement>} parts
-   * @param {(request: object) => void} send
-   */
-  constructor(parts, send) {
+  /** @param {import("../control/panels/page_panels.js").Page} page */
+  constructor({ parts, request: send, notify }) {
     this.#parts = parts;
     this.#send = send;
+    this.#ends = new Endings((ended, name) => notify(endNotice(ended, this.titleOf(name))));
     this.#list = new SearchList(parts["motion-list"], {
       label: gettext("Search motions"),
       text: ({ name, title, usage, description }) => [title, name, usage, description].join(" "),
@@ -77,7 +87,8 @@ export class Motions {
   }
 
   /** @param {object} offers of the robot */
-  set offers({ motions = [], motions_text: text = "" }) {
+  set offers({ motions = [], motions_text: text = "", uses = {} }) {
+    this.#idle = uses.motions?.refusal?.text ?? "";
     for (const { name, title } of motions) this.#titles.set(name, title || name);
     this.#buttons.clear();
     this.#list.items = motions;
@@ -87,9 +98,10 @@ export class Motions {
     this.#show();
   }
 
-  /** @param {object} state of the robot */
-  set state({ motion = null }) {
-    const name = motion?.name ?? null;
+  /** @param {{now: ?object, ended: ?object}} motion of the robot */
+  set motion({ now, ended }) {
+    const name = now?.name ?? null;
+    this.#ends.follow(name, ended);
     if (name === this.#running) return;
     this.#ended = this.#running;
     this.#endedMs = performance.now();
@@ -100,12 +112,6 @@ export class Motions {
   /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
-    this.#show();
-  }
-
-  /** @param {string} why the robot plays no motion now, empty if it can */
-  set idle(why) {
-    this.#idle = why;
     this.#show();
   }
 
@@ -120,9 +126,21 @@ export class Motions {
     return this.#titles.get(name) ?? name;
   }
 
-  /** Clear the search: its field is not visible on every tab. */
-  showAll() {
+  /** Another tab is shown: clear the search, whose field is not visible on every tab. */
+  set tab(_) {
     this.#list.clear();
+  }
+
+  shows({ now }) {
+    return now && { words: this.titleOf(now.name), who: now.who, cancel: [{ t: "play_cancel" }] };
+  }
+
+  sent({ t }) {
+    return t === "refresh" ? null : this.#ends.begin(undefined, t === "play_cancel");
+  }
+
+  silent() {
+    this.#ends.lost();
   }
 
   close() {

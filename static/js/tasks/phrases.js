@@ -5,8 +5,10 @@ import { takeControlFirst } from "../control/lease.js";
 import { make, makeButton, mark, setTextOrHide } from "../lib/dom.js";
 import { inLanguage, languageName } from "../lib/languages.js";
 import { SearchList } from "../lib/list.js";
+import { muteText } from "./say.js";
 
 export class Phrases {
+  static hears = ["offers", "mayAct", "tab"];
   #parts;
   #url;
   #list;
@@ -14,20 +16,17 @@ export class Phrases {
   #mute = "";
   #none = "";
 
-  /**
-   * @param {Record<string, HTMLElement>} parts
-   * @param {string} url of the phrases
-   * @param {(request: object) => void} send
-   */
-  constructor(parts, url, send) {
+  /** @param {import("../control/panels/page_panels.js").Page} page */
+  constructor({ root, parts, request }) {
     this.#parts = parts;
-    this.#url = url;
+    this.#url = root.dataset.phrases;
     this.#list = new SearchList(parts["phrase-list"], {
       label: gettext("Search phrases"),
       text: ({ text, language, tags = [] }) => [text, languageName(language), ...tags].join(" "),
       group: ({ language }) => languageName(language),
-      row: (phrase) => row(phrase, send),
+      row: (phrase) => row(phrase, request),
     });
+    this.load();
   }
 
   /** @param {?boolean} may whether this tab has control; null: not known yet */
@@ -36,9 +35,9 @@ export class Phrases {
     this.#update();
   }
 
-  /** @param {string} why the robot cannot speak now, empty if it can */
-  set mute(why) {
-    this.#mute = why;
+  /** @param {object} offers of the robot */
+  set offers(offers) {
+    this.#mute = muteText(offers);
     this.#update();
   }
 
@@ -52,8 +51,8 @@ export class Phrases {
     }
   }
 
-  /** Clear the search: its field is not visible on every tab. */
-  showAll() {
+  /** Another tab is shown: clear the search, whose field is not visible on every tab. */
+  set tab(_) {
     this.#list.clear();
   }
 

@@ -1,150 +1,131 @@
 /**
- * The running drive, limb, motion and speech, on every tab, each with Cancel; and the uses of the tab that go
- * to another topic than the default.
+ * The running tasks, on every tab, each with Cancel; and the uses of the tab that go to another topic than the
+ * default.
  */
 
 import { make, makeButton, setText, show } from "../lib/dom.js";
-import { inLanguage } from "../lib/languages.js";
-import { movingText } from "../limbs/words.js";
-import { goingText } from "../navigation/words.js";
 import { useLabel, usesOf } from "./uses.js";
 
-/** Split a text into three: before the spoken word, the word, the rest. `word` counts code points. */
-export function aroundWord(text, word) {
-  if (!word) return ["", "", text];
-  const letters = Array.from(text);
-  const [from, to] = word;
-  return [letters.slice(0, from), letters.slice(from, to), letters.slice(to)].map((part) =>
-    part.join(""),
-  );
-}
+/** One kind of task: words, the person, a line that its panel may have, and Cancel. */
+class Row {
+  element;
+  #panel;
+  #words = make("strong");
+  #who = make("span", { className: "quiet" });
+  #cancel;
+  #requests = [];
 
-function statusText(status) {
-  const texts = {
-    sent: gettext("Sent"),
-    accepted: gettext("Accepted"),
-    speaking: gettext("Speaking"),
-  };
-  return texts[status] ?? status;
-}
+  constructor(task, panel, send) {
+    this.#panel = panel;
+    this.#cancel = makeButton({ className: "button", text: gettext("Cancel") }, () => {
+      for (const request of this.#requests) send(request);
+    });
+    const words = make("p", { className: "runs-words", children: [this.#words, " ", this.#who] });
+    if (panel.line) words.setAttribute("role", "status");
+    const children = [words, panel.line?.element, this.#cancel].filter(Boolean);
+    this.element = make("div", { className: "runs", children });
+    this.element.hidden = true;
+    const parts = { runs: this.element, words: this.#words, who: this.#who, cancel: this.#cancel };
+    for (const [name, part] of Object.entries(parts)) part.dataset.part = `${task}-${name}`;
+  }
 
-/**
- * Return a text about a drive by a distance or an angle, with the part that is done. Robots report radians.
- */
-export function driveText({
-  goal_m: goalM,
-  goal_rad: goalRad,
-  distance_m: doneM,
-  angle_rad: doneRad,
-}) {
-  const degrees = (radians) => Math.round((radians * 180) / Math.PI);
-  return goalRad === null
-    ? interpolate(gettext("Drives: %s of %s m"), [doneM.toFixed(1), goalM.toFixed(1)])
-    : interpolate(gettext("Turns: %s of %s°"), [degrees(doneRad), degrees(goalRad)]);
+  /** @param {any} task as `PageState` tells it */
+  set task(task) {
+    const shown = this.#panel.shows(task);
+    show(this.element, Boolean(shown));
+    if (!shown) return;
+    this.#requests = shown.cancel;
+    setText(this.#words, shown.words);
+    setText(this.#who, interpolate(gettext("for %s"), [shown.who]));
+    this.#panel.line?.show(task);
+  }
+
+  /**
+   * @param {(t: string) => boolean} may whether this person may send a kind of request
+   * @param {(request: object) => string} nameOf
+   */
+  offerCancel(may, nameOf) {
+    if (this.element.hidden) return;
+    const [request] = this.#requests;
+    show(this.#cancel, may(request.t));
+    this.#cancel.setAttribute("aria-label", nameOf(request));
+  }
 }
 
 export class Running {
   #parts;
   #send;
-  #titleOf;
-  #busy = false;
+  #kinds;
+  #rows = [];
   #chosen = {}; // topics by use, where they are not the default
   #tab = null;
-  #mayAct = false;
-  #limbs = {};
-  #listening = new AbortController();
+  #mayAct = null;
+  #mayCancel = false;
 
   /**
    * @param {Record<string, HTMLElement>} parts
    * @param {(request: object) => void} send
-   * @param {(motion: string) => string} titleOf returns a motion's title
+   * @param {Object<string, import("./tasks.js").RequestKind>} kinds of requests, by their `t`
    */
-  constructor(parts, send, titleOf) {
+  constructor(parts, send, kinds) {
     this.#parts = parts;
     this.#send = send;
-    this.#titleOf = titleOf;
-    const { signal } = this.#listening;
-    for (const [button, t] of [
-      ["drive-cancel", "drive_by_cancel"],
-      ["go-cancel", "go_cancel"],
-      ["motion-cancel", "play_cancel"],
-      ["speech-cancel", "say_cancel"],
-    ])
-      parts[button].addEventListener("click", () => send({ t }), { signal });
-    parts["limb-cancel"].addEventListener("click", () => this.#cancelLimbs(), { signal });
+    this.#kinds = kinds;
   }
 
-  /** @param {object} state of the robot */
-  set state({ drive_by: drive = null, going = null, motion = null, ...more }) {
-    const { speech = null, chosen = {}, limbs = {} } = more;
-    this.#limbs = limbs;
-    const moves = movingText(limbs);
-    show(this.#parts["limb-runs"], moves !== "");
-    show(this.#parts["go-runs"], going !== null);
-    show(this.#parts["drive-runs"], drive !== null);
-    show(this.#parts["motion-runs"], motion !== null);
-    show(this.#parts["speech-runs"], speech !== null);
-    this.#busy = moves !== "" || [drive, going, motion, speech].some((task) => task !== null);
+  /**
+   * Add a row for a kind of task.
+   * @param {string} task field of the robot's state
+   * @param {object} panel `shows(task)` returns `{words, who, cancel}`, with the requests that cancel the task;
+   *   null: nothing runs. `line`: `{element, show(task)}`, for a line below the words, which are then announced
+   * @returns {(task: any) => void} takes the newest state of the task
+   */
+  row(task, panel) {
+    const row = new Row(task, panel, this.#send);
+    this.#rows.push(row);
+    this.#parts.elsewhere.before(row.element);
+    return (newest) => {
+      row.task = newest;
+      this.#show();
+    };
+  }
+
+  /** @param {Object<string, string>} chosen topics by use, where they are not the default */
+  set chosen(chosen) {
     this.#chosen = chosen;
-    this.#showElsewhere();
-    if (drive) {
-      setText(this.#parts["drive-words"], driveText(drive));
-      setText(this.#parts["drive-who"], interpolate(gettext("for %s"), [drive.who]));
-    }
-    if (going) {
-      setText(this.#parts["go-words"], goingText(going));
-      setText(this.#parts["go-who"], interpolate(gettext("for %s"), [going.who]));
-    }
-    if (moves) {
-      const { who } = Object.values(limbs).find(({ to_m: to = null }) => to !== null);
-      setText(this.#parts["limb-words"], moves);
-      setText(this.#parts["limb-who"], interpolate(gettext("for %s"), [who]));
-    }
-    if (motion) {
-      setText(this.#parts["motion-name"], this.#titleOf(motion.name));
-      setText(this.#parts["motion-who"], interpolate(gettext("for %s"), [motion.who]));
-    }
-    if (speech) this.#showSpeech(speech);
+    this.#show();
   }
 
-  /** @param {boolean} may whether this person may cancel the running motion and speech */
+  /** @param {boolean} may whether this person may cancel what supervisors may cancel without control */
   set mayCancel(may) {
-    show(this.#parts["motion-cancel"], may);
-    show(this.#parts["speech-cancel"], may);
+    this.#mayCancel = may;
+    this.#show();
   }
 
   /** @param {string} tab that is shown: its chosen topics are shown with it */
   set tab(tab) {
     this.#tab = tab;
-    this.#showElsewhere();
+    this.#show();
   }
 
   /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
-    show(this.#parts["drive-cancel"], may === true);
-    show(this.#parts["go-cancel"], may === true);
-    show(this.#parts["limb-cancel"], may === true);
-    this.#showElsewhere();
+    this.#show();
   }
 
-  close() {
-    this.#listening.abort();
-  }
-
-  #cancelLimbs() {
-    for (const [limb, { to_m: to = null }] of Object.entries(this.#limbs))
-      if (to !== null) this.#send({ t: "limb_cancel", limb });
-  }
-
-  #showElsewhere() {
+  #show() {
+    const may = (t) =>
+      this.#kinds[t].control === "optional" ? this.#mayCancel : this.#mayAct === true;
+    const nameOf = (request) => this.#kinds[request.t].name(request);
+    for (const row of this.#rows) row.offerCancel(may, nameOf);
     const uses = usesOf(this.#tab).filter((use) => use in this.#chosen);
     const shown = JSON.stringify([uses.map((use) => [use, this.#chosen[use]]), this.#mayAct]);
     if (this.#parts.elsewhere.dataset.shown !== shown) {
       this.#parts.elsewhere.dataset.shown = shown;
       this.#parts.elsewhere.replaceChildren(...uses.map((use) => this.#elsewhere(use)));
     }
-    show(this.#parts.running, this.#busy || uses.length > 0);
+    show(this.#parts.running, this.#rows.some(({ element }) => !element.hidden) || uses.length > 0);
   }
 
   #elsewhere(use) {
@@ -153,10 +134,8 @@ export class Running {
       { use: useLabel(use), topic: this.#chosen[use] },
       true,
     );
-    const row = make("div", {
-      className: "runs",
-      children: [make("p", { className: "runs-words", text: goes })],
-    });
+    const words = make("p", { className: "runs-words", text: goes });
+    const row = make("div", { className: "runs", children: [words] });
     if (!this.#mayAct) return row;
     const back = makeButton({ className: "button", text: gettext("Default") }, () =>
       this.#send({ t: "choose", use, topic: null }),
@@ -164,19 +143,5 @@ export class Running {
     back.setAttribute("aria-label", `${useLabel(use)}: ${gettext("Back to the default")}`);
     row.append(back);
     return row;
-  }
-
-  #showSpeech({ text, language, status, word, who }) {
-    const line = this.#parts["speech-text"];
-    setText(this.#parts["speech-status"], statusText(status));
-    setText(this.#parts["speech-who"], interpolate(gettext("for %s"), [who]));
-    const [before, spoken, after] = aroundWord(text, word);
-    inLanguage(line, language);
-    setText(this.#parts["speech-before"], before);
-    setText(this.#parts["speech-word"], spoken);
-    setText(this.#parts["speech-after"], after);
-    const { offsetLeft, offsetWidth, offsetTop, offsetHeight } = this.#parts["speech-word"];
-    line.scrollLeft = spoken ? offsetLeft + offsetWidth / 2 - line.clientWidth / 2 : 0;
-    line.scrollTop = spoken ? offsetTop + offsetHeight / 2 - line.clientHeight / 2 : 0;
   }
 }

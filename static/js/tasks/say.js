@@ -5,7 +5,8 @@ import { dim, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { inLanguage, isolated, languageChoices, languageName } from "../lib/languages.js";
 import { SearchList } from "../lib/list.js";
 import { recall, remember } from "../lib/prefs.js";
-import { levelOf } from "./task_ends.js";
+import { SpeechLine } from "./speech_line.js";
+import { Endings, levelOf } from "./task_ends.js";
 import { shortened } from "./tasks.js";
 
 const LONGEST = 500; // characters
@@ -43,11 +44,33 @@ export function speechEndNotice({ outcome, text: why }, text) {
   };
 }
 
+function statusText(status) {
+  const texts = {
+    sent: gettext("Sent"),
+    accepted: gettext("Accepted"),
+    speaking: gettext("Speaking"),
+  };
+  return texts[status] ?? status;
+}
+
+/** Return the reason why the robot cannot speak now; empty if it can. @param {object} offers of the robot */
+export function muteText({ uses = {} }) {
+  return uses.speech ? (uses.speech.refusal?.text ?? "") : gettext("This robot has no voice.");
+}
+
 /** The form: text, language, and the number of characters. */
 export class Say {
+  static hears = ["offers", "state.speech", "mayAct"];
+  static task = "speech";
+  static requests = {
+    say: { name: ({ text }) => interpolate(gettext("Say “%s”"), [isolated(shortened(text))]) },
+    say_cancel: { name: () => gettext("Cancel speech"), control: "optional" },
+  };
+  line = new SpeechLine();
   #parts;
   #send;
   #list;
+  #ends;
   #language = recall(LANGUAGE, null);
   #own = [];
   #mayAct = null; // whether this tab has control; null: not known yet
@@ -55,13 +78,11 @@ export class Say {
   #isSending = false;
   #listening = new AbortController();
 
-  /**
-   * @param {Record<string, HTMLElement>} parts
-   * @param {(request: object) => Promise<?object>} send resolves with the refusal, or null
-   */
-  constructor(parts, send) {
+  /** @param {import("../control/panels/page_panels.js").Page} page */
+  constructor({ parts, request: send, notify }) {
     this.#parts = parts;
     this.#send = send;
+    this.#ends = new Endings((ended, text) => notify(speechEndNotice(ended, text)));
     this.#list = new SearchList(parts["language-list"], {
       label: gettext("Search languages"),
       text: ({ name, code }) => `${name} ${code} ${languageName(code, code)}`,
@@ -80,12 +101,20 @@ export class Say {
     this.#count();
   }
 
-  /** @param {string[]} codes of the robot's languages, the preferred one first */
-  set languages(codes) {
-    if (codes.join() === this.#own.join()) return;
-    this.#own = codes;
+  /** @param {object} offers of the robot; the preferred one of its languages is the first */
+  set offers(offers) {
+    const { languages = [] } = offers;
+    this.#mute = muteText(offers);
+    this.#hint();
+    if (languages.join() === this.#own.join()) return;
+    this.#own = languages;
     this.#list.items = [];
     this.#showLanguage();
+  }
+
+  /** @param {{now: ?object, ended: ?object}} speech of the robot */
+  set speech({ now, ended }) {
+    this.#ends.follow(now?.text ?? null, ended);
   }
 
   /** @param {?boolean} may whether this tab has control; null: not known yet */
@@ -94,14 +123,20 @@ export class Say {
     this.#hint();
   }
 
-  /** @param {string} why the robot cannot speak now, empty if it can */
-  set mute(why) {
-    this.#mute = why;
-    this.#hint();
-  }
-
   get language() {
     return this.#language ?? this.#own[0] ?? "en-GB";
+  }
+
+  shows({ now }) {
+    return now && { words: statusText(now.status), who: now.who, cancel: [{ t: "say_cancel" }] };
+  }
+
+  sent({ t, text }) {
+    return this.#ends.begin(text, t === "say_cancel");
+  }
+
+  silent() {
+    this.#ends.lost();
   }
 
   close() {

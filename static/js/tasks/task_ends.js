@@ -1,4 +1,4 @@
-/** Reports the ends of motions and speech to this page's person, and of chosen topics to everybody. */
+/** Reports the ends of tasks: to this page's person alone, or to everybody who watches. */
 
 /** Return the notice level for the end of a motion or a speech. */
 export function levelOf(outcome) {
@@ -60,27 +60,24 @@ export class Endings {
   }
 }
 
-/** Reports to all viewers that a chosen topic vanished and input goes to another one. */
-export class ChoiceEnds {
+/** Reports each end once, to everybody who watches. */
+export class NewEnds {
   #notify;
-  #known; // number of the last end, by use; undefined until the first state
+  #known; // the last ends, by name; undefined until the first state
 
-  /** @param {(text: string) => void} notify */
+  /** @param {(ended: object, name: string) => void} notify */
   constructor(notify) {
     this.#notify = notify;
   }
 
-  /**
-   * @param {Object<string, {number: number, text: string}>} ended by use. Ends in the first state are old and
-   *   not reported.
-   */
-  follow(ended) {
+  /** @param {Object<string, ?object>} ends the last end by name; those in the first state are old news */
+  follow(ends) {
     const before = this.#known;
-    this.#known = Object.fromEntries(
-      Object.entries(ended).map(([use, { number }]) => [use, number]),
-    );
-    if (before === undefined) return;
-    for (const [use, { number, text }] of Object.entries(ended))
-      if (before[use] !== number) this.#notify(text);
+    this.#known = {};
+    for (const [name, ended] of Object.entries(ends)) {
+      const { number, fence, seq = number } = ended ?? {}; // the record's number may come later
+      this.#known[name] = `${fence} ${seq}`;
+      if (before && ended && before[name] !== this.#known[name]) this.#notify(ended, name);
+    }
   }
 }

@@ -1,91 +1,21 @@
 /** Tasks for the robot except driving: each has a number, one answer, and one notice. */
 
 import { takeControlFirst } from "../control/lease.js";
-import { isolated } from "../lib/languages.js";
-import { limbName } from "../limbs/words.js";
-import { useLabel } from "./uses.js";
 
 export const PATIENCE_MS = 750;
 // After this time an answer is ignored: the person does not expect it any more.
 export const FORGOTTEN_MS = 15_000;
 
-// Requests that need no control: the console checks who may cancel.
-const WITHOUT_CONTROL = new Set(["refresh", "play_cancel", "say_cancel"]);
-
-/** The name of a request, in words. */
-function requestText(request) {
-  switch (request.t) {
-    case "look_ahead":
-      return gettext("Look ahead");
-    case "turn_head":
-      return gettext("Turn the head");
-    case "forget":
-      return gettext("Forget what was seen");
-    case "play":
-      return interpolate(gettext("Play %s"), [request.title ?? request.motion]);
-    case "play_cancel":
-      return gettext("Cancel the motion");
-    case "say":
-      return interpolate(gettext("Say “%s”"), [isolated(shortened(request.text))]);
-    case "say_cancel":
-      return gettext("Cancel speech");
-    case "drive_by_cancel":
-      return gettext("Cancel the drive");
-    case "go":
-      return gettext("Go there");
-    case "go_cancel":
-      return gettext("Cancel the drive to a place");
-    case "set_pose":
-      return gettext("Robot is here");
-    case "move_limb":
-      return limbName(request.limb);
-    case "limb_cancel":
-      return gettext("Cancel the move of gripper or torso");
-    case "choose":
-      return interpolate(gettext("Change where %s goes"), [useLabel(request.use)]);
-    case "publish":
-      return interpolate(gettext("Publish on %s"), [request.topic]);
-    case "publish_stop":
-      return interpolate(gettext("Stop publishing on %s"), [request.topic]);
-    case "refresh":
-      return gettext("Read the list again");
-    default:
-      return request.t;
-  }
-}
-
-/** Text for an accepted request; empty if the robot reports its end later. */
-function doneText(request) {
-  switch (request.t) {
-    case "look_ahead":
-      return gettext("The head turns to where the robot drives.");
-    case "set_pose":
-      return gettext("The robot was told where it is.");
-    case "forget":
-      return gettext("Remembered obstacles are forgotten.");
-    case "choose":
-      return interpolate(
-        request.topic
-          ? gettext("%(use)s goes to %(topic)s now.")
-          : gettext("%(use)s goes to its default again."),
-        { use: useLabel(request.use), topic: request.topic },
-        true,
-      );
-    case "publish":
-      return interpolate(gettext("Published on %s."), [request.topic]);
-    case "publish_stop":
-      return publishedNoMore(request.topic);
-    case "refresh":
-      return gettext("The robot is asked for its list again.");
-    default:
-      return "";
-  }
-}
-
-/** Text for the end of publishing on a topic. */
-export function publishedNoMore(topic) {
-  return interpolate(gettext("Publishing on %s has ended."), [topic]);
-}
+/**
+ * A kind of request.
+ *
+ * @typedef {object} RequestKind
+ * @property {(request: object) => string} name in words
+ * @property {(request: object) => string} [done] text for an accepted request; without it the robot reports
+ *   the end later
+ * @property {"optional" | "none"} [control] optional: the console checks who may send it without control;
+ *   none: it does not concern control. Without it, control is needed.
+ */
 
 /** The beginning of a text, on one line. */
 export function shortened(text, length = 40) {
@@ -102,6 +32,7 @@ export class TaskRequests {
   #send;
   #notify;
   #seq;
+  #kinds;
   #fence = null;
   #waiting = new Map();
 
@@ -109,11 +40,13 @@ export class TaskRequests {
    * @param {(message: object) => boolean} send returns whether there was a connection
    * @param {(notice: {level: string, code: string, text: string}) => void} notify
    * @param {number} first the last used number: a reload of the tab does not set it back
+   * @param {Object<string, RequestKind>} kinds by their `t`
    */
-  constructor(send, notify, first) {
+  constructor(send, notify, first, kinds) {
     this.#send = send;
     this.#notify = notify;
     this.#seq = first;
+    this.#kinds = kinds;
   }
 
   /** @param {?number} fence of this tab's control; null: it has none */
@@ -127,14 +60,15 @@ export class TaskRequests {
    * @returns {Promise<?object>} the refusal; null if it was accepted
    */
   send(request) {
-    if (this.#fence === null && !WITHOUT_CONTROL.has(request.t)) {
+    const { control } = this.#kinds[request.t];
+    if (this.#fence === null && !control) {
       const text = takeControlFirst();
       return Promise.resolve(this.#refused(request, { code: "no_lease", text }));
     }
     const { title, quiet, ...message } = request;
     this.#seq += 1;
     message.seq = this.#seq;
-    if (this.#fence !== null && request.t !== "refresh") message.fence = this.#fence;
+    if (this.#fence !== null && control !== "none") message.fence = this.#fence;
     if (!this.#send(message)) {
       const text = gettext("There is no connection to the console: nothing was sent.");
       return Promise.resolve(this.#refused(request, { code: "not_connected", text }));
@@ -176,13 +110,13 @@ export class TaskRequests {
   }
 
   #done(request) {
-    const text = doneText(request);
+    const text = this.#kinds[request.t].done?.(request);
     if (text && !request.quiet) this.#notify({ level: "success", code: text, text });
     return null;
   }
 
   #refused(request, refusal) {
-    const what = requestText(request); // two refused motions are two notices, also if the reason is the same
+    const what = this.#kinds[request.t].name(request); // two refused motions are two notices, also if the reason is the same
     const code = `${what} ${refusal.code}`;
     this.#notify({ level: "warning", code, text: `${what}: ${refusal.text}` });
     return refusal;

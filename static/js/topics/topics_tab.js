@@ -1,10 +1,11 @@
 /** The Topics tab: topics for input, the robot's messages, publishing, services and parameters. */
 
+import { socketUrl } from "../connection/socket.js";
 import { isAtLeast, whyNot } from "../control/roles.js";
 import { closable } from "../lib/dialog.js";
 import { setTextOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
-import { publishedNoMore } from "../tasks/tasks.js";
+import { NewEnds } from "../tasks/task_ends.js";
 import { useLabel } from "../tasks/uses.js";
 import { TopicsChannel } from "./channel.js";
 import { typeText } from "./fields.js";
@@ -20,14 +21,43 @@ const AGAIN_MS = 3000; // until a request without answer is sent again: the robo
 // Refusals that do not change if the request is repeated.
 const NOT_RETRIED = new Set(["too_large", "inspector_fault", "not_connected"]);
 
+/** Text for the end of publishing on a topic. */
+function publishedNoMore(topic) {
+  return interpolate(gettext("Publishing on %s has ended."), [topic]);
+}
+
 /** Requests the robot's topics only while the tab is shown. */
 export class TopicsTab {
+  static hears = ["role", "offers", "state", "state.choice_ended", "mayAct", "tab"];
+  static requests = {
+    choose: {
+      name: ({ use }) => interpolate(gettext("Change where %s goes"), [useLabel(use)]),
+      done: ({ use, topic }) =>
+        interpolate(
+          topic
+            ? gettext("%(use)s goes to %(topic)s now.")
+            : gettext("%(use)s goes to its default again."),
+          { use: useLabel(use), topic },
+          true,
+        ),
+    },
+    publish: {
+      name: ({ topic }) => interpolate(gettext("Publish on %s"), [topic]),
+      done: ({ topic }) => interpolate(gettext("Published on %s."), [topic]),
+    },
+    publish_stop: {
+      name: ({ topic }) => interpolate(gettext("Stop publishing on %s"), [topic]),
+      done: ({ topic }) => publishedNoMore(topic),
+    },
+  };
   #parts;
-  #requests;
+  #request;
+  #notifyPage;
   #channel;
   #graph = { topics: [], actions: [], services: [] };
   #offers = { uses: {}, publishable: {}, from: {} };
   #choices;
+  #choiceEnds;
   #publish;
   #repeater;
   #watches = new Map();
@@ -40,18 +70,16 @@ export class TopicsTab {
   #isShown = false;
   #again = null; // timer of a refresh that is repeated; set until the repeated refresh has ended
 
-  /**
-   * @param {Object<string, HTMLElement>} parts those of the tab, by data-part
-   * @param {string} url of the WebSocket for topics
-   * @param {{send: (request: object) => Promise<?object>, notify: (notice: object) => void}} requests `send`
-   *   sends a request and resolves with the refusal or null; `notify` shows a notice
-   * @param {() => number} clock milliseconds, monotonic in this tab
-   */
-  constructor(parts, url, requests, clock) {
+  /** @param {import("../control/panels/page_panels.js").Page} page */
+  constructor({ root, parts, request, notify, clock }) {
     this.#parts = parts;
-    this.#requests = requests;
-    this.#channel = new TopicsChannel(url);
+    this.#request = request;
+    this.#notifyPage = notify;
+    this.#channel = new TopicsChannel(socketUrl(root.dataset.topics));
     this.#choices = new InputChoice(parts.uses);
+    this.#choiceEnds = new NewEnds(({ text }) =>
+      notify({ level: "warning", code: "choice ended", text }),
+    );
     this.#publish = new PublishPanel(parts, (topic, type) =>
       this.#channel.ask({ t: "describe", topic, type }),
     );
@@ -78,6 +106,11 @@ export class TopicsTab {
     this.#publish.running = [...publishing, ...this.#repeater.running];
   }
 
+  /** @param {Object<string, object>} ends of choices, by use */
+  set choice_ended(ends) {
+    this.#choiceEnds.follow(ends);
+  }
+
   /** @param {?boolean} may whether this tab has control of the robot; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
@@ -93,6 +126,12 @@ export class TopicsTab {
   set role(role) {
     this.#role = role;
     this.#offerPublishing();
+  }
+
+  /** @param {string} tab that is shown */
+  set tab(tab) {
+    if (tab === "topics") this.show();
+    else if (this.#isShown) this.hide();
   }
 
   /** Stop repeating velocities. */
@@ -314,7 +353,7 @@ export class TopicsTab {
   }
 
   async #send(request) {
-    const refusal = await this.#requests.send(request);
+    const refusal = await this.#request(request);
     if (!refusal) return;
     if (request.t === "publish") {
       this.#repeater.end(request.topic);
@@ -327,7 +366,7 @@ export class TopicsTab {
   }
 
   #notify(level, text) {
-    this.#requests.notify({ level, code: text, text });
+    this.#notifyPage({ level, code: text, text });
   }
 
   #showText(text) {

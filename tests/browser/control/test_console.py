@@ -141,7 +141,7 @@ def test_a_motion_is_played_shown_cancelled_and_exclusive(person: Arrive) -> Non
     for name in TABS:
         go_to(operator, name)
         expect(operator.part("motion-cancel"), name).to_be_visible()
-        expect(operator.part("motion-name")).to_have_text("Inspect surroundings")
+        expect(operator.part("motion-words")).to_have_text("Inspect surroundings")
     operator.part("motion-cancel").click()
     operator.until(lambda: operator.state["motion"] is None, "the end of the motion")
     operator.release()

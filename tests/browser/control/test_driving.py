@@ -295,10 +295,10 @@ def test_a_drive_by_a_distance_is_shown_cancelled_and_replaced(person: Arrive) -
         return end["outcome"] if end and end["seq"] == seq else None
 
     turn(900_001)
-    expect(operator.part("drive-words")).to_contain_text("of 344°")
-    expect(operator.part("drive-who")).to_have_text("for Operator")
+    expect(operator.part("drive_by-words")).to_contain_text("of 344°")
+    expect(operator.part("drive_by-who")).to_have_text("for Operator")
     operator.until(lambda: operator.state["odometry"]["w"] > 0.2, "a turn to the left")
-    operator.part("drive-cancel").click()
+    operator.part("drive_by-cancel").click()
     operator.until(lambda: outcome(900_001) == "cancelled", "its end")
     operator.until_still()
 
@@ -308,7 +308,7 @@ def test_a_drive_by_a_distance_is_shown_cancelled_and_replaced(person: Arrive) -
     operator.until(lambda: operator.state["odometry"]["w"] < -0.1, "a turn to the right")
     operator.page.keyboard.up("d")
     operator.until_still()
-    expect(operator.part("drive-runs")).to_be_hidden()
+    expect(operator.part("drive_by-runs")).to_be_hidden()
     assert operator.state["neutral_needed"] is None
     operator.release()
 

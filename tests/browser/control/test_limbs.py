@@ -28,9 +28,9 @@ def test_the_torso_rises(person: Arrive) -> None:
     box = slider.bounding_box()
     assert box is not None
     operator.page.mouse.click(box["x"] + 0.9 * box["width"], box["y"] + box["height"] / 2)
-    expect(operator.part("limb-words")).to_contain_text("Torso")
+    expect(operator.part("limbs-words")).to_contain_text("Torso")
     operator.until(lambda: at(operator, "torso") > before + 0.03, "a torso that rises")
-    operator.part("limb-cancel").click()
+    operator.part("limbs-cancel").click()
     operator.until(lambda: operator.state["limbs"]["torso"].get("ended"), "the end of the move")
     assert operator.state["limbs"]["torso"]["ended"]["outcome"] == "cancelled"
     assert at(operator, "torso") < 0.3

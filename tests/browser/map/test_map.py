@@ -64,7 +64,7 @@ def test_a_press_on_the_map_sends_the_robot_there(person: Arrive) -> None:
 
     operator.until(asks_where, "the map to ask for a place")
     chosen(operator, place, 0.0)
-    expect(operator.part("go-words")).to_contain_text("Drives to a place")
+    expect(operator.part("going-words")).to_contain_text("Drives to a place")
     operator.until(lambda: not operator.state.get("going"), "the end of the drive")
     assert operator.state["going_ended"]["outcome"] == "arrived"
     there = operator.state["location"]
@@ -72,8 +72,8 @@ def test_a_press_on_the_map_sends_the_robot_there(person: Arrive) -> None:
 
     operator.part("map-go").click()
     chosen(operator, (here["x"], here["y"]), math.pi)
-    expect(operator.part("go-words")).to_contain_text("left")
-    operator.part("go-cancel").click()
+    expect(operator.part("going-words")).to_contain_text("left")
+    operator.part("going-cancel").click()
     operator.until(lambda: operator.state["going_ended"]["outcome"] == "cancelled", "the cancel")
     operator.until_still()
     operator.release()

@@ -50,7 +50,7 @@ def test_a_lost_robot_is_told_its_place_sent_and_stopped(operator: Person) -> No
         lambda: bool(operator.state.get("going")) and math.dist(operator.place, begin) > 1.0,
         "a metre of the way",
     )
-    expect(operator.part("go-words")).to_contain_text("Drives to “kitchen”")
+    expect(operator.part("going-words")).to_contain_text("Drives to “kitchen”")
     fingers.put(1, operator.middle_of("map"))
     fingers.put(2, operator.middle_of("stop"))
     operator.until(lambda: operator.state["stop"]["state"] == "stopped", "confirmed standstill")

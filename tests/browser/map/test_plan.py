@@ -48,7 +48,7 @@ def test_the_plan_shows_robots_on_their_map_who_drives_and_where_to(person: Arri
     operator.part("map-open").click()
     sent_to(operator, "meeting room")
     expect(two.locator("[data-part=doing]")).to_have_text("Drives to “meeting room”, for Operator")
-    operator.part("go-cancel").click()
+    operator.part("going-cancel").click()
     operator.until(lambda: not operator.state.get("going"), "the end of the drive")
     operator.until_still()
     operator.release()

@@ -18,7 +18,7 @@ describe("the cameras of the control page", () => {
   const settle = () => vi.advanceTimersByTimeAsync(0);
   const says = (message) => made.at(-1).says(JSON.stringify(message));
   const sent = () => made.at(-1).sent.filter(({ t }) => t !== "ping");
-  const reported = () => page.report.mock.calls.map(([age]) => age);
+  const reported = () => page.send.mock.calls.map(([{ age_ms: age }]) => age);
   const picture = async (number) => {
     says({ t: "camera_pong", sent_ms: performance.now(), now_ms: performance.now() });
     made.at(-1).says(packed(headerOf(number, { taken_ms: performance.now() - 100 })));
@@ -47,8 +47,8 @@ describe("the cameras of the control page", () => {
     const root = areaElement();
     if (hasCameras) root.dataset.hasCameras = "true";
     found = parts(root);
-    page = { request: vi.fn(async () => null), report: vi.fn(), notify: vi.fn() };
-    panel = new CameraPanel(root, found, page);
+    page = { request: vi.fn(async () => null), send: vi.fn(), notify: vi.fn(), tell: vi.fn() };
+    panel = new CameraPanel({ root, parts: found, ...page });
   };
   const beginAnew = (given) => {
     panel.close();
@@ -147,7 +147,7 @@ describe("the cameras of the control page", () => {
     await picture(1);
     vi.advanceTimersByTime(1000);
     expect(reported()).toEqual([]);
-    panel.drives = true;
+    panel.mayAct = true;
     vi.advanceTimersByTime(1000);
     expect(reported()).toHaveLength(5);
     expect(reported()[0]).toBeGreaterThanOrEqual(1100);
@@ -159,14 +159,14 @@ describe("the cameras of the control page", () => {
     made[1].opens();
     await picture(2);
     vi.advanceTimersByTime(100);
-    panel.drives = false;
+    panel.mayAct = false;
     vi.advanceTimersByTime(1000);
     expect(reported().slice(6)).toEqual([expect.any(Number), null]);
   });
 
   it("still reports the picture that somebody sees when the console says that no more come", async () => {
     says({ t: "cameras", cameras: [HEAD] });
-    panel.drives = true;
+    panel.mayAct = true;
     await picture(1);
     says({ t: "camera_state", camera: "head", refusal: SILENT });
     vi.advanceTimersByTime(1000);
@@ -176,7 +176,7 @@ describe("the cameras of the control page", () => {
   it("reports no picture that is gone while the plan is beside it", async () => {
     says({ t: "cameras", cameras: [HEAD] });
     expect(found["picture-area"].dataset.view).toBe("both");
-    panel.drives = true;
+    panel.mayAct = true;
     await picture(1);
     vi.advanceTimersByTime(4000);
     expect(reported().at(-1)).toBe(null);
@@ -187,7 +187,7 @@ describe("the cameras of the control page", () => {
 
   it("turns the head by the picture of a camera that moves", async () => {
     says({ t: "cameras", cameras: [HEAD] });
-    panel.drives = true;
+    panel.mayAct = true;
     await picture(1);
     expect(found["camera-floor"].dataset.turns).toBe("true");
     found["head-keys"].querySelector("button").click();

@@ -18,7 +18,8 @@ describe("the Forget button", () => {
     dialog.show = vi.fn(() => dialog.setAttribute("open", ""));
     dialog.close = vi.fn(() => dialog.removeAttribute("open"));
     send = vi.fn();
-    forget = new Forget(button, dialog, send);
+    const parts = { forget: button, "forget-dialog": dialog };
+    forget = new Forget({ parts, request: send });
   });
 
   afterEach(() => forget.close());

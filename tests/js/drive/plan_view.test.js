@@ -48,7 +48,7 @@ describe("the picture from above", () => {
     const recorded = recorder();
     calls = recorded.calls;
     canvas.getContext = () => recorded.pen;
-    picture = new PlanView(canvas);
+    picture = new PlanView({ parts: { picture: canvas } });
   });
 
   afterEach(() => {

@@ -6,7 +6,14 @@ import { endNotice, movingText } from "../../../static/js/limbs/words.js";
 import { point, type } from "../hand/events.js";
 
 const RANGES = { gripper: { least_m: 0, most_m: 0.09 }, torso: { least_m: 0, most_m: 0.35 } };
-const BUTTONS = ["robot-open", "head-open", "arm-home", "gripper-open", "gripper-close"];
+const BUTTONS = [
+  "robot-open",
+  "head-open",
+  "arm-home",
+  "gripper-open",
+  "gripper-close",
+  "look-ahead",
+];
 const PAGE = `${BUTTONS.map((name) => `<button data-part="${name}"></button>`).join("")}
   <div data-part="gripper-row"><output data-part="gripper-at"></output><input type="range" data-part="gripper-to"></div>
   <div data-part="torso-row"><output data-part="torso-at"></output><input type="range" data-part="torso-to"></div>
@@ -32,7 +39,7 @@ describe("the drawer of arm, gripper and torso", () => {
 
   beforeEach(() => {
     notify = vi.fn();
-    panel = new LimbPanel(page, { request, notify });
+    panel = new LimbPanel({ parts: page, request, notify });
     panel.facts = { limbs: RANGES, has_head: true };
     panel.mayAct = true;
   });
@@ -64,7 +71,7 @@ describe("the drawer of arm, gripper and torso", () => {
     panel.mayAct = false;
     const slider = page["torso-to"];
     expect([slider.disabled, slider.title]).toEqual([false, "Take control first."]);
-    panel.state = { limbs: { torso: { at_m: 0.1 } } };
+    panel.limbs = { torso: { at_m: 0.1 } };
     request.mockResolvedValueOnce({ code: "no_lease" });
     point(slider, "pointerdown");
     slider.value = 0.2;
@@ -80,7 +87,7 @@ describe("the drawer of arm, gripper and torso", () => {
   });
 
   it("leaves a limb where it is if the page is left while its slider is held", () => {
-    panel.state = { limbs: { torso: { at_m: 0.1 } } };
+    panel.limbs = { torso: { at_m: 0.1 } };
     const slider = page["torso-to"];
     slider.dispatchEvent(Object.assign(new Event("pointerdown"), { button: 0 }));
     slider.value = 0.2;
@@ -109,7 +116,7 @@ describe("the drawer of arm, gripper and torso", () => {
   ];
 
   it.each(lost)("leaves a limb where it is if its slider loses the hand: %s", (_, lose) => {
-    panel.state = { limbs: { torso: { at_m: 0.1 } } };
+    panel.limbs = { torso: { at_m: 0.1 } };
     const slider = page["torso-to"];
     point(slider, "pointerdown");
     slider.dispatchEvent(new Event("focusin", { bubbles: true }));
@@ -159,11 +166,11 @@ describe("the drawer of arm, gripper and torso", () => {
   });
 
   it("shows where limbs are, but not under a finger", () => {
-    panel.state = { limbs: { gripper: { at_m: 0.04 }, torso: { at_m: 0.15 } } };
+    panel.limbs = { gripper: { at_m: 0.04 }, torso: { at_m: 0.15 } };
     expect(page["torso-at"].textContent).toBe("15 cm");
     expect(page["gripper-to"].value).toBe("0.04");
     page["torso-to"].dispatchEvent(Object.assign(new Event("pointerdown"), { button: 0 }));
-    panel.state = { limbs: { gripper: { at_m: 0.05 }, torso: { at_m: 0.3 } } };
+    panel.limbs = { gripper: { at_m: 0.05 }, torso: { at_m: 0.3 } };
     expect(page["torso-at"].textContent).toBe("15 cm");
   });
 
@@ -182,11 +189,11 @@ describe("the drawer of arm, gripper and torso", () => {
   });
 
   it("tells an end that nobody wished, once, and none from before the page", () => {
-    panel.state = { limbs: { gripper: { at_m: 0.02, ended: END } } };
+    panel.limbs = { gripper: { at_m: 0.02, ended: END } };
     expect(notify).not.toHaveBeenCalled();
     const later = { ...END, seq: 8 };
-    panel.state = { limbs: { gripper: { at_m: 0.02, ended: later } } };
-    panel.state = { limbs: { gripper: { at_m: 0.02, ended: later } } };
+    panel.limbs = { gripper: { at_m: 0.02, ended: later } };
+    panel.limbs = { gripper: { at_m: 0.02, ended: later } };
     expect(notify).toHaveBeenCalledOnce();
     expect(notify.mock.calls[0][0].text).toBe("Gripper: stopped on its way. It is at 2.0 cm.");
     expect(notify.mock.calls[0][0].level).toBe("info"); // no warning: the gripper may hold an object
@@ -200,7 +207,7 @@ describe("the head's stick", () => {
 
   beforeEach(() => {
     page["head-pad"].getBoundingClientRect = () => ({ left: 0, top: 0, width: 100, height: 100 });
-    stick = new HeadStick(page, request, () => true);
+    stick = new HeadStick({ parts: page, request, steers: () => true });
     stick.facts = { has_head: true };
     stick.mayAct = true;
   });
@@ -263,6 +270,19 @@ describe("the head's stick", () => {
     press("pointerdown", 50, 0);
     await vi.advanceTimersByTimeAsync(1000);
     expect(request.mock.calls.length).toBe(1);
+  });
+
+  it("has a button that looks ahead; without control it looks disabled, and is still sent", () => {
+    const button = page["look-ahead"];
+    for (const may of [true, false]) {
+      stick.mayAct = may;
+      expect(button.getAttribute("aria-disabled")).toBe(may ? null : "true");
+      button.click();
+      expect(request).toHaveBeenLastCalledWith({ t: "look_ahead" });
+    }
+    expect([request.mock.calls.length, button.hidden]).toEqual([2, false]);
+    stick.facts = { has_head: false };
+    expect(button.hidden).toBe(true);
   });
 
   it("rests in the middle", () => {

@@ -2,7 +2,7 @@ import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { parts } from "../../../static/js/lib/dom.js";
 import { corners, toPixels, toPoint, whole } from "../../../static/js/navigation/map_frame.js";
 import { MapPanel } from "../../../static/js/navigation/map_panel.js";
-import { endText, goingText } from "../../../static/js/navigation/words.js";
+import { endNotice, goingText } from "../../../static/js/navigation/words.js";
 import { pointerEvent } from "../hand/events.js";
 
 const NAMES = [
@@ -101,13 +101,15 @@ describe("the map over the picture", () => {
       <dialog data-part="place-dialog"><form data-part="place-form"><input data-part="place-name"></form></dialog>${BUTTONS.map(
         (name) => `<button data-part="${name}"></button>`,
       ).join("")}${NAMES.map((name) => `<p data-part="${name}"></p>`).join("")}`;
+    root.dataset.part = "picture-area";
+    root.dataset.robot = "tiago-1";
     document.body.replaceChildren(root);
-    page = parts(root);
+    page = parts(document);
     request = vi.fn(() => Promise.resolve(null));
     notify = vi.fn();
-    panel = new MapPanel(root, page, "tiago-1", { request, notify });
+    panel = new MapPanel({ root, parts: page, request, notify });
     panel.facts = { has_map: true };
-    panel.view = { state: { location: LOCATION, going: null, going_ended: null }, scan: null };
+    panel.view = { state: { location: LOCATION }, scan: null };
   });
 
   afterEach(() => {
@@ -143,7 +145,7 @@ describe("the map over the picture", () => {
 
   it("chooses no place before the map is there, and says why", () => {
     const canvas = opened();
-    panel.drives = true;
+    panel.mayAct = true;
     for (const part of ["map-go", "map-pose"]) {
       page[part].click();
       expect(page[part].getAttribute("aria-pressed")).toBe("false");
@@ -156,7 +158,7 @@ describe("the map over the picture", () => {
 
   it("takes no press without a drag for where the robot looks", async () => {
     const canvas = await openedWithMap();
-    panel.drives = true;
+    panel.mayAct = true;
     page["map-pose"].click();
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointerup", 240, 150));
@@ -167,7 +169,7 @@ describe("the map over the picture", () => {
 
   it("chooses no place any more after Escape", async () => {
     const canvas = await openedWithMap();
-    panel.drives = true;
+    panel.mayAct = true;
     page["map-go"].click();
     const pressed = () =>
       Object.assign(new Event("keydown", { bubbles: true, cancelable: true }), { key: "Escape" });
@@ -185,7 +187,7 @@ describe("the map over the picture", () => {
 
   it("sends the robot to a place by a press and a drag", async () => {
     const canvas = await openedWithMap();
-    panel.drives = true;
+    panel.mayAct = true;
     page["map-go"].click();
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointermove", 240, 110));
@@ -204,7 +206,7 @@ describe("the map over the picture", () => {
 
   it("tells the robot where it is, by keys too, and lets no arrow drive it there", async () => {
     const canvas = await openedWithMap();
-    panel.drives = true;
+    panel.mayAct = true;
     page["map-pose"].click();
     const reached = vi.fn();
     document.body.addEventListener("keydown", reached);
@@ -228,7 +230,7 @@ describe("the map over the picture", () => {
     const canvas = await openedWithMap();
     panel.view = { state, scan: null };
     expect(page["map-words"].hidden).toBe(true); // without control the page does not know this
-    panel.drives = true;
+    panel.mayAct = true;
     panel.view = { state, scan: null };
     expect(page["map-words"].textContent).toContain("does not know where it is");
     page["map-pose"].click();
@@ -255,7 +257,7 @@ describe("the map over the picture", () => {
 
   it("does not send a goal that a second finger interrupts", () => {
     const canvas = opened();
-    panel.drives = true;
+    panel.mayAct = true;
     page["map-go"].click();
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointerdown", 100, 100, 2));
@@ -282,12 +284,12 @@ describe("the map over the picture", () => {
   });
 
   it("says how a drive ended, and nothing of one that ended before", () => {
-    const state = { location: LOCATION, going: null };
-    panel.view = { state: { ...state, going_ended: END }, scan: null };
+    panel.going = { now: null, ended: null };
+    panel.going = { now: null, ended: END };
     expect(notify).toHaveBeenCalledWith(
       expect.objectContaining({ level: "success", text: "The robot is there." }),
     );
-    panel.view = { state: { ...state, going_ended: END }, scan: null };
+    panel.going = { now: null, ended: END };
     expect(notify).toHaveBeenCalledTimes(1);
   });
 
@@ -319,7 +321,7 @@ describe("the map over the picture", () => {
     expect(page["places-title"].textContent).toContain("Office");
     kitchen.click();
     expect(notify).toHaveBeenCalledWith(expect.objectContaining({ text: "Take control first." }));
-    panel.drives = true;
+    panel.mayAct = true;
     kitchen.click();
     expect(request).toHaveBeenCalledExactlyOnceWith({
       t: "go",
@@ -342,7 +344,7 @@ describe("the map over the picture", () => {
     const canvas = await openedWith({ ...MAP, places: [KITCHEN] });
     const [x, y] = toPixels(whole(corners(MAP), 400, 300), [KITCHEN.x, KITCHEN.y], 400, 300);
     const clock = vi.spyOn(performance, "now").mockReturnValue(1000);
-    panel.drives = true;
+    panel.mayAct = true;
     pressed(canvas, x - 60, y);
     canvas.dispatchEvent(pointer("pointerdown", x, y));
     canvas.dispatchEvent(pointer("pointerup", x, y)); // a click follows, and must not press the offer
@@ -365,7 +367,7 @@ describe("the map over the picture", () => {
 
   it("says why it does not drive to a pressed place without control", async () => {
     const canvas = await openedWith({ ...MAP, places: [KITCHEN] });
-    panel.drives = false;
+    panel.mayAct = false;
     pressed(canvas, ...toPixels(whole(corners(MAP), 400, 300), [KITCHEN.x, KITCHEN.y], 400, 300));
     expect(page["map-picked-go"].title).toBe("Take control first.");
     vi.spyOn(performance, "now").mockReturnValue(performance.now() + 600);
@@ -450,8 +452,9 @@ describe("the map over the picture", () => {
 
 describe("words", () => {
   it("pass on why a drive ended", () => {
-    expect(endText({ outcome: "failed", text: "Navigation said: no plan." })).toContain("no plan");
-    expect(endText({ outcome: "replaced", text: "" })).toContain("stick");
+    const failed = { outcome: "failed", text: "Navigation said: no plan." };
+    expect(endNotice(failed).text).toContain("no plan");
+    expect(endNotice({ outcome: "replaced", text: "" }).text).toContain("stick");
     expect(goingText({ left_m: 2.44, since_s: 5.2 })).toBe(
       "Drives to a place: 2.4 m left, 5 s on the way",
     );

@@ -7,7 +7,7 @@ const PAGE = `<section data-part="scene" data-scene-module="/scene.js" data-help
   <div data-part="scene-modes"><button data-mode="orbit"></button><button data-mode="top"></button></div>
   <details data-part="scene-more" hidden><summary></summary><ul data-part="scene-notes"></ul></details>
   <p data-part="scene-words" hidden></p></section>`;
-const ADDRESSES = { description: "/description", map: "/map" };
+const ROBOT = "/api/v1/robots/tiago-1";
 const DESCRIPTION = { digest: "a", urdf: "<robot/>", meshes: [], problems: [] };
 const view = (location = null) => ({ state: { location }, scan: null });
 
@@ -43,10 +43,10 @@ beforeEach(() => {
   answers = { "/description": [200, DESCRIPTION], "/map": [404, {}] };
   asked = [];
   vi.stubGlobal("fetch", async (address, { headers = {} }) => {
-    const [status, body] = answers[address];
+    const [status, body] = answers[address.replace(ROBOT, "")];
     const tag = `"${body.digest}"`;
     const isKnown = headers["If-None-Match"] === tag;
-    if (address === "/description") asked.push({ isKnown, ...headers });
+    if (address.endsWith("/description")) asked.push({ isKnown, ...headers });
     return {
       ok: status === 200 && !isKnown,
       status: isKnown ? 304 : status,
@@ -55,7 +55,8 @@ beforeEach(() => {
     };
   });
   load = vi.fn(async () => ({ SceneView: FakeScene }));
-  panel = new ScenePanel(found, ADDRESSES, (message) => sent.push(message), load);
+  const root = { dataset: { robot: "tiago-1" } };
+  panel = new ScenePanel({ root, parts: found, send: (message) => sent.push(message) }, load);
 });
 
 afterEach(() => {
@@ -75,11 +76,11 @@ describe("the 3D view of the page", () => {
 
   it("loads once, reads the description, and tells when it is shown", async () => {
     panel.facts = { footprint: [] };
-    panel.opens = true;
+    panel.sceneShown = true;
     await until(() => expect(FakeScene.made[0]?.describe).toHaveBeenCalledWith(DESCRIPTION));
     expect(found["scene-words"].hidden).toBe(true);
-    panel.opens = false;
-    panel.opens = true;
+    panel.sceneShown = false;
+    panel.sceneShown = true;
     await until(() => expect(FakeScene.made[0].shown).toBe(true));
     expect(load).toHaveBeenCalledTimes(1);
     expect(FakeScene.made[0].describe).toHaveBeenCalledTimes(1);
@@ -87,7 +88,7 @@ describe("the 3D view of the page", () => {
   });
 
   it("tells it again after each connection", () => {
-    panel.opens = true;
+    panel.sceneShown = true;
     expect(sent).toEqual([]);
     panel.facts = { footprint: [] };
     panel.facts = { footprint: [] };
@@ -96,29 +97,29 @@ describe("the 3D view of the page", () => {
 
   it("says why the console has no description", async () => {
     answers["/description"] = [404, { detail: "Not known yet." }];
-    panel.opens = true;
+    panel.sceneShown = true;
     await until(() => expect(found["scene-words"].textContent).toBe("Not known yet."));
     expect(FakeScene.made[0].describe).toHaveBeenCalledWith(null);
   });
 
   it("says that the browser cannot draw, and reads nothing", async () => {
     FakeScene.draws = false;
-    panel.opens = true;
+    panel.sceneShown = true;
     await until(() => expect(found["scene-words"].textContent).toBe("No WebGL."));
     expect(FakeScene.made[0].describe).not.toHaveBeenCalled();
   });
 
   it("says that it could not be loaded, and tries again when chosen again", async () => {
     load.mockRejectedValueOnce(new Error("offline"));
-    panel.opens = true;
+    panel.sceneShown = true;
     await until(() => expect(found["scene-words"].textContent).toContain("could not be loaded"));
-    panel.opens = false;
-    panel.opens = true;
+    panel.sceneShown = false;
+    panel.sceneShown = true;
     await until(() => expect(FakeScene.made).toHaveLength(1));
   });
 
   it("lists what is not drawn as it is", async () => {
-    panel.opens = true;
+    panel.sceneShown = true;
     await until(() => expect(FakeScene.made).toHaveLength(1));
     const notes = new CustomEvent("notes", { detail: ["“a.stl” is broken.", "“b.stl” is lost."] });
     FakeScene.made[0].dispatchEvent(notes);
@@ -128,7 +129,7 @@ describe("the 3D view of the page", () => {
 
   it("reads the description again after the robot was away", async () => {
     vi.useFakeTimers();
-    panel.opens = true;
+    panel.sceneShown = true;
     await vi.advanceTimersByTimeAsync(10);
     panel.stale = true;
     answers["/description"] = [200, { ...DESCRIPTION, digest: "b" }];
@@ -139,7 +140,7 @@ describe("the 3D view of the page", () => {
 
   it("keeps the robot over a passing error, and drops one that is gone", async () => {
     vi.useFakeTimers();
-    panel.opens = true;
+    panel.sceneShown = true;
     await vi.advanceTimersByTimeAsync(10);
     answers["/description"] = [503, { detail: "The database is away." }];
     await vi.advanceTimersByTimeAsync(70_000);
@@ -152,7 +153,7 @@ describe("the 3D view of the page", () => {
 
   it("follows a robot that was started anew", async () => {
     vi.useFakeTimers();
-    panel.opens = true;
+    panel.sceneShown = true;
     await vi.advanceTimersByTimeAsync(10);
     answers["/description"] = [200, { ...DESCRIPTION, digest: "b" }];
     await vi.advanceTimersByTimeAsync(70_000);
@@ -163,7 +164,7 @@ describe("the 3D view of the page", () => {
 
   it("reads a description once while it stays the same", async () => {
     vi.useFakeTimers();
-    panel.opens = true;
+    panel.sceneShown = true;
     await vi.advanceTimersByTimeAsync(10);
     await vi.advanceTimersByTimeAsync(70_000);
     answers["/description"] = [404, { detail: "Not known any more." }];

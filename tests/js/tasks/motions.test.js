@@ -4,6 +4,7 @@ import { durationText, endNotice, Motions } from "../../../static/js/tasks/motio
 const WAVE = { name: "wave", title: "Wave", usage: "demo", description: "A hand", duration_s: 3.2 };
 const HOME = { name: "home", title: "Home", usage: "tuck", description: "", duration_s: null };
 const BOW = { name: "bow", title: "Bow", usage: "demo" };
+const WAVING = { now: { name: "wave", who: "Ann" }, ended: null };
 
 function pageParts() {
   const names = ["motion-list", "motions-none", "motions-hint"];
@@ -23,7 +24,7 @@ describe("the list of motions", () => {
   beforeEach(() => {
     parts = pageParts();
     send = vi.fn();
-    motions = new Motions(parts, send);
+    motions = new Motions({ parts, request: send, notify: vi.fn() });
     motions.offers = { motions: [WAVE, HOME, BOW] };
   });
 
@@ -36,17 +37,17 @@ describe("the list of motions", () => {
     motions.mayAct = motions.mayCancel = true;
     button("Wave").click();
     expect(send).toHaveBeenLastCalledWith({ t: "play", motion: "wave", title: "Wave" });
-    motions.state = { motion: { name: "wave", who: "Ann" } };
+    motions.motion = WAVING;
     expect(button("Wave").firstElementChild.textContent).toBe("Cancel");
     button("Wave").click();
     expect(send).toHaveBeenLastCalledWith({ t: "play_cancel" });
-    motions.state = { motion: null };
+    motions.motion = { now: null, ended: null };
     expect(button("Wave").firstElementChild.textContent).toBe("Play");
   });
 
   it("does not cancel on the second press of a double click", () => {
     motions.mayAct = motions.mayCancel = true;
-    motions.state = { motion: { name: "wave", who: "Ann" } };
+    motions.motion = WAVING;
     button("Wave").dispatchEvent(new MouseEvent("click", { detail: 2 }));
     expect(send).not.toHaveBeenCalled();
   });
@@ -54,8 +55,8 @@ describe("the list of motions", () => {
   it("reads a press right after the end as a cancel", () => {
     motions.mayAct = motions.mayCancel = true;
     const clock = vi.spyOn(performance, "now").mockReturnValue(1000);
-    motions.state = { motion: { name: "wave", who: "Ann" } };
-    motions.state = { motion: null };
+    motions.motion = WAVING;
+    motions.motion = { now: null, ended: null };
     clock.mockReturnValue(1300);
     button("Wave").click();
     expect(send).toHaveBeenLastCalledWith({ t: "play_cancel" });
@@ -84,13 +85,13 @@ describe("the list of motions", () => {
   it("keeps room for the button's other word", () => {
     const act = button("Wave").firstElementChild;
     expect([act.textContent, act.dataset.later]).toEqual(["Play", "Cancel"]);
-    motions.state = { motion: { name: "wave", who: "Ann" } };
+    motions.motion = WAVING;
     expect([act.textContent, act.dataset.later]).toEqual(["Cancel", "Play"]);
   });
 
   it("sends a second motion, which the robot then refuses", () => {
     motions.mayAct = motions.mayCancel = true;
-    motions.state = { motion: { name: "wave", who: "Ann" } };
+    motions.motion = WAVING;
     button("Bow").click();
     expect(send).toHaveBeenCalledWith({ t: "play", motion: "bow", title: "Bow" });
   });
@@ -98,14 +99,15 @@ describe("the list of motions", () => {
   it("looks disabled without control; supervisors may cancel", () => {
     motions.mayAct = false;
     motions.mayCancel = true;
-    motions.state = { motion: { name: "wave", who: "Ann" } };
+    motions.motion = WAVING;
     expect(button("Bow").getAttribute("aria-disabled")).toBe("true");
     expect(parts["motions-hint"].hidden).toBe(false);
     expect(button("Wave").getAttribute("aria-disabled")).toBeNull();
     motions.mayAct = motions.mayCancel = true;
     expect(button("Bow").getAttribute("aria-disabled")).toBeNull();
     expect(parts["motions-hint"].hidden).toBe(true);
-    motions.idle = "No node on the robot subscribes to /play_motion/goal.";
+    const refusal = { text: "No node on the robot subscribes to /play_motion/goal." };
+    motions.offers = { motions: [WAVE, BOW], uses: { motions: { refusal } } };
     expect(button("Bow").getAttribute("aria-disabled")).toBe("true");
     expect(parts["motions-hint"].textContent).toContain("/play_motion/goal");
   });

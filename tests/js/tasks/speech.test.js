@@ -3,7 +3,6 @@ import { languageChoices, languageName } from "../../../static/js/lib/languages.
 import { whenText } from "../../../static/js/lib/times.js";
 import { History, outcomeText } from "../../../static/js/tasks/history.js";
 import { Phrases } from "../../../static/js/tasks/phrases.js";
-import { aroundWord, Running } from "../../../static/js/tasks/running.js";
 import { Say, speechEndNotice } from "../../../static/js/tasks/say.js";
 
 function made(tags) {
@@ -32,6 +31,9 @@ describe("languages", () => {
     });
   });
 });
+
+const VOICE = { languages: ["es-ES", "en-GB"], uses: { speech: { topic: "/tts" } } };
+const ROOT = { dataset: { phrases: "/phrases/", speech: "/speech/" } };
 
 describe("a written text", () => {
   let parts;
@@ -62,8 +64,8 @@ describe("a written text", () => {
     parts["say-form"].append(parts["say-text"], parts["say-send"]);
     document.body.append(parts["say-form"]);
     send = vi.fn(async () => null);
-    form = new Say(parts, send);
-    form.languages = ["es-ES", "en-GB"];
+    form = new Say({ parts, request: send, notify: vi.fn() });
+    form.offers = VOICE;
     form.mayAct = true;
   });
   afterEach(() => {
@@ -158,7 +160,8 @@ describe("a written text", () => {
     expect([hint.hidden, button.getAttribute("aria-disabled")]).toEqual([true, "true"]);
     form.mayAct = false;
     expect(hint.textContent).toContain("Take control");
-    form.mute = "No node on the robot subscribes to /tts/goal.";
+    const refusal = { text: "No node on the robot subscribes to /tts/goal." };
+    form.offers = { ...VOICE, uses: { speech: { topic: "/tts", refusal } } };
     form.mayAct = true;
     expect(hint.textContent).toContain("No node on the robot subscribes");
     expect(button.getAttribute("aria-disabled")).toBe("true");
@@ -166,7 +169,7 @@ describe("a written text", () => {
     press("Enter");
     expect(send).not.toHaveBeenCalled();
     expect(parts["say-fault"].textContent).toContain("No node on the robot subscribes");
-    form.mute = "";
+    form.offers = VOICE;
     expect([hint.hidden, button.getAttribute("aria-disabled")]).toEqual([true, null]);
   });
 
@@ -203,9 +206,9 @@ describe("phrases", () => {
     vi.stubGlobal("fetch", answering({ phrases: PHRASES }));
     const parts = made({ "phrase-list": "div", "phrases-none": "p" });
     const send = vi.fn();
-    const phrases = new Phrases(parts, "/phrases/", send);
+    const phrases = new Phrases({ root: ROOT, parts, request: send });
     phrases.mayAct = true;
-    await phrases.load();
+    await vi.waitFor(() => expect(parts["phrase-list"].querySelector("button")).not.toBeNull());
     const buttons = [...parts["phrase-list"].querySelectorAll("button")];
     expect(buttons.map(({ textContent }) => textContent)).toEqual(["Hello!", "Goodbye.", "مرحبا"]);
     expect(buttons[2]).toMatchObject({ lang: "ar", dir: "auto" });
@@ -214,7 +217,7 @@ describe("phrases", () => {
     phrases.mayAct = false;
     expect(buttons.every((button) => button.getAttribute("aria-disabled"))).toBe(true);
     phrases.mayAct = true;
-    phrases.mute = "This robot has no voice.";
+    phrases.offers = {};
     expect(buttons.every((button) => button.getAttribute("aria-disabled"))).toBe(true);
     expect(parts["phrases-none"].textContent).toBe("This robot has no voice.");
   });
@@ -222,8 +225,8 @@ describe("phrases", () => {
   it("say so when they cannot be read", async () => {
     vi.stubGlobal("fetch", answering(null));
     const parts = made({ "phrase-list": "div", "phrases-none": "p" });
-    await new Phrases(parts, "/phrases/", vi.fn()).load();
-    expect(parts["phrases-none"].hidden).toBe(false);
+    new Phrases({ root: ROOT, parts, request: vi.fn() });
+    await vi.waitFor(() => expect(parts["phrases-none"].textContent).toContain("not be read"));
   });
 });
 
@@ -249,9 +252,9 @@ describe("the history", () => {
     );
     const parts = made({ "history-list": "div", "history-none": "p", "history-more": "button" });
     const send = vi.fn();
-    const history = new History(parts, "/speech/", send);
+    const history = new History({ root: ROOT, parts, request: send });
     history.mayAct = true;
-    history.topic = "/tts";
+    history.offers = VOICE;
     await history.load();
     const rows = () => [...parts["history-list"].querySelectorAll(".hit")];
     expect(rows().map(({ dataset }) => dataset.here)).toEqual(["true", undefined]);
@@ -263,7 +266,7 @@ describe("the history", () => {
     await vi.waitFor(() => expect(rows()).toHaveLength(3));
     expect(fetch).toHaveBeenLastCalledWith("/speech/?limit=50&before=8", expect.anything());
     expect(parts["history-more"].hidden).toBe(true);
-    history.topic = "/other";
+    history.chosen = { speech: "/other" };
     expect(rows().map(({ dataset }) => dataset.here)).toEqual([undefined, "true", undefined]);
   });
 
@@ -272,16 +275,16 @@ describe("the history", () => {
     let history;
     const rows = () => [...parts["history-list"].querySelectorAll(".hit")];
     const texts = () => rows().map((row) => row.querySelector(".hit-name").textContent);
-    const saying = (number) => ({ speech: { number }, speech_ended: null });
+    const saying = (number) => ({ now: { number }, ended: null });
     const said = (number) => ({
-      speech: null,
-      speech_ended: { number, outcome: "failed", text: "No voice." },
+      now: null,
+      ended: { number, outcome: "failed", text: "No voice." },
     });
     const open = (...answers) => {
       vi.stubGlobal("fetch", answering(...answers));
       parts = made({ "history-list": "div", "history-none": "p", "history-more": "button" });
       document.body.append(parts["history-list"]);
-      history = new History(parts, "/speech/", vi.fn());
+      history = new History({ root: ROOT, parts, request: vi.fn() });
       history.mayAct = true;
     };
     afterEach(() => parts["history-list"].remove());
@@ -290,18 +293,18 @@ describe("the history", () => {
       const begun = { ...entry(9, "/tts"), outcome: null };
       const answer = { entries: [begun], more: false };
       open(answer, answer, answer);
-      history.state = saying(9);
+      history.speech = saying(9);
       expect(fetch).not.toHaveBeenCalled();
-      history.isShown = true;
+      history.tab = "speech";
       await vi.waitFor(() => expect(rows()[0].textContent).toContain("not over yet"));
-      history.state = saying(9);
+      history.speech = saying(9);
       expect(fetch).toHaveBeenCalledTimes(1);
       // The robot has reported the end, but the end is not recorded yet.
-      history.state = said(9);
+      history.speech = said(9);
       await vi.waitFor(() => expect(rows()[0].textContent).toContain("failed"));
       expect(rows()[0].querySelector(".hit-note").title).toBe("No voice.");
       // A new bridge without history: some ends of the previous bridge may not be recorded.
-      history.state = { speech: null, speech_ended: null };
+      history.speech = { now: null, ended: null };
       await vi.waitFor(() => expect(rows()[0].textContent).toContain("end not known"));
     });
 
@@ -329,7 +332,7 @@ describe("the history", () => {
     const expired = { ...entry(9, "/tts"), text: "" };
     vi.stubGlobal("fetch", answering({ entries: [expired], more: false }));
     const parts = made({ "history-list": "div", "history-none": "p", "history-more": "button" });
-    await new History(parts, "/speech/", vi.fn()).load();
+    await new History({ root: ROOT, parts, request: vi.fn() }).load();
     const row = parts["history-list"].querySelector(".hit");
     expect(row.textContent).toContain("text expired");
     expect(row.querySelector("button")).toBeNull();
@@ -347,136 +350,7 @@ describe("the history", () => {
   });
 });
 
-describe("what is being said", () => {
-  it("is split at the spoken word, by characters", () => {
-    expect(aroundWord("Hola 🙂 mundo", [7, 12])).toEqual(["Hola 🙂 ", "mundo", ""]);
-    expect(aroundWord("Hola", null)).toEqual(["", "", "Hola"]);
-  });
-
-  it("is shown with its status and its Cancel, as is a motion", () => {
-    const parts = made({
-      running: "section",
-      "limb-runs": "div",
-      "limb-words": "strong",
-      "limb-who": "span",
-      "limb-cancel": "button",
-      "go-runs": "div",
-      "go-words": "strong",
-      "go-who": "span",
-      "go-cancel": "button",
-      "drive-runs": "div",
-      "drive-words": "strong",
-      "drive-who": "span",
-      "drive-cancel": "button",
-      "motion-runs": "div",
-      "motion-name": "strong",
-      "motion-who": "span",
-      "motion-cancel": "button",
-      "speech-runs": "div",
-      "speech-status": "strong",
-      "speech-who": "span",
-      "speech-text": "p",
-      "speech-before": "span",
-      "speech-word": "mark",
-      "speech-after": "span",
-      "speech-cancel": "button",
-      elsewhere: "div",
-    });
-    const send = vi.fn();
-    const running = new Running(parts, send, (name) => name.toUpperCase());
-    running.state = {};
-    expect(parts.running.hidden).toBe(true);
-    running.mayCancel = true;
-    running.state = {
-      motion: { name: "wave", who: "Ann" },
-      speech: { text: "Hola mundo", language: "es", status: "speaking", word: [5, 10], who: "Bob" },
-    };
-    expect(parts["motion-name"].textContent).toBe("WAVE");
-    expect(parts["motion-who"].textContent).toBe("for Ann");
-    expect(parts["speech-status"].textContent).toBe("Speaking");
-    expect(parts["speech-who"].textContent).toBe("for Bob");
-    expect(parts["speech-word"].textContent).toBe("mundo");
-    expect(parts["speech-text"]).toMatchObject({ lang: "es", dir: "auto" });
-    parts["motion-cancel"].click();
-    parts["speech-cancel"].click();
-    expect(send.mock.calls).toEqual([[{ t: "play_cancel" }], [{ t: "say_cancel" }]]);
-    running.mayCancel = false;
-    expect(parts["speech-cancel"].hidden).toBe(true);
-  });
-
-  it("is shown beside a drive by a program, which its holder may cancel", () => {
-    const runs = ["drive-runs", "drive-words", "drive-who", "drive-cancel"].flatMap((part) => [
-      part,
-      part.replace("drive", "go"),
-    ]);
-    const others = [
-      "motion-runs",
-      "speech-runs",
-      "motion-cancel",
-      "speech-cancel",
-      "limb-runs",
-      "limb-cancel",
-    ];
-    const parts = made(
-      Object.fromEntries(["running", "elsewhere", ...runs, ...others].map((p) => [p, "div"])),
-    );
-    const send = vi.fn();
-    const running = new Running(parts, send, (name) => name);
-    const drive = { who: "Ann", goal_m: 2, goal_rad: null, distance_m: 0.52, angle_rad: 0.01 };
-    running.state = { drive_by: drive };
-    expect(parts.running.hidden).toBe(false);
-    expect(parts["drive-words"].textContent).toBe("Drives: 0.5 of 2.0 m");
-    expect(parts["drive-who"].textContent).toBe("for Ann");
-    running.mayAct = null;
-    expect(parts["drive-cancel"].hidden).toBe(true);
-    running.mayAct = true;
-    expect(parts["drive-cancel"].hidden).toBe(false);
-    parts["drive-cancel"].click();
-    expect(send).toHaveBeenCalledWith({ t: "drive_by_cancel" });
-    running.state = { drive_by: { ...drive, goal_m: null, goal_rad: -1.5708, angle_rad: -0.8 } };
-    expect(parts["drive-words"].textContent).toBe("Turns: -46 of -90°");
-    running.state = { going: { who: "Bo", left_m: 2.4, since_s: 5, ending: "" } };
-    expect(parts["drive-runs"].hidden).toBe(true);
-    expect(parts["go-words"].textContent).toBe("Drives to a place: 2.4 m left, 5 s on the way");
-    parts["go-cancel"].click();
-    expect(send).toHaveBeenCalledWith({ t: "go_cancel" });
-    running.state = {};
-    expect(parts.running.hidden).toBe(true);
-  });
-
-  it("shows redirected input of the tab, and a way back", () => {
-    const drives = [
-      "drive-runs",
-      "drive-cancel",
-      "go-runs",
-      "go-cancel",
-      "limb-runs",
-      "limb-cancel",
-    ];
-    const runs = [...drives, "motion-runs", "motion-cancel", "speech-runs", "speech-cancel"];
-    const parts = made(
-      Object.fromEntries(["running", "elsewhere", ...runs].map((p) => [p, "div"])),
-    );
-    const send = vi.fn();
-    const running = new Running(parts, send, (name) => name);
-    running.mayAct = true;
-    running.state = { chosen: { drive: "/phone_vel", speech: "/tts_2" } };
-    const shownOn = (tab) => {
-      running.tab = tab;
-      return [...parts.elsewhere.querySelectorAll("p")].map((p) => p.textContent);
-    };
-    expect(shownOn("drive")).toEqual(["Drive goes to /phone_vel"]);
-    expect(shownOn("centre")).toEqual(["Drive goes to /phone_vel", "Speech goes to /tts_2"]);
-    expect(shownOn("motions")).toEqual([]);
-    expect(parts.running.hidden).toBe(true);
-    shownOn("speech");
-    expect(parts.running.hidden).toBe(false);
-    parts.elsewhere.querySelector("button").click();
-    expect(send).toHaveBeenCalledWith({ t: "choose", use: "speech", topic: null });
-    running.mayAct = false;
-    expect(parts.elsewhere.querySelector("button")).toBe(null);
-  });
-
+describe("a speech", () => {
   it("is reported when it ends", () => {
     expect(speechEndNotice({ outcome: "done", text: "" }, "Hola")).toMatchObject({
       level: "success",

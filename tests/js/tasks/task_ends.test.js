@@ -1,5 +1,5 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
-import { ChoiceEnds, Endings } from "../../../static/js/tasks/task_ends.js";
+import { Endings, NewEnds } from "../../../static/js/tasks/task_ends.js";
 
 describe("ends of tasks", () => {
   let notify;
@@ -86,7 +86,7 @@ describe("ends of tasks", () => {
 describe("chosen topics that vanish", () => {
   it("are reported once each, but not from before the page", () => {
     const texts = [];
-    const ends = new ChoiceEnds((text) => texts.push(text));
+    const ends = new NewEnds(({ text }) => texts.push(text));
     const speech = { number: 4, text: "/say is gone." };
     ends.follow({ speech });
     ends.follow({ speech });

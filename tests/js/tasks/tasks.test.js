@@ -1,5 +1,8 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { PANELS } from "../../../static/js/control/panels/list.js";
 import { shortened, TaskRequests } from "../../../static/js/tasks/tasks.js";
+
+const KINDS = Object.assign({}, ...PANELS.map(({ requests }) => requests));
 
 describe("tasks", () => {
   let sent;
@@ -13,7 +16,7 @@ describe("tasks", () => {
     notices = [];
     open = true;
     const send = (message) => open && sent.push(message) > 0;
-    requests = new TaskRequests(send, (notice) => notices.push(notice), 100);
+    requests = new TaskRequests(send, (notice) => notices.push(notice), 100, KINDS);
     requests.fence = 7;
   });
   afterEach(() => {

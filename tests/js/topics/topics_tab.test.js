@@ -29,7 +29,9 @@ describe("the Topics tab of a robot that is slow to answer", () => {
     document.body.innerHTML = template.replace(/\{%.*?%\}/g, "") + DIALOG;
     notices = [];
     const notify = (notice) => notices.push(notice.text);
-    tab = new TopicsTab(parts(document), "ws://here/", { send: vi.fn(), notify }, () => 0);
+    document.body.dataset.topics = "/topics/";
+    const page = { root: document.body, parts: parts(document), request: vi.fn(), notify };
+    tab = new TopicsTab({ ...page, clock: () => 0 });
     tab.offers = { uses: { drive: { topic: "/key_vel", type: TWIST, chooseable: {} } } };
     tab.mayAct = true;
     tab.show();

@@ -19,22 +19,20 @@ const SAME_MS = 1000; // times of one event differ by less: they are rounded, an
 
 /** Follows a robot's state: notices each event once, and none from before the page was opened. */
 export class ForgottenNotices {
+  static hears = ["state.forgotten"];
   #notify;
   #last = null;
 
-  /** @param {(notice: object) => void} notify */
-  constructor(notify) {
+  /** @param {import("../panels/page_panels.js").Page} page */
+  constructor({ notify }) {
     this.#notify = notify;
   }
 
-  /**
-   * @param {?object} event `state.forgotten` of the newest state
-   * @param {number} nowMs of a monotonic clock
-   */
-  follow(event, nowMs) {
+  /** @param {?object} event of the robot's newest state */
+  set forgotten(event) {
     const { number = 0, code = "", ago_s: agoS = Infinity } = event ?? {};
     const before = this.#last;
-    const atMs = nowMs - agoS * 1000;
+    const atMs = performance.now() - agoS * 1000;
     this.#last = { number, code, atMs };
     if (!before || !event) return;
     const isSame = number === before.number && code === before.code;

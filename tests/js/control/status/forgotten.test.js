@@ -1,11 +1,15 @@
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
 import { ForgottenNotices, forgottenText } from "../../../../static/js/control/status/forgotten.js";
 
 function followed(...views) {
   const notices = [];
-  const forgotten = new ForgottenNotices((notice) => notices.push(notice));
-  for (const [nowMs, number, code, agoS] of views)
-    forgotten.follow(code && { number, code, ago_s: agoS, text: "…" }, nowMs);
+  const forgotten = new ForgottenNotices({ notify: (notice) => notices.push(notice) });
+  const clock = vi.spyOn(performance, "now");
+  for (const [nowMs, number, code, agoS] of views) {
+    clock.mockReturnValue(nowMs);
+    forgotten.forgotten = code && { number, code, ago_s: agoS, text: "…" };
+  }
+  clock.mockRestore();
   return notices.map(({ code, level }) => `${level} ${code}`);
 }
 

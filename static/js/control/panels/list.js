@@ -1,0 +1,36 @@
+/** The panels of the control page that `PagePanels` makes. A panel for a new kind of task is one more entry. */
+
+import { CameraPanel } from "../../camera/camera_panel.js";
+import { DriveBy } from "../../drive/drive_by.js";
+import { Forget } from "../../drive/forget.js";
+import { PlanView } from "../../drive/plan_view.js";
+import { SpeedChart } from "../../drive/speed_chart.js";
+import { HeadStick } from "../../limbs/head_stick.js";
+import { LimbPanel } from "../../limbs/limb_panel.js";
+import { MapPanel } from "../../navigation/map_panel.js";
+import { ScenePanel } from "../../scene/scene_panel.js";
+import { History } from "../../tasks/history.js";
+import { Motions } from "../../tasks/motions.js";
+import { Phrases } from "../../tasks/phrases.js";
+import { Say } from "../../tasks/say.js";
+import { TopicsTab } from "../../topics/topics_tab.js";
+import { ForgottenNotices } from "../status/forgotten.js";
+
+/** In the order in which they hear news, and in which running tasks are shown. */
+export const PANELS = [
+  DriveBy,
+  PlanView,
+  CameraPanel,
+  MapPanel,
+  ScenePanel,
+  LimbPanel,
+  HeadStick,
+  SpeedChart,
+  TopicsTab,
+  Motions,
+  Say,
+  Phrases,
+  History,
+  Forget,
+  ForgottenNotices,
+];

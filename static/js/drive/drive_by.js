@@ -1,0 +1,25 @@
+/** A program's drive by a distance or an angle: shown while it runs. */
+
+/**
+ * Return a text about a drive by a distance or an angle, with the part that is done. Robots report radians.
+ */
+export function driveText({
+  goal_m: goalM,
+  goal_rad: goalRad,
+  distance_m: doneM,
+  angle_rad: doneRad,
+}) {
+  const degrees = (radians) => Math.round((radians * 180) / Math.PI);
+  return goalRad === null
+    ? interpolate(gettext("Drives: %s of %s m"), [doneM.toFixed(1), goalM.toFixed(1)])
+    : interpolate(gettext("Turns: %s of %s°"), [degrees(doneRad), degrees(goalRad)]);
+}
+
+export class DriveBy {
+  static task = "drive_by";
+  static requests = { drive_by_cancel: { name: () => gettext("Cancel the drive") } };
+
+  shows({ now }) {
+    return now && { words: driveText(now), who: now.who, cancel: [{ t: "drive_by_cancel" }] };
+  }
+}
