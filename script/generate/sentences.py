@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from fleet.audit.reading.words import WORDS
+
 ROOT = Path(__file__).parents[2]
 LOCALE = ROOT / "fleet" / "locale"
 FOLDERS = ("fleet", "robots", "teleop")
@@ -104,7 +106,7 @@ def modules() -> Iterator[tuple[str, str]]:
 
 def keys() -> dict[str, Key]:
     """Return all sentences of the source by key."""
-    found: dict[str, Key] = {}
+    found = {word: Key(word, "", "fleet/audit/reading/words.py") for word in WORDS}
     for place, source in modules():
         for sentence in told(source):
             many = next(_constants(sentence.many), "")

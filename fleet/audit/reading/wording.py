@@ -7,10 +7,12 @@ from collections.abc import Iterator, Mapping
 from datetime import datetime
 from typing import Any
 
+from django.utils.formats import date_format
 from django.utils.translation import gettext as _
 
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
+from fleet.base.formats.sentences import in_words
 from fleet.base.zones import viewers
 
 FACTS = 4  # values at most in a line of a list
@@ -61,7 +63,7 @@ def who(record: Record) -> str:
 
 def outcome(code: str) -> str:
     """Return the text of an outcome, or of the reason of a refusal: most codes are made of words."""
-    return _("cancelled, but not by its holder") if code == "intruder" else code.replace("_", " ")
+    return _("cancelled, but not by its holder") if code == "intruder" else in_words(code.replace("_", " "))
 
 
 def subject(record: Record) -> str:
@@ -97,7 +99,7 @@ def _moment(value: Any) -> str:
     """Return a moment, given in UTC, in the reader's zone; blank if the value is no moment."""
     if not isinstance(value, str) or not _MOMENT.fullmatch(value):
         return ""
-    return f"{datetime.fromisoformat(value).astimezone(viewers()):%d %b %Y, %H:%M}"
+    return str(date_format(datetime.fromisoformat(value).astimezone(viewers()), "d M Y, H:i"))
 
 
 def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:
@@ -122,10 +124,8 @@ def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, s
 
 
 def _plain(name: str) -> str:
-    for ending in _UNITS:
-        if name.endswith(ending):
-            return name.removesuffix(ending).replace("_", " ")
-    return name.replace("_", " ")
+    ending = next((ending for ending in _UNITS if name.endswith(ending)), "")
+    return in_words(name.removesuffix(ending).replace("_", " "))
 
 
 def said(value: Any) -> str:
