@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from msgspec import Meta, Struct
 
@@ -172,7 +172,7 @@ TaskRequest = (
 )
 
 
-class TaskKind(Struct, frozen=True):
+class TaskKind(NamedTuple):
     """One kind of task, as every process knows it. `TASK_KINDS` lists them."""
 
     name: str  # of the kind in REST
