@@ -70,8 +70,8 @@ def _in_language(person: User, course: Course, site: str) -> EmailMessage:
         "course": course.name,
         "link": link,
         "username": person.username,
-        "starts": date_format(course.starts_on, "d F Y"),
-        "ends": date_format(course.ends_on, "d F Y"),
+        "starts": date_format(course.starts_on, "DATE_FORMAT"),
+        "ends": date_format(course.ends_on, "DATE_FORMAT"),
     }
     subject = _("Your account for the course %(course)s") % {"course": course.name}
     return EmailMessage(subject, text % facts, to=[person.email])

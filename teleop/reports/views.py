@@ -210,7 +210,7 @@ def _facts_about(details: dict[str, Any], person: User) -> Iterator[str]:
                 ends = (
                     wording.said(change[end]) for end in ("from", "to") if change.get(end) not in (None, "")
                 )
-                yield f"{change['field'].replace('_', ' ')} {' → '.join(ends)}".strip()
+                yield f"{wording.plain(change['field'])} {' → '.join(ends)}".strip()
         elif name != "name" and value != str(person.pk):
             yield wording.figure(name, value)
 

@@ -124,6 +124,7 @@ def test_sentences_are_said_in_the_readers_language(tmp_path: Path, settings, mo
     assert robots == "2 robots until 15:00"
     with translation.override("es"), timezone.override("Europe/Madrid"):
         assert in_words(old) == "0,05 m, láser: hace 0,6 s"
+        assert in_words("") == ""
         assert words_of(wire.Refusal("x", robots, "gate")) == "2 robots hasta las 15:00"
     assert say("{day:day}", day=date(2026, 12, 3)) == "03 Dec 2026"
 

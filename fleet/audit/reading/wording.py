@@ -91,8 +91,8 @@ def figure(name: str, value: Any) -> str:
     """Return one value with its name and unit."""
     for ending, unit in _UNITS.items():
         if name.endswith(ending) and isinstance(value, int | float):
-            return f"{_plain(name.removesuffix(ending))} {value:g} {unit}"
-    return f"{_plain(name)} {said(value)}"
+            return f"{plain(name.removesuffix(ending))} {value:g} {unit}"
+    return f"{plain(name)} {said(value)}"
 
 
 def _moment(value: Any) -> str:
@@ -108,7 +108,7 @@ def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, s
     For long lists, only the length.
     """
     for name, value in details.items():
-        known_as = f"{within}{_plain(name)}"
+        known_as = f"{within}{plain(name)}"
         match value:
             case Mapping() if value:
                 yield from lines(value, within=f"{known_as} · ")
@@ -123,7 +123,8 @@ def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, s
                 yield known_as, f"{value:g} {unit}".strip() if is_number and unit else said(value)
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
+    """Return a field's name in words, without its unit."""
     ending = next((ending for ending in _UNITS if name.endswith(ending)), "")
     return in_words(name.removesuffix(ending).replace("_", " "))
 

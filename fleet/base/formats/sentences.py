@@ -34,6 +34,8 @@ def _catalogue(language: str) -> gettext.NullTranslations:
 
 
 def _translated(key: str, figures: Mapping[str, Any] | None = None, many: str = "") -> str:
+    if not key:  # gettext would return the head of the catalogue
+        return ""
     catalogue = _catalogue(get_language() or settings.LANGUAGE_CODE)
     text = catalogue.ngettext(key, many, figures["count"]) if many and figures else catalogue.gettext(key)
     return filled(text, figures, _shown) if figures else text
