@@ -76,7 +76,7 @@ def show(name: str, figures: Sequence[Figure], facts: dict[str, str | int], *, a
             }
             for figure in figures
         ]
-        day = datetime.datetime.now(datetime.timezone.utc).date().isoformat()
+        day = datetime.datetime.now(datetime.UTC).date().isoformat()
         print(json.dumps({"bench": name, "date": day, "machine": facts, "figures": rows, "holds": holds}))
         return holds
     width = max((len(figure.name) for figure in figures), default=0)

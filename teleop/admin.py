@@ -30,7 +30,7 @@ _COLUMNS = [
     *("control_session", "robot", "robot_id", "person", "person_id", "fence"),
     *("began_utc", "began_local", "ended_utc", "ended_local", "ended_by"),
 ]
-_EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
+_EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 _MICROSECOND = datetime.timedelta(microseconds=1)
 
 Sessions = QuerySet[ControlSession]
@@ -190,4 +190,4 @@ def _key(moment: datetime.datetime) -> int:
 
 
 def _time(key: int) -> datetime.datetime:
-    return _EPOCH + min(key, _key(datetime.datetime.max.replace(tzinfo=datetime.timezone.utc))) * _MICROSECOND
+    return _EPOCH + min(key, _key(datetime.datetime.max.replace(tzinfo=datetime.UTC))) * _MICROSECOND

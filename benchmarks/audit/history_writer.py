@@ -9,7 +9,7 @@ import json
 import random
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from datetime import date, datetime, timedelta, timezone
+from datetime import UTC, date, datetime, timedelta
 from itertools import islice
 from typing import Any
 from uuid import UUID
@@ -27,7 +27,7 @@ from teleop.models import ControlSession
 
 BATCH_SIZE = 10_000  # records in one transaction
 CACHE_KB = 400_000  # of SQLite, so that all indexes are in memory
-BEGAN = datetime(2023, 11, 1, 8, tzinfo=timezone.utc)
+BEGAN = datetime(2023, 11, 1, 8, tzinfo=UTC)
 BETWEEN_S = 1300.0  # between two control sessions, on average
 EVENT_S = 12.0  # between two records of a control session
 SCENES = 6.0  # of a control session, on average

@@ -88,7 +88,7 @@ class Observer:
         """Wait until `condition()` is true, which is checked after every message. Raises `TimeoutError`."""
         try:
             await asyncio.wait_for(self._become(condition), timeout_s)
-        except asyncio.TimeoutError:  # Python 3.10 has two kinds
+        except TimeoutError:
             code = self._process.returncode
             ended = "" if code is None else f" The observer ended with code {code}."
             raise TimeoutError(f"Waited {timeout_s:g} s in vain for the robot.{ended}") from None

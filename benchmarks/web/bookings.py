@@ -13,7 +13,7 @@ import time
 import urllib.parse
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 
 from benchmarks.driving.drive import BARE_STICKS, drive
 from benchmarks.harness import Figure, progress, quantile
@@ -59,7 +59,7 @@ def _measure_on(stack: Stack, name: str) -> list[Figure]:
     rules = json.loads(_stored(stack, f"main({ROWS})"))
     cookie = sign_in(stack, "operator")
     progress(f"{name}: the calendar's week ...")
-    monday = datetime.now(timezone.utc).date()
+    monday = datetime.now(UTC).date()
     address = f"/bookings/feed/?start={monday}&end={monday + timedelta(days=7)}"
     reads = [_ask(stack, cookie, "GET", address) for _ in range(READS)]
     events = len(json.loads(reads[0].body)["events"])
@@ -134,7 +134,7 @@ def _race(stack: Stack, cookie: str, number: int) -> list[_Answer]:
     """Let all clients book the same free slot at once."""
     page = _ask(stack, cookie, "GET", "/bookings/new/?robot=row-0")
     [token] = set(re.findall(r'name="csrfmiddlewaretoken" value="([^"]+)"', page.body))
-    starts = datetime.now(timezone.utc) + timedelta(hours=3 + 2 * number)
+    starts = datetime.now(UTC) + timedelta(hours=3 + 2 * number)
     times = (f"{at:%Y-%m-%dT%H:%M}" for at in (starts, starts + timedelta(hours=1)))
     fields = dict(zip(("starts_at", "ends_at"), times, strict=True))
     body = urllib.parse.urlencode({"robot": "row-0", "csrfmiddlewaretoken": token, **fields})
@@ -157,7 +157,7 @@ def _enrol(stack: Stack) -> float:
     """Make a course with new people by the form. Return the seconds that it took after the preview."""
     cookie = sign_in(stack, "staff")
     page = _ask(stack, cookie, "GET", "/courses/new/").body
-    today = datetime.now(timezone.utc).date()
+    today = datetime.now(UTC).date()
     fields = {
         "csrfmiddlewaretoken": re.findall(r'name="csrfmiddlewaretoken" value="([^"]+)"', page)[0],
         "robots": re.findall(r'name="robots" value="([^"]+)"', page)[0],

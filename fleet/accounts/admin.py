@@ -105,7 +105,7 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
             options["widget"] = Select(choices=[("", _("the browser’s")), *settings.LANGUAGES])
         if db_field.name == "time_zone":
             options["widget"] = Select(
-                choices=[("", _("the lab's")), (zones.UTC, zones.UTC), *zones.choices()]
+                choices=[("", _("the lab's")), (zones.UTC_ZONE, zones.UTC_ZONE), *zones.choices()]
             )
         return super().formfield_for_dbfield(db_field, request, **options)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Sequence
-from datetime import date, datetime, timedelta, timezone
+from datetime import UTC, date, datetime, timedelta
 from itertools import takewhile
 from typing import NamedTuple
 
@@ -43,7 +43,7 @@ def remove_expired(now: datetime) -> Iterator[None]:
 
     A second call removes nothing.
     """
-    today = now.astimezone(timezone.utc).date()
+    today = now.astimezone(UTC).date()
     _record_clock_set_back(today)
     if clock_is_doubted(today):
         _record_clock_doubt(today)
@@ -142,7 +142,7 @@ def _kept_since(kind: str, today: date) -> date:
 
 def _due(kind: str, since: date) -> list[int]:
     """Return the numbers of records of this kind that are older than this day and have content."""
-    midnight = datetime(since.year, since.month, since.day, tzinfo=timezone.utc)
+    midnight = datetime(since.year, since.month, since.day, tzinfo=UTC)
     contents = Content.objects.filter(record__kind=kind, record__at__lt=midnight)
     return list(contents.values_list("pk", flat=True))
 

@@ -7,14 +7,13 @@ answering it takes the database.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from datetime import date, datetime, timezone
+from datetime import UTC, date, datetime
 from functools import cache
 from typing import Any, TypeVar
 from uuid import UUID
 
 from django.db import OperationalError, connection
 from django.db.models import Model
-from django.utils.dateparse import parse_datetime
 
 M = TypeVar("M", bound=Model)
 
@@ -51,13 +50,10 @@ def key(stored: UUID | str) -> UUID:
 def moment(stored: datetime | str) -> datetime:
     """Return a moment, as a query returned it, as a datetime with zone.
 
-    SQLite's driver returns a datetime for some columns and a text for others, without a zone. PostgreSQL's
-    text ends in "+00", which `datetime.fromisoformat` reads only from Python 3.11 on.
+    SQLite's driver returns a datetime for some columns and a text for others, without a zone.
     """
-    found = parse_datetime(stored) if isinstance(stored, str) else stored
-    if found is None:
-        raise ValueError(f"not a moment: {stored}")
-    return found if found.tzinfo else found.replace(tzinfo=timezone.utc)
+    found = datetime.fromisoformat(stored) if isinstance(stored, str) else stored
+    return found if found.tzinfo else found.replace(tzinfo=UTC)
 
 
 def _stored(value: object) -> Any:

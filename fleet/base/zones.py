@@ -5,14 +5,14 @@ During a request, Django's current zone is that of the person (`fleet.accounts.m
 
 from __future__ import annotations
 
-from datetime import date, datetime, time, timedelta, timezone
+from datetime import UTC, date, datetime, time, timedelta
 from functools import cache
 from zoneinfo import ZoneInfo, available_timezones
 
 from django.conf import settings
 from django.utils.timezone import get_current_timezone_name, localtime
 
-UTC = "UTC"
+UTC_ZONE = "UTC"
 _REGIONS = (
     "Africa",
     "America",
@@ -51,15 +51,15 @@ def day_of(moment: datetime, zone: ZoneInfo | None = None) -> date:
 def start_of(day: date, zone: ZoneInfo) -> datetime:
     """Return the first moment of a day, in UTC. If the clock skips midnight, the day begins after the gap."""
     try:
-        return datetime.combine(day, time(), zone).astimezone(timezone.utc)
+        return datetime.combine(day, time(), zone).astimezone(UTC)
     except OverflowError:  # the first or the last day of the calendar
-        return datetime.combine(day, time(), timezone.utc)
+        return datetime.combine(day, time(), UTC)
 
 
 def end_of(day: date, zone: ZoneInfo) -> datetime:
     """Return the first moment after a day, in UTC: 23, 24 or 25 hours after its start."""
     if day == date.max:
-        return datetime.max.replace(tzinfo=timezone.utc)
+        return datetime.max.replace(tzinfo=UTC)
     return start_of(day + timedelta(days=1), zone)
 
 

@@ -7,7 +7,7 @@ refusals of all rules are reported together. Days, weeks and opening hours are t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from datetime import date, datetime, time, timedelta, timezone
+from datetime import UTC, date, datetime, time, timedelta
 from functools import partial
 from zoneinfo import ZoneInfo
 
@@ -19,7 +19,7 @@ from robots.access.models import Course
 from robots.registry.models import Role
 from robots.shared.wire import Refusal
 
-FAR = datetime.max.replace(tzinfo=timezone.utc)  # stands for "no end"
+FAR = datetime.max.replace(tzinfo=UTC)  # stands for "no end"
 # No policy allows a longer slot. So queries for slots that still run look back only this far.
 LONGEST = timedelta(days=7)
 INSTANT = timedelta(microseconds=1)
@@ -276,7 +276,7 @@ def opening_of(day: date, hours: dict[str, list[str]], lab: ZoneInfo) -> Slot | 
 
 
 def _at(day: date, clock: str, lab: ZoneInfo) -> datetime:
-    return datetime.combine(day, time.fromisoformat(clock), tzinfo=lab).astimezone(timezone.utc)
+    return datetime.combine(day, time.fromisoformat(clock), tzinfo=lab).astimezone(UTC)
 
 
 def _in_words(hours: dict[str, list[str]]) -> str:
@@ -582,7 +582,7 @@ def to_utc(local: datetime, zone: ZoneInfo, *, is_end: bool = False) -> datetime
     00:00, where clocks go from 23:59 to 01:00.
     """
     local = local.replace(fold=0)
-    utc = local.replace(tzinfo=zone).astimezone(timezone.utc)
+    utc = local.replace(tzinfo=zone).astimezone(UTC)
     if is_end and _wall(utc - INSTANT, zone) == local - INSTANT:
         return utc
     if _wall(utc, zone) != local:

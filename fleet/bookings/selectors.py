@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
-from datetime import date, datetime, timedelta, timezone
+from datetime import UTC, date, datetime, timedelta
 from enum import Enum
 from functools import cache, partial
 from typing import Any, Protocol
@@ -168,7 +168,7 @@ def grace_of(policy: Policy) -> timedelta:
 
 def _before(moment: datetime, by: timedelta) -> datetime:
     """Return the moment earlier by `by`; the moment itself if that is before the first year."""
-    return moment - by if moment - datetime.min.replace(tzinfo=timezone.utc) > by else moment
+    return moment - by if moment - datetime.min.replace(tzinfo=UTC) > by else moment
 
 
 def held_between(robots: Collection[Robot], starts: datetime, ends: datetime) -> QuerySet[Booking]:

@@ -95,7 +95,7 @@ class CameraLink:
                 async with open_link(address, close_timeout=CLOSE_S) as socket:
                     pause_s = RETRY_S[0]
                     await self._run(socket)
-            except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed, ValueError) as error:
+            except (TimeoutError, OSError, InvalidHandshake, ConnectionClosed, ValueError) as error:
                 log.info("the camera process of %s: %s", self._link.robot_id, error)
             self._listener.on_cameras_gone(self._refusal)
             await asyncio.sleep(pause_s)

@@ -451,7 +451,7 @@ class BridgeLink:
             try:
                 async with open_link(self.address) as socket:
                     await self._run_connection(socket)
-            except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed) as error:
+            except (TimeoutError, OSError, InvalidHandshake, ConnectionClosed) as error:
                 self._handle_loss(why_down(error, self.address))
             except LinkRefused as error:
                 if error.refusal != self.refusal:
@@ -666,7 +666,7 @@ def _log_wrong_robot(place: str, robot_id: UUID, slug: str) -> None:
 async def _await_answer(answer: asyncio.Future[_Answer], timeout_s: float) -> _Answer:
     try:
         return await asyncio.wait_for(answer, timeout_s)
-    except asyncio.TimeoutError as error:
+    except TimeoutError as error:
         raise LinkRefused(SILENT) from error
 
 

@@ -80,7 +80,7 @@ async def ask_bridge(address: LinkAddress, stop: LinkStop) -> Stopped | Refusal:
                         return answer
             finally:
                 link.transport.abort()  # no closing handshake: the bridge may be frozen
-    except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed) as error:
+    except (TimeoutError, OSError, InvalidHandshake, ConnectionClosed) as error:
         raise LinkRefused(why_down(error, address)) from error
 
 

@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import PIL.Image
@@ -343,7 +343,7 @@ def make_a_course(page: Page, url: str) -> None:
     """Take the pictures for teachers: the preview of a list of people, and the course's page."""
     page.goto(f"{url}/courses/new/")
     page.get_by_label("Name", exact=True).fill("Human-robot interaction")
-    page.get_by_label("Last day").fill(f"{datetime.now(timezone.utc) + timedelta(days=120):%Y-%m-%d}")
+    page.get_by_label("Last day").fill(f"{datetime.now(UTC) + timedelta(days=120):%Y-%m-%d}")
     for box in page.get_by_role("checkbox").all()[:3]:
         box.check()
     people = [f"{name} Lovelace <{name.lower()}@example.org>" for name in ENROLLED]

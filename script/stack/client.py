@@ -228,7 +228,7 @@ class Driver:
         """Wait until `condition()` is true; it is called again after every message."""
         try:
             await asyncio.wait_for(self._become(condition), timeout_s)
-        except asyncio.TimeoutError:
+        except TimeoutError:
             raise TimeoutError(f"Waited {timeout_s:g} s in vain; {self.said_last()}") from None
 
     async def _become(self, condition: Callable[[], Any]) -> None:
@@ -362,7 +362,7 @@ class Topics:
 
         try:
             await asyncio.wait_for(become(), timeout_s)
-        except asyncio.TimeoutError:
+        except TimeoutError:
             raise TimeoutError(
                 f"Waited {timeout_s:g} s in vain; refused: {self.refused}; no bridge: {self.gone}"
             ) from None

@@ -5,7 +5,7 @@ Each figure is one query for one kind of records of this robot. An index makes i
 
 from __future__ import annotations
 
-from datetime import date, datetime, time, timedelta, timezone
+from datetime import UTC, date, datetime, time, timedelta
 from typing import Any
 
 from django.db.models import Count, F, FloatField, Max, OuterRef, QuerySet, Subquery, Sum
@@ -202,4 +202,4 @@ def _what(record: Record) -> str:
 
 def day_start_s(day: date) -> int:
     """Return the start of the day in UTC, in seconds since 1970: the same number in every time zone."""
-    return int(datetime.combine(day, time(), timezone.utc).timestamp())
+    return int(datetime.combine(day, time(), UTC).timestamp())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from datetime import date, datetime, timedelta, timezone
+from datetime import UTC, date, datetime, timedelta
 from itertools import pairwise
 from typing import Any
 from uuid import UUID
@@ -244,5 +244,5 @@ def _moment(request: HttpRequest, name: str) -> datetime | None:
     with suppress(ValueError, OverflowError):
         moment = parse_datetime(asked)
         if moment is not None and is_aware(moment):
-            return moment.astimezone(timezone.utc)
+            return moment.astimezone(UTC)
     raise BadRequest(f"{name} is not a moment with its time zone")

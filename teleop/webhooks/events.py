@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from typing import Any
 from uuid import UUID
 
@@ -157,4 +157,4 @@ def _named(value: Any, names: Mapping[str, str]) -> Any:
 
 def rfc3339(at: datetime) -> str:
     """Return a time as RFC 3339 in UTC, such as 2026-03-02T09:00:00.000Z."""
-    return at.astimezone(timezone.utc).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    return at.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

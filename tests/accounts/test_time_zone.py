@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from datetime import date, datetime, timedelta, timezone
+from datetime import UTC, date, datetime, timedelta
 from typing import Any
 from zoneinfo import ZoneInfo
 
@@ -43,7 +43,7 @@ def test_a_day_has_as_many_hours_as_its_clock(day: date, hours: int) -> None:
 
 def test_own_zone_is_chosen_shown_and_recorded(client: Client, operator: User, robot: Robot) -> None:
     client.force_login(operator)
-    at = datetime(2026, 3, 29, 0, 30, tzinfo=timezone.utc)
+    at = datetime(2026, 3, 29, 0, 30, tzinfo=UTC)
     ended = at.replace(hour=1)
     session = ControlSession.objects.create(
         robot=robot, user=operator, fence=1, started_at=at, ended_at=ended
@@ -91,7 +91,7 @@ def test_exports_have_local_times_beside_utc(client: Client, staff: User) -> Non
 
 
 def test_a_robots_report_counts_the_viewers_days(robot: Robot) -> None:
-    now = datetime(2026, 10, 25, 12, tzinfo=timezone.utc)
+    now = datetime(2026, 10, 25, 12, tzinfo=UTC)
     with django_timezone.override("Europe/Madrid"):
         report = robot_report.report_of(robot, 7, now)
     assert [day.day for day in report.use.days][-1] == AUTUMN

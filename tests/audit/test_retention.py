@@ -5,7 +5,7 @@ import sqlite3
 import time
 import uuid
 from contextlib import closing
-from datetime import date, datetime, timedelta, timezone
+from datetime import UTC, date, datetime, timedelta
 from unittest import mock
 
 import pytest
@@ -31,7 +31,7 @@ def ago():
     """`with ago(days)`: date records to that many days before `TODAY`."""
 
     def at(days: int):
-        then = datetime(TODAY.year, TODAY.month, TODAY.day, 12, tzinfo=timezone.utc) - timedelta(days=days)
+        then = datetime(TODAY.year, TODAY.month, TODAY.day, 12, tzinfo=UTC) - timedelta(days=days)
         return mock.patch.object(django_timezone, "now", return_value=then)
 
     return at
@@ -288,7 +288,7 @@ def kept() -> list[str]:
 
 
 def housekeeping(at=TODAY) -> None:
-    exhaust(retention.remove_expired(datetime(at.year, at.month, at.day, 12, tzinfo=timezone.utc)))
+    exhaust(retention.remove_expired(datetime(at.year, at.month, at.day, 12, tzinfo=UTC)))
 
 
 def test_by_a_clock_that_is_years_ahead_nothing_goes(spoken, ago, caplog):
@@ -390,7 +390,7 @@ def test_housekeeping_expires_contents(ago):
     with ago(0):
         record("speech.start", text="young")
     old = Content.objects.get(text="young").record
-    with mock.patch.object(django_timezone, "now", return_value=datetime(2033, 12, 24, tzinfo=timezone.utc)):
+    with mock.patch.object(django_timezone, "now", return_value=datetime(2033, 12, 24, tzinfo=UTC)):
         call_command("confirm_clock", stdout=io.StringIO())
         call_command("run_housekeeping", "--once")
     assert Record.objects.get(pk=old.pk).details == {}

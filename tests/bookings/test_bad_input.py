@@ -1,6 +1,6 @@
 """Wrong times in every form and request with times: each is refused with text and code; nothing is stored."""
 
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from zoneinfo import ZoneInfo
 
 import pytest
@@ -131,7 +131,7 @@ def test_a_repeated_hour_is_the_first_and_lasts_two_hours(browser, robot):
     Policy.objects.create(horizon_days=730)
     browser.post(reverse("booking-new"), fields(robot, (TWICE, "2027-10-31T03:30")))
     booking = Booking.objects.get()
-    assert booking.starts_at == datetime(2027, 10, 31, 0, 30, tzinfo=timezone.utc)
+    assert booking.starts_at == datetime(2027, 10, 31, 0, 30, tzinfo=UTC)
     assert booking.ends_at - booking.starts_at == timedelta(hours=2)  # 02:00 to 03:00 comes twice
 
 

@@ -1,7 +1,6 @@
 """Bookings of people who drive a robot by a course, or need a qualification."""
 
-from datetime import datetime, timedelta
-from datetime import timezone as dt_timezone
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from django.urls import reverse
@@ -16,7 +15,7 @@ from tests.bookings.test_pages import JSON, fields
 
 pytestmark = pytest.mark.django_db
 
-NOW = datetime(2026, 3, 2, 9, 0, tzinfo=dt_timezone.utc)
+NOW = datetime(2026, 3, 2, 9, 0, tzinfo=UTC)
 
 
 @pytest.fixture
@@ -164,7 +163,7 @@ def test_a_missing_qualification_is_named(robot, operator):
 
 
 def test_only_people_who_may_override_are_asked_for_a_reason(client, course, supervisor, second_operator):
-    today = datetime.now(dt_timezone.utc).date()
+    today = datetime.now(UTC).date()
     Course.objects.update(starts_on=today - timedelta(days=2), ends_on=today + timedelta(days=20))
     course.supervisors.add(second_operator)
     for person, asked in ((second_operator, False), (supervisor, True)):

@@ -1,6 +1,6 @@
 """Time that changes hands counts once: what has passed for the person who had it, the rest for the receiver."""
 
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from uuid import uuid4
 
 import pytest
@@ -26,7 +26,7 @@ from tests.bookings.test_races import all_at_once
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
-NOW = datetime(2026, 3, 2, 9, 0, tzinfo=timezone.utc)
+NOW = datetime(2026, 3, 2, 9, 0, tzinfo=UTC)
 
 
 def at(minutes):

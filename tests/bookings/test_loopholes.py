@@ -1,8 +1,7 @@
 """Ways around the rules of booking, each tried at the page where a person would try it."""
 
 import time
-from datetime import datetime, timedelta
-from datetime import timezone as dt_timezone
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from django.urls import reverse
@@ -265,7 +264,7 @@ def test_lengthening_in_a_repeated_hour_keeps_the_start(signed_in, robot, operat
     Policy.objects.create(robot=robot, horizon_days=730)
     operator.time_zone = "Europe/Berlin"
     operator.save()
-    last = datetime(timezone.now().year + 1, 10, 31, tzinfo=dt_timezone.utc)
+    last = datetime(timezone.now().year + 1, 10, 31, tzinfo=UTC)
     sunday = last - timedelta(days=last.isoweekday() % 7)  # 03:00 becomes 02:00 at 01:00 UTC
     day = sunday.date()
     starts, ends = sunday + timedelta(minutes=75), sunday + timedelta(minutes=105)

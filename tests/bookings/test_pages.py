@@ -1,6 +1,6 @@
 """The pages of bookings, through the public address."""
 
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from django.urls import reverse
@@ -147,7 +147,7 @@ def test_a_changed_booking_is_described_and_leads_back(as_person, robot, operato
         robot=robot,
         person=operator,
         slot=Slot(in_hours(2), in_hours(3)),
-        now=datetime.now(timezone.utc),
+        now=datetime.now(UTC),
     )
     address, mine = reverse("booking", args=[booking.pk]), reverse("bookings-mine")
     own = browser.post(address, {"action": "hand", "version": 1, "to": operator.username}, **HTML)
@@ -160,7 +160,7 @@ def test_a_changed_booking_is_described_and_leads_back(as_person, robot, operato
         robot=robot,
         person=operator,
         slot=Slot(in_hours(4), in_hours(5)),
-        now=datetime.now(timezone.utc),
+        now=datetime.now(UTC),
     )
     address = reverse("booking", args=[other.pk])
     handed = {
@@ -190,7 +190,7 @@ def test_a_supervisor_finds_what_awaits_approval(as_person, robot, operator, sup
 
 
 def test_a_booking_in_use_is_finished_not_cancelled(as_person, robot, operator):
-    now = datetime.now(timezone.utc)
+    now = datetime.now(UTC)
     booking_make(robot=robot, person=operator, slot=Slot(now, now + timedelta(hours=1)), now=now)
     page = as_person(operator).get(reverse("bookings-mine")).content.decode()
     assert ">Finish<" in page and ">Cancel<" not in page
@@ -207,7 +207,7 @@ def test_each_kind_of_robot_has_its_next_free_hour(as_person, robot, other_robot
 
 
 def test_an_offer_is_accepted_or_declined(as_person, robot, operator):
-    now = datetime.now(timezone.utc)
+    now = datetime.now(UTC)
     booking = booking_make(robot=robot, person=operator, slot=Slot(in_hours(3), in_hours(4)), now=now)
     Booking.objects.filter(pk=booking.pk).update(state=State.OFFERED, offer_until=in_hours(2))
     page = as_person(operator).get(reverse("bookings-mine")).content.decode()
@@ -219,6 +219,6 @@ def test_only_people_who_may_see_the_robot_see_a_booking(as_person, robot, opera
         robot=robot,
         person=operator,
         slot=Slot(in_hours(2), in_hours(3)),
-        now=datetime.now(timezone.utc),
+        now=datetime.now(UTC),
     )
     assert as_person(stranger).get(reverse("booking", args=[booking.pk])).status_code == 404

@@ -1,7 +1,7 @@
 """Changes of bookings at the same moment, on several robots. Run on SQLite and, with FLEET_DATABASE_URL, PostgreSQL."""
 
 import threading
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from django.db import connection
@@ -22,7 +22,7 @@ from tests.bookings.test_pages import JSON, fields
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
-NOW = datetime(2026, 3, 2, 9, 0, tzinfo=timezone.utc)
+NOW = datetime(2026, 3, 2, 9, 0, tzinfo=UTC)
 SLOT = Slot(NOW + timedelta(hours=1), NOW + timedelta(hours=2))
 
 

@@ -1,6 +1,6 @@
 """The rules of booking. No database, no clock."""
 
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from zoneinfo import ZoneInfo
 
 import msgspec
@@ -13,7 +13,7 @@ from robots.registry.models import Role
 from robots.shared.wire import Refusal
 
 MADRID = ZoneInfo("Europe/Madrid")
-NOW = datetime(2026, 3, 2, 9, 0, tzinfo=timezone.utc)  # a Monday
+NOW = datetime(2026, 3, 2, 9, 0, tzinfo=UTC)  # a Monday
 
 
 def slot(begins_h, hours=1.0):
@@ -90,7 +90,7 @@ def test_all_rules_that_refuse_are_reported_at_once():
 
 
 def test_ten_thousand_years_ahead_is_one_plain_refusal():
-    far = datetime(9999, 12, 31, tzinfo=timezone.utc)
+    far = datetime(9999, 12, 31, tzinfo=UTC)
     assert codes(wish(Slot(far - timedelta(hours=1), far))) == ["too_far"]
 
 
@@ -114,7 +114,7 @@ def test_a_slot_over_midnight_fits_two_open_days():
 
 @pytest.mark.parametrize(("month", "day", "hours"), [(3, 29, 23), (10, 25, 25), (6, 1, 24)])
 def test_a_day_quota_covers_short_and_long_days(month, day, hours):
-    begins = datetime(2026, month, day, tzinfo=MADRID).astimezone(timezone.utc)
+    begins = datetime(2026, month, day, tzinfo=MADRID).astimezone(UTC)
     whole_day = Slot(begins, begins + timedelta(hours=hours))
     now = begins - timedelta(days=1)
     facts = {"slot": whole_day, "now": now}
@@ -133,7 +133,7 @@ def test_a_time_that_the_clock_skips_is_named():
 
 def test_a_time_shown_twice_is_the_first():
     assert to_utc(datetime.fromisoformat("2026-10-25 02:30"), MADRID) == datetime(
-        2026, 10, 25, 0, 30, tzinfo=timezone.utc
+        2026, 10, 25, 0, 30, tzinfo=UTC
     )
 
 

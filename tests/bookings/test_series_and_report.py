@@ -1,7 +1,7 @@
 """Weekly series and the report of hours, through their pages."""
 
 import codecs
-from datetime import date, datetime, timedelta, timezone
+from datetime import UTC, date, datetime, timedelta
 from itertools import pairwise
 from uuid import uuid4
 from zoneinfo import ZoneInfo
@@ -26,18 +26,14 @@ MADRID = ZoneInfo("Europe/Madrid")
 
 
 def test_a_series_keeps_the_wall_clock_over_daylight_saving():
-    first = Slot(
-        datetime(2026, 3, 23, 9, tzinfo=timezone.utc), datetime(2026, 3, 23, 10, tzinfo=timezone.utc)
-    )
+    first = Slot(datetime(2026, 3, 23, 9, tzinfo=UTC), datetime(2026, 3, 23, 10, tzinfo=UTC))
     slots = weekly(first, 3, [date(2026, 3, 30)], MADRID)
     assert [day for day, _ in slots] == [date(2026, 3, 23), date(2026, 4, 6)]
-    assert slots[1][1].starts_at == datetime(2026, 4, 6, 8, tzinfo=timezone.utc)
+    assert slots[1][1].starts_at == datetime(2026, 4, 6, 8, tzinfo=UTC)
 
 
 def test_a_week_whose_time_is_skipped_is_a_refusal():
-    first = Slot(
-        datetime(2026, 3, 22, 1, 30, tzinfo=timezone.utc), datetime(2026, 3, 22, 2, tzinfo=timezone.utc)
-    )
+    first = Slot(datetime(2026, 3, 22, 1, 30, tzinfo=UTC), datetime(2026, 3, 22, 2, tzinfo=UTC))
     [_, (_, skipped)] = weekly(first, 2, [], MADRID)
     assert isinstance(skipped, Refusal)
     assert skipped.code == "time_gap"
@@ -69,10 +65,7 @@ def on_the_wall(slots):
 )
 def test_begin_and_end_keep_their_times_of_day(madrid, starts, ends):
     first = Slot(
-        *(
-            datetime.fromisoformat(time).replace(tzinfo=MADRID).astimezone(timezone.utc)
-            for time in (starts, ends)
-        )
+        *(datetime.fromisoformat(time).replace(tzinfo=MADRID).astimezone(UTC) for time in (starts, ends))
     )
     slots = [slot for _, slot in weekly(first, 30, [])]
     assert slots[0] == first
@@ -85,15 +78,15 @@ def test_begin_and_end_keep_their_times_of_day(madrid, starts, ends):
 
 
 def test_an_end_that_the_clock_skips_is_a_refusal(madrid):
-    starts = datetime(2027, 3, 20, 21, tzinfo=timezone.utc)
+    starts = datetime(2027, 3, 20, 21, tzinfo=UTC)
     slots = weekly(Slot(starts, starts + timedelta(hours=4.5)), 3, [])  # until 02:30
     assert [getattr(slot, "code", None) for _, slot in slots] == [None, "time_gap", None]
 
 
 def test_of_an_end_that_the_clock_shows_twice_the_first_counts(madrid):
-    starts = datetime(2027, 10, 23, 20, tzinfo=timezone.utc)
+    starts = datetime(2027, 10, 23, 20, tzinfo=UTC)
     [_, (_, slot)] = weekly(Slot(starts, starts + timedelta(hours=4.5)), 2, [])
-    assert slot.ends_at == datetime(2027, 10, 31, 0, 30, tzinfo=timezone.utc)
+    assert slot.ends_at == datetime(2027, 10, 31, 0, 30, tzinfo=UTC)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +117,7 @@ def test_a_series_lasts_as_its_zones_clock_says(zone, starts, ends, hours):
 
 def test_the_calendar_draws_a_slot_in_an_hour_that_comes_twice():
     early, late = (
-        datetime(2027, 10, 31, 2, minute, fold=fold, tzinfo=MADRID).astimezone(timezone.utc)
+        datetime(2027, 10, 31, 2, minute, fold=fold, tzinfo=MADRID).astimezone(UTC)
         for minute, fold in ((45, 0), (15, 1))
     )
     assert span(early, late, MADRID) == ("2027-10-31T02:45:00", "2027-10-31T03:15:00")

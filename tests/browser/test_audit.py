@@ -6,7 +6,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -64,7 +64,7 @@ def test_staff_find_a_text_in_three_steps_and_its_path(
     page = staff.page
     # Step 1: the history of speech. Step 2: filter by day, person and a word. Step 3: open the record.
     staff.open("/admin/audit/speechrecord/")
-    today = datetime.now(timezone.utc).date().isoformat()
+    today = datetime.now(UTC).date().isoformat()
     page.get_by_label("From").fill(today)
     page.get_by_label("To").fill(today)
     page.get_by_label("Person").fill(spoken.account.username)

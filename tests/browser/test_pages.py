@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from urllib.parse import urlsplit
 from uuid import uuid4
@@ -148,7 +148,7 @@ def test_axe_accepts_a_course_its_booking_and_its_drive(person: Arrive) -> None:
     operator, staff = person("operator"), person("staff")
     operator.take("tiago-1")
     operator.release()
-    page, name, day = staff.page, f"Axe {uuid4().hex[:6]}", datetime.now(timezone.utc) + timedelta(days=2)
+    page, name, day = staff.page, f"Axe {uuid4().hex[:6]}", datetime.now(UTC) + timedelta(days=2)
     staff.open("/courses/new/")
     page.get_by_label("Name", exact=True).fill(name)
     page.get_by_label("Last day").fill(f"{day:%Y-%m-%d}")

@@ -232,7 +232,7 @@ class Page:
                 ):
                     return message
                 self.inbox.append(message)
-        except asyncio.TimeoutError as error:
+        except TimeoutError as error:
             raise AssertionError(f"no {t} {fields}; instead: {self.inbox}") from error
 
     async def take(self) -> dict[str, Any]:
@@ -276,5 +276,5 @@ class Page:
             got.cancel()
             if self._socket.future.done():
                 self._socket.future.result()
-            raise asyncio.TimeoutError
+            raise TimeoutError
         return got.result()

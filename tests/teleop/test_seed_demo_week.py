@@ -28,8 +28,8 @@ def plan(tmp_path):
 @pytest.mark.parametrize(
     "now",
     [
-        dt.datetime(2026, 11, 25, 9, 10, tzinfo=dt.timezone.utc),
-        dt.datetime(2026, 11, 29, 22, 40, tzinfo=dt.timezone.utc),
+        dt.datetime(2026, 11, 25, 9, 10, tzinfo=dt.UTC),
+        dt.datetime(2026, 11, 29, 22, 40, tzinfo=dt.UTC),
     ],
     ids=["wednesday", "sunday night: the week's quota is used most"],
 )

@@ -57,6 +57,6 @@ class SettingsForm(forms.Form):
         lab = _("as the lab: %(zone)s") % {"zone": settings.TIME_ZONE}
         cast(forms.ChoiceField, self.fields["time_zone"]).choices = [
             ("", lab),
-            (zones.UTC, zones.UTC),
+            (zones.UTC_ZONE, zones.UTC_ZONE),
             *zones.choices(),
         ]

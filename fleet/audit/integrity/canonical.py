@@ -12,7 +12,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from typing import Any, Protocol
 from uuid import UUID
 
@@ -130,7 +130,7 @@ def _of(record: Chained) -> bytes:
     return canonical(
         [
             record.id,
-            record.at.astimezone(timezone.utc).strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
+            record.at.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
             record.day.isoformat(),
             record.kind,
             record.actor_id,

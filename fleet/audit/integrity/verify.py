@@ -9,7 +9,7 @@ checkpoint.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from datetime import date, datetime, timezone
+from datetime import UTC, date, datetime
 from typing import Annotated, Any, TypeVar
 from uuid import UUID
 
@@ -180,7 +180,7 @@ def _how_removed(head: Head, removal: Removal | None) -> str:
     was_of = f"it was of {_time(head.at)}"
     if removal is None:
         return f"was removed, and no valid checkpoint covers it: {was_of}."
-    day = head.at.astimezone(timezone.utc).date()
+    day = head.at.astimezone(UTC).date()
     if day >= removal.before and not _is_to_come(day):
         return f"was removed too early: {was_of}, and the checkpoint is for days before {removal.before}."
     if head.seq == removal.through and head.digest != removal.digest:

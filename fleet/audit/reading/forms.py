@@ -122,7 +122,7 @@ class FilterForm(forms.Form):
             kind=asked.get("kind", ""),
             outcome=asked.get("outcome", ""),
             session=asked.get("session"),
-            zone=zone if (asked["since"] or asked["until"]) and zone != zones.UTC else "",
+            zone=zone if (asked["since"] or asked["until"]) and zone != zones.UTC_ZONE else "",
         )
 
     @property

@@ -117,7 +117,7 @@ class MapFetcher:
                 case NoMap(why=why, is_certain=is_certain):
                     self._say(why)
                     self._fail(why, now_s, is_certain)
-        except (OSError, asyncio.TimeoutError, msgspec.MsgspecError) as error:
+        except (TimeoutError, OSError, msgspec.MsgspecError) as error:
             self._say(f"the process that fetches it failed ({error!r})")
             self._fail("the console could not fetch it", now_s)
 

@@ -146,7 +146,7 @@ async def _ended(process: Process) -> None:
     """Wait for a process that has closed its stdout; kill it after the time limit."""
     try:
         await asyncio.wait_for(process.wait(), END_S)
-    except asyncio.TimeoutError:
+    except TimeoutError:
         _kill(process)
         await process.wait()
 

@@ -149,7 +149,7 @@ class LaneServer:
                 continue
             try:
                 token = await asyncio.wait_for(loop.sock_recv(end, LARGEST_MESSAGE_BYTES), _TOKEN_S)
-            except (OSError, asyncio.TimeoutError):
+            except (TimeoutError, OSError):
                 end.close()
                 continue
             self._on_lane(token.decode(errors="replace"), end)

@@ -3,7 +3,7 @@
 import io
 import json
 import uuid
-from datetime import date, datetime, timedelta, timezone
+from datetime import UTC, date, datetime, timedelta
 from unittest import mock
 
 import pytest
@@ -226,7 +226,7 @@ def test_contents_never_expire_before_their_time(chain, parameters):
 
 
 def test_a_record_dated_in_the_future_justifies_no_removal(chain):
-    with mock.patch.object(django_timezone, "now", return_value=datetime(2100, 1, 1, tzinfo=timezone.utc)):
+    with mock.patch.object(django_timezone, "now", return_value=datetime(2100, 1, 1, tzinfo=UTC)):
         erasure = record(
             "audit.expire", parameters={"kinds": {"speech.start": {"before": "2099-01-01", "removed": 8}}}
         )
@@ -326,7 +326,7 @@ def test_a_checkpoint_far_beyond_the_end_shows_against_heads(chain):
 
 def test_old_records_that_were_removed_fit_heads_of_their_time(chain):
     heads = [
-        Head(head.chain, head.name, head.seq, head.digest, datetime(2019, 12, 31, tzinfo=timezone.utc))
+        Head(head.chain, head.name, head.seq, head.digest, datetime(2019, 12, 31, tzinfo=UTC))
         for head in verify_all().heads
     ]
     forge(chain)

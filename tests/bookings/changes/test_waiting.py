@@ -1,6 +1,6 @@
 """The waiting list of a taken slot: order, offers, deadlines."""
 
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
@@ -22,7 +22,7 @@ from fleet.bookings.services import BookingRefused, booking_cancel, booking_make
 
 pytestmark = pytest.mark.django_db
 
-NOW = datetime(2026, 3, 2, 9, 0, tzinfo=timezone.utc)
+NOW = datetime(2026, 3, 2, 9, 0, tzinfo=UTC)
 SLOT = Slot(NOW + timedelta(hours=4), NOW + timedelta(hours=5))
 
 

@@ -7,7 +7,7 @@ import re
 import sqlite3
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from uuid import uuid4
 
@@ -41,7 +41,7 @@ def book(stack: Stack):
             return str(found)
 
         def store(username: str, starts_s: float, ends_s: float) -> None:
-            now = datetime.now(timezone.utc).replace(tzinfo=None)
+            now = datetime.now(UTC).replace(tzinfo=None)
             starts, ends = (str(now + timedelta(seconds=seconds)) for seconds in (starts_s, ends_s))
             values = (
                 uuid4().hex,
@@ -61,7 +61,7 @@ def book(stack: Stack):
 
         def end_in(seconds: float) -> None:
             """Change the end of all slots to this number of seconds from now, as if they had been booked so."""
-            ends = str(datetime.now(timezone.utc).replace(tzinfo=None) + timedelta(seconds=seconds))
+            ends = str(datetime.now(UTC).replace(tzinfo=None) + timedelta(seconds=seconds))
             database.execute("UPDATE bookings_booking SET ends_at = ?, held_until = ?", [ends, ends])
             database.commit()
 
@@ -121,7 +121,7 @@ def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book
         assert database.execute("SELECT purpose FROM bookings_booking").fetchall() == [("Exercise 7",)]
 
     staff.open("/bookings/new/")
-    tomorrow = datetime.now(timezone.utc) + timedelta(days=1)
+    tomorrow = datetime.now(UTC) + timedelta(days=1)
     staff.page.get_by_label("Robot").select_option("tiago-1")
     staff.page.get_by_label("From").fill(tomorrow.strftime("%Y-%m-%dT00:00"))
     staff.page.get_by_label("To", exact=True).fill(tomorrow.strftime("%Y-%m-%dT23:00"))
@@ -198,7 +198,7 @@ def test_the_booking_of_another_person_appears_at_once(person: Arrive, book) -> 
     event = operator.page.locator(".ec-event")
     expect(event).to_have_count(0)
     staff.open("/bookings/new/")
-    tomorrow = f"{datetime.now(timezone.utc) + timedelta(days=1):%Y-%m-%d}"
+    tomorrow = f"{datetime.now(UTC) + timedelta(days=1):%Y-%m-%d}"
     slot = {"robot": "tiago-1", "starts_at": f"{tomorrow}T12:00", "ends_at": f"{tomorrow}T13:00"}
     assert staff.page.evaluate(POST_JSON, ["/bookings/new/", slot]) == 200
     expect(event).to_have_count(1)
@@ -225,7 +225,7 @@ def drag(somebody: Person) -> None:
 
 def calendar_of_tomorrow(somebody: Person) -> None:
     """Open the calendar's next day, and wait until its robots and bookings are there."""
-    tomorrow = datetime.now(timezone.utc) + timedelta(days=1)
+    tomorrow = datetime.now(UTC) + timedelta(days=1)
     somebody.open("/bookings/")
     with somebody.page.expect_response(f"**/bookings/feed/?start={tomorrow:%Y-%m-%d}&**"):
         somebody.page.get_by_role("button", name="Later", exact=True).click()

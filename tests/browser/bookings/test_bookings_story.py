@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from uuid import uuid4
 
 import pytest
@@ -15,7 +15,7 @@ from tests.browser.people import Person
 
 Arrive = Callable[..., Person]
 ROBOT = "TIAGo Two"
-TOMORROW = datetime.now(timezone.utc) + timedelta(days=1)
+TOMORROW = datetime.now(UTC) + timedelta(days=1)
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from uuid import uuid4
 
 from playwright.sync_api import expect
@@ -20,7 +20,7 @@ def test_a_course_from_csv_to_the_wheel(person: Arrive, induction: str) -> None:
     page, name = staff.page, f"Course {uuid4().hex[:6]}"
     staff.open("/courses/new/")
     page.get_by_label("Name", exact=True).fill(name)
-    page.get_by_label("Last day").fill(f"{datetime.now(timezone.utc) + timedelta(days=9):%Y-%m-%d}")
+    page.get_by_label("Last day").fill(f"{datetime.now(UTC) + timedelta(days=9):%Y-%m-%d}")
     page.get_by_label("TIAGo Two").check()
     content = CSV.format(uuid4().hex[:6]).encode("latin-1")
     file = {"name": "class.csv", "mimeType": "text/csv", "buffer": content}

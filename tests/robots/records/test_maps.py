@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
@@ -13,7 +13,7 @@ from robots.shared.records.record_sink import TakenMap
 
 pytestmark = pytest.mark.django_db
 
-NOON = datetime(2026, 11, 17, 12, 0, tzinfo=timezone.utc)
+NOON = datetime(2026, 11, 17, 12, 0, tzinfo=UTC)
 
 
 def test_a_clock_once_ahead_does_not_repeat_map_rows(robot: Robot) -> None:

@@ -6,7 +6,7 @@ import importlib
 import subprocess
 import sys
 from collections.abc import Iterator
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +65,7 @@ def test_a_generated_client_does_a_days_work(stack: Stack, package: str) -> None
         tasks.append(done(call("tasks", "motions_play", ROBOT, motion)))
     assert [task.outcome for task in tasks] == ["done"] * 9 + ["succeeded"] * 2
     call("control", "control_release", ROBOT)
-    starts = datetime.now(timezone.utc).replace(microsecond=0) + timedelta(hours=2)
+    starts = datetime.now(UTC).replace(microsecond=0) + timedelta(hours=2)
     slot = models.BookRequest(robot=ROBOT, starts_at=starts, ends_at=starts + timedelta(hours=1))
     booked = call("bookings", "bookings_make", body=slot)
     assert call("bookings", "bookings_read", booked.id).starts_at == starts

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
@@ -58,7 +58,7 @@ def operator(stack: Stack) -> str:
 @pytest.fixture
 def slot_end_s(stack: Stack) -> Iterator[float]:
     """The end of the operator's slot, on the monotonic clock; the supervisor's slot follows at once."""
-    now = datetime.now(timezone.utc)
+    now = datetime.now(UTC)
     ends = now + timedelta(seconds=SLOT_S)
     times = now - timedelta(minutes=5), ends, ends + timedelta(minutes=30)
     run(stack, SLOTS, ROBOT, *(moment.isoformat() for moment in times))

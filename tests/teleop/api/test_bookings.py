@@ -1,6 +1,6 @@
 """Bookings by programs: the rules of the pages, own and others' bookings, versions, pages of the list, bad input."""
 
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta, timezone
 from uuid import uuid4
 
 import pytest
@@ -22,7 +22,7 @@ def hour(hours=0.0):
 
 
 def words(moment):
-    return moment.astimezone(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
+    return moment.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def times(begins_h=1.0, hours=1.0):

@@ -1,6 +1,6 @@
 """Control follows bookings: a slot's owner drives, all others wait, and no term outlives a slot."""
 
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
@@ -20,7 +20,7 @@ from teleop.models import ControlSession, Lease
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
-NOW = datetime(2026, 1, 5, 12, 0, tzinfo=timezone.utc)
+NOW = datetime(2026, 1, 5, 12, 0, tzinfo=UTC)
 
 
 def at(minutes):

@@ -1,7 +1,7 @@
 """The lease in the database: changes, races, records."""
 
 import threading
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from uuid import uuid4
 
 import pytest
@@ -20,7 +20,7 @@ from tests.teleop.support import unavailable
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
-NOW = datetime(2026, 1, 5, 12, 0, tzinfo=timezone.utc)
+NOW = datetime(2026, 1, 5, 12, 0, tzinfo=UTC)
 
 
 def tab(name):

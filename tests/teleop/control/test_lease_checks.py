@@ -1,6 +1,6 @@
 """Checks of leases. No database, no clock."""
 
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from uuid import UUID
 
 import msgspec
@@ -10,7 +10,7 @@ from robots.registry.models import Role
 from teleop.control import lease_checks
 from teleop.control.lease_checks import LeaseState, Phase, Tab, Waiter
 
-NOW = datetime(2026, 1, 5, 12, 0, tzinfo=timezone.utc)
+NOW = datetime(2026, 1, 5, 12, 0, tzinfo=UTC)
 OLGA, OLAF = UUID(int=1), UUID(int=2)
 HER_TAB = Tab("her-tab", "her-sign-in", "connection-1")
 HIS_TAB = Tab("his-tab", "his-sign-in", "connection-2")

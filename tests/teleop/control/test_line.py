@@ -1,6 +1,6 @@
 """One line for control: the people who wait, their order, and an offer of 30 s to the next."""
 
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
@@ -17,7 +17,7 @@ from teleop.models import EndReason
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
-NOW = datetime(2026, 1, 5, 12, 0, tzinfo=timezone.utc)
+NOW = datetime(2026, 1, 5, 12, 0, tzinfo=UTC)
 
 
 def at(seconds):

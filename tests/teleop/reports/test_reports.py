@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from zoneinfo import ZoneInfo
 
 import pytest
@@ -266,7 +266,7 @@ def test_page_opens_without_any_record(session, signed_in, operator):
 
 # --- a robot --------------------------------------------------------------------------------------
 
-TUESDAY = datetime(2026, 11, 17, 14, 30, tzinfo=timezone.utc)
+TUESDAY = datetime(2026, 11, 17, 14, 30, tzinfo=UTC)
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import re
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from django.conf import settings
@@ -25,7 +25,7 @@ from tests.teleop.reports.test_reports import PATH, PEOPLE, browser_of
 
 pytestmark = pytest.mark.django_db
 
-NOON = datetime(2026, 11, 17, 12, 0, tzinfo=timezone.utc)
+NOON = datetime(2026, 11, 17, 12, 0, tzinfo=UTC)
 MINUTE, DAY = timedelta(minutes=1), timedelta(days=1)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import date, datetime, timedelta, timezone
+from datetime import UTC, date, datetime, timedelta
 
 import pytest
 from django.test import Client
@@ -15,7 +15,7 @@ from robots.registry.models import Robot
 from teleop.models import ControlSession
 from teleop.reports import today
 
-NOON = datetime(2026, 3, 29, 12, tzinfo=timezone.utc)
+NOON = datetime(2026, 3, 29, 12, tzinfo=UTC)
 
 
 @pytest.fixture

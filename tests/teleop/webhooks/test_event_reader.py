@@ -2,7 +2,7 @@
 
 import json
 import threading
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from django.db import connection, transaction
@@ -82,7 +82,7 @@ def test_an_event_names_people_and_quotes_nobody(make, robot, operator, staff):
     assert event(webhook) == {
         "id": f"rec_{end.pk}",
         "type": "speech.end",
-        "timestamp": f"{end.at.astimezone(timezone.utc):%Y-%m-%dT%H:%M:%S}.{end.at.microsecond // 1000:03}Z",
+        "timestamp": f"{end.at.astimezone(UTC):%Y-%m-%dT%H:%M:%S}.{end.at.microsecond // 1000:03}Z",
         "data": {
             "record": end.pk,
             "robot": {"slug": "tiago-1", "name": "TIAGo 1"},

@@ -10,7 +10,6 @@ import getpass
 import os
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
-from concurrent.futures import TimeoutError as NoAnswer
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +51,7 @@ class Command(BaseCommand):
             pressed = thread.submit(press_at, addresses, by, reason)
             try:
                 robots = _registered(slugs).result(REGISTRY_S)
-            except (DatabaseError, NoAnswer) as error:
+            except (DatabaseError, TimeoutError) as error:
                 why = str(error) or f"no answer within {REGISTRY_S:g} s"
                 here = dict(zip(sockets, pressed.result(), strict=True))
                 self._print_without_registry(slugs, here, why)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -157,16 +157,25 @@ def safe_share(
             clear[:, met_braking] = _met_no_worse(
                 paths, drives_until_s, braking_row, points[met_braking], moving, footprint
             )
-    # If even braking now ends too near, a share that brakes as hard as share 0 in this calculation is not tried: the
-    # real base may brake harder than assumed, but only if zero is sent.
     in_time = bool((stopping >= margins).all())
-    tried = [
-        (share, state)
-        for share, state in zip(SHARES, onward, strict=True)
-        if in_time or not _brakes_as_hard(state, onward[-1], whatever_turn=meets_movers)
-    ]
-    share = next((share for share, state in tried if clear[distinct.index(state)].all()), 0.0)
+    is_clear = dict(zip(distinct, clear.all(axis=1).tolist(), strict=True))
+    share = _largest_clear(onward, is_clear, in_time, meets_movers)
     return CLEAR if share == 1.0 else Rolled(share, worst)
+
+
+def _largest_clear(
+    onward: Sequence[_State], is_clear: Mapping[_State, bool], in_time: bool, meets_movers: bool
+) -> float:
+    """Return the largest share whose path is clear.
+
+    If even braking now ends too near (not `in_time`), a share that brakes as hard as share 0 in this calculation is not
+    tried: the real base may brake harder than assumed, but only if zero is sent.
+    """
+    for share, state in zip(SHARES, onward, strict=True):
+        tried = in_time or not _brakes_as_hard(state, onward[-1], whatever_turn=meets_movers)
+        if tried and is_clear[state]:
+            return share
+    return 0.0
 
 
 def _brakes_as_hard(state: _State, braking: _State, *, whatever_turn: bool) -> bool:

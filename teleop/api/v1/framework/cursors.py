@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from typing import Any, TypeVar
 
 from django.core.exceptions import ValidationError
@@ -41,7 +41,7 @@ def page_by_time(
     if cursor:
         at, key = decoded(cursor, str, str)
         try:
-            moment = datetime.fromisoformat(at).astimezone(timezone.utc)
+            moment = datetime.fromisoformat(at).astimezone(UTC)
             found = found.filter(Q(**{f"{field}__lt": moment}) | Q(**{field: moment, "pk__lt": key}))
         except (ValueError, OverflowError, ValidationError) as error:
             raise Problem(_WRONG) from error

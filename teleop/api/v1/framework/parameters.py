@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from typing import Annotated, Any
 
 import msgspec
@@ -83,7 +83,7 @@ def utc(moment: datetime) -> datetime:
     if moment.year not in YEARS:
         text = f"Look at the year of {moment.isoformat()}: it is before 2000 or after 2199."
         raise Problem(Refusal("wrong_year", text, "wire"))
-    return moment.astimezone(timezone.utc)
+    return moment.astimezone(UTC)
 
 
 def _invalid(text: str) -> Problem:

@@ -281,7 +281,7 @@ class ProgramConnection:
                 await asyncio.wait_for(
                     self._news.wait_for(lambda: found() is not None or not self.open_now), within_s
                 )
-            except asyncio.TimeoutError as error:
+            except TimeoutError as error:
                 raise NotDone(_SILENT) from error
         message = found()
         if message is None:

@@ -76,7 +76,7 @@ async def _exchange(
                 await socket.send(wire.encode(wire.Ack()).decode())  # no message came on the topic yet
             elif isinstance(report, answer):
                 return report
-    except asyncio.TimeoutError as error:
+    except TimeoutError as error:
         raise NotDone(late) from error
     except (OSError, ConnectionClosed) as error:
         raise NotDone(GONE) from error

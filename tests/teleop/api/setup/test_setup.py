@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import datetime, timedelta
-from datetime import timezone as zones
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
@@ -438,5 +437,5 @@ def test_staff_make_service_accounts_and_their_tokens(
     [listed] = ask("GET", "/service-accounts").data["accounts"]
     assert (listed["tokens"], listed["active"]) == (1, True)
     used = datetime.fromisoformat(listed["used_at"].replace("Z", "+00:00"))
-    assert used.tzinfo == zones.utc
+    assert used.tzinfo == UTC
     assert ask("GET", path).data["tokens"][0]["made_with"]
