@@ -183,7 +183,7 @@ class Bench:
         incident = INCIDENTS[attack.name]
         each = len(incident.presses_s)
         async with _watched(self._stack, taken):
-            self._scene.begin(calm=False)
+            self._scene.begin_slot(calm=False)
             for number in range(math.ceil(presses / each)):
                 doors = [NAMES[(number + place) % len(NAMES)] for place in range(each)]
                 try:
@@ -194,7 +194,7 @@ class Bench:
                     await self._start_again(web=bool(taken.fault))
                 if taken.fault:
                     break
-            taken.add(self._scene.end())
+            taken.add(self._scene.end_slot())
         return taken
 
     async def _start_again(self, *, web: bool = True) -> None:
@@ -210,7 +210,7 @@ class Bench:
 
 
 async def _slot(scene: Scene, taken: Taken, doors: Sequence[str], quick: int = 0, *, calm: bool) -> None:
-    scene.begin(calm=calm)
+    scene.begin_slot(calm=calm)
     try:
         for number, name in enumerate(doors):
             await scene.press(name, number)
@@ -221,7 +221,7 @@ async def _slot(scene: Scene, taken: Taken, doors: Sequence[str], quick: int = 0
         if calm:
             await scene.ready()  # the next slot begins with control and without a stop
     finally:
-        taken.add(scene.end())
+        taken.add(scene.end_slot())
 
 
 @asynccontextmanager

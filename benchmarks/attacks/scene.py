@@ -281,7 +281,7 @@ class Scene:
 
     # --- a slot --------------------------------------------------------------------------------------
 
-    def begin(self, *, calm: bool) -> None:
+    def begin_slot(self, *, calm: bool) -> None:
         """Begin a new slot."""
         self.calm = calm
         self._drives = False
@@ -295,7 +295,7 @@ class Scene:
         last = self.taken.presses[-HOPELESS:]
         return len(last) == HOPELESS and all(math.isinf(press.zero_s) for press in last)
 
-    def end(self) -> Taken:
+    def end_slot(self) -> Taken:
         """Return the measurements of the slot."""
         self.taken.answers = dict(self._doors.answers)
         self.taken.answered_s = list(self._doors.answered_s)

@@ -167,10 +167,10 @@ class _Lab:
             fence=self._fences[robot],
             started_at=self.at,
         )
-        yield from self._played(self._scenes.begin(), person, robot, session)
+        yield from self._played(self._scenes.begin_session(), person, robot, session)
         for _ in range(1 + int(self._chance.expovariate(1 / SCENES))):
             yield from self._played(self._scenes.in_session(), person, robot, session)
-        end = self._scenes.end(person, self._people[person])
+        end = self._scenes.end_session(person, self._people[person])
         yield from self._played(end, person, robot, session)
         session.ended_at, session.end_reason = self.at, end[0].outcome
         self._sessions.append(session)

@@ -71,11 +71,11 @@ class Scenes:
         """Draw an event that needs no control session."""
         return self._one_of(self._without_session)
 
-    def begin(self) -> list[Event]:
+    def begin_session(self) -> list[Event]:
         """Return the events that begin a control session."""
         return [Event("control.take")]
 
-    def end(self, holder: str, name: str) -> list[Event]:
+    def end_session(self, holder: str, name: str) -> list[Event]:
         """Draw the end of a control session."""
         reason = self._weighted(
             {EndReason.RELEASED: 70, EndReason.AWAY: 20, EndReason.TERM: 9, EndReason.RIGHT: 1}

@@ -196,7 +196,7 @@ class Core:
         self._page_gone_s = None
         self._gate.observe_operator(grant.delay_s)
         self._gate.observe_camera_view(grant.camera_s)
-        self.lease.take(grant, link, now_s)
+        self.lease.enforce(grant, link, now_s)
 
     def revoke(self, fence: int, reason: str, now_s: float) -> None:
         """End control under `fence`."""
@@ -224,7 +224,9 @@ class Core:
 
     def drive(self, drive: Drive, link: int, now_s: float) -> Refusal | None:
         """Take a stick position and publish the twist that the gate allows at once. Return the refusal, if any."""
-        refusal = self.lease.refuse_command(drive.fence, link, now_s) or self._inputs.stick.take(drive, now_s)
+        refusal = self.lease.refuse_command(drive.fence, link, now_s) or self._inputs.stick.accept(
+            drive, now_s
+        )
         if refusal is None:
             refusal = self._decide(now_s)
         if refusal is not None:
@@ -364,8 +366,8 @@ class Core:
         """End control and tasks: the bridge process ends."""
         self.tasks.close(now_s)
         self._after_stop.close(now_s)
-        self._drives.end("bridge_ended", "the bridge ended", now_s)
-        self.lease.end()
+        self._drives.end_drive("bridge_ended", "the bridge ended", now_s)
+        self.lease.end_grant()
 
     # --- reports from the robot -------------------------------------------------------------------
 
@@ -458,7 +460,7 @@ class Core:
         """Take the battery's charge in percent."""
         if math.isfinite(percent):
             self._reported.battery_percent = min(max(percent, 0.0), 100.0)
-            self._battery_time.take(self._reported.battery_percent, self._reported.charging, now_s)
+            self._battery_time.observe(self._reported.battery_percent, self._reported.charging, now_s)
 
     def charging(self, charging: bool) -> None:
         """Note whether the robot is on its charger."""
@@ -466,7 +468,7 @@ class Core:
 
     def diagnosed(self, statuses: Sequence[Status], now_s: float) -> None:
         """Take a report of one of the robot's nodes on the health of its parts."""
-        self._diagnostics.take(statuses, now_s)
+        self._diagnostics.observe(statuses, now_s)
 
     def restarted(self, now_s: float) -> None:
         """Note that the robot's master, and maybe the robot, was restarted."""
@@ -705,7 +707,7 @@ class Core:
     def _tell(self, verdict: Verdict, now_s: float) -> None:
         """Take the newest verdict for pages."""
         self._verdict = verdict
-        self._steady_verdict.take(verdict, now_s)
+        self._steady_verdict.observe(verdict, now_s)
 
     def _note_forgotten(self, now_s: float) -> None:
         """Note when the gate dropped its memory, so that pages can say so."""
@@ -741,7 +743,9 @@ class Core:
             return closed
         if refusal := self.tasks.blocks(Activity.DRIVE, now_s) or self._drives.why_not:
             return refusal
-        return (stick and self._inputs.refuse(stick)) or self._drives.may_move(holder_of(grant), now_s)
+        return (stick and self._inputs.neutral_refusal(stick)) or self._drives.may_move(
+            holder_of(grant), now_s
+        )
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
         """Publish during control, a stop or a hold, and shortly after. Then other nodes may use the topic."""
@@ -762,7 +766,7 @@ class Core:
             self._end_control("Control was not renewed in time.", now_s)
 
     def _end_control(self, reason: str, now_s: float) -> None:
-        ended = self.lease.end()
+        ended = self.lease.end_grant()
         if ended is None:
             return
         self._zero("control_ended", reason, now_s)

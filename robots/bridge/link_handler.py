@@ -186,7 +186,7 @@ class LinkHandler:
                 f"The web process uses protocol {hello.protocol}, this bridge {wire.PROTOCOL}: restart both."
             )
             link.report(wire.Refused("link_hello", wire.Refusal("protocol", text, "wire")))
-            link.end()
+            link.close_when_sent()
             return
         link.greeted = True
         link.report(wire.Status(self._core.state(now_s, [])))

@@ -58,7 +58,7 @@ class SteadyVerdict:
         self._lately: deque[_Told] = deque()
         self._shown: _Told | None = None
 
-    def take(self, verdict: Verdict, now_s: float) -> None:
+    def observe(self, verdict: Verdict, now_s: float) -> None:
         """Take the newest verdict."""
         newest = _Told(now_s, _strict(verdict), verdict)
         shown = self._shown

@@ -66,7 +66,7 @@ def supervise(fleet: Fleet, stopping: Stopping) -> None:
             time.sleep(STEP_S)
     finally:
         exit_within(LAST_S)
-        fleet.end()
+        fleet.end_programs()
 
 
 def wait_shortly() -> None:
@@ -119,7 +119,7 @@ class Fleet:
             keeper.step(now_s)
         self._save()
 
-    def end(self) -> None:
+    def end_programs(self) -> None:
         """End all programs and wait for them."""
         for keeper in self._all:
             keeper.want(None)
@@ -197,7 +197,7 @@ class Fleet:
         keeper = Keeper(
             f"Bridge of {robot.slug}",
             lambda state, detail, pid: self._report(robot_id, state, detail, pid),
-            last_words=lambda: last_words.take(socket_path(robot_id), last_words.LAST),
+            last_words=lambda: last_words.pop(socket_path(robot_id), last_words.LAST),
         )
         self._keepers[robot_id] = keeper
         self._watchdogs[robot_id] = Keeper(f"Watchdog of {robot.slug}", lambda *_: None, eager)

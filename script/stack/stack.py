@@ -181,7 +181,7 @@ class Stack:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.end()
+        self.end_processes()
 
     @property
     def url(self) -> str:
@@ -196,7 +196,7 @@ class Stack:
         try:
             self.wait_ready(timeout_s)
         except BaseException:
-            self.end()
+            self.end_processes()
             raise
 
     def launch(self) -> None:
@@ -208,7 +208,7 @@ class Stack:
             self.start_supervisor()
             self.start_web()
         except BaseException:
-            self.end()
+            self.end_processes()
             raise
 
     def _prepare(self) -> None:
@@ -423,7 +423,7 @@ class Stack:
 
     # --- end -------------------------------------------------------------------------------------
 
-    def end(self) -> None:
+    def end_processes(self) -> None:
         """End every process; the ROS masters last, because all nodes unregister from them."""
         masters = [robot.master for robot in self.robots.values()]
         end_all(child for child in self.children if child not in masters)

@@ -93,7 +93,7 @@ class CameraConsumer(RobotSocket):
                 if self._has(camera):
                     self._begin(message)
                 else:
-                    await self.refuse(kind_of(message), _no_camera(camera))
+                    await self.send_refusal(kind_of(message), _no_camera(camera))
             case wire.CameraEnd(camera=camera):
                 self._end(camera)
             case wire.CameraAck():
@@ -127,7 +127,7 @@ class CameraConsumer(RobotSocket):
         if viewer is not None and viewer.feed is not None:
             viewer.feed.remove(viewer)
         if self.camera_audit is not None:
-            self.camera_audit.end(camera)
+            self.camera_audit.end_viewing(camera)
 
     def _end_all(self) -> None:
         for camera in list(self._viewers):
@@ -138,14 +138,14 @@ class CameraConsumer(RobotSocket):
         """Start the camera process before the page requests a camera. Stop waiting after `WATCHES_WITHIN_S`."""
         if self.hub.entry.facts.cameras:
             self._kept_feed = feed_of(self.hub.link)
-            self._kept_feed.begin(self)
+            self._kept_feed.keep_ready(self)
             asyncio.get_running_loop().call_later(WATCHES_WITHIN_S, self._end_start)
 
     def _end_start(self) -> None:
         """Undo `_start_process`. The camera process goes on only while a connection watches a camera."""
         kept, self._kept_feed = self._kept_feed, None
         if kept is not None:
-            kept.end(self)
+            kept.release(self)
 
     async def _send_cameras(self, entry: RobotEntry) -> None:
         await self.send_encoded(wire.encode(wire.Cameras(entry.facts.cameras)).decode())
@@ -160,7 +160,7 @@ class CameraConsumer(RobotSocket):
         if viewer is None:  # the viewing has ended
             return False
         if not self.camera_audit.begin_or_continue(camera, small=viewer.watch.size == "small"):
-            await self.refuse("camera_watch", TOO_MANY_CAMERAS)
+            await self.send_refusal("camera_watch", TOO_MANY_CAMERAS)
             return False
         await self.send_bytes(frame)
         return True

@@ -149,11 +149,11 @@ class CameraFeed:
 
     # --- viewers -----------------------------------------------------------------------------------
 
-    def begin(self, connection: object) -> None:
-        """Let the camera process start: this connection will soon watch a camera. `end` undoes this."""
+    def keep_ready(self, connection: object) -> None:
+        """Let the camera process start: this connection will soon watch a camera. `release` undoes this."""
         self._waiting.add(connection)
 
-    def end(self, connection: object) -> None:
+    def release(self, connection: object) -> None:
         """Note that this connection needs the camera process only for the cameras that it watches."""
         self._waiting.discard(connection)
         self._end_if_unused()

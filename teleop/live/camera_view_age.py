@@ -24,7 +24,7 @@ class CameraViewAge:
         """Return the picture's age now in seconds; None: the page does not drive by a camera."""
         return None if self._taken_s is None else max(time.monotonic() - self._taken_s, 0.0)
 
-    def take(self, age_ms: float | None) -> bool:
+    def observe(self, age_ms: float | None) -> bool:
         """Store a report. Return whether the age has changed so much that it must be sent to the bridge at once."""
         self._taken_s = None if age_ms is None else time.monotonic() - age_ms / 1000.0
         before, self._sent_step = self._sent_step, _steps((age_ms or 0.0) / 1000.0)

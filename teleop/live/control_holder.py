@@ -42,7 +42,7 @@ class ControlHolder:
     """One connection that has control of a robot, or may get it.
 
     The holder follows the lease in the database, as the robot's hub reads it (`follow`). Requests such as
-    `take` and `hand_over` only change the lease. So control always begins in `follow`. Control also ends in
+    `take_control` and `hand_over` only change the lease. So control always begins in `follow`. Control also ends in
     `follow`, or earlier by `release`, `revoke`, `leave` or a refusal of the bridge.
 
     The holder sends nothing to its client. It calls `report` with a `Control` when control has changed, and
@@ -107,7 +107,7 @@ class ControlHolder:
 
     # --- requests -----------------------------------------------------------------------------------
 
-    async def take(self) -> None:
+    async def take_control(self) -> None:
         """Take control of a robot that no other person controls."""
         await self._end_lease()  # the database may still contain the session that was given up here
         await self._change(services.lease_take, highest_fence=await self._highest_fence())

@@ -98,7 +98,7 @@ class CameraAudit:
         """
         viewing = self._open.get(camera)
         if viewing is not None and time.monotonic() - viewing.since_s > PART_S:
-            self.end(camera, "goes_on")
+            self.end_viewing(camera, "goes_on")
             viewing = None
         if viewing is None:
             budgets = _small_budgets if small else _budgets
@@ -108,7 +108,7 @@ class CameraAudit:
             self._open[camera] = _Viewing(time.monotonic(), start)
         return True
 
-    def end(self, camera: str, outcome: str = "closed") -> None:
+    def end_viewing(self, camera: str, outcome: str = "closed") -> None:
         """End the viewing of this camera, if there is one."""
         viewing = self._open.pop(camera, None)
         if viewing is not None:
@@ -117,7 +117,7 @@ class CameraAudit:
     def end_all(self) -> None:
         """End all viewings: the connection is gone."""
         for camera in list(self._open):
-            self.end(camera)
+            self.end_viewing(camera)
 
     async def _record_end_later(self, viewing: _Viewing, duration_s: float, outcome: str) -> None:
         start = await viewing.start

@@ -599,7 +599,7 @@ class Wire:
         self.reports.append(message)
         self.news.set()
 
-    def end(self) -> None:
+    def close_when_sent(self) -> None:
         self.ended = True
 
     async def hears(self, message: object) -> None:

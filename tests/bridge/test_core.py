@@ -401,7 +401,7 @@ def test_frozen_odometry_does_not_count_as_online_or_distance(bench):
         bench.frozen_odometry()
         bench.core.tick(bench.now_s)
     assert bench.core.state(bench.now_s, []).phase == "connecting"
-    bench.drives.end("standstill", "test", bench.now_s)
+    bench.drives.end_drive("standstill", "test", bench.now_s)
     bench.recorded()
     assert bench.sink.records[-1][1].distance_m == 0.0
 

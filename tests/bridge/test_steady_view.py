@@ -29,7 +29,7 @@ def changes(verdicts, seconds=6.0):
     """How often the shown words change within some seconds of these verdicts in turn, and all shown words."""
     steady, told = SteadyVerdict(), []
     for tick, newest in zip(range(round(seconds / 0.05)), itertools.cycle(verdicts), strict=False):
-        steady.take(newest, 100.0 + 0.05 * tick)
+        steady.observe(newest, 100.0 + 0.05 * tick)
         told.append((steady.shown.code, steady.shown.text))
         assert steady.shown.velocity == newest.velocity, "the twists are the newest ones"
     return sum(one != other for one, other in itertools.pairwise(told)), told
@@ -58,7 +58,7 @@ def test_stricter_words_are_shown_at_once():
     steady = SteadyVerdict()
     for tick, allowed in enumerate((FORWARD, SLOWED, TURNS, STOPPED)):
         newest = verdict(allowed)
-        steady.take(newest, 100.0 + 0.05 * tick)
+        steady.observe(newest, 100.0 + 0.05 * tick)
         assert steady.shown == newest
 
 
@@ -67,12 +67,12 @@ def test_stricter_words_are_shown_at_once():
 )
 def test_milder_words_are_shown_after_a_while(allowed, hold_s):
     steady = SteadyVerdict()
-    steady.take(verdict(STOPPED), 100.0)
+    steady.observe(verdict(STOPPED), 100.0)
     milder = verdict(allowed, "free" if allowed == FORWARD else "obstacle")
     waited_s = next(
         0.05 * tick
         for tick in range(1, 100)
-        if steady.take(milder, 100.0 + 0.05 * tick) or steady.shown.text == milder.text
+        if steady.observe(milder, 100.0 + 0.05 * tick) or steady.shown.text == milder.text
     )
     assert waited_s == pytest.approx(hold_s, abs=0.06)
 
@@ -89,15 +89,15 @@ def test_milder_words_are_shown_after_a_while(allowed, hold_s):
 )
 def test_another_request_or_another_rule_is_shown_at_once(newest):
     steady = SteadyVerdict()
-    steady.take(verdict(STOPPED), 100.0)
-    steady.take(newest, 100.05)
+    steady.observe(verdict(STOPPED), 100.0)
+    steady.observe(newest, 100.05)
     assert steady.shown == newest
 
 
 def test_the_drawn_place_is_no_older_than_the_decision():
     steady = SteadyVerdict()
-    steady.take(verdict(STOPPED), 100.0)
-    steady.take(verdict(SLOWED, "near_miss", sensor="sonar"), 100.05)
+    steady.observe(verdict(STOPPED), 100.0)
+    steady.observe(verdict(SLOWED, "near_miss", sensor="sonar"), 100.05)
     assert steady.shown.text == verdict(STOPPED).text and steady.shown.point is None
 
 
@@ -112,7 +112,7 @@ def test_a_robot_held_by_an_obstacle_says_one_thing(scene, seed):
     world.drive(asked, 8.0)
     steady, told = SteadyVerdict(), []
     for _ in range(120):
-        steady.take(world.drive(asked, 0.05), world.now_s)
+        steady.observe(world.drive(asked, 0.05), world.now_s)
         told.append(steady.shown.text.split(" (")[0].split(" from")[0])
     assert sum(one != other for one, other in itertools.pairwise(told)) <= 2, set(told)
 

@@ -314,7 +314,7 @@ def running_stack(folder: Path, robots: Sequence[PracticeRobot]) -> Iterator[Sta
         stack.wait_ready()
         yield stack
     finally:
-        stack.end()
+        stack.end_processes()
 
 
 @contextmanager

@@ -91,7 +91,7 @@ class CameraClient:
 
     def _end(self) -> None:
         self._idle = None
-        self._child.end()
+        self._child.close_input()
 
     # --- the process (line_process.LineProcessOwner) ----------------------------------------------
 

@@ -70,7 +70,7 @@ class DriveInput:
         """Number of the last accepted command."""
         return self._drive.seq if self._drive else None
 
-    def take(self, drive: Drive, now_s: float) -> Refusal | None:
+    def accept(self, drive: Drive, now_s: float) -> Refusal | None:
         """Make `drive` the newest command, or return why it is refused."""
         if self._drive and drive.seq <= self._drive.seq:
             return Refusal(

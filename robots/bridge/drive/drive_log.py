@@ -80,7 +80,7 @@ class DriveLog:
     def may_move(self, holder: Holder, now_s: float) -> Refusal | None:
         """Return None if the drive's start is committed, else a refusal. The first call begins the drive."""
         if self._drive and self._drive.holder.fence != holder.fence:
-            self.end("control_changed", "control changed", now_s)
+            self.end_drive("control_changed", "control changed", now_s)
         if self._drive is None:
             self._begin(holder, now_s)
         return None if self._committed else WAITING
@@ -144,11 +144,11 @@ class DriveLog:
         drive.still_since_s = drive.still_since_s or now_s
         if now_s - drive.still_since_s >= _STANDSTILL_S:
             if drive.halted_by:
-                self.end("halted", drive.halted_by, now_s)
+                self.end_drive("halted", drive.halted_by, now_s)
             else:
-                self.end("standstill", "standstill", now_s)
+                self.end_drive("standstill", "standstill", now_s)
 
-    def end(self, outcome: DriveEnd, ended_by: str, now_s: float) -> None:
+    def end_drive(self, outcome: DriveEnd, ended_by: str, now_s: float) -> None:
         """End the drive in progress, if any."""
         drive = self._drive
         if drive is None:

@@ -31,7 +31,7 @@ class HolderInputs:
         limits = self._config.gate.limits
         stick = stick_of(velocity, limits, grant.max_share, self._config.reverse_steering)
         drive = Drive(order.fence, order.seq, order.sent_ms, stick.x, stick.w, stick.y, share=1.0)
-        return self._twists.take(drive, now_s)
+        return self._twists.accept(drive, now_s)
 
     def wanted(self, grant: Grant, middle_counts: bool, now_s: float) -> tuple[DriveInput | None, Velocity]:
         """Return the input that asks for motion, and its velocity: the stick or, if it is at rest, a twist.
@@ -55,7 +55,7 @@ class HolderInputs:
             ((source, velocity) for source, velocity in wanted.items() if source.is_out), (None, STILL)
         )
 
-    def refuse(self, source: DriveInput) -> Refusal | None:
+    def neutral_refusal(self, source: DriveInput) -> Refusal | None:
         """Return a refusal if this input needs neutral first."""
         needed = source.neutral_needed
         if needed is None:

@@ -18,7 +18,7 @@ class BatteryTime:
     def __init__(self) -> None:
         self._samples: deque[tuple[float, float]] = deque()  # time, percent
 
-    def take(self, percent: float, charging: bool | None, now_s: float) -> None:
+    def observe(self, percent: float, charging: bool | None, now_s: float) -> None:
         """Take the charge in percent. While the battery is charging nothing is estimated."""
         if charging:
             self._samples.clear()

@@ -116,7 +116,7 @@ class Diagnostics:
         """Note that the robot, or only its master, restarted: earlier reports may no longer be true."""
         self._began_s = now_s
 
-    def take(self, statuses: Iterable[Status], now_s: float) -> None:
+    def observe(self, statuses: Iterable[Status], now_s: float) -> None:
         """Take a report of one node. If it has a voice more than once, the worst of its levels holds."""
         said: dict[tuple[str, Voice], list[Status]] = {}
         for status in statuses:

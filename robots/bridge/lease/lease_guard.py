@@ -36,7 +36,7 @@ class LeaseGuard:
             )
         return None
 
-    def take(self, grant: Grant, link: int, now_s: float) -> None:
+    def enforce(self, grant: Grant, link: int, now_s: float) -> None:
         """Put `grant` in force. Call `refuse_grant` first."""
         self.highest = max(self.highest, grant.fence)
         self.current = self.last = grant
@@ -54,7 +54,7 @@ class LeaseGuard:
             return float("-inf")
         return self.ends_s - self.current.seconds - (self.current.silent_s or 0.0)
 
-    def end(self) -> Grant | None:
+    def end_grant(self) -> Grant | None:
         """End the grant in force and return it."""
         ended, self.current, self.link = self.current, None, None
         return ended

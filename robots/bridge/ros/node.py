@@ -255,7 +255,7 @@ class RosBase:
 
     def _read_joined(self) -> None:
         """Read the motions of a motion server that has just connected. Runs on a thread of `_joined`."""
-        if self._motions is not None:  # else `begin` reads them
+        if self._motions is not None:  # else `join` reads them
             self.read_motions()
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:
@@ -339,7 +339,7 @@ class RosBase:
 
     def stop(self) -> None:
         """Publish zero and unregister from the master."""
-        self._monitor.end()
+        self._monitor.close()
         if self._drive is None:
             return
         self.publish(STILL)
@@ -350,7 +350,7 @@ class RosBase:
 
     # --- called by the master monitor (master_monitor.Node) ------------------------------------------
 
-    def begin(self) -> None:
+    def join(self) -> None:
         """Register at the master and connect all topics."""
         topics = self._config.topics
         install(end_without_memory)
@@ -417,7 +417,7 @@ class RosBase:
 
     def restarted(self) -> None:
         """Handle a restart of the master, and maybe of the robot."""
-        self._runs.begin()
+        self._runs.start_run()
         self._described, self._description = False, None
         self._map_servers = {}
         if self._joints:

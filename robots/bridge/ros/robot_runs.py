@@ -8,13 +8,13 @@ KNOWN = 4  # newest connections kept: two nodes that publish in turn must not co
 
 
 class RunMonitor:
-    """Numbers the runs. `begin` and `of` may be called on different threads."""
+    """Numbers the runs. `start_run` and `of` may be called on different threads."""
 
     def __init__(self) -> None:
         self._number = 0
         self._headers: deque[object] = deque(maxlen=KNOWN)
 
-    def begin(self) -> None:
+    def start_run(self) -> None:
         """Start a new run: the robot's master was restarted."""
         self._number += 1
 

@@ -75,7 +75,7 @@ class Link:
         self._samples[topic] = sample
         self._news.set()
 
-    def end(self) -> None:
+    def close_when_sent(self) -> None:
         """Close after the queued reports are sent."""
         self._ending = True
         self._news.set()

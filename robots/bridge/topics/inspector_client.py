@@ -313,7 +313,7 @@ class InspectorClient:
     def _end_if_idle(self) -> None:
         self._idle = None
         if not self.needed():
-            self._child.end()
+            self._child.close_input()
 
 
 def _not_shown(topic: str) -> bytes:

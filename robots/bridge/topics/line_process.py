@@ -74,7 +74,7 @@ class LineProcess:
         self._stdin.write(line + b"\n")
         return True
 
-    def end(self) -> None:
+    def close_input(self) -> None:
         """Close the process's stdin, so that it ends; kill it after `END_S`. A later `need` starts a new one."""
         self._end_asked = True
         if self._stdin is not None:
@@ -92,7 +92,7 @@ class LineProcess:
     async def close(self) -> None:
         """End the process: the bridge ends."""
         self._closing.set()
-        self.end()
+        self.close_input()
         if self._running is not None:
             await self._running
 
@@ -128,7 +128,7 @@ class LineProcess:
         try:
             self.send(self._first_line)
             if self._closing.is_set():  # `close` was called during the start and found no process to end
-                self.end()
+                self.close_input()
             else:
                 self._owner.began()
             while line := await process.stdout.readline():

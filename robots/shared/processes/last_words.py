@@ -34,7 +34,7 @@ def read(socket: str | Path, kind: str) -> str:
         return ""
 
 
-def take(socket: str | Path, kind: str) -> str:
+def pop(socket: str | Path, kind: str) -> str:
     """Return the words of this kind, and remove them."""
     words = read(socket, kind)
     clear(socket, kind)

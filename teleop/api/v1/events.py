@@ -59,7 +59,7 @@ class _Places:
         self._lock = threading.Lock()
         self._taken: WeakSet[Place] = WeakSet()
 
-    def take(self, person: UUID) -> Place:
+    def reserve(self, person: UUID) -> Place:
         """Take a place. Raises Problem if there is none."""
         with self._lock:
             of_person = [place for place in self._taken if place.person == person]
@@ -143,7 +143,7 @@ class EventsView(ApiView):
         start = newest if start is None else min(start, newest)
         if request.method == "HEAD":  # the stream would never end
             return HttpResponse(content_type="text/event-stream")
-        place = _places.take(self.person.pk)
+        place = _places.reserve(self.person.pk)
         response = StreamingHttpResponse(
             _stream(Reader(self.person, key, bound, query.robot, place), start),
             content_type="text/event-stream",

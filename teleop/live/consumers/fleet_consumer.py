@@ -135,12 +135,12 @@ class FleetConsumer(MessageSocket):
                 if slugs := [robot.slug for robot in self._robots.values() if robot.enabled]:
                     self._press_stop(slugs)
                 elif await self.within_budget("stop"):
-                    await self.refuse("stop", _NONE)
+                    await self.send_refusal("stop", _NONE)
             case wire.StopRobot(slug=slug) if slug in self._robots:
                 self._press_stop([slug])
             case wire.StopRobot():
                 if await self.within_budget("stop"):
-                    await self.refuse("stop", _UNKNOWN)
+                    await self.send_refusal("stop", _UNKNOWN)
             case wire.ClearRobot(slug=slug, number=number):
                 if await self.within_budget("clear"):
                     await self._clear_in_background(slug, number)

@@ -125,7 +125,7 @@ class MessageSocket(AsyncConsumer):
         except WireError as error:
             of, seq = heading(raw or "")
             if await self.within_budget(of):
-                await self.refuse(of, error.refusal, seq)
+                await self.send_refusal(of, error.refusal, seq)
 
     async def send_message(
         self, message: BrowserReport | TopicsReport | FleetReport | BookingsReport
@@ -143,7 +143,7 @@ class MessageSocket(AsyncConsumer):
         if not self._closing:
             await self.asgi_send({"type": "websocket.send", "text": message})
 
-    async def refuse(
+    async def send_refusal(
         self, of: str, refusal: Refusal, seq: int | None = None, fence: int | None = None
     ) -> None:
         """Count and record a message that is not carried out. Send the client the reason, at most `REPLIES_PER_S`."""
@@ -177,7 +177,7 @@ class MessageSocket(AsyncConsumer):
             return True
         text = f"More than {FLOOD_PER_S:.0f} messages per second."
         flood = Refusal("flood", text, "wire", {"limit_per_s": FLOOD_PER_S})
-        await self.refuse(of, flood)
+        await self.send_refusal(of, flood)
         if self.refused["flood"] >= FLOOD_CLOSES_AFTER:
             await self.send_message(Refused(of, flood))
             await self.close(CloseCode.FLOOD, text)

@@ -65,7 +65,7 @@ class RobotConsumer(RobotSocket):
         entry = await self.find_robot()
         if entry is not None:
             self.stop_button = emergency_stop.StopButton(
-                self.user, self.through, partial(self.refuse, "stop")
+                self.user, self.through, partial(self.send_refusal, "stop")
             )
             self.requests = RequestQueue()
             self.tasks = TaskSender(self)
@@ -96,11 +96,11 @@ class RobotConsumer(RobotSocket):
         elif not await self.within_budget(kind_of(message)):
             return
         elif not self.opens(*(needed := needed_scopes(message))):
-            await self.refuse(kind_of(message), scope_missing(needed), getattr(message, "seq", None))
+            await self.send_refusal(kind_of(message), scope_missing(needed), getattr(message, "seq", None))
         elif isinstance(message, wire.Drive):
             await self._drive(message, raw)
         elif isinstance(message, wire.CameraView):
-            if self.camera_view.take(message.age_ms) and self.control:
+            if self.camera_view.observe(message.age_ms) and self.control:
                 self.control.renew_soon()
         elif isinstance(message, wire.ShowJoints):
             self.draws_joints = message.wanted
@@ -115,7 +115,7 @@ class RobotConsumer(RobotSocket):
         elif isinstance(message, wire.Refresh):
             await self._refresh_offers(message)
         elif not self.requests.add(lambda: self._do(message)):
-            await self.refuse(kind_of(message), BUSY)
+            await self.send_refusal(kind_of(message), BUSY)
 
     def on_message_now(self, raw: str) -> bool:
         """Forward the holder's drive input to a bridge on this computer at once."""
@@ -150,7 +150,7 @@ class RobotConsumer(RobotSocket):
             return
         refusal = check_fence(drive.fence, self.fence)
         if refusal is not None:
-            await self.refuse("drive", refusal, drive.seq, drive.fence)
+            await self.send_refusal("drive", refusal, drive.seq, drive.fence)
 
     async def _refresh_offers(self, refresh: wire.Refresh) -> None:
         refusal = self.hub.refresh_offers(self)
@@ -169,13 +169,13 @@ class RobotConsumer(RobotSocket):
         except NotStored as refused:
             await self._not_now(message, refused.refusal)
         except NotDone as refused:
-            await self.refuse(kind_of(message), refused.refusal)
+            await self.send_refusal(kind_of(message), refused.refusal)
         except DatabaseError as error:
             log.error("%s on %s: %s", kind_of(message), self.scope["path"], error)
             await self._not_now(message, database_refusal(error))
 
     async def _not_now(self, message: wire.BrowserMessage, refusal: Refusal) -> None:
-        await self.refuse(kind_of(message), refusal)
+        await self.send_refusal(kind_of(message), refusal)
         if isinstance(message, wire.Hello):
             # A page sends hello once per connection. After the close it reconnects, and sends hello again.
             await self.close(CloseCode.TRY_AGAIN, refusal.text)
@@ -212,7 +212,7 @@ class RobotConsumer(RobotSocket):
         """Change who has control, or clear the stop."""
         match message:
             case wire.Take():
-                await control.take()
+                await control.take_control()
             case wire.TakeOver(reason=reason):
                 await control.take_over(reason)
             case wire.HandOver(request=request):
@@ -292,7 +292,7 @@ class RobotConsumer(RobotSocket):
     def refused_at_bridge(self, refused: Refused) -> None:
         """Pass on a refusal that concerns this page's control."""
         if self.fence is not None and refused.fence == self.fence:
-            run_in_background(self.refuse(refused.of, refused.refusal, refused.seq, refused.fence))
+            run_in_background(self.send_refusal(refused.of, refused.refusal, refused.seq, refused.fence))
 
     async def revoke_access(self, refusal: Refusal) -> None:
         """End control and close: this person may not see the robot any more."""

@@ -67,7 +67,7 @@ class TopicsConsumer(RobotSocket):
 
     async def _show(self, event: dict[str, Any]) -> None:
         if self.camera_audit and not self.camera_audit.begin_if_picture(event["text"]):
-            await self.refuse("subscribe", TOO_MANY_CAMERAS)
+            await self.send_refusal("subscribe", TOO_MANY_CAMERAS)
             raise SampleWithheld
         await self.asgi_send(event)
 
@@ -82,11 +82,11 @@ class TopicsConsumer(RobotSocket):
             case wire.Subscribe(topic=topic, rate_hz=rate_hz):
                 refusal = self.viewer.subscribe(topic, rate_hz)
                 if refusal is not None:
-                    await self.refuse("subscribe", refusal)
+                    await self.send_refusal("subscribe", refusal)
             case wire.Unsubscribe(topic=topic):
                 self.viewer.unsubscribe(topic)
                 if self.camera_audit:
-                    self.camera_audit.end(topic)
+                    self.camera_audit.end_viewing(topic)
             case wire.Ack():
                 self.viewer.acknowledge()
             case wire.Ping(sent_ms=sent_ms):
@@ -95,7 +95,7 @@ class TopicsConsumer(RobotSocket):
                 self._pending += 1
                 run_in_background(self._answer(query))
             case query:
-                await self.refuse(kind_of(query), BUSY, query.seq)
+                await self.send_refusal(kind_of(query), BUSY, query.seq)
 
     async def _answer(self, query: TopicQuery) -> None:
         try:

@@ -32,24 +32,24 @@ def test_permanently_slower_network_is_accepted_after_a_minute():
 
 def test_a_burst_after_a_stall_is_dropped_and_not_replayed():
     stick = DriveInput()
-    assert stick.take(drive(1, 0.0), 10.0) is None
-    held_up = [stick.take(drive(2 + n, 0.02 * (n + 1)), 11.01) for n in range(40)]
+    assert stick.accept(drive(1, 0.0), 10.0) is None
+    held_up = [stick.accept(drive(2 + n, 0.02 * (n + 1)), 11.01) for n in range(40)]
     assert [refusal.code for refusal in held_up if refusal] == ["too_old"] * 35
     assert stick.current(11.01) is not None  # the newest commands still count
 
 
 def test_command_life_counts_from_sending_not_from_arrival():
     stick = DriveInput()
-    stick.take(drive(1, 0.0), 10.0)
-    stick.take(drive(2, 0.1), 10.3)  # 0.2 s late
+    stick.accept(drive(1, 0.0), 10.0)
+    stick.accept(drive(2, 0.1), 10.3)  # 0.2 s late
     assert stick.current(10.39) is not None
     assert stick.current(10.41) is None
 
 
 def test_a_command_that_was_overtaken_is_dropped():
     stick = DriveInput()
-    stick.take(drive(5, 0.1), 10.0)
-    refusal = stick.take(drive(4, 0.1), 10.0)
+    stick.accept(drive(5, 0.1), 10.0)
+    refusal = stick.accept(drive(4, 0.1), 10.0)
     assert refusal is not None
     assert refusal.code == "out_of_order"
     assert refusal.figures == {"seq": 4, "newest_seq": 5}

@@ -99,7 +99,7 @@ def test_yaw_is_counted_on_beyond_a_full_turn(bench: Bench) -> None:
         bench.stamp_s += 0.25
         pose = Pose(0.0, 0.0, math.remainder(eighth * math.pi / 4, math.tau))
         bench.core.odometry(bench.stamp_s, bench.now_s, pose, STILL, bench.stamp_s)
-    bench.drives.end("standstill", "", bench.now_s)
+    bench.drives.end_drive("standstill", "", bench.now_s)
     assert drive_of(bench).path[-1].yaw == pytest.approx(23 * math.pi / 4)
 
 

@@ -183,8 +183,8 @@ def drive(seq: int, x: float) -> Drive:
 
 def test_command_is_filtered_once_however_often_it_is_read():
     stick = DriveInput((OneEuro(),))
-    stick.take(drive(1, 0.2), 1.0)
-    stick.take(drive(2, 0.6), 1.05)
+    stick.accept(drive(1, 0.2), 1.0)
+    stick.accept(drive(2, 0.6), 1.05)
     first = stick.current(1.06)
     assert 0.2 < first.x < 0.6
     assert [stick.current(1.06 + tick * 0.05) for tick in range(3)] == [first] * 3
@@ -193,10 +193,10 @@ def test_command_is_filtered_once_however_often_it_is_read():
 def test_a_command_that_is_refused_leaves_no_trace():
     used, unused = DriveInput((OneEuro(),)), DriveInput((OneEuro(),))
     for stick in (used, unused):
-        stick.take(drive(5, 0.2), 1.0)
-    assert used.take(drive(4, 1.0), 1.02) is not None
+        stick.accept(drive(5, 0.2), 1.0)
+    assert used.accept(drive(4, 1.0), 1.02) is not None
     for stick in (used, unused):
-        stick.take(drive(6, 0.3), 1.05)
+        stick.accept(drive(6, 0.3), 1.05)
     assert used.current(1.06) == unused.current(1.06)
 
 

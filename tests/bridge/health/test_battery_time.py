@@ -15,7 +15,7 @@ def fed(*, per_hour: float, minutes: float, start: float = 80.0, whole: bool = F
     battery = BatteryTime()
     for second in range(0, int(minutes * 60) + 1):
         percent = start - per_hour * second / 3600.0
-        battery.take(round(percent) if whole else percent, None, float(second))
+        battery.observe(round(percent) if whole else percent, None, float(second))
     return battery
 
 
@@ -59,5 +59,5 @@ def test_a_charger_another_battery_and_a_rise_begin_anew():
     for percent, charging in ((70.0, True), (20.0, None), (90.0, None)):
         battery = fed(per_hour=20.0, minutes=30)
         assert battery.left_min() is not None
-        battery.take(percent, charging, 1801.0)
+        battery.observe(percent, charging, 1801.0)
         assert battery.left_min() is None

@@ -36,7 +36,7 @@ class Robot:
     def reports(self, *parts: Status, seconds: float = 3.0, online: bool = True) -> None:
         for _ in range(int(seconds)):
             self.now_s += 1.0
-            self.diagnostics.take(parts, self.now_s)
+            self.diagnostics.observe(parts, self.now_s)
             self.log.tick(online, self.now_s)
             self.bench.recorded()
 

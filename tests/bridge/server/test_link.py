@@ -376,7 +376,7 @@ async def test_bridge_with_another_protocol_is_retried_with_pauses(address):
 async def test_a_link_that_is_ended_closes_after_its_last_word(link, bridge):
     [remote] = bridge.server.links
     remote.report(wire.Ended(1))
-    remote.end()
+    remote.close_when_sent()
     assert (await link.follower.until("ended")).fence == 1
     await link.follower.until("down")
 

@@ -212,7 +212,7 @@ async def test_query_to_an_ending_inspector_goes_to_the_next(listen, monkeypatch
     await ear.hears("subscribed")
     process = relay._child._process
     relay.set_subscriptions(ear, {})
-    relay._child.end()
+    relay._child.close_input()
     assert process.returncode is None
     relay.ask(ear, question(1))
     await asyncio.to_thread(may_end.write_bytes, b"")

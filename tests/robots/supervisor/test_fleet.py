@@ -55,7 +55,7 @@ def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakePrograms:
 def supervised(programs: FakePrograms, robot: Robot, other_robot: Robot) -> Iterator[Supervised]:
     supervised = Supervised(programs)
     yield supervised
-    supervised.fleet.end()
+    supervised.fleet.end_programs()
 
 
 def test_every_robot_gets_a_bridge_the_fleet_a_housekeeper(supervised: Supervised) -> None:
@@ -173,7 +173,7 @@ def test_the_end_lets_every_program_go(supervised: Supervised, robot: Robot) -> 
     names = ["tiago-1", "tiago-2", "run_housekeeping"]
     for name in names:
         supervised.until_started(name, 1)
-    supervised.fleet.end()
+    supervised.fleet.end_programs()
     assert sorted(line for line in supervised.programs.lines() if line.startswith("end")) == sorted(
         f"end {name}" for name in names
     )
@@ -217,7 +217,7 @@ def test_a_locked_database_holds_no_bridge_up(programs: FakePrograms, robot: Rob
             other.execute("ROLLBACK")
         supervised.until(lambda: supervised.state(robot) == State.RUNNING, "the state, told late")
     finally:
-        supervised.fleet.end()
+        supervised.fleet.end_programs()
         connection.close()
         connection.settings_dict["OPTIONS"]["timeout"] = 5
 
@@ -231,4 +231,4 @@ def test_one_of_several_hosts_runs_only_its_robots(
         assert programs.pids("tiago-1") == []
         assert supervised.fleet._housekeeping.idle  # the host of the other robots does the housekeeping
     finally:
-        supervised.fleet.end()
+        supervised.fleet.end_programs()

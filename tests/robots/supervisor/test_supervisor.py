@@ -141,7 +141,7 @@ def test_a_bridge_that_could_not_join_its_robot_is_reported(kept: Kept) -> None:
 
 def test_the_last_words_of_a_program_are_reported(kept: Kept, tmp_path: Path) -> None:
     socket = tmp_path / "bridge.sock"
-    words = partial(last_words.take, socket, last_words.LAST)
+    words = partial(last_words.pop, socket, last_words.LAST)
     kept.keeper = Keeper("Fake", lambda *report: kept.reports.append(report), last_words=words)
     last_words.write(socket, last_words.LAST, "The bridge could not join the robot (no such host).")
     (kept.programs.folder / "crash-fake").write_text(str(EXIT_NOT_JOINED))

@@ -92,11 +92,11 @@ def test_endless_frames_drop_old_unneeded_ones():
     with pytest.raises(PoseUnknown):
         frames.pose_at("camera", 1.0, patience_s=0.0)  # this makes the frame wanted
     for transform in tree * 2:  # twice: the first round makes the parent known
-        frames.take(transform, fixed=False)
+        frames.read(transform, fixed=False)
         with pytest.raises(PoseUnknown):
             frames.pose_at("camera", 99.0, patience_s=0.0)
     for number in range(4 * MOST_MOVING):
-        frames.take(_transform("base", f"flood_{number}"), fixed=False)
+        frames.read(_transform("base", f"flood_{number}"), fixed=False)
     assert len(frames._moving) == MOST_MOVING
     assert frames.is_full
     assert frames.pose_at("camera", 1.0, patience_s=0.0).shape == (4, 4)
@@ -104,16 +104,16 @@ def test_endless_frames_drop_old_unneeded_ones():
 
 def test_endless_fixed_frames_leave_the_first_ones():
     frames = Frames("base")
-    frames.take(_transform("base", "camera"), fixed=True)
+    frames.read(_transform("base", "camera"), fixed=True)
     for number in range(2 * MOST_FIXED):
-        frames.take(_transform("base", f"flood_{number}"), fixed=True)
+        frames.read(_transform("base", f"flood_{number}"), fixed=True)
     assert len(frames._fixed) == MOST_FIXED
     assert frames.pose_at("camera", 1.0, patience_s=0.0).shape == (4, 4)
 
 
 def test_a_frame_with_a_long_name_is_not_kept():
     frames = Frames("base")
-    frames.take(_transform("base", LONG), fixed=False)
+    frames.read(_transform("base", LONG), fixed=False)
     assert not frames._moving
 
 

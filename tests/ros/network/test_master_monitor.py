@@ -45,13 +45,13 @@ def bridges(tmp_path):
 
 
 class RecordingNode:
-    """The monitor's node: stores its calls in order. Each `begin` also calls the next function of `begins`."""
+    """The monitor's node: stores its calls in order. Each `join` also calls the next function of `begins`."""
 
     def __init__(self, *begins) -> None:
         self._begins = list(begins)
         self._heard = queue.SimpleQueue()
 
-    def begin(self) -> None:
+    def join(self) -> None:
         if self._begins:
             self._begins.pop(0)()
         self._heard.put("begun")
@@ -87,7 +87,7 @@ def watching(uri: str, node: RecordingNode):
     try:
         yield
     finally:
-        watch.end()
+        watch.close()
         watch._thread.join(PATIENCE_S)
 
 

@@ -14,7 +14,7 @@ ODOMETRY = "/mobile_base_controller/odom"
 def test_each_connection_and_master_run_counts_separately():
     runs, first, second = RunMonitor(), {"callerid": "/base"}, {"callerid": "/base"}
     numbers = [runs.of(first), runs.of(first), runs.of(second)]
-    runs.begin()
+    runs.start_run()
     numbers += [runs.of(second), runs.of(first), runs.of(second)]
     assert numbers == [1, 1, 2, 3, 3, 3], "two that publish in turn are no new ones each time"
 

@@ -35,12 +35,12 @@ def raw(*several):
 def frames():
     """A camera 0.1 m ahead on a head that turns slowly, 1 m above the base, and unneeded frames."""
     frames = Frames("base")
-    frames.take(
+    frames.read(
         raw(stamped("/head", "camera", 0.0, (0.1, 0.0, 0.0)), stamped("map", "door", 0.0)), fixed=True
     )
     for step in range(11):
         stamp_s = 10.0 + 0.02 * step
-        frames.take(
+        frames.read(
             raw(
                 stamped("odom", "base", stamp_s, (5.0 + step, 0.0, 0.0)),
                 stamped("base", "head", stamp_s, (0.0, 0.0, 1.0), yaw=0.2 * (stamp_s - 10.0)),
@@ -82,26 +82,26 @@ def test_a_missing_transform_is_reported(frames, frame, stamp_s, says):
 
 
 def test_while_the_head_turns_its_place_counts_for_nothing(frames):
-    frames.take(raw(stamped("base", "head", 10.22, yaw=0.24)), fixed=False)
+    frames.read(raw(stamped("base", "head", 10.22, yaw=0.24)), fixed=False)
     with pytest.raises(PoseUnknown, match="the head is turning"):
         frames.pose_at("camera", 10.21, patience_s=0.0)
 
 
 def test_a_hole_is_not_bridged(frames):
-    frames.take(raw(stamped("base", "head", 11.2)), fixed=False)
+    frames.read(raw(stamped("base", "head", 11.2)), fixed=False)
     with pytest.raises(PoseUnknown, match=r"for 1\.0 s"):
         frames.pose_at("camera", 10.9, patience_s=0.0)
 
 
 def test_a_clock_that_was_set_back_starts_again(frames):
     for stamp_s in (3.0, 3.1):
-        frames.take(raw(stamped("base", "head", stamp_s, (0.0, 0.0, 2.0))), fixed=False)
+        frames.read(raw(stamped("base", "head", stamp_s, (0.0, 0.0, 2.0))), fixed=False)
     assert frames.pose_at("camera", 3.05, patience_s=0.0)[2, 3] == 2.0
 
 
 def test_frames_in_a_circle_are_no_way():
     frames = Frames("base")
-    frames.take(raw(stamped("a", "b", 0.0), stamped("b", "a", 0.0)), fixed=True)
+    frames.read(raw(stamped("a", "b", 0.0), stamped("b", "a", 0.0)), fixed=True)
     with pytest.raises(PoseUnknown):
         frames.pose_at("a", 1.0, patience_s=0.0)
 
@@ -109,7 +109,7 @@ def test_frames_in_a_circle_are_no_way():
 @pytest.mark.parametrize("numbers", [(math.nan, 0.0, 0.0), (math.inf, 0.0, 0.0)])
 def test_numbers_that_are_none_place_nothing(numbers):
     frames = Frames("base")
-    frames.take(raw(stamped("base", "camera", 0.0, numbers)), fixed=True)
+    frames.read(raw(stamped("base", "camera", 0.0, numbers)), fixed=True)
     with pytest.raises(PoseUnknown, match="invalid numbers"):
         frames.pose_at("camera", 1.0, patience_s=0.0)
 
@@ -132,7 +132,7 @@ def test_a_rotation_of_another_length_is_made_one():
 def test_a_floor_frames_newest_pose_counts(frames):
     assert frames.flat("odom", "map") is None
     for x in (1.0, 2.0):
-        frames.take(raw(stamped("map", "odom", 10.0 + x, (x, -3.0, 0.5), yaw=2.5)), fixed=False)
+        frames.read(raw(stamped("map", "odom", 10.0 + x, (x, -3.0, 0.5), yaw=2.5)), fixed=False)
     _, pose = frames.flat("odom", "map")
     assert pose == pytest.approx((2.0, -3.0, 2.5))
     assert frames.flat("odom", "world") is None
@@ -140,7 +140,7 @@ def test_a_floor_frames_newest_pose_counts(frames):
 
 def test_a_frame_without_finite_numbers_has_no_place():
     frames = Frames("base")
-    frames.take(raw(stamped("map", "odom", 1.0, (math.nan, 0.0, 0.0))), fixed=False)
+    frames.read(raw(stamped("map", "odom", 1.0, (math.nan, 0.0, 0.0))), fixed=False)
     assert frames.flat("odom", "map") is None
 
 

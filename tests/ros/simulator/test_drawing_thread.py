@@ -28,7 +28,7 @@ class SlowCamera:
         self.shutter = threading.Semaphore(0)
         self.begun = threading.Semaphore(0)
 
-    def take(self, _thread: DrawingThread, moment: Moment) -> None:
+    def draw_and_publish(self, _thread: DrawingThread, moment: Moment) -> None:
         self.begun.release()
         self.shutter.acquire(timeout=PATIENCE_S)
         self.taken.append(moment.monotonic_s)

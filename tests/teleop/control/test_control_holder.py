@@ -103,7 +103,7 @@ def program(robot, browsers, bridge):
 
 async def test_program_takes_renews_and_releases_control(program, bridge, robot):
     async with program("operator") as one:
-        await one.control.take()
+        await one.control.take_control()
         mine = await one.hears(wire.Control, state="yours")
         grant = await bridge.hears(wire.Grant)
         assert one.control.fence == mine.fence == grant.fence
@@ -117,10 +117,10 @@ async def test_program_takes_renews_and_releases_control(program, bridge, robot)
 
 async def test_program_hands_control_over_to_another(program, bridge):
     async with program("operator") as one, program("second") as other:
-        await one.control.take()
+        await one.control.take_control()
         first = await one.hears(wire.Control, state="yours")
         with pytest.raises(services.ControlRefused):
-            await other.control.take()
+            await other.control.take_control()
         await other.control.ask()
         request = (await one.hears(wire.Control, state="yours")).requests[0]
         await one.hears(wire.Notice, code="asked")
@@ -132,7 +132,7 @@ async def test_program_hands_control_over_to_another(program, bridge):
 
 async def test_program_loses_control_with_its_role(program, bridge, robot):
     async with program("operator") as one:
-        await one.control.take()
+        await one.control.take_control()
         fence = (await one.hears(wire.Control, state="yours")).fence
         await in_database(robot.roles.filter(user=one.user).update, role="observer")
         await one.hears(wire.Notice, code="role_too_low")

@@ -17,7 +17,7 @@ def now(monkeypatch):
 def test_the_bridge_is_told_of_each_further_step(now):
     age = CameraViewAge()
     reported_ms = [40, 300, 510, 600, 720, 800, 40, 60]
-    assert [age.take(float(ms)) for ms in reported_ms] == [
+    assert [age.observe(float(ms)) for ms in reported_ms] == [
         False,
         False,
         True,
@@ -32,15 +32,15 @@ def test_the_bridge_is_told_of_each_further_step(now):
 def test_a_page_that_reports_no_more_has_an_older_picture(now):
     age = CameraViewAge()
     assert age.age_s() is None
-    age.take(300.0)
+    age.observe(300.0)
     now["s"] += 2.0
     assert age.age_s() == pytest.approx(2.3)
-    assert not age.take(None)
+    assert not age.observe(None)
     assert age.age_s() is None
 
 
 def test_the_bridge_learns_at_once_that_nobody_drives_by_it(now):
     age = CameraViewAge()
-    age.take(9000.0)
-    assert not age.take(9400.0)
-    assert age.take(None)
+    age.observe(9000.0)
+    assert not age.observe(9400.0)
+    assert age.observe(None)

@@ -158,7 +158,7 @@ def safe_share(
                 paths, drives_until_s, braking_row, points[met_braking], moving, footprint
             )
     in_time = bool((stopping >= margins).all())
-    is_clear = dict(zip(distinct, clear.all(axis=1).tolist(), strict=True))
+    is_clear = {state: bool(row.all()) for state, row in zip(distinct, clear, strict=True)}
     share = _largest_clear(onward, is_clear, in_time, meets_movers)
     return CLEAR if share == 1.0 else Rolled(share, worst)
 

@@ -154,7 +154,7 @@ class SonarMemory:
         """Return whether nothing is remembered."""
         return bool(self._lately().all())
 
-    def take(
+    def hear(
         self, reading: Reading, base: Pose, trail: Trail, now_s: float, *, is_placed: bool = True
     ) -> None:
         """Take a reading that was made when the robot was at `base` (odometry frame).

@@ -175,7 +175,7 @@ class Sonar:
             free_m = max(min(range_m, max_range_m), 0.0)
             self._follow_close(free_m if len(arc) else math.inf, base, trail.resets)
             reading = Reading(self._number, self._pose, self._fov, arc, free_m)
-            self._memory.take(reading, base, trail, arrival_s, is_placed=is_placed)
+            self._memory.hear(reading, base, trail, arrival_s, is_placed=is_placed)
 
     def _follow_close(self, range_m: float, base: Pose, resets: int) -> None:
         """Check whether a close echo moves with the robot: crosstalk, a cable in the cone, or the robot."""

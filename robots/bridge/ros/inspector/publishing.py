@@ -33,7 +33,7 @@ Bytes = Callable[[], bytes]
 
 
 class PublishPermit:
-    """Permission to send, until `end`. Sending at a rate also needs a living bridge, because it calls `end`."""
+    """Permission to send, until `withdraw`, which the bridge calls. Sending at a rate also needs a living bridge."""
 
     def __init__(self) -> None:
         self._sending = threading.Lock()
@@ -44,7 +44,7 @@ class PublishPermit:
         """Note a sign of life from the bridge."""
         self._heard_s = time.monotonic()
 
-    def end(self) -> None:
+    def withdraw(self) -> None:
         """End the permission: nothing is sent under it after this returns."""
         with self._sending:
             self.ended = True

@@ -149,7 +149,7 @@ class Inspector:
     def _halt(self, number: int) -> None:
         """Drop all messages that still wait to be published."""
         ended, self._permit = self._permit, PublishPermit()
-        ended.end()
+        ended.withdraw()
         self._report(Done(number))
 
     def _stop_publishing(self, number: int, topic: str) -> None:

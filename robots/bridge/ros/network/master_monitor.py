@@ -38,7 +38,7 @@ class NodeLost(Exception):
 class Node(Protocol):
     """Callbacks of the monitor, called on its thread."""
 
-    def begin(self) -> None:
+    def join(self) -> None:
         """Join the master by rospy: the master answers, and no other bridge is registered. Called once."""
 
     def restarted(self) -> None:
@@ -51,7 +51,7 @@ class Node(Protocol):
         """Take the reason why the robot is not joined."""
 
     def lost(self, name_taken: bool) -> None:
-        """Handle the loss of the node: its name was taken, or `begin` failed. A new process must follow."""
+        """Handle the loss of the node: its name was taken, or `join` failed. A new process must follow."""
 
 
 class MasterMonitor:
@@ -69,7 +69,7 @@ class MasterMonitor:
         """Start to search for the master."""
         self._thread.start()
 
-    def end(self) -> None:
+    def close(self) -> None:
         """Stop monitoring. Returns at once."""
         self._ending.set()
 
@@ -107,7 +107,7 @@ class MasterMonitor:
     def _begin(self) -> None:
         """Join the master. A failed join cannot be repeated: rospy starts only once, its topics exist."""
         try:
-            self._node.begin()
+            self._node.join()
         except Exception as error:
             if not self._ending.is_set():
                 log.exception("joining the robot's master failed")

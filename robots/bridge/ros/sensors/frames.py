@@ -57,7 +57,7 @@ class FramePose(NamedTuple):
 
 
 class Frames:
-    """The newest transforms of every frame. `take` and `pose_at` may be called on different threads."""
+    """The newest transforms of every frame. `read` and `pose_at` may be called on different threads."""
 
     def __init__(self, base: str) -> None:
         self._base = base
@@ -72,7 +72,7 @@ class Frames:
         """Return whether frames were dropped lately because there are too many."""
         return time.monotonic() - self._full_s < FULL_S
 
-    def take(self, raw: bytes, fixed: bool) -> None:
+    def read(self, raw: bytes, fixed: bool) -> None:
         """Take a serialized tf2_msgs/TFMessage, or the complete transforms of a truncated one."""
         with self._news:
             for child, pose in transforms(raw):

@@ -43,7 +43,7 @@ class _Without(Struct, frozen=True):
     why: str
 
 
-def take(wanted: MapWanted) -> TakenMap | NoMap:
+def read_map(wanted: MapWanted) -> TakenMap | NoMap:
     """Return the map on which all publishers agree. If they differ, navigation may have any of them."""
     master, name = Master(wanted.master_uri, CALLER), wanted.topic.name
     try:
@@ -112,7 +112,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the bridge handles it and ends this process
     exit_within(END_S)
     wanted = msgspec.json.decode(sys.stdin.buffer.read(), type=MapWanted)
-    sys.stdout.buffer.write(msgspec.msgpack.encode(take(wanted)))
+    sys.stdout.buffer.write(msgspec.msgpack.encode(read_map(wanted)))
 
 
 if __name__ == "__main__":

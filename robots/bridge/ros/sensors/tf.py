@@ -21,7 +21,7 @@ class TfTopics:
         """Subscribe."""
         topics = {"/tf_static": True, "/tf": False}
         return [
-            listen(name, "tf2_msgs/TFMessage", partial(self.frames.take, fixed=fixed))
+            listen(name, "tf2_msgs/TFMessage", partial(self.frames.read, fixed=fixed))
             for name, fixed in topics.items()
         ]
 

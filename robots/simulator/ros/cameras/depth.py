@@ -36,7 +36,7 @@ class DepthPublisher:
             pose = camera_pose(self._robot.player.positions)
             self._thread.request(self, Moment(stamp, time.monotonic(), self._robot.physics.snapshot(), pose))
 
-    def take(self, thread: DrawingThread, moment: Moment) -> None:
+    def draw_and_publish(self, thread: DrawingThread, moment: Moment) -> None:
         """Measure and publish, on the drawing thread."""
         depth = self._camera.image(thread.reader, moment.camera)
         pixels = as_millimetres(depth) if self._encoding == "16UC1" else depth

@@ -32,7 +32,7 @@ class Moment(NamedTuple):
 class Taker(Protocol):
     """A camera: takes and publishes a picture, on the drawing thread."""
 
-    def take(self, thread: DrawingThread, moment: Moment) -> None:
+    def draw_and_publish(self, thread: DrawingThread, moment: Moment) -> None:
         """Take the picture of `moment`; `thread.reader` has the world of that moment."""
 
 
@@ -76,7 +76,7 @@ class DrawingThread:
         while (request := self._next()) is not None:
             taker, moment = request
             self.reader.follow(moment.snapshot)
-            taker.take(self, moment)
+            taker.draw_and_publish(self, moment)
         if self._drawing is not None:
             self._drawing.close()
 
