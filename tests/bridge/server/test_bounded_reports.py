@@ -33,6 +33,8 @@ def largest(kind: inspect.Type) -> Any:
             return [largest(item)] * ENTRIES
         case inspect.TupleType(item_types=items):
             return tuple(map(largest, items))
+        case inspect.DictType(value_type=inspect.ListType(item_type=inspect.AnyType())):  # Said
+            return {"text": [TEXT, {"name": TEXT}, TEXT]}
         case inspect.DictType(key_type=inspect.LiteralType(values=keys), value_type=value):
             return {key: largest(value) for key in keys}
         case inspect.DictType(value_type=value):
