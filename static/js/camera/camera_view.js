@@ -1,6 +1,7 @@
 /** One camera on the page: its picture, the age of the picture, or the reason why there is no picture. */
 
 import { make, mark, setTextOrHide } from "../lib/dom.js";
+import { number } from "../lib/numbers.js";
 import { CameraPicture } from "./camera_picture.js";
 import { scaleText } from "./scale.js";
 
@@ -10,7 +11,7 @@ const OLD_MS = 500; // an older picture is grey
 /** Return the text about a picture's age; empty while the picture is new. */
 export function ageText(ageMs) {
   if (ageMs <= SAID_MS) return "";
-  return interpolate(gettext("picture %s s old"), [(ageMs / 1000).toFixed(1)]);
+  return interpolate(gettext("picture %s s old"), [number(ageMs / 1000, 1)]);
 }
 
 /** robot-camera-time, in local time. @param {Date} date */

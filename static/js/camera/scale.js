@@ -1,5 +1,7 @@
 /** The meaning of the darkest and the brightest grey of a picture of depth or heat. */
 
+import { number } from "../lib/numbers.js";
+
 const SMALL_PX = 300; // pictures that are not higher are shown small
 const SHARES = { small: 10, large: 20 }; // such a picture is so many times as high as the text
 const FINE_M = 0.5; // shorter ranges have two decimals
@@ -14,7 +16,7 @@ export function scaleText(scale) {
   if (low === null) return gettext("no pixel has a value");
   if (!unit) return interpolate(gettext("%s to %s"), [low, high]);
   const decimals = high - low < FINE_M ? 2 : 1;
-  const ends = [low, high].map((end) => end.toFixed(decimals));
+  const ends = [low, high].map((end) => number(end, decimals));
   return interpolate(gettext("%s to %s m"), ends);
 }
 

@@ -1,5 +1,7 @@
 /** A program's drive by a distance or an angle: shown while it runs. */
 
+import { number } from "../lib/numbers.js";
+
 /**
  * Return a text about a drive by a distance or an angle, with the part that is done. Robots report radians.
  */
@@ -11,7 +13,7 @@ export function driveText({
 }) {
   const degrees = (radians) => Math.round((radians * 180) / Math.PI);
   return goalRad === null
-    ? interpolate(gettext("Drives: %s of %s m"), [doneM.toFixed(1), goalM.toFixed(1)])
+    ? interpolate(gettext("Drives: %s of %s m"), [number(doneM, 1), number(goalM, 1)])
     : interpolate(gettext("Turns: %s of %s°"), [degrees(doneRad), degrees(goalRad)]);
 }
 

@@ -3,6 +3,7 @@
  */
 
 import { make, makeButton, mark, setText, show } from "../lib/dom.js";
+import { number } from "../lib/numbers.js";
 import { recall, remember } from "../lib/prefs.js";
 
 /** Words for speeds, each with its highest speed in m/s. */
@@ -23,7 +24,7 @@ export function paceText(speed) {
 
 /** The text of a speed on a button, without a zero at the end: 0.4, 0.25. Pure. @param {number} speed m/s */
 export function speedText(speed) {
-  const text = speed.toFixed(2);
+  const text = number(speed, 2);
   return text.endsWith("0") ? text.slice(0, -1) : text;
 }
 
@@ -93,7 +94,7 @@ export class DrivingOptions extends EventTarget {
       pressed(button, Number(button.dataset.share) === this.#share);
     }
     const speed = this.#share * this.#limits.forward_mps;
-    setText(this.#parts.speed, `${speed.toFixed(2)} m/s`);
+    setText(this.#parts.speed, `${number(speed, 2)} m/s`);
     setText(this.#parts.pace, paceText(speed));
     this.#emit("share", this.#share);
   }

@@ -1,5 +1,6 @@
 /** Speed over the last seconds: as asked, as allowed by the gate, as measured by the odometry. */
 
+import { number } from "../lib/numbers.js";
 import { RollingPlot } from "../plots/rolling_plot.js";
 
 const TIME = { windowS: 20, stepS: 5 };
@@ -30,7 +31,7 @@ export class SpeedChart {
       scales: {
         y: { range: (_, low, high) => [Math.min(low ?? 0, -0.1), Math.max(high ?? 0, 0.5)] },
       },
-      y: { values: (_, ticks) => ticks.map((v) => v.toFixed(1)), size: 36 },
+      y: { values: (_, ticks) => ticks.map((v) => number(v, 1)), size: 36 },
     }));
     this.#plot.names = LINES.map(({ name }) => name);
   }

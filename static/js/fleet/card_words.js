@@ -13,6 +13,7 @@ import {
   verdictText,
 } from "../control/status/status_text.js";
 import { batteryText, cardHealth, MARKS } from "../health/health_words.js";
+import { number } from "../lib/numbers.js";
 import { movingText } from "../limbs/words.js";
 import { shortened } from "../tasks/tasks.js";
 
@@ -132,7 +133,7 @@ function drivingText(odometry) {
   if (speed > MOVES_MPS) {
     const text =
       odometry.vx < -MOVES_MPS ? gettext("Reverses at %s m/s") : gettext("Drives at %s m/s");
-    return interpolate(text, [speed.toFixed(1)]);
+    return interpolate(text, [number(speed, 1)]);
   }
   return Math.abs(odometry.w) > TURNS_RADPS ? gettext("Turns on the spot") : "";
 }

@@ -1,6 +1,7 @@
 /** Texts about where a robot is on the fleet map. Pure. */
 
 import { isSeen, seenAt, unknownText } from "../control/status/status_text.js";
+import { number } from "../lib/numbers.js";
 
 const THERE_M = 0.5;
 const NEAR_M = 2;
@@ -31,7 +32,7 @@ export function whereText(location, places) {
       nearest.name,
     ]);
   return interpolate(gettext("At %s m, %s m of the map"), [
-    location.x.toFixed(1),
-    location.y.toFixed(1),
+    number(location.x, 1),
+    number(location.y, 1),
   ]);
 }

@@ -4,6 +4,7 @@
  */
 
 import { pageLanguage } from "./languages.js";
+import { number } from "./numbers.js";
 import { pageZone } from "./times.js";
 
 // Fields with a sentence
@@ -19,14 +20,6 @@ const TOLD = new Set([
 // Fields that nobody reads as a sentence: numbers, and values of a robot's messages
 const RAW = new Set(["arm", "fields", "joints", "message", "odometry", "said", "scan", "value"]);
 const FIGURE = /\{(\w+)(?::([^}]*))?\}/g;
-
-function number(value, digits) {
-  return new Intl.NumberFormat(pageLanguage(), {
-    minimumFractionDigits: digits ?? 0,
-    maximumFractionDigits: digits ?? 10,
-    useGrouping: false,
-  }).format(value);
-}
 
 function moment(options) {
   return (at) =>

@@ -1,8 +1,10 @@
 /** Texts about gripper and torso. Pure. */
 
+import { number } from "../lib/numbers.js";
+
 /** Return a length in centimetres, the unit in which people think of a hand's width. */
 export function centimetres(metres) {
-  return interpolate(gettext("%s cm"), [(metres * 100).toFixed(metres < 0.1 ? 1 : 0)]);
+  return interpolate(gettext("%s cm"), [number(metres * 100, metres < 0.1 ? 1 : 0)]);
 }
 
 export function limbName(limb) {

@@ -1,5 +1,7 @@
 /** Texts about drives to a place. Pure. */
 
+import { number } from "../lib/numbers.js";
+
 /** Return a text about the end of a drive. @param {{outcome: string, text: string}} end */
 function endText({ outcome, text }) {
   if (outcome === "arrived") return gettext("The robot is there.");
@@ -29,5 +31,5 @@ export function goingText({ left_m: left, since_s: since, ending = "", place = "
   const seconds = Math.round(since);
   return left === null || left === undefined
     ? interpolate(gettext("%s: %s s on the way"), [drives, seconds])
-    : interpolate(gettext("%s: %s m left, %s s on the way"), [drives, left.toFixed(1), seconds]);
+    : interpolate(gettext("%s: %s m left, %s s on the way"), [drives, number(left, 1), seconds]);
 }

@@ -3,6 +3,7 @@
 import { takeControlFirst } from "../control/lease.js";
 import { dim, make, makeButton, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
+import { number } from "../lib/numbers.js";
 import { Endings, levelOf } from "./task_ends.js";
 
 // A press this soon after the end of a motion was meant to cancel it: people need longer to react to the end.
@@ -34,7 +35,7 @@ export function endNotice({ outcome, text }, title) {
 /** "3.2 s"; empty if the duration is not known. */
 export function durationText(seconds) {
   if (!seconds) return "";
-  return interpolate(gettext("%s s"), [seconds < 10 ? seconds.toFixed(1) : Math.round(seconds)]);
+  return interpolate(gettext("%s s"), [seconds < 10 ? number(seconds, 1) : Math.round(seconds)]);
 }
 
 /** Ignore the repeats of a held key: they would play and cancel the motion again and again. */

@@ -1,5 +1,7 @@
 /** A message's fields, as rows with dotted paths. Pure. */
 
+import { number } from "../lib/numbers.js";
+
 export const PATHS_AT_MOST = 400; // rows of one message: nobody would read more
 
 const NO_NUMBERS = new Set(["NaN", "Infinity", "-Infinity"]); // strings in JSON
@@ -78,7 +80,7 @@ export function typeText(type) {
 
 function rateText(rateHz) {
   if (rateHz === null) return gettext("one message so far");
-  return `${rateHz.toFixed(rateHz >= 10 ? 0 : rateHz >= 1 ? 1 : 2)} Hz`;
+  return `${number(rateHz, rateHz >= 10 ? 0 : rateHz >= 1 ? 1 : 2)} Hz`;
 }
 
 function ageText({ age_s: ageS, since_s: sinceS }) {
@@ -91,7 +93,7 @@ function ageText({ age_s: ageS, since_s: sinceS }) {
 }
 
 function durationText(seconds) {
-  if (seconds < 10) return interpolate(gettext("%s s"), [seconds.toFixed(seconds < 1 ? 2 : 1)]);
+  if (seconds < 10) return interpolate(gettext("%s s"), [number(seconds, seconds < 1 ? 2 : 1)]);
   if (seconds < 120) return interpolate(gettext("%s s"), [Math.round(seconds)]);
   const minutes = seconds / 60;
   if (minutes < 120) return interpolate(gettext("%s min"), [Math.round(minutes)]);
@@ -107,5 +109,5 @@ function publishersText({ publishers, publisher_names: names = [] }) {
 
 function sizeText(bytes) {
   if (bytes < 1000) return `${bytes} B`;
-  return bytes < 1e6 ? `${(bytes / 1000).toFixed(1)} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
+  return bytes < 1e6 ? `${number(bytes / 1000, 1)} kB` : `${number(bytes / 1e6, 1)} MB`;
 }

@@ -2,6 +2,7 @@
 
 import { fill, make, setText, setTextOrHide, show } from "../../lib/dom.js";
 import { pageLanguage } from "../../lib/languages.js";
+import { number } from "../../lib/numbers.js";
 import { timeText } from "../../lib/times.js";
 import { namesOf, plain, sensorName, stickWords } from "./plain_words.js";
 import { overloadText, watchdogText } from "./status_text.js";
@@ -9,7 +10,7 @@ import { overloadText, watchdogText } from "./status_text.js";
 function sensorText({ ok, age_s: ageS, text }) {
   if (text) return text;
   if (ageS === null) return gettext("never seen");
-  return ok ? gettext("ok") : interpolate(gettext("%s s old"), [ageS.toFixed(1)]);
+  return ok ? gettext("ok") : interpolate(gettext("%s s old"), [number(ageS, 1)]);
 }
 
 export function latencyText({ latency_s: latencyS, latency_measured: measured }) {
@@ -29,7 +30,7 @@ export function skewText({ clock_skew_s: skewS }) {
     skewS > 0
       ? gettext("The robot’s clock is %s s ahead of this console’s.")
       : gettext("The robot’s clock is %s s behind this console’s.");
-  return interpolate(text, [Math.abs(skewS).toFixed(1)]);
+  return interpolate(text, [number(Math.abs(skewS), 1)]);
 }
 
 /** Return a count as text; a large count is rounded. */
@@ -65,7 +66,7 @@ export class Details {
   set reasons(reasons) {
     const rows = reasons.map(({ text, limit, at }) => {
       const speed =
-        limit > 0 ? interpolate(gettext("%s m/s"), [limit.toFixed(2)]) : gettext("stood");
+        limit > 0 ? interpolate(gettext("%s m/s"), [number(limit, 2)]) : gettext("stood");
       return `${timeText(at)}: ${text} (${speed})`;
     });
     fill(this.#parts.reasons, rows.length ? rows : [gettext("Nothing yet")]);

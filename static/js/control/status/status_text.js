@@ -1,5 +1,6 @@
 /** Texts about the state of connection, robot, stop and gate. Pure. */
 
+import { number } from "../../lib/numbers.js";
 import { whenText } from "../../lib/times.js";
 
 const STALE_MS = 1000;
@@ -95,7 +96,7 @@ export function overloadText({ overload = null }) {
     overload.part === "bridge"
       ? gettext("The robot’s bridge was %s s late.")
       : gettext("The console was %s s late.");
-  return interpolate(text, [overload.late_s.toFixed(1)]);
+  return interpolate(text, [number(overload.late_s, 1)]);
 }
 
 /** Warning if only the bridge receives stops, without watchdog; otherwise empty. */
