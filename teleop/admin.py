@@ -20,6 +20,7 @@ from fleet.audit.reading.addresses import beside, by_day, number, session_url_of
 from fleet.audit.reading.forms import FilterForm
 from fleet.audit.reading.listing import CONSOLE, COUNTED, PAGE
 from fleet.base import zones
+from fleet.base.formats.sentences import in_words
 from robots.registry.models import Robot
 from teleop.control.selectors import end_notes
 from teleop.models import ControlSession, EndReason
@@ -65,7 +66,8 @@ class ControlSessionAdmin(ListAdmin):
         notes = end_notes([row.pk for row in rows])
         return {
             "days": by_day(
-                request, [(zones.day_of(row.started_at), _line(row, notes.get(row.pk, ""))) for row in rows]
+                request,
+                [(zones.day_of(row.started_at), _line(row, in_words(notes.get(row.pk, "")))) for row in rows],
             ),
             "count": count_of(of_the_days.order_by()[: COUNTED + 1].count())
             if before is None and after is None

@@ -11,12 +11,14 @@ from datetime import UTC, date, datetime, time, timedelta
 from functools import partial
 from zoneinfo import ZoneInfo
 
+from django.utils.formats import date_format
 from msgspec import Struct
 
 from fleet.base.zones import end_of, start_of
 from fleet.bookings.models import WEEKDAYS, Policy
 from robots.access.models import Course
 from robots.registry.models import Role
+from robots.shared.sentences import Sentence, counted, say
 from robots.shared.wire import Refusal
 
 FAR = datetime.max.replace(tzinfo=UTC)  # stands for "no end"
@@ -98,9 +100,9 @@ class Wish(Struct, frozen=True):
     out: tuple[Taken, ...] = ()  # out-of-service periods that overlap
     busy: tuple[Taken, ...] = ()  # bookings and out-of-service periods in the week from the slot's start on
 
-    def local(self, moment: datetime) -> str:
-        """Return a moment as text in the reader's zone."""
-        return shown(moment, self.zone)
+    def local(self, moment: datetime) -> datetime:
+        """Return a moment in the reader's zone."""
+        return moment.astimezone(self.zone)
 
 
 Rule = Callable[[Wish], Refusal | None]
@@ -108,17 +110,20 @@ Rule = Callable[[Wish], Refusal | None]
 
 def shown(moment: datetime, zone: ZoneInfo) -> str:
     """Return a moment as text for people: weekday, date, time."""
-    return f"{moment.astimezone(zone):%a %d %b %Y, %H:%M}"
+    return str(date_format(moment.astimezone(zone), "D d M Y, H:i"))
 
 
-def duration(minutes: float) -> str:
+def duration(minutes: float) -> Sentence:
     """Return a length of time as text for people."""
     whole = round(minutes)
     if whole % 1440 == 0 and whole:
-        return f"{whole // 1440} days" if whole > 1440 else "1 day"
+        return counted("{count} day", "{count} days", count=whole // 1440)
     hours, rest = divmod(whole, 60)
-    parts = [f"{hours} h"] * bool(hours) + [f"{rest} min"] * bool(rest or not hours)
-    return " ".join(parts)
+    if not hours:
+        return say("{minutes} min", minutes=rest)
+    return (
+        say("{hours} h {minutes} min", hours=hours, minutes=rest) if rest else say("{hours} h", hours=hours)
+    )
 
 
 def _no(code: str, text: str, **figures: float | int | str | None) -> Refusal:
@@ -127,7 +132,8 @@ def _no(code: str, text: str, **figures: float | int | str | None) -> Refusal:
 
 def _not_by(policy: Policy, code: str, text: str, **figures: float | int | str | None) -> Refusal:
     """Return a refusal by a policy. The text names the policy, so that people know whom to ask."""
-    return _no(code, f"{text} (Policy of {policy.of}.)", **figures, policy=policy.of)
+    told = say("{refusal} (Policy of {policy}.)", refusal=text, policy=policy.of)
+    return _no(code, told, **figures, policy=policy.of)
 
 
 # --- the slot itself ------------------------------------------------------------------------------
@@ -150,25 +156,26 @@ def not_in_past(wish: Wish) -> Refusal | None:
     if wish.start_kept and wish.slot.ends_at > wish.now:
         return None
     if wish.start_kept:
-        now = wish.local(wish.now)
-        return _no(
-            "in_past", f"The slot ends in the past: it is {now} now. Choose a later end, or finish it."
-        )
+        key = "The slot ends in the past: it is {now:when} now. Choose a later end, or finish it."
+        return _no("in_past", say(key, now=wish.local(wish.now)))
     if wish.slot.starts_at > wish.now - timedelta(minutes=1):
         return None
-    return _no(
-        "in_past", f"The slot begins in the past: it is {wish.local(wish.now)} now. Choose a later start."
-    )
+    key = "The slot begins in the past: it is {now:when} now. Choose a later start."
+    return _no("in_past", say(key, now=wish.local(wish.now)))
 
 
 def has_role(wish: Wish) -> Refusal | None:
     """Check that the person may drive the robot."""
     if wish.role is not None and wish.role >= Role.OPERATOR:
         return None
-    ask = "ask the staff, or your course’s supervisor."
     if wish.role_until is None:
-        return Refusal("role_too_low", f"You may not drive {wish.robot} during this time: {ask}", "account")
-    text = f"You may drive {wish.robot} until {wish.role_until:%d %b %Y}. Choose an earlier time, or {ask}"
+        key = "You may not drive {robot} during this time: ask the staff, or your course’s supervisor."
+        return Refusal("role_too_low", say(key, robot=wish.robot), "account")
+    text = say(
+        "You may drive {robot} until {day:day}. Choose an earlier time, or ask the staff, or your course’s supervisor.",
+        robot=wish.robot,
+        day=wish.role_until,
+    )
     return Refusal("role_too_low", text, "account", {"until": wish.role_until.isoformat()})
 
 
@@ -178,11 +185,19 @@ def qualified(wish: Wish) -> Refusal | None:
     if not wish.missing and (until is None or wish.slot.ends_at <= until):
         return None
     if until is not None and not wish.missing:
-        text = f"A qualification that {wish.robot} demands ends {wish.local(until)}. End the slot by then, or ask"
-        text += " the staff or your course’s supervisor to renew it."
+        text = say(
+            "A qualification that {robot} demands ends {until:when}. End the slot by then, or ask the staff or your "
+            "course’s supervisor to renew it.",
+            robot=wish.robot,
+            until=wish.local(until),
+        )
         return Refusal("unqualified", text, "account", {"until": until.isoformat()})
     names = ", ".join(wish.missing)
-    text = f"{wish.robot} demands {names}. Ask the staff or your course’s supervisor for it."
+    text = say(
+        "{robot} demands {names}. Ask the staff or your course’s supervisor for it.",
+        robot=wish.robot,
+        names=names,
+    )
     return Refusal("unqualified", text, "account", {"missing": names})
 
 
@@ -190,7 +205,8 @@ def by_a_course(wish: Wish) -> Refusal | None:
     """Check that the chosen course lets the person drive the robot."""
     if not wish.wrong_course:
         return None
-    text = f"{wish.wrong_course} does not let you drive {wish.robot} at this time: choose another course."
+    key = "{course} does not let you drive {robot} at this time: choose another course."
+    text = say(key, course=wish.wrong_course, robot=wish.robot)
     return Refusal("wrong_course", text, "account")
 
 
@@ -200,7 +216,7 @@ def ends_some_day(wish: Wish) -> Refusal | None:
         return None
     return _no(
         "too_long",
-        f"A slot lasts at most {LONGEST.days} days: book several.",
+        say("A slot lasts at most {days} days: book several.", days=LONGEST.days),
         longest_min=LONGEST.days * 1440,
     )
 
@@ -218,16 +234,24 @@ def is_free(wish: Wish) -> Refusal | None:
         return None
     first = taken[0]
     until = max(one.slot.ends_at for one in taken)
+    times = {"start": wish.local(first.slot.starts_at), "end": wish.local(first.slot.ends_at)}
     if first.own:
-        starts, ends = wish.local(first.slot.starts_at), wish.local(first.slot.ends_at)
-        text = f"You have booked {wish.robot} from {starts} to {ends} already: change that booking, or choose another"
-        return _no("taken", f"{text} time.", until=until.isoformat())
-    text = f"{first.label} has booked {wish.robot} from {wish.local(first.slot.starts_at)}."
-    return _no(
-        "taken",
-        f"{text} It is free again at {wish.local(until)}: choose another time, or join the waiting list.",
-        until=until.isoformat(),
+        text = say(
+            "You have booked {robot} from {start:when} to {end:when} already: change that booking, or choose another "
+            "time.",
+            robot=wish.robot,
+            **times,
+        )
+        return _no("taken", text, until=until.isoformat())
+    text = say(
+        "{person} has booked {robot} from {start:when}. It is free again at {end:when}: choose another time, or join "
+        "the waiting list.",
+        person=first.label,
+        robot=wish.robot,
+        start=times["start"],
+        end=wish.local(until),
     )
+    return _no("taken", text, until=until.isoformat())
 
 
 def in_service(wish: Wish) -> Refusal | None:
@@ -237,12 +261,10 @@ def in_service(wish: Wish) -> Refusal | None:
     period = wish.out[0]
     end = period.slot.ends_at
     known = end != FAR
-    until = f"until {wish.local(end)}" if known else "until further notice"
-    return _no(
-        "out_of_service",
-        f"{wish.robot} is out of service {until} ({period.label}). Choose another robot or a later time.",
-        until=end.isoformat() if known else None,
-    )
+    until = say("until {time:when}", time=wish.local(end)) if known else say("until further notice")
+    key = "{robot} is out of service {until} ({why}). Choose another robot or a later time."
+    text = say(key, robot=wish.robot, until=until, why=period.label)
+    return _no("out_of_service", text, until=end.isoformat() if known else None)
 
 
 # --- the policy -----------------------------------------------------------------------------------
@@ -258,7 +280,8 @@ def in_opening_hours(wish: Wish) -> Refusal | None:
         day = moment.astimezone(wish.lab).date()
         opening = opening_of(day, hours, wish.lab)
         if opening is None or not opening.starts_at <= moment < opening.ends_at:
-            text = f"{wish.robot} can be booked {_in_words(hours)} ({wish.lab.key}). Move the slot into these hours."
+            key = "{robot} can be booked {hours} ({zone}). Move the slot into these hours."
+            text = say(key, robot=wish.robot, hours=_in_words(hours), zone=wish.lab.key)
             return _not_by(wish.policy, "closed", text)
         moment = opening.ends_at
     return None
@@ -302,7 +325,7 @@ def long_enough(wish: Wish) -> Refusal | None:
     least = wish.policy.shortest_min
     if wish.slot.minutes >= least:
         return None
-    text = f"A slot lasts at least {duration(least)}: make it longer."
+    text = say("A slot lasts at least {least}: make it longer.", least=duration(least))
     return _not_by(wish.policy, "too_short", text, shortest_min=least)
 
 
@@ -311,7 +334,8 @@ def short_enough(wish: Wish) -> Refusal | None:
     most = wish.policy.longest_min
     if wish.slot.minutes <= most or wish.slot.ends_at - wish.slot.starts_at > LONGEST:
         return None
-    text = f"A slot lasts at most {duration(most)}, yours {duration(wish.slot.minutes)}: make it shorter."
+    key = "A slot lasts at most {most}, yours {asked}: make it shorter."
+    text = say(key, most=duration(most), asked=duration(wish.slot.minutes))
     return _not_by(wish.policy, "too_long", text, longest_min=most)
 
 
@@ -320,8 +344,12 @@ def within_horizon(wish: Wish) -> Refusal | None:
     last = wish.now + timedelta(days=wish.policy.horizon_days)
     if wish.slot.starts_at <= last:
         return None
-    text = f"{wish.robot} can be booked {wish.policy.horizon_days} days ahead, until {wish.local(last)}."
-    text += " Choose an earlier time."
+    text = say(
+        "{robot} can be booked {days} days ahead, until {last:when}. Choose an earlier time.",
+        robot=wish.robot,
+        days=wish.policy.horizon_days,
+        last=wish.local(last),
+    )
     return _not_by(wish.policy, "too_far", text, horizon_days=wish.policy.horizon_days)
 
 
@@ -331,42 +359,48 @@ def with_notice(wish: Wish) -> Refusal | None:
     first = wish.now + timedelta(minutes=notice)
     if not notice or wish.start_kept or wish.slot.starts_at >= first:
         return None
-    text = f"Book {wish.robot} at least {duration(notice)} before the start: choose {wish.local(first)} or later."
+    key = "Book {robot} at least {notice} before the start: choose {first:when} or later."
+    text = say(key, robot=wish.robot, notice=duration(notice), first=wish.local(first))
     return _not_by(wish.policy, "short_notice", text, notice_min=notice)
 
 
 def within_day_quota(wish: Wish) -> Refusal | None:
     """Check that the person's minutes of each day stay within the policy's quota."""
-    return _quota(wish, wish.policy.day_min, wish.own, _days(wish), "day", "You may")
+    return _quota(wish, wish.policy.day_min, wish.own, _days(wish), _DAY, say("You may"))
 
 
 def within_week_quota(wish: Wish) -> Refusal | None:
     """Check that the person's minutes of each week stay within the policy's quota."""
-    return _quota(wish, wish.policy.week_min, wish.own, _weeks(wish), "week", "You may")
+    return _quota(wish, wish.policy.week_min, wish.own, _weeks(wish), _WEEK, say("You may"))
 
 
 def within_course_day_quota(wish: Wish) -> Refusal | None:
     """Check that the person's minutes of each day stay within the course's quota."""
     if (quota := wish.quota) is None:
         return None
-    return _quota(wish, quota.day_min, quota.own, _days(wish), "day", f"In {quota.course} you may", "course_")
+    return _quota(wish, quota.day_min, quota.own, _days(wish), _DAY, _in_course(quota), "course_")
 
 
 def within_course_week_quota(wish: Wish) -> Refusal | None:
     """Check that the person's minutes of each week stay within the course's quota."""
     if (quota := wish.quota) is None:
         return None
-    return _quota(
-        wish, quota.week_min, quota.own, _weeks(wish), "week", f"In {quota.course} you may", "course_"
-    )
+    return _quota(wish, quota.week_min, quota.own, _weeks(wish), _WEEK, _in_course(quota), "course_")
 
 
 def within_common_quota(wish: Wish) -> Refusal | None:
     """Check that the minutes of all people of the course stay within its quota of each week."""
     if (quota := wish.quota) is None:
         return None
-    subject = f"All of {quota.course} together may"
-    return _quota(wish, quota.course_week_min, quota.all, _weeks(wish), "week", subject, "common_")
+    subject = say("All of {course} together may", course=quota.course)
+    return _quota(wish, quota.course_week_min, quota.all, _weeks(wish), _WEEK, subject, "common_")
+
+
+_DAY, _WEEK = say("day"), say("week")
+
+
+def _in_course(quota: Quota) -> Sentence:
+    return say("In {course} you may", course=quota.course)
 
 
 def _quota(
@@ -374,8 +408,8 @@ def _quota(
     most: int | None,
     own: Sequence[Slot],
     periods: Sequence[Slot],
-    name: str,
-    subject: str,
+    name: Sentence,
+    subject: Sentence,
     code: str = "",
 ) -> Refusal | None:
     if most is None or wish.lesson:
@@ -384,8 +418,15 @@ def _quota(
         used = sum(period.shared_minutes(slot) for slot in own)
         if used + period.shared_minutes(wish.slot) > most:
             left = max(0.0, most - used)
-            text = f"{subject} book {duration(most)} per {name}; {duration(left)} are left before"
-            text += f" {wish.local(period.ends_at)}. Cancel another booking, or choose a later {name}."
+            text = say(
+                "{subject} book {most} per {period}; {left} are left before {end:when}. Cancel another booking, or "
+                "choose a later {period}.",
+                subject=subject,
+                most=duration(most),
+                period=name,
+                left=duration(left),
+                end=wish.local(period.ends_at),
+            )
             refuse = _no if code else partial(_not_by, wish.policy)
             return refuse(f"quota_{code}{name}", text, most_min=most, left_min=round(left))
     return None
@@ -393,31 +434,35 @@ def _quota(
 
 def within_count(wish: Wish) -> Refusal | None:
     """Check that the person does not have too many future bookings."""
-    return _count(wish, wish.policy.at_once, wish.own, "You", "open", partial(_not_by, wish.policy))
+    return _count(wish, wish.policy.at_once, wish.own, say("You may"), "open", partial(_not_by, wish.policy))
 
 
 def within_course_count(wish: Wish) -> Refusal | None:
     """Check that the person does not have too many future bookings in the course."""
     if (quota := wish.quota) is None:
         return None
-    return _count(wish, quota.at_once, quota.own, f"In {quota.course} you", "course_open", _no)
+    return _count(wish, quota.at_once, quota.own, _in_course(quota), "course_open", _no)
 
 
 def _count(
     wish: Wish,
     most: int | None,
     own: Sequence[Slot],
-    subject: str,
+    subject: Sentence,
     code: str,
     refuse: Callable[..., Refusal],
 ) -> Refusal | None:
     to_come = sum(1 for slot in own if slot.ends_at > wish.now)
     if most is None or wish.lesson or to_come < most:
         return None
-    text = f"{subject} may have {most} booking{'s' * (most != 1)} to come. You already have {to_come}."
-    return refuse(
-        f"quota_{code}", f"{text} Cancel one, or book again after the next.", most=most, have=to_come
+    text = counted(
+        "{subject} have {count} booking to come. You already have {have}. Cancel one, or book again after the next.",
+        "{subject} have {count} bookings to come. You already have {have}. Cancel one, or book again after the next.",
+        count=most,
+        subject=subject,
+        have=to_come,
     )
+    return refuse(f"quota_{code}", text, most=most, have=to_come)
 
 
 def within_robots_at_once(wish: Wish) -> Refusal | None:
@@ -429,10 +474,14 @@ def within_robots_at_once(wish: Wish) -> Refusal | None:
     if wish.lesson or at_once < most:
         return None
     first = others[0]
-    robots = "one robot" if most == 1 else f"{most} robots"
-    starts, ends = wish.local(first.slot.starts_at), wish.local(first.slot.ends_at)
-    text = f"You may book {robots} for the same time. You have already booked {first.label} from {starts} to {ends}."
-    text += " Cancel that booking, or choose another time."
+    text = say(
+        "You may book {robots} for the same time. You have already booked {robot} from {start:when} to {end:when}. "
+        "Cancel that booking, or choose another time.",
+        robots=counted("one robot", "{count} robots", count=most),
+        robot=first.label,
+        start=wish.local(first.slot.starts_at),
+        end=wish.local(first.slot.ends_at),
+    )
     return _not_by(wish.policy, "robots_at_once", text, most=most, have=at_once)
 
 
@@ -456,9 +505,14 @@ def _near(wish: Wish, others: Sequence[Slot]) -> Refusal | None:
     near = [slot for slot in others if slot.overlaps(around)]
     if not gap or not near:
         return None
-    text = f"Leave {duration(wish.policy.gap_min)} between your bookings of {wish.robot}: you have one"
-    starts, ends = wish.local(near[0].starts_at), wish.local(near[0].ends_at)
-    return _not_by(wish.policy, "gap", f"{text} from {starts} to {ends}.", gap_min=wish.policy.gap_min)
+    text = say(
+        "Leave {gap} between your bookings of {robot}: you have one from {start:when} to {end:when}.",
+        gap=duration(wish.policy.gap_min),
+        robot=wish.robot,
+        start=wish.local(near[0].starts_at),
+        end=wish.local(near[0].ends_at),
+    )
+    return _not_by(wish.policy, "gap", text, gap_min=wish.policy.gap_min)
 
 
 RULES: tuple[Rule, ...] = (
@@ -518,7 +572,13 @@ def refusals(wish: Wish, rules: Sequence[Rule] = RULES) -> list[Refusal]:
             return [first]
     if wish.slot.ends_at - wish.now > timedelta(days=MOST_DAYS):
         return [
-            _no("too_far", f"{wish.local(wish.slot.ends_at)} is more than ten years ahead: look at the year.")
+            _no(
+                "too_far",
+                say(
+                    "{end:when} is more than ten years ahead: look at the year.",
+                    end=wish.local(wish.slot.ends_at),
+                ),
+            )
         ]
     found = (rule(wish) for rule in rules)
     return [refusal for refusal in found if refusal is not None]
@@ -538,7 +598,10 @@ def check_cancel(slot: Slot, policy: Policy, now: datetime) -> Refusal | None:
         return _no("over", "This booking is over.")
     notice = policy.cancel_notice_min
     if notice and slot.starts_at > now > slot.starts_at - timedelta(minutes=notice):
-        text = f"A booking is cancelled at least {duration(notice)} before it begins. Ask the staff."
+        text = say(
+            "A booking is cancelled at least {notice} before it begins. Ask the staff.",
+            notice=duration(notice),
+        )
         return _not_by(policy, "late_to_cancel", text, cancel_notice_min=notice)
     return None
 
@@ -586,8 +649,9 @@ def to_utc(local: datetime, zone: ZoneInfo, *, is_end: bool = False) -> datetime
     if is_end and _wall(utc - INSTANT, zone) == local - INSTANT:
         return utc
     if _wall(utc, zone) != local:
-        text = (
-            f"{local:%H:%M} does not exist on {local:%d %b %Y}: clocks go forward then. Choose a later time."
+        text = say(
+            "{local:clock} does not exist on {local:day}: clocks go forward then. Choose a later time.",
+            local=local,
         )
         return _no("time_gap", text)
     return utc

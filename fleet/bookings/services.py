@@ -56,6 +56,7 @@ from fleet.bookings.selectors import (
 from robots.access.models import Course
 from robots.access.selectors import manages_robot, may_manage, role_on
 from robots.registry.models import Robot, Role
+from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 
 LENGTHENED_BY = timedelta(minutes=15)
@@ -91,6 +92,12 @@ class BookingRefused(NotDone):
         self.asked = asked or {}
 
 
+_OVER = {
+    Stage.OVER: say("This booking is over."),
+    Stage.FINISHED: say("This booking is finished early."),
+    Stage.NO_SHOW: say("This booking is not used."),
+    Stage.CANCELLED: say("This booking is cancelled."),
+}
 _TAKEN = Refusal("taken", "Another person has just booked this time. Choose another one.", "booking")
 _STALE = Refusal(
     "changed",
@@ -440,8 +447,8 @@ def _changeable(booking_id: UUID, actor: User, version: int, now: datetime) -> I
         if booking.version != version:
             raise BookingRefused([_STALE])
         stage = stage_of(booking, grace_of(policy_of(robot)), now)
-        if stage in (Stage.OVER, Stage.FINISHED, Stage.NO_SHOW, Stage.CANCELLED):
-            raise BookingRefused([Refusal("over", f"This booking is {stage.value}.", "booking")])
+        if stage in _OVER:
+            raise BookingRefused([Refusal("over", _OVER[stage], "booking")])
         yield booking
 
 

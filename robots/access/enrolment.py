@@ -25,6 +25,7 @@ from robots.access.models import Course, Enrolment, Invitation
 from robots.access.people_lists.reading import Listed, PeopleList, Wrong
 from robots.access.selectors import courses_managed_by, lab_date
 from robots.access.signals import publish_access_changed
+from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 
 if TYPE_CHECKING:
@@ -259,19 +260,23 @@ def invitation_of(code: str) -> Invitation | None:
 
 def check_invitation(invitation: Invitation | None, now: datetime) -> Refusal | None:
     """Return why nobody can join by this invitation; None if people can join."""
-    again = _("Ask your teacher for a new one.")
     if invitation is None:
-        return Refusal("no_invitation", f"{_('This invitation does not exist.')} {again}", "account")
+        text = say("This invitation does not exist. Ask your teacher for a new one.")
+        return Refusal("no_invitation", text, "account")
     if invitation.revoked_at is not None:
-        return Refusal("invitation_revoked", f"{_('This invitation was revoked.')} {again}", "account")
+        text = say("This invitation was revoked. Ask your teacher for a new one.")
+        return Refusal("invitation_revoked", text, "account")
     if now >= invitation.expires_at:
-        return Refusal("invitation_expired", f"{_('This invitation has expired.')} {again}", "account")
+        text = say("This invitation has expired. Ask your teacher for a new one.")
+        return Refusal("invitation_expired", text, "account")
     if invitation.uses >= invitation.most_uses:
-        text = _("As many people have joined as this invitation is for: %(people)d.")
-        figures = {"people": invitation.most_uses}
-        return Refusal("invitation_used", f"{text % figures} {again}", "account", figures)
+        text = say(
+            "As many people have joined as this invitation is for: {people}. Ask your teacher for a new one.",
+            people=invitation.most_uses,
+        )
+        return Refusal("invitation_used", text, "account", {"people": invitation.most_uses})
     if invitation.course.archived or invitation.course.ends_on < lab_date(now):
-        return Refusal("course_over", _("This course is over."), "account")
+        return Refusal("course_over", "This course is over.", "account")
     return None
 
 

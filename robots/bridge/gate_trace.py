@@ -23,7 +23,7 @@ from robots.bridge.gate.gate import Gate
 from robots.shared.configuration.gate_profile import GateProfile
 from robots.shared.geometry.poses import Velocity
 from robots.shared.records.verdict import Verdict
-from robots.shared.wire.sentences import Sentence
+from robots.shared.sentences import Sentence
 
 # msgpack extension: dtype name, zero byte, C or F for the order, shape as text, zero byte, numbers. Keep the order:
 # numpy sums in it, and another order may change the last bit.

@@ -135,8 +135,8 @@ def _strict(verdict: Verdict) -> tuple[int, float, float]:
     moves = 1 if drives or not speed(verdict.asked) else 2
     kind = moves if drives or turns else 3
     gap_m = math.inf if verdict.distance_m is None else verdict.distance_m
-    return kind, -float(words.figure(drives or turns)), -_as_read(gap_m)
+    return kind, -float(words.fine(drives or turns)), -_as_read(gap_m)
 
 
 def _as_read(gap_m: float) -> float:
-    return gap_m if math.isinf(gap_m) else float(words.figure(max(gap_m, 0.0)))
+    return gap_m if math.isinf(gap_m) else float(words.fine(max(gap_m, 0.0)))

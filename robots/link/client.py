@@ -43,6 +43,7 @@ from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.link.lane import Lane
 from robots.shared.link.pending_stops import PendingStops, WaitingStop, name_of
 from robots.shared.processes.overload import LATE_S
+from robots.shared.sentences import say
 from robots.shared.wire import Accepted, Ended, Refusal, Refused, State, Stopped
 
 log = logging.getLogger(__name__)
@@ -672,7 +673,7 @@ async def _await_answer(answer: asyncio.Future[_Answer], timeout_s: float) -> _A
 
 def _too_large(size: int) -> Refusal:
     limit = wire.LARGEST_MESSAGE_BYTES
-    text = f"This message has {size} bytes; the robot accepts at most {limit}."
+    text = say("This message has {size} bytes; the robot accepts at most {limit}.", size=size, limit=limit)
     return Refusal("too_large", text, "wire", {"bytes": size, "limit_bytes": limit})
 
 

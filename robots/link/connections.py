@@ -14,6 +14,7 @@ from websockets.sync import client as sync_client
 
 from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.processes import last_words
+from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 
 _PING_S = 1.0
@@ -94,6 +95,10 @@ def why_down(error: Exception, address: LinkAddress) -> Refusal:
         return down(address)
     if isinstance(error, gaierror):
         return Refusal(
-            "bridge_unresolvable", f"The name of the bridge’s host cannot be resolved ({error}).", "robot"
+            "bridge_unresolvable",
+            say("The name of the bridge’s host cannot be resolved ({error}).", error=error),
+            "robot",
         )
-    return Refusal("bridge_unreachable", f"The robot’s bridge cannot be reached ({error}).", "robot")
+    return Refusal(
+        "bridge_unreachable", say("The robot’s bridge cannot be reached ({error}).", error=error), "robot"
+    )

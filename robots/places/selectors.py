@@ -19,6 +19,7 @@ from robots.shared.geometry.footprint import footprint_of
 from robots.shared.geometry.poses import Pose
 from robots.shared.maps.goal_map import GoalMap
 from robots.shared.records.record_sink import TakenMap
+from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 
 if TYPE_CHECKING:
@@ -119,7 +120,9 @@ def place_of_robot(robot_id: UUID, name: str) -> Place:
         text = "The robot’s map has no named places. A new map begins without any, also of the same building."
     else:
         names = ", ".join(place.name for place in places)
-        text = f"The robot’s map has no place named “{name[:60]}”. It has: {names}."
+        text = say(
+            "The robot’s map has no place named “{name}”. It has: {names}.", name=name[:60], names=names
+        )
     raise NotDone(Refusal("place_unknown", text, "robot"))
 
 

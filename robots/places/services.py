@@ -14,6 +14,7 @@ from robots.places.models import Place, SharedMap
 from robots.places.selectors import Clearance, places_of
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.phrases import shortened
+from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 
 if TYPE_CHECKING:
@@ -21,7 +22,9 @@ if TYPE_CHECKING:
 
     Actor = User | SystemAccount | None
 
-_FULL = Refusal("too_many", f"A map has at most {MOST_PLACES} places: delete one first.", "wire")
+_FULL = Refusal(
+    "too_many", say("A map has at most {most} places: delete one first.", most=MOST_PLACES), "wire"
+)
 
 
 class Imported(Struct, frozen=True):
@@ -146,7 +149,11 @@ def map_hold(digest: str) -> SharedMap:
 def _require_free(found: SharedMap, entry: PlaceEntry) -> None:
     taken = found.places.filter(key=entry.key).first()
     if taken is not None:
-        raise NotDone(Refusal("name_taken", f"This map has a place named “{taken.name}” already.", "wire"))
+        raise NotDone(
+            Refusal(
+                "name_taken", say("This map has a place named “{name}” already.", name=taken.name), "wire"
+            )
+        )
 
 
 def _made(found: SharedMap, entry: PlaceEntry) -> Place:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fleet.audit.reading.words import WORDS
+from robots.shared.sentences import pieces
 
 ROOT = Path(__file__).parents[2]
 LOCALE = ROOT / "fleet" / "locale"
@@ -93,8 +94,7 @@ def _constants(node: ast.expr | None) -> Iterator[str]:
 
 def has_words(key: str) -> bool:
     """Return whether a key has words beside its figures."""
-    outside = "".join(part.partition("}")[2] or part for part in f"}}{key}".split("{"))
-    return any(letter.isalpha() for letter in outside)
+    return any(letter.isalpha() for text, _, _ in pieces(key) for letter in text)
 
 
 def modules() -> Iterator[tuple[str, str]]:

@@ -7,6 +7,7 @@ import time
 
 from fleet.accounts.tokens.models import Scope
 from robots.shared import wire
+from robots.shared.sentences import say
 from robots.shared.wire import CameraState, Refusal, WireError, camera_message, kind_of
 from teleop.background.jobs import run_in_background
 from teleop.camera.feed import CameraFeed, CameraViewer, feed_of
@@ -170,5 +171,5 @@ class CameraConsumer(RobotSocket):
 
 
 def _no_camera(camera: str) -> Refusal:
-    text = f"This robot has no camera “{camera}”."
+    text = say("This robot has no camera “{camera}”.", camera=camera)
     return Refusal("no_camera", text, "robot", {"camera": camera})

@@ -6,8 +6,16 @@ from collections.abc import Iterable
 
 from robots.registry.models import Role
 from robots.shared.configuration.bridge_config import Allowed
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 from teleop.control.status import Rights
+
+ROLES = {
+    Role.OBSERVER: say("observer"),
+    Role.OPERATOR: say("operator"),
+    Role.SUPERVISOR: say("supervisor"),
+    Role.STAFF: say("staff"),
+}
 
 
 def required_role(
@@ -25,9 +33,9 @@ def required_role(
 def check_role(rights: Rights, needed: Role | None, name: str) -> Refusal | None:
     """Refuse the use of `name` unless these rights include the role `needed`."""
     if needed is None:
-        text = f"{name} is not on the allow-list for this. Ask the staff."
+        text = say("{name} is not on the allow-list for this. Ask the staff.", name=name)
         return Refusal("not_allowed", text, "robot", {"name": name})
     if rights.role is None or rights.role < needed:
-        text = f"{name} needs the role {needed.value}. Ask the staff."
+        text = say("{name} needs the role {role}. Ask the staff.", name=name, role=ROLES[needed])
         return Refusal("role_too_low", text, "account", {"name": name, "role": needed.value})
     return None

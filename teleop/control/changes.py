@@ -11,6 +11,7 @@ from django.db import DatabaseError, connection, transaction
 from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.bookings.services import BookingRefused
 from robots.registry.models import Robot
+from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 from teleop.models import Lease
 
@@ -26,7 +27,7 @@ class NotStored(ControlRefused):
 def database_refusal(error: DatabaseError) -> Refusal:
     """Return the refusal of a change that the database could not store."""
     code, cause = cause_of(error)
-    return Refusal(f"database_{code}", f"Not done: {cause}. Try again.", "database")
+    return Refusal(f"database_{code}", say("Not done: {cause}. Try again.", cause=cause), "database")
 
 
 @contextmanager

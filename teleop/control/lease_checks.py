@@ -16,6 +16,7 @@ from uuid import UUID
 from msgspec import Struct
 
 from robots.registry.models import Role
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 
 GRACE_S = 10.0  # a lease may be resumed for this time after its page was lost
@@ -156,7 +157,10 @@ def check_renew(
     if line:
         return Refusal(
             "somebody_asks",
-            f"{line[0].name} waits for control, so your term is not extended. Hand over, or drive until it ends.",
+            say(
+                "{name} waits for control, so your term is not extended. Hand over, or drive until it ends.",
+                name=line[0].name,
+            ),
             "lease",
             {"waiting": len(line)},
         )
@@ -212,7 +216,7 @@ def check_holder(lease: LeaseState | None, *, tab: Tab, now: datetime) -> Refusa
     if not lease.tab.is_same_tab(tab) or lease.tab.connection != tab.connection:
         return Refusal(
             "not_holder",
-            f"{lease.name} has control, from another page.",
+            say("{name} has control, from another page.", name=lease.name),
             "lease",
             {"holder": lease.name},
         )
@@ -239,8 +243,12 @@ def check_fence(fence: int, held: int | None) -> Refusal | None:
 def _over(lease: LeaseState, now: datetime) -> Refusal | None:
     if (why := lapse_reason(lease, now)) is None:
         return None
-    text = "Your term is over" if why == "term" else f"Your page was gone for more than {GRACE_S:.0f} s"
-    return Refusal("lease_over", f"{text}: take control again.", "lease", {"fence": lease.fence})
+    text = (
+        say("Your term is over: take control again.")
+        if why == "term"
+        else say("Your page was gone for more than {limit:.0f} s: take control again.", limit=GRACE_S)
+    )
+    return Refusal("lease_over", text, "lease", {"fence": lease.fence})
 
 
 def _held_by_other(lease: LeaseState, now: datetime) -> Refusal:
@@ -248,14 +256,18 @@ def _held_by_other(lease: LeaseState, now: datetime) -> Refusal:
         left_s = round(resumable_s(lease, now), 1)
         return Refusal(
             "held_away",
-            f"{lease.name} has control, but the page is gone; the robot is free in {left_s:.0f} s.",
+            say(
+                "{name} has control, but the page is gone; the robot is free in {seconds:.0f} s.",
+                name=lease.name,
+                seconds=left_s,
+            ),
             "lease",
             {"holder": lease.name, "resumable_s": left_s},
         )
     left_s = round((lease.term_ends_at - now).total_seconds())
     return Refusal(
         "held",
-        f"{lease.name} has control: ask for it.",
+        say("{name} has control: ask for it.", name=lease.name),
         "lease",
         {"holder": lease.name, "remaining_s": left_s},
     )

@@ -10,10 +10,11 @@ from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.base.zones import zone_of
-from fleet.bookings.rules import FAR, Slot, shown
+from fleet.bookings.rules import FAR, Slot
 from fleet.bookings.schedule import Held, Schedule
 from robots.access.models import Qualification
 from robots.registry.models import Robot, Role
+from robots.shared.sentences import Sentence, say
 from robots.shared.wire import Refusal
 from teleop.control.lease_checks import OFFER_S, LeaseState, Waiter, offered
 
@@ -58,7 +59,10 @@ def out_of_service(robot: Robot) -> Refusal | None:
     if not robot.enabled:
         return ROBOT_DISABLED
     if robot.problems:
-        text = f"This robot cannot be driven: its entry in the registry is wrong: {robot.problems}. Tell the staff."
+        text = say(
+            "This robot cannot be driven: its entry in the registry is wrong: {problems}. Tell the staff.",
+            problems=robot.problems,
+        )
         return Refusal("robot_misdescribed", text, "robot")
     return None
 
@@ -126,7 +130,8 @@ def require_robot_in_service(subject: Subject) -> Permit | Refusal:
         ends = coming.slot.starts_at if coming and not subject.supervises else None
         return Permit(until=ends, max_share=subject.robot.max_share)
     until = _until(out.slot.ends_at, subject.user, subject.now)
-    text = f"This robot is out of service {until} ({out.label}). Choose another robot."
+    key = "This robot is out of service {until} ({why}). Choose another robot."
+    text = say(key, until=until, why=out.label)
     return Refusal("out_of_service", text, "robot")
 
 
@@ -136,7 +141,10 @@ def require_role(subject: Subject) -> Permit | Refusal:
         return Permit()
     return Refusal(
         "role_too_low",
-        f"You may watch {subject.robot.name} but not drive it. Ask the staff for the role operator.",
+        say(
+            "You may watch {name} but not drive it. Ask the staff for the role operator.",
+            name=subject.robot.name,
+        ),
         "account",
     )
 
@@ -147,9 +155,13 @@ def require_qualification(subject: Subject) -> Permit | Refusal:
         return Permit()
     names = ", ".join(one.name for one in subject.missing)
     where = " ".join(one.description for one in subject.missing if one.description)
-    text = f"You may not drive {subject.robot.name}: it demands {names}, which you do not hold or which has expired."
-    help_text = where or "Ask the staff or your course’s supervisor."
-    return Refusal("unqualified", f"{text} {help_text}", "account", {"missing": names})
+    text = say(
+        "You may not drive {robot}: it demands {names}, which you do not hold or which has expired. {help}",
+        robot=subject.robot.name,
+        names=names,
+        help=where or say("Ask the staff or your course’s supervisor."),
+    )
+    return Refusal("unqualified", text, "account", {"missing": names})
 
 
 def require_booking(subject: Subject) -> Permit | Refusal:
@@ -165,8 +177,11 @@ def require_booking(subject: Subject) -> Permit | Refusal:
         return Permit(until=_own_end(current, schedule), whole_slot=True)
     if current is not None:
         until = current.slot.ends_at
-        booked = f"{current.name} has booked this robot {_until(until, subject.user, subject.now)}."
-        text = f"{booked} Book another time, or ask for control."
+        text = say(
+            "{holder} has booked this robot {until}. Book another time, or ask for control.",
+            holder=current.name,
+            until=_until(until, subject.user, subject.now),
+        )
         refusal = Refusal("booked", text, "booking", {"holder": current.name, "until": until.isoformat()})
         return Permit(until=begins, take_over_only=refusal) if subject.supervises else refusal
     if schedule.free_time or subject.supervises:
@@ -187,9 +202,11 @@ def require_turn(subject: Subject) -> Permit | Refusal:
     if first.user == me:
         return Permit()
     left_s = (turn.offer_until - now).total_seconds() if turn and turn.offer_until else OFFER_S
-    text = f"{first.name} is next in line and has {left_s:.0f} s to take control."
+    text = say(
+        "{next} is next in line and has {seconds:.0f} s to take control.", next=first.name, seconds=left_s
+    )
     if all(one.user != me for one in subject.line):
-        text += " Ask for control to wait in line."
+        text = say("{turn} Ask for control to wait in line.", turn=text)
     refusal = Refusal("next_in_line", text, "lease", {"next": first.name, "seconds": round(left_s, 1)})
     return Permit(take_over_only=refusal) if subject.supervises else refusal
 
@@ -204,17 +221,15 @@ def _own_end(current: Held, schedule: Schedule) -> datetime:
     return end
 
 
-def _until(moment: datetime, user: User, now: datetime) -> str:
+def _until(moment: datetime, user: User, now: datetime) -> Sentence:
     """Return "until 15:00" in the person's time zone; with the date if it is not today."""
     if moment == FAR:
-        return "until further notice"
+        return say("until further notice")
     zone = zone_of(user.time_zone)
     local = moment.astimezone(zone)
-    return (
-        f"until {local:%H:%M}"
-        if local.date() == now.astimezone(zone).date()
-        else f"until {shown(moment, zone)}"
-    )
+    if local.date() == now.astimezone(zone).date():
+        return say("until {time:clock}", time=local)
+    return say("until {time:when}", time=local)
 
 
 RULES: tuple[Rule, ...] = (

@@ -6,6 +6,7 @@ from typing import Any
 
 from fleet.accounts.tokens.models import Scope
 from robots.shared import wire
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 
 # A token with any of these scopes may take control.
@@ -43,5 +44,7 @@ def needed_scopes(message: Any) -> tuple[Scope, ...]:
 def scope_missing(scopes: tuple[Scope, ...]) -> Refusal:
     """Return the refusal of a token that has none of these scopes."""
     names = " or ".join(f"“{scope.value}”" for scope in scopes)
-    text = f"This token lacks the scope {names}. Make one that has it, on the page Your account."
+    text = say(
+        "This token lacks the scope {names}. Make one that has it, on the page Your account.", names=names
+    )
     return Refusal("scope_missing", text, "account", {"scope": " ".join(scope.value for scope in scopes)})

@@ -19,6 +19,7 @@ from robots.access.selectors import lacking, missing_qualifications, role_on, ro
 from robots.registry.known_robots import known_robot
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import link_address
+from robots.shared.sentences import Sentence, of_parts
 from robots.shared.wire import Refusal
 from teleop.control.lease_checks import WAITS_S, LeaseState, Tab, Waiter, is_free
 from teleop.control.rules import Subject, out_of_service, permit_for, schedule_for
@@ -92,7 +93,7 @@ def subject_of(
     return Subject(user, robot, role_on(user, robot), schedule, now, missing, tuple(line))
 
 
-def end_notes(sessions: Collection[UUID]) -> dict[UUID, str]:
+def end_notes(sessions: Collection[UUID]) -> dict[UUID, Sentence]:
     """Return the recorded sentence about the end of each of these control sessions, if there is one.
 
     These sentences are stored only in the audit log. They contain reasons and names, so they expire, and are
@@ -102,7 +103,11 @@ def end_notes(sessions: Collection[UUID]) -> dict[UUID, str]:
     of_sessions = Record.objects.filter(session_id__in=sessions).alias(what=Lower("kind"))
     ends = of_sessions.filter(what="control.end", content__isnull=False)
     found = ends.values_list("session_id", "content__data")
-    return {session: data["words"] for session, data in found if session and "words" in data}
+    return {
+        session: of_parts(data["words"], data.get("said", [data["words"]]))
+        for session, data in found
+        if session and "words" in data
+    }
 
 
 def rights_of(

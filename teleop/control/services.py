@@ -26,6 +26,7 @@ from fleet.bookings.services import booking_hand_running, booking_lengthen_runni
 from robots.access.selectors import supervises
 from robots.registry.models import Robot, Role
 from robots.registry.services import fence_next
+from robots.shared.sentences import Sentence, say
 from robots.shared.wire import Refusal
 from teleop.control import lease_checks
 from teleop.control.changes import ControlRefused, recorded_change, robot_locked
@@ -86,7 +87,9 @@ def lease_take_over(
             )
         if before is not None:
             lapsed = lease_checks.lapse_reason(before, now)
-            note = "" if lapsed else f"{user.display_name} took over: {reason}"
+            note = (
+                None if lapsed else say("{name} took over: {reason}", name=user.display_name, reason=reason)
+            )
             ended = EndReason(lapsed) if lapsed else EndReason.TAKEN_OVER
             _end_session(before, ended, robot, None if lapsed else user, now, note=note)
         taken = _assign(robot, user, tab, role, permit, before, highest_fence, now)
@@ -123,7 +126,7 @@ def lease_hand_over(
         receiver = _user(waiter.user)
         booking_hand_running(robot=robot, owner=before.user, to=receiver, actor=user, now=now)
         role, permit = _permit(user=receiver, robot=robot, now=now)
-        note = f"You handed over to {receiver.display_name}."
+        note = say("You handed over to {name}.", name=receiver.display_name)
         _end_session(before, EndReason.HANDED_OVER, robot, user, now, note=note)
         given = _assign(robot, receiver, waiter.tab, role, permit, before, highest_fence, now)
         _record(
@@ -201,7 +204,7 @@ def lease_expire(*, robot_id: UUID, now: datetime) -> None:
         if held is not None and (why := lease_checks.lapse_reason(held, now)) is not None:
             robot = _robot(robot_id)
             _free(robot_id, held, now, seen_at=held.seen_at)
-            note = _slot_note(held, robot, now) if why == "term" else ""
+            note = _slot_note(held, robot, now) if why == "term" else None
             _end_session(held, EndReason.SLOT if note else EndReason(why), robot, None, now, note=note)
 
 
@@ -219,7 +222,7 @@ def lease_end(
     `user_id` is the person who ends it (None: the console does). `refusal` is the cause, unless the holder
     releases control: the right to control ended, or the bridge refused.
     """
-    note, why = (refusal.text, refusal.code) if refusal else ("", "")
+    note, why = (refusal.sentence, refusal.code) if refusal else (None, "")
     with recorded_change():
         held = lease_of(robot_id)
         if held is None or held.session != session:
@@ -315,16 +318,16 @@ def _term_end(permit: Permit, now: datetime) -> datetime:
     return lease_checks.term_end(now, settings.FLEET_CONTROL_TERM_S, permit.until)
 
 
-def _slot_note(held: LeaseState, robot: Robot, now: datetime) -> str:
-    """Return a sentence about the end of control if a slot or an out-of-service period ended it; else an empty text."""
+def _slot_note(held: LeaseState, robot: Robot, now: datetime) -> Sentence | None:
+    """Return a sentence about the end of control if a slot or an out-of-service period ended it; else None."""
     schedule = schedule_of(robot, now)
     if schedule.out is not None and schedule.out.slot.starts_at == held.term_ends_at:
-        return f"The robot is out of service now ({schedule.out.label})."
+        return say("The robot is out of service now ({why}).", why=schedule.out.label)
     current = schedule.current
     if current is not None and current.person != held.user:
-        return f"{current.name}’s slot began."
+        return say("{name}’s slot began.", name=current.name)
     own = Booking.objects.filter(robot=robot, person_id=held.user, held_until=held.term_ends_at)
-    return "Your slot ended." if own.exists() else ""
+    return say("Your slot ended.") if own.exists() else None
 
 
 def _assign(
@@ -416,7 +419,7 @@ def _end_session(
     by: User | None,
     now: datetime,
     *,
-    note: str = "",
+    note: Sentence | None = None,
     why: str = "",
 ) -> None:
     """End a control session that has not ended yet, and record it. `by` None: the console ended it by its rules.
@@ -427,8 +430,9 @@ def _end_session(
     if not open_ones.update(ended_at=now, end_reason=reason):
         return
     parameters = {"holder": str(held.user), "why": why} if why else {"holder": str(held.user)}
-    names = {"holder_name": held.name, "words": note} if note else {"holder_name": held.name}
-    _record("control.end", held, robot, by, outcome=reason.value, parameters=parameters, private=names)
+    words = {"words": str(note), "said": note.parts} if note else {}
+    private = {"holder_name": held.name, **words}
+    _record("control.end", held, robot, by, outcome=reason.value, parameters=parameters, private=private)
 
 
 def _record(kind: str, held: LeaseState | None, robot: Robot, actor: User | None, **facts: Any) -> Record:

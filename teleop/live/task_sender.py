@@ -22,10 +22,11 @@ from robots.places.selectors import place_of_robot
 from robots.registry.models import Role
 from robots.shared import wire
 from robots.shared.messages import twists
+from robots.shared.sentences import say
 from robots.shared.wire import Accepted, LinkCancel, NotDone, Refusal, Refused, TaskRequest, kind_of
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
-from teleop.control.allow_list import check_role, required_role
+from teleop.control.allow_list import ROLES, check_role, required_role
 from teleop.control.changes import database_refusal
 from teleop.control.lease_checks import check_fence
 from teleop.control.selectors import lease_of
@@ -115,9 +116,11 @@ class TaskSender:
         role_at_take = self._owner.role_in_control
         if needed is None or role_at_take is None or role_at_take >= needed:
             return None
-        text = (
-            f"{topic} needs the role {needed.value}, but you took control as {role_at_take.value}: "
-            "release control and take it again."
+        text = say(
+            "{topic} needs the role {role}, but you took control as {was}: release control and take it again.",
+            topic=topic,
+            role=ROLES[needed],
+            was=ROLES[role_at_take],
         )
         figures = {"name": topic, "role": needed.value, "taken_as": role_at_take.value}
         return Refusal("role_of_control", text, "account", figures)

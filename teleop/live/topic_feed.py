@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
+from robots.shared.sentences import say
 from robots.shared.wire import MOST_SUBSCRIPTIONS, Refusal
 from teleop.live.view_feed import Send
 
@@ -56,13 +57,16 @@ class TopicViewer:
         """Subscribe to a topic, or change the rate. Returns a refusal if there are too many subscriptions."""
         if topic not in self.subscriptions:
             if len(self.subscriptions) >= MAX_SUBSCRIPTIONS:
-                text = f"At most {MAX_SUBSCRIPTIONS} topics are shown at once: close one first."
+                text = say(
+                    "At most {most} topics are shown at once: close one first.", most=MAX_SUBSCRIPTIONS
+                )
                 return Refusal(
                     "too_many_subscriptions", text, "wire", {"topic": topic, "limit": MAX_SUBSCRIPTIONS}
                 )
             if topic not in self._feed.rates_hz and len(self._feed.rates_hz) >= MOST_SUBSCRIPTIONS:
-                text = (
-                    f"People already watch {MOST_SUBSCRIPTIONS} topics of this robot. No more are possible."
+                text = say(
+                    "People already watch {most} topics of this robot. No more are possible.",
+                    most=MOST_SUBSCRIPTIONS,
                 )
                 return Refusal(
                     "too_many_subscriptions", text, "wire", {"topic": topic, "limit": MOST_SUBSCRIPTIONS}

@@ -28,6 +28,7 @@ from fleet.audit.reading import wording
 from fleet.audit.reading.addresses import number, session_url_of
 from fleet.audit.reading.listing import Row
 from fleet.base import zones
+from fleet.base.formats.sentences import in_words
 from fleet.bookings.permissions import awaiting_approval
 from robots.access.selectors import robot_visible_to, supervises
 from robots.access.who_sees import reader_of
@@ -70,7 +71,7 @@ def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
         "report": report,
         "life": session_report.booking_life(session, reader_of(person)),
         "session": session,
-        "note": end_notes([session.pk]).get(session.pk, ""),
+        "note": in_words(end_notes([session.pk]).get(session.pk, "")),
         "supervises": supervises(person, session.robot),
         "kept_days": settings.FLEET_AUDIT_KEEP_DAYS["driving"],
         "size": {"width": path_plot.WIDTH, "height": path_plot.HEIGHT, "grid": 3 * path_plot.WIDTH},

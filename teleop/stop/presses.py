@@ -26,6 +26,7 @@ from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.link.pending_stops import WaitingStop
+from robots.shared.sentences import say
 from robots.shared.wire import LinkStop, Refusal, Stopped
 
 log = logging.getLogger(__name__)
@@ -87,10 +88,14 @@ def keep_pending(robot_id: UUID | None, address: LinkAddress, stop: LinkStop, wh
             outcome.set_result(answer)
 
     waiting, written = courier.keep_pending(robot_id, address, stop, settled)
-    then = "It will be delivered as soon as possible"
+    then = say("It will be delivered as soon as possible.")
     if not written:
-        then += ", but only while this program runs: it could not be written to the disk"
-    text = f"The stop is pending, not confirmed yet. {why} {then}. Use the red button on the robot."
+        then = say(
+            "It will be delivered as soon as possible, but only while this program runs: it could not be written to "
+            "the disk."
+        )
+    key = "The stop is pending, not confirmed yet. {why} {then} Use the red button on the robot."
+    text = say(key, why=why.refusal.sentence, then=then)
     return Pending(Refusal("pending", text, "robot", {"because": why.refusal.code}), outcome, waiting)
 
 

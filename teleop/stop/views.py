@@ -29,6 +29,7 @@ from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid, token_of
 from robots.access.selectors import robot_visible_to, robots_visible_to
 from robots.registry.models import Robot
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal, Stopped
 from teleop.records import refusals
 from teleop.records.refusals import RefusedRequest
@@ -54,9 +55,10 @@ class _CsrfCheck(CsrfViewMiddleware):
         if not (request.path.startswith("/api/") or wants_json(request)):
             page: HttpResponse = super()._reject(request, reason)  # type: ignore[misc]  # not in the stubs
             return page
-        text = (
-            f"Not stopped: the request is not from this console ({reason.rstrip('.')}). "
-            "Reload the page, or use the red button on the robot."
+        text = say(
+            "Not stopped: the request is not from this console ({why}). "
+            "Reload the page, or use the red button on the robot.",
+            why=reason.rstrip("."),
         )
         return _refused(Refusal("permission_denied", text, "account"), 403)
 

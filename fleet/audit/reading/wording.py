@@ -45,7 +45,7 @@ _SUBJECTS = (
     "profile",
     "file",
 )
-_ASIDE = {"t_s", "number", "path_tolerance_m", "progress"}  # shown only on the record's page
+_ASIDE = {"t_s", "said", "number", "path_tolerance_m", "progress"}  # shown only on the record's page
 
 
 def label(kind: str) -> str:

@@ -13,8 +13,8 @@ from django.utils.formats import date_format, number_format
 from django.utils.timezone import localtime
 from django.utils.translation import get_language, to_locale
 
+from robots.shared.sentences import Sentence, capitalised, filled
 from robots.shared.wire import Worded
-from robots.shared.wire.sentences import Sentence, capitalised, filled
 
 
 def in_words(sentence: str) -> str:

@@ -37,6 +37,7 @@ from fleet.bookings.services import (
     state_for,
 )
 from robots.registry.models import Robot
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 
 SHORTEST_OFFER = timedelta(minutes=5)
@@ -56,7 +57,7 @@ def waiting_join(*, robot: Robot, person: User, slot: Slot, now: datetime) -> Wa
     if others := [refusal for refusal in found if refusal.code != "taken"]:
         raise BookingRefused(others)
     if Waiting.objects.filter(person=person, ends_at__gt=now).count() >= MOST:
-        text = f"You wait for {MOST} slots already. Leave one of them first."
+        text = say("You wait for {most} slots already. Leave one of them first.", most=MOST)
         raise BookingRefused([Refusal("waits_enough", text, "booking", {"most": MOST})])
     waiting, made = Waiting.objects.update_or_create(
         robot=robot,

@@ -10,6 +10,7 @@ from django.utils.translation import gettext as _
 from msgspec import Struct
 
 from fleet.accounts.models import User
+from fleet.base.formats.sentences import in_words
 from fleet.base.zones import zone_of
 from fleet.bookings.models import Booking, Policy
 from fleet.bookings.rules import LONGEST, Slot, day_of, duration
@@ -90,7 +91,10 @@ def _rests(quota: Course | Policy, slots: list[Slot], now: datetime) -> list[str
 
 def _rest(most_min: int, slots: list[Slot], period: Slot) -> str:
     left = max(0.0, most_min - sum(period.shared_minutes(slot) for slot in slots))
-    return _("%(left)s of %(most)s") % {"left": duration(left), "most": duration(most_min)}
+    return _("%(left)s of %(most)s") % {
+        "left": in_words(duration(left)),
+        "most": in_words(duration(most_min)),
+    }
 
 
 def _week(now: datetime) -> Slot:

@@ -61,6 +61,7 @@ from robots.access.selectors import (
 )
 from robots.access.who_sees import reader_of
 from robots.registry.models import Robot, Role
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 
 LISTED = 50  # rows at most in a list of one's own bookings
@@ -356,7 +357,8 @@ def _in_words(booking: Booking) -> str:
     ends = booking.ends_at.astimezone(zone)
     same_day = ends.date() == booking.starts_at.astimezone(zone).date()
     until = f"{ends:%H:%M}" if same_day else shown(booking.ends_at, zone)
-    return f"{booking.robot.name}, {shown(booking.starts_at, zone)} to {until}"
+    times = _("%(from)s to %(to)s") % {"from": shown(booking.starts_at, zone), "to": until}
+    return f"{booking.robot.name}, {times}"
 
 
 def _form_options(person: User, robot: Robot | None = None) -> dict[str, Any]:
@@ -395,7 +397,11 @@ def _form_page(request: HttpRequest, form: SlotForm, status: int = 200, **contex
 
 def _form_refusals(form: SlotForm) -> list[Refusal]:
     return [
-        Refusal(error.code or "invalid", f"{form.fields[name].label}: {error.messages[0]}", "booking")
+        Refusal(
+            error.code or "invalid",
+            say("{label}: {messages}", label=form.fields[name].label, messages=error.messages[0]),
+            "booking",
+        )
         for name, errors in form.errors.as_data().items()
         for error in errors
     ]
@@ -432,7 +438,9 @@ def _refusals_json(refusals: list[Refusal], alternatives: list[tuple[Robot, Slot
 
 def _slot_words(robot: Robot, slot: Slot) -> str:
     zone = viewers()
-    return f"{robot.name}, {shown(slot.starts_at, zone)} to {slot.ends_at.astimezone(zone):%H:%M}"
+    ends = f"{slot.ends_at.astimezone(zone):%H:%M}"
+    times = _("%(from)s to %(to)s") % {"from": shown(slot.starts_at, zone), "to": ends}
+    return f"{robot.name}, {times}"
 
 
 def _offers(free: list[tuple[Robot, Slot]], form: str) -> list[dict[str, str]]:

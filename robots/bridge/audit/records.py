@@ -13,6 +13,7 @@ from typing import NamedTuple, TypeVar
 
 from robots.bridge.audit.record_writer import RecordWriter
 from robots.shared.records.record_sink import Holder, Parameters, RecordSink, TakenDescription, TakenMap
+from robots.shared.sentences import joined, say
 from robots.shared.wire import Refusal
 
 Reply = Callable[[Refusal | None], None]  # answers a request: with a refusal, or None if it is accepted
@@ -40,7 +41,8 @@ class RecordedTask:
         error = self.number.exception()
         if error is None:
             return None
-        return Refusal("not_recorded", f"It was not done because it cannot be recorded ({error}).", "audit")
+        text = say("It was not done because it cannot be recorded ({error}).", error=error)
+        return Refusal("not_recorded", text, "audit")
 
 
 A = TypeVar("A", bound=RecordedTask)
@@ -112,7 +114,7 @@ class Records(RecordWriter):
 
 def unrecorded(why: str, ended: Sequence[str] = ()) -> Refusal:
     """Return the refusal while records cannot be written. `ended`: tasks that ended for this, in words."""
-    text = f"The robot stands still because its actions cannot be recorded ({why})."
+    text = say("The robot stands still because its actions cannot be recorded ({why}).", why=why)
     if ended:
-        text += f" Ended: {', '.join(ended)}."
+        text = say("{stands} Ended: {tasks}.", stands=text, tasks=joined(", ", ended))
     return Refusal("not_recorded", text, "audit")

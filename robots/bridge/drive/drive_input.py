@@ -15,6 +15,7 @@ from robots.shared.configuration.input_filters import (
     apply_filters,
 )
 from robots.shared.geometry.poses import STILL, Velocity
+from robots.shared.sentences import Sentence, say
 from robots.shared.wire import Drive, NeutralNeeded, Refusal
 
 _WINDOW_S = 30.0
@@ -75,7 +76,11 @@ class DriveInput:
         if self._drive and drive.seq <= self._drive.seq:
             return Refusal(
                 "out_of_order",
-                f"Command {drive.seq} came after {self._drive.seq} and was dropped.",
+                say(
+                    "Command {seq} came after {newest} and was dropped.",
+                    seq=drive.seq,
+                    newest=self._drive.seq,
+                ),
                 "dead-man",
                 {"seq": drive.seq, "newest_seq": self._drive.seq},
             )
@@ -83,7 +88,11 @@ class DriveInput:
         if age_s > COMMAND_LIFE_S:
             return Refusal(
                 "too_old",
-                f"The command was {age_s:.2f} s on its way; commands older than {COMMAND_LIFE_S} s are refused.",
+                say(
+                    "The command was {age:.2f} s on its way; commands older than {limit} s are refused.",
+                    age=age_s,
+                    limit=COMMAND_LIFE_S,
+                ),
                 "dead-man",
                 {"age_s": round(age_s, 3), "limit_s": COMMAND_LIFE_S},
             )
@@ -98,7 +107,7 @@ class DriveInput:
     def require_neutral(self, code: str, reason: str) -> None:
         """Require a stick in the middle before the robot moves. Only the first reason is reported."""
         if self.neutral_needed is None:  # a verdict's text says itself that it stopped the robot
-            self.neutral_needed = NeutralNeeded(code, reason.removeprefix("stopped: ").rstrip("."))
+            self.neutral_needed = NeutralNeeded(code, _bare(reason))
 
     def _filtered(self, drive: Drive, now_s: float) -> Drive:
         """Return the command with its position filtered.
@@ -138,3 +147,10 @@ def stick_of(velocity: Velocity, limits: Limits, max_share: float, reverse_steer
 
 def _axis(speed: float, full: float) -> float:
     return min(max(speed / full, -1.0), 1.0) if full > 0.0 else 0.0
+
+
+def _bare(reason: str) -> str:
+    """Return a reason as part of another sentence."""
+    if isinstance(reason, Sentence):
+        return say(reason.key.removeprefix("stopped: ").rstrip("."), **reason.figures)
+    return reason.removeprefix("stopped: ").rstrip(".")

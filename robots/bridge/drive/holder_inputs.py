@@ -6,6 +6,7 @@ from robots.bridge.drive.drive_input import DriveInput, stick_of, velocity_of
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.geometry.poses import STILL, Velocity
+from robots.shared.sentences import say
 from robots.shared.wire import Drive, Grant, NeutralNeeded, Refusal
 
 
@@ -61,9 +62,13 @@ class HolderInputs:
         if needed is None:
             return None
         is_stick = source is self.stick
-        what = "Let the stick return to the middle" if is_stick else "Publish a velocity of zero first"
         figures = {"because": needed.code, "why": needed.text}
-        return Refusal("neutral_needed", f"{what}: {needed.text}.", "dead-man", figures)
+        text = (
+            say("Let the stick return to the middle: {why}.", why=needed.sentence)
+            if is_stick
+            else say("Publish a velocity of zero first: {why}.", why=needed.sentence)
+        )
+        return Refusal("neutral_needed", text, "dead-man", figures)
 
     def require_neutral(self, code: str, reason: str) -> None:
         """Require neutral of both inputs before the robot moves."""

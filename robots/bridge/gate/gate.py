@@ -81,13 +81,14 @@ from robots.shared.geometry.footprint import Discs, Footprint, footprint_of
 from robots.shared.geometry.planar import NO_POINTS, ORIGIN, Drift, Points, placed, put, relative_to
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.records.verdict import SpeedLimit, Verdict
+from robots.shared.sentences import joined, say
 
 STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
 REMEMBERED: tuple[Kind, ...] = ("memory", "depth memory")
 BEYOND_REASON = 1e6  # limit for the odometry's numbers (m, rad, m/s, rad/s): larger ones would overflow
-UNSEEN_BEHIND = "no sensor has looked for table tops behind"
-LOOK_BEHIND = "Hold “Turn and look”; or look behind the robot yourself, then ask for reverse again"
+UNSEEN_BEHIND = say("no sensor has looked for table tops behind")
+LOOK_BEHIND = say("Hold “Turn and look”; or look behind the robot yourself, then ask for reverse again")
 PERIOD_S = 0.05  # longest time between two decisions
 # From one decision to the next, the safe speed is expected to rise by at most this factor and this step. A
 # wrong expectation costs time only.
@@ -119,7 +120,7 @@ class Gate:
         self._guesses: tuple[int, ...] = ()  # rows of points that blocked turns in the last decision
         self._decided_s = -math.inf  # time of the last decision, and so of the last sent twist
         self._lasers = {
-            name: Laser(name, _word("laser", name, len(profile.scan_poses)), Pose(*pose), self.footprint)
+            name: Laser(name, _word(say("laser"), name, len(profile.scan_poses)), Pose(*pose), self.footprint)
             for name, pose in profile.scan_poses.items()
         }
         self._echoes = SonarMemory(self.footprint)
@@ -324,7 +325,11 @@ class Gate:
         base = self._trail.newest
         if self._behind is None or base is None or not self._behind.warns(base, now_s):
             return ()
-        return (SpeedLimit("behind_unseen", f"reverse needs a look: {UNSEEN_BEHIND}", 0.0, "reverse"),)
+        return (
+            SpeedLimit(
+                "behind_unseen", say("reverse needs a look: {why}", why=UNSEEN_BEHIND), 0.0, "reverse"
+            ),
+        )
 
     def fault(self, now_s: float) -> Fault | None:
         """Return the missing data that forbids motion; afterwards the stick must return to the middle."""
@@ -453,13 +458,14 @@ class Gate:
         latency_s = self.latency.in_force_s(now_s)
         everywhere = self._limits.everywhere(latency_s, self.latency.slow_clock, now_s)
         if not is_finite(asked):
-            return Verdict(STILL, STILL, "invalid", "stopped: the command is not a number")
+            return Verdict(STILL, STILL, "invalid", say("stopped: the command is not a number"))
         possible = clamped(asked, self.profile)
         if is_still(possible):
             self._restarted = False
             return Verdict(STILL, asked, "idle", "")
         if fault := self.fault(now_s):
-            return Verdict(STILL, asked, fault.code, f"stopped: {fault.text}", fault.sensor, neutral=True)
+            text = say("stopped: {why}", why=fault.text)
+            return Verdict(STILL, asked, fault.code, text, fault.sensor, neutral=True)
         held = self._limits.limited(asked, possible, everywhere, self.footprint, now_s)
         wanted = held.velocity
         if is_still(wanted):
@@ -502,7 +508,7 @@ class Gate:
             self._behind.rests()
         if not self._behind.forbids(verdict.velocity, base, now_s):
             return verdict
-        text = f"stopped: {UNSEEN_BEHIND}. {LOOK_BEHIND}"
+        text = say("stopped: {why}. {advice}", why=UNSEEN_BEHIND, advice=LOOK_BEHIND)
         return Verdict(STILL, verdict.asked, "behind_unseen", text, neutral=True, way="reverse")
 
     def _expected_share(self, wanted: Velocity) -> float:
@@ -601,14 +607,14 @@ class Gate:
         bearing = math.atan2(cause.point[1], cause.point[0])
         reason = words.obstacle(source.word, cause.gap_m, bearing, cause.rule, cause.mps)
         if isinstance(source, Sonar) and source.own_echo:
-            reason = f"{reason}; {source.own_echo}"
+            reason = joined("; ", [reason, source.own_echo])
         if source.kind in REMEMBERED and speed(allowed) == 0.0 and speed(wanted) > 0.0:
-            reason = f"{reason}; {words.NOT_SEEN_NOW}"
+            reason = joined("; ", [reason, words.NOT_SEEN_NOW])
         return Verdict(
             allowed,
             asked,
             cause.rule,
-            f"{words.reduction(asked, allowed)}: {reason}",
+            joined(": ", [words.reduction(asked, allowed), reason]),
             source.name,
             cause.gap_m,
             bearing,
@@ -619,4 +625,4 @@ class Gate:
 
 def _word(kind: str, name: str, how_many: int) -> str:
     """Return a sensor's name for people: its kind, and its own name if there are several."""
-    return kind if how_many == 1 else f"{kind} {name}"
+    return kind if how_many == 1 else joined(" ", [kind, name])

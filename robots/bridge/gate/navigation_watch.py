@@ -37,6 +37,7 @@ from robots.bridge.gate.timing.freshness import DEPTH_STALE_S
 from robots.bridge.gate.values import Obstacles
 from robots.shared.geometry.poses import STILL, Velocity
 from robots.shared.records.verdict import Verdict
+from robots.shared.sentences import say
 
 DEPTH_LOST_S = 2.0
 UNSEEN_S = 2.0  # longest time for which the way ahead may be outside the depth picture
@@ -69,11 +70,13 @@ class Watch:
             return verdict
         moving = gate.velocity
         _, in_words = words.way(math.atan2(moving.vy, moving.vx))
-        drove = f"{words.figure(math.hypot(moving.vx, moving.vy))} m/s {in_words}"
-        why = limit.text.partition(": ")[2]
-        return Verdict(
-            STILL, moving, limit.code, f"stopped: the robot drove {drove}, but {why}", way=limit.way
+        text = say(
+            "stopped: the robot drove {speed:fine} m/s {way}, but {why}",
+            speed=math.hypot(moving.vx, moving.vy),
+            way=in_words,
+            why=words.reason(limit.text),
         )
+        return Verdict(STILL, moving, limit.code, text, way=limit.way)
 
 
 def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:
@@ -83,7 +86,7 @@ def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:
     """
     moving = gate.velocity
     if fault := gate.fault(now_s):
-        return Verdict(STILL, moving, fault.code, f"stopped: {fault.text}", fault.sensor)
+        return Verdict(STILL, moving, fault.code, say("stopped: {why}", why=fault.text), fault.sensor)
     expected = [moving] if commanded is None or not is_finite(commanded) else [moving, commanded]
     free = Verdict(moving, moving, "free", "")
     if all(map(is_still, expected)):
@@ -92,7 +95,7 @@ def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:
     if (lost := depth_lost(gate, now_s)) is not None and math.hypot(
         moving.vx, moving.vy
     ) > gate.profile.blind_mps:
-        return Verdict(STILL, moving, "depth_stale", f"stopped: {lost}")
+        return Verdict(STILL, moving, "depth_stale", say("stopped: {why}", why=lost))
     usual_s = parameters.latency_s + parameters.latency_spare_s
     measured_s = gate.latency.measured_s or 0.0
     latency_s = max(usual_s, measured_s) + gate.latency.lateness_s(now_s)
@@ -109,8 +112,8 @@ def depth_lost(gate: Gate, now_s: float) -> str | None:
         return None
     age_s = gate.depth_age_s(now_s)
     if age_s is None:
-        return "no picture of the depth camera has come"
-    return f"the depth camera’s picture is {words.age(age_s)} old" if age_s > DEPTH_LOST_S else None
+        return say("no picture of the depth camera has come")
+    return say("the depth camera’s picture is {age:age} old", age=age_s) if age_s > DEPTH_LOST_S else None
 
 
 def spare_m(gate: Gate, now_s: float) -> float:

@@ -32,6 +32,7 @@ from robots.shared.geometry import arc
 from robots.shared.geometry.footprint import Footprint
 from robots.shared.geometry.poses import Velocity
 from robots.shared.records.verdict import SpeedLimit, Way
+from robots.shared.sentences import Sentence, joined, say
 
 REVERSE_RAD = 0.75 * math.pi  # directions beyond this angle count as reverse
 CAMERA_LATE_S = 0.5  # if a person drives by a camera picture that is older, the speed is limited
@@ -115,17 +116,23 @@ class SensorLimits:
         """Return the missing data that forbids motion, if any."""
         age_s = self._odometry.age_s(now_s)
         if age_s is None:
-            return Fault("odometry_missing", "no odometry has come yet", "odometry")
+            return Fault("odometry_missing", say("no odometry has come yet"), "odometry")
         if age_s > ODOMETRY_STALE_S:
-            return Fault("odometry_stale", f"odometry is {words.age(age_s)} old", "odometry")
+            return Fault("odometry_stale", say("odometry is {age:age} old", age=age_s), "odometry")
         for laser in self._lasers:
             age_s = laser.freshness.age_s(now_s)
             if age_s is None:
-                return Fault("scan_missing", f"no scan of the {laser.word} has come yet", laser.name)
+                return Fault(
+                    "scan_missing", say("no scan of the {sensor} has come yet", sensor=laser.word), laser.name
+                )
             if age_s >= LASER_STALE_S:
-                return Fault("scan_stale", f"{laser.word} is {words.age(age_s)} old", laser.name)
+                return Fault(
+                    "scan_stale",
+                    say("{sensor} is {age:age} old", sensor=laser.word, age=age_s),
+                    laser.name,
+                )
             if not laser.is_paired(self._trail):
-                text = f"the stamps of the {laser.word} do not match the odometry’s"
+                text = say("the stamps of the {sensor} do not match the odometry’s", sensor=laser.word)
                 return Fault("scan_unpaired", text, laser.name)
         return None
 
@@ -150,7 +157,7 @@ class SensorLimits:
         """Limit the `possible` part of `asked`, for a robot with this footprint."""
         left = LimitedTwist(possible, "free", "")
         if possible != asked:
-            left = LimitedTwist(possible, "robot_limit", "limited to the robot’s maximum speed")
+            left = LimitedTwist(possible, "robot_limit", say("limited to the robot’s maximum speed"))
         speed = arc.speed(possible)
         if speed > 0.0:
             direction = math.atan2(possible.vy, possible.vx)
@@ -165,14 +172,18 @@ class SensorLimits:
         swing = abs(left.velocity.w) * footprint.reach(0.0)
         if swing > self._profile.blind_mps and self._swings_unwatched(footprint):
             slowed = left.velocity.scaled(self._profile.blind_mps / swing)
-            text = f"turning at most {words.figure(abs(slowed.w))} rad/s: no sensor sees where the robot’s corners move"
+            text = say(
+                "turning at most {speed:fine} rad/s: no sensor sees where the robot’s corners move",
+                speed=abs(slowed.w),
+            )
             left = LimitedTwist(slowed, "blind_direction", text, "turn")
         for laser in self._lasers:
             age_s = laser.freshness.age_s(now_s) or 0.0
             share = late_share(age_s)
             if share < 1.0:
                 slowed = left.velocity.scaled(share)
-                text = f"{words.reduction(left.velocity, slowed)}: {laser.word} is {words.age(age_s)} old"
+                old = say("{sensor} is {age:age} old", sensor=laser.word, age=age_s)
+                text = joined(": ", [words.reduction(left.velocity, slowed), old])
                 left = LimitedTwist(slowed, "scan_late", text)
         return left
 
@@ -206,19 +217,15 @@ class SensorLimits:
     def _arm_limit(self, now_s: float) -> list[SpeedLimit]:
         """Return the limit while the arm's posture is unknown, or a limb may move without joint states."""
         if self.lost_limb:
-            why = f"the {self.lost_limb} may still move, because its joint states ended"
-            return [
-                SpeedLimit(
-                    "arm_away", f"at most {words.figure(arm_discs.AWAY_MPS)} m/s: {why}", arm_discs.AWAY_MPS
-                )
-            ]
+            limb = words.LIMBS[self.lost_limb]
+            why = say("the {limb} may still move, because its joint states ended", limb=limb)
+            return [_limit("arm_away", why, arm_discs.AWAY_MPS)]
         is_recent = now_s - self._posture_s <= arm_discs.KNOWN_S
         known = is_recent and (self._posture.at_home or self._posture.discs is not None)
         if known or not self._profile.has_arm:
             return []
-        why = "the arm is away from home" if is_recent else "the arm’s position is not known"
-        text = f"at most {words.figure(arm_discs.AWAY_MPS)} m/s: {why}"
-        return [SpeedLimit("arm_away", text, arm_discs.AWAY_MPS)]
+        why = say("the arm is away from home") if is_recent else say("the arm’s position is not known")
+        return [_limit("arm_away", why, arm_discs.AWAY_MPS)]
 
     def _delay_limits(self, latency_s: float, slow_clock: float | None) -> list[SpeedLimit]:
         """Return the limits for a late robot, page or camera picture, for the usual stopping distance.
@@ -229,26 +236,23 @@ class SensorLimits:
         linear, _ = braking.deceleration(self._profile)
         limits = []
         camera_s = self.camera_view_s or 0.0
-        clock = ""
-        if slow_clock is not None:
-            clock = (
-                f" by its clock, which runs at {slow_clock:.2f} of our pace (simulated? set /use_sim_time)"
-            )
-        for code, delay_s, assumed_s, who, why in (
-            ("robot_late", latency_s, parameters.latency_s, "the robot answers", clock),
-            (
-                "operator_late",
-                self.operator_delay_s or 0.0,
-                parameters.operator_delay_s,
-                "the page answers",
-                "",
-            ),
-            ("camera_late", camera_s, CAMERA_LATE_S, "the camera’s picture comes", ""),
+        page_s = self.operator_delay_s or 0.0
+        page, camera = say("the page answers"), say("the camera’s picture comes")
+        for code, delay_s, assumed_s, who in (
+            ("robot_late", latency_s, parameters.latency_s, say("the robot answers")),
+            ("operator_late", page_s, parameters.operator_delay_s, page),
+            ("camera_late", camera_s, CAMERA_LATE_S, camera),
         ):
             mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)
+            why = say("{late} after {delay:.2f} s", late=who, delay=delay_s)
+            if code == "robot_late" and slow_clock is not None:
+                why = say(
+                    "{late} by its clock, which runs at {pace:.2f} of our pace (simulated? set /use_sim_time)",
+                    late=why,
+                    pace=slow_clock,
+                )
             if mps < FELT_SHARE * full_mps:
-                text = f"at most {words.figure(mps)} m/s: {who} after {delay_s:.2f} s{why}"
-                limits.append(SpeedLimit(code, text, mps))
+                limits.append(_limit(code, why, mps))
         return limits
 
     def _depth_limit(self, wanted: Velocity, now_s: float) -> list[SpeedLimit]:
@@ -257,17 +261,21 @@ class SensorLimits:
             return []
         age_s = self._depth.freshness.age_s(now_s) if self._depth else None
         if self._depth is None:
-            return [
-                self._blind(
-                    "depth_missing", "the depth camera is not in use yet: the robot cannot see table tops"
-                )
-            ]
-        why = f" ({self._depth.complaint})" if self._depth.complaint else ""
+            unused = say("the depth camera is not in use yet: the robot cannot see table tops")
+            return [self._blind("depth_missing", unused)]
         if age_s is None:
-            return [self._blind("depth_missing", f"no picture of the depth camera has come yet{why}")]
+            why = self._complained(say("no picture of the depth camera has come yet"))
+            return [self._blind("depth_missing", why)]
         if age_s > DEPTH_STALE_S:
-            return [self._blind("depth_stale", f"the depth camera’s picture is {words.age(age_s)} old{why}")]
+            why = self._complained(say("the depth camera’s picture is {age:age} old", age=age_s))
+            return [self._blind("depth_stale", why)]
         return self._head_limit(self._depth, wanted)
+
+    def _complained(self, why: Sentence) -> Sentence:
+        """Return a reason with the depth camera's complaint, if it has one."""
+        if self._depth is None or not self._depth.complaint:
+            return why
+        return say("{why} ({more})", why=why, more=self._depth.complaint)
 
     def _head_limit(self, depth: DepthCamera, wanted: Velocity) -> list[SpeedLimit]:
         """Return the limit for a way that leaves the depth picture; none in reverse: no head turns so far."""
@@ -276,19 +284,18 @@ class SensorLimits:
             return []
         sight_m = depth.sight_m(direction, wanted.w / arc.speed(wanted))
         if sight_m == 0.0:
-            return [self._blind("head_away", "the depth camera looks away from the way ahead")]
+            return [self._blind("head_away", say("the depth camera looks away from the way ahead"))]
         if math.isinf(sight_m):
             return []
         linear, _ = braking.deceleration(self._profile)
         mps = max(
             braking.speed_within(sight_m, self._profile.parameters.latency_s, linear), self._profile.blind_mps
         )
-        text = f"at most {words.figure(mps)} m/s: the way bends out of the depth camera’s view"
-        return [SpeedLimit("head_away", text, mps, "bend")]
+        bends = say("the way bends out of the depth camera’s view")
+        return [SpeedLimit("head_away", words.at_most(mps, bends), mps, "bend")]
 
-    def _blind(self, code: str, why: str) -> SpeedLimit:
-        mps = self._profile.blind_mps
-        return SpeedLimit(code, f"at most {words.figure(mps)} m/s: {why}", mps)
+    def _blind(self, code: str, why: Sentence) -> SpeedLimit:
+        return _limit(code, why, self._profile.blind_mps)
 
     def _swings_unwatched(self, footprint: Footprint) -> bool:
         """Return whether a turn moves corners to a place without laser and sonar. A disc has no corners."""
@@ -320,19 +327,24 @@ class SensorLimits:
         way, in_words = words.way(direction)
         if not sonars:
             mps = self._profile.blind_mps
-            text = f"at most {words.figure(mps)} m/s {in_words}: no sensor looks there"
+            text = words.at_most(mps, say("no sensor looks there"), in_words)
             return [SpeedLimit("blind_direction", text, mps, way)]
         mps = min(self._profile.parameters.between_sonars_mps, self._profile.blind_mps)
         silent = [sonar for sonar in sonars if not sonar.freshness.within(SONAR_STALE_S, now_s)]
         if not silent and mps >= self._fastest(way):
             return []
         if not silent:
-            text = f"at most {words.figure(mps)} m/s {in_words}: no sensor looks between and above the sonars"
+            text = words.at_most(mps, say("no sensor looks between and above the sonars"), in_words)
             return [SpeedLimit("blind_direction", text, mps, way)]
         mps = min(SONAR_STALE_MPS, mps)
         names = ", ".join(sonar.name for sonar in silent)
-        text = f"at most {words.figure(mps)} m/s {in_words}: sonar silent ({names})"
+        text = words.at_most(mps, say("sonar silent ({names})", names=names), in_words)
         return [SpeedLimit("sonar_stale", text, mps, way)]
+
+
+def _limit(code: str, why: Sentence, mps: float) -> SpeedLimit:
+    """Return a limit for every direction."""
+    return SpeedLimit(code, words.at_most(mps, why), mps)
 
 
 def late_share(age_s: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robots.shared.sentences import say
 from robots.shared.wire import Grant, Refusal
 
 
@@ -22,7 +23,11 @@ class LeaseGuard:
         if grant.fence < self.highest:
             return Refusal(
                 "old_fence",
-                f"Control number {grant.fence} has ended; the newest is {self.highest}.",
+                say(
+                    "Control number {fence} has ended; the newest is {highest}.",
+                    fence=grant.fence,
+                    highest=self.highest,
+                ),
                 "lease",
                 {"fence": grant.fence, "highest": self.highest, "holder": self._holder},
             )
@@ -30,7 +35,7 @@ class LeaseGuard:
         if last and grant.fence == last.fence and grant.session != last.session:
             return Refusal(
                 "fence_taken",
-                f"Control number {grant.fence} belongs to {last.holder}.",
+                say("Control number {fence} belongs to {holder}.", fence=grant.fence, holder=last.holder),
                 "lease",
                 {"fence": grant.fence, "holder": last.holder},
             )
@@ -72,7 +77,7 @@ class LeaseGuard:
         if fence != self.current.fence:
             return Refusal(
                 "old_fence" if fence < self.current.fence else "unknown_fence",
-                f"Control is with {self.current.holder} now.",
+                say("Control is with {holder} now.", holder=self.current.holder),
                 "lease",
                 {"fence": fence, "highest": self.highest, "holder": self.current.holder},
             )

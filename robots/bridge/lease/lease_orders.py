@@ -17,6 +17,7 @@ from typing import Protocol
 from robots.bridge.core import Core
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.server.link_server import Link
+from robots.shared.sentences import say
 from robots.shared.wire import Grant, Granted, Pause, Refusal, Refused, Revoke
 
 log = logging.getLogger(__name__)
@@ -121,7 +122,7 @@ class LeaseOrders:
 
 def _not_saved(error: BaseException) -> Refusal:
     why = error.strerror if isinstance(error, OSError) else error
-    text = f"The bridge cannot write its state file ({why}), so it grants no control."
+    text = say("The bridge cannot write its state file ({why}), so it grants no control.", why=why)
     return Refusal("state_not_saved", text, "lease")
 
 

@@ -9,6 +9,7 @@ from uuid import UUID
 from msgspec import structs
 
 from robots.bridge.lease.state_store import SavedState
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal, StopState
 
 PRESSES_KNOWN = 1000  # number of stored presses; a press that is delivered twice arrives again within seconds
@@ -82,8 +83,14 @@ class StopLatch:
         """
         stop = self.state
         if number != stop.number:
-            by = f" by {stop.by}" if stop.by else ""
-            text = f"Stop was pressed again{by}. Check the robot, then clear the new stop."
+            text = (
+                say(
+                    "Stop was pressed again by {name}. Check the robot, then clear the new stop.",
+                    name=stop.by,
+                )
+                if stop.by
+                else say("Stop was pressed again. Check the robot, then clear the new stop.")
+            )
             return Refusal("stopped_again", text, "stop", {"number": number, "newest": stop.number})
         self.state = StopState("clear", number=stop.number)
         self.ignore(presses)

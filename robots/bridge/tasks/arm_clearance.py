@@ -87,7 +87,7 @@ class ArmClearance:
         if found is None:
             return None
         sensor, side = obstacles.names[found.source], words.side(found.bearing_rad)
-        distance = words.figure(max(found.gap_m, 0.0))
+        distance = words.fine(max(found.gap_m, 0.0))
         text = f"An obstacle is in the arm’s way: {sensor}, {distance} m {side}."
         gap_m = round(found.gap_m, 2)
         return Refusal("motion_blocked", text, "gate", {"sensor": sensor, "distance_m": gap_m, "side": side})

@@ -33,6 +33,7 @@ from robots.bridge.topics.inspector_messages import (
 from robots.bridge.topics.line_process import LineProcess
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.sentences import say
 from robots.shared.wire import MOST_SUBSCRIPTIONS, Refusal
 
 log = logging.getLogger(__name__)
@@ -126,7 +127,7 @@ class InspectorClient:
             viewer.report(wire.LinkAnswer(inspect.seq, given))
 
         if sum(waiting.viewer is viewer for waiting in self._waiting.values()) >= MAX_QUERIES:
-            text = f"More than {MAX_QUERIES} queries at once: wait for the answers."
+            text = say("More than {most} queries at once: wait for the answers.", most=MAX_QUERIES)
             answer(Refusal("busy", text, "wire", {"limit": MAX_QUERIES}))
             return
         acts = isinstance(inspect.ask, wire.SetParameter | wire.CallService)
@@ -317,7 +318,10 @@ class InspectorClient:
 
 
 def _not_shown(topic: str) -> bytes:
-    text = f"{MOST_SUBSCRIPTIONS} topics of this robot are open already: close some, here or on other pages."
+    text = say(
+        "{most} topics of this robot are open already: close some, here or on other pages.",
+        most=MOST_SUBSCRIPTIONS,
+    )
     refusal = Refusal("too_many_subscriptions", text, "robot", {"limit": MOST_SUBSCRIPTIONS})
     sample = wire.Sample(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
     return wire.encode(wire.LinkSample(topic, msgspec.Raw(wire.encode(sample))))

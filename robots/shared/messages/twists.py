@@ -7,6 +7,7 @@ from typing import Any
 
 from robots.shared.geometry.poses import Velocity
 from robots.shared.messages.fields import BadField, fit_fields
+from robots.shared.sentences import say
 from robots.shared.wire import Field, Refusal
 
 _VECTOR = [Field(axis, "float64") for axis in "xyz"]
@@ -33,6 +34,6 @@ def velocity_from(fields: Mapping[str, Any], type_name: str) -> Velocity | Refus
         for axis, speed in vector.items():
             if speed and (part, axis) not in _PLANAR:
                 path = f"{prefix}{part}.{axis}"
-                text = f"{path} must be 0: the base moves in the plane."
+                text = say("{path} must be 0: the base moves in the plane.", path=path)
                 return Refusal("bad_field", text, "wire", {"path": path})
     return Velocity(*(twist.get(part, {}).get(axis, 0.0) for part, axis in _PLANAR))

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
 
-from robots.shared.wire.sentences import Sentence
+from robots.shared.sentences import Sentence, of_parts
 
 PROTOCOL = 8
 LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
@@ -65,6 +65,12 @@ class Worded(Struct, frozen=True):
                     said[field] = sentence.parts
         if said:
             structs.force_setattr(self, "said", said)
+
+    @property
+    def sentence(self) -> Sentence:
+        """The text with its key and figures, to be a figure of another sentence."""
+        text = getattr(self, "text")  # noqa: B009 - not every message has one
+        return of_parts(text, (getattr(self, "said", None) or {}).get("text", [text]))
 
 
 class Refusal(Worded, frozen=True, omit_defaults=True):

@@ -8,8 +8,8 @@ from typing import Any, Generic, TypeVar
 import msgspec
 from msgspec import Struct, structs
 
+from robots.shared.sentences import Sentence, say
 from robots.shared.wire.base import LARGEST_MESSAGE_BYTES, Refusal, Seq, ShortText, WireError
-from robots.shared.wire.sentences import Sentence
 
 T = TypeVar("T")
 
@@ -35,7 +35,11 @@ class MessageDecoder(Generic[T]):
             raise WireError(
                 Refusal(
                     "too_large",
-                    f"The message has {len(raw)} bytes; at most {LARGEST_MESSAGE_BYTES} are taken.",
+                    say(
+                        "The message has {bytes} bytes; at most {most} are taken.",
+                        bytes=len(raw),
+                        most=LARGEST_MESSAGE_BYTES,
+                    ),
                     "wire",
                     {"bytes": len(raw), "limit_bytes": LARGEST_MESSAGE_BYTES},
                 )
@@ -43,9 +47,13 @@ class MessageDecoder(Generic[T]):
         try:
             message: T = self._decoder.decode(raw)
         except msgspec.ValidationError as error:
-            raise WireError(Refusal("invalid", f"The message does not fit: {error}", "wire")) from error
+            raise WireError(
+                Refusal("invalid", say("The message does not fit: {error}", error=error), "wire")
+            ) from error
         except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
-            raise WireError(Refusal("not_json", f"Not a JSON message: {error}", "wire")) from error
+            raise WireError(
+                Refusal("not_json", say("Not a JSON message: {error}", error=error), "wire")
+            ) from error
         return message
 
 

@@ -1,6 +1,6 @@
 /**
  * Sentences of the console in the page's language. A message has its texts in English; `said` has the key in the
- * catalogue and the figures of those that contain figures. robots/shared/wire/sentences.py makes them, with the same formats.
+ * catalogue and the figures of those that contain figures. robots/shared/sentences.py makes them, with the same formats.
  */
 
 import { pageLanguage } from "./languages.js";

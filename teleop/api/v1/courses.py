@@ -23,6 +23,7 @@ from robots.access.pages.forms import ActionForm, end_of, free_slug
 from robots.access.people_lists.reading import read_people
 from robots.access.selectors import courses_managed_by, demanded_in, grants_in, lab_date, robots_of
 from robots.registry.models import Robot
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
@@ -483,7 +484,9 @@ class RevokeView(CoursesBase):
 
 
 def _not_inside(username: str, course: Course) -> Refusal:
-    return Refusal("not_found", f"{username[:150]} is not in {course.name}.", "wire")
+    return Refusal(
+        "not_found", say("{username} is not in {name}.", username=username[:150], name=course.name), "wire"
+    )
 
 
 def _entry(course: Course) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from fleet.accounts.tokens.services import key_of
 from fleet.audit.models import Record
 from robots.access import who_sees
 from robots.access.selectors import robots_visible_to
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import Problem
@@ -49,7 +50,9 @@ MOST_STREAMS = 50  # of this process
 MOST_OF_PERSON = 10
 
 _FULL = Refusal("busy", "Too many event streams are open: try again later.", "wire")
-_FULL_OF_YOURS = Refusal("busy", f"You have {MOST_OF_PERSON} event streams open: close one first.", "wire")
+_FULL_OF_YOURS = Refusal(
+    "busy", say("You have {most} event streams open: close one first.", most=MOST_OF_PERSON), "wire"
+)
 
 
 class _Places:

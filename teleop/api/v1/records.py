@@ -267,7 +267,8 @@ class SessionsView(RecordsBase):
         rows, following = page_by_time(found, "started_at", query.cursor, query.limit)
         notes = end_notes([one.pk for one in rows])
         return SessionList(
-            [SessionEntry(**_session(one, self.person, notes.get(one.pk, ""))) for one in rows], following
+            [SessionEntry(**_session(one, self.person, str(notes.get(one.pk, "")))) for one in rows],
+            following,
         )
 
 
@@ -283,7 +284,7 @@ class SessionView(RecordsBase):
         report = report_of(session)
         figures = report.figures
         return SessionDetail(
-            **_session(session, self.person, end_notes([session.pk]).get(session.pk, "")),
+            **_session(session, self.person, str(end_notes([session.pk]).get(session.pk, ""))),
             figures=SessionFigures(
                 report.lasted_s,
                 figures.driven,

@@ -15,6 +15,7 @@ from typing import Any
 from channels.consumer import AsyncConsumer
 
 from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.sentences import say
 from robots.shared.wire import (
     Accepted,
     BookingsReport,
@@ -175,7 +176,7 @@ class MessageSocket(AsyncConsumer):
         """Count one message. If it exceeds the flood limit, refuse it and return False; close after many of these."""
         if self.spend():
             return True
-        text = f"More than {FLOOD_PER_S:.0f} messages per second."
+        text = say("More than {most:.0f} messages per second.", most=FLOOD_PER_S)
         flood = Refusal("flood", text, "wire", {"limit_per_s": FLOOD_PER_S})
         await self.send_refusal(of, flood)
         if self.refused["flood"] >= FLOOD_CLOSES_AFTER:

@@ -72,6 +72,7 @@ from robots.shared.geometry.planar import (
     wrapped,
 )
 from robots.shared.geometry.poses import Pose
+from robots.shared.sentences import say
 
 Flags = NDArray[np.bool_]
 
@@ -164,7 +165,7 @@ class DepthCamera:
         self._forget_another_frame(trail)
         base = trail.pose_at(stamp_s) if math.isfinite(stamp_s) else None
         if base is None:
-            self.complaint = "its stamps do not match the odometry’s"
+            self.complaint = say("its stamps do not match the odometry’s")
             return
         if not self.freshness.advances(stamp_s, arrival_s):
             return

@@ -15,6 +15,7 @@ from robots.bridge.gate.timing.unseen_motion import Doubt
 from robots.bridge.gate.values import Kind, SensorHealth
 from robots.shared.geometry.planar import ORIGIN, Points, chosen, placed, relative_to
 from robots.shared.geometry.poses import Pose
+from robots.shared.sentences import say
 
 
 class LaserMemory:
@@ -28,7 +29,7 @@ class LaserMemory:
 
     def __init__(self, laser: Laser) -> None:
         self.name = f"{laser.name}, remembered"
-        self.word = f"{laser.word}, remembered"
+        self.word = say("{sensor}, remembered", sensor=laser.word)
         self._laser = laser
         self._memory = Memory(LASER_LAYER)
         self._carried = self._as_seen = Carried()

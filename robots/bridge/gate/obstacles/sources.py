@@ -11,11 +11,11 @@ from robots.bridge.gate.sensing.sectors import sector_of
 from robots.bridge.gate.timing.freshness import LASER_LATE_S, SONAR_STALE_S, Freshness
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import Kind, LaserScan, Sector, SensorHealth
-from robots.bridge.gate.words import figure
 from robots.shared.configuration.gate_profile import CLOSE_ECHO_M
 from robots.shared.geometry.footprint import Footprint
 from robots.shared.geometry.planar import NO_POINTS, Points, placed, wrapped
 from robots.shared.geometry.poses import Pose
+from robots.shared.sentences import say
 
 # most beams this near to the direction of travel must measure something
 LASER_WATCHES_RAD = math.radians(20.0)
@@ -120,7 +120,7 @@ class Laser:
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         text = self.freshness.silence(LASER_LATE_S, now_s, self._complaint)
         if not text and not self.is_paired(trail):
-            text = "its stamps do not match the odometry’s"
+            text = say("its stamps do not match the odometry’s")
         return SensorHealth(self.name, "scan", not text, self.freshness.age_s(now_s), text)
 
 
@@ -131,7 +131,7 @@ class Sonar:
 
     def __init__(self, number: int, name: str, pose: Pose, fov: float, memory: SonarMemory) -> None:
         self.name = name
-        self.word = "sonar"
+        self.word: str = say("sonar")
         self.freshness = Freshness()
         self._number = number
         self._pose = pose
@@ -188,9 +188,11 @@ class Sonar:
         there = self._close_at
         moved_m, turned = math.hypot(base.x - there.x, base.y - there.y), abs(wrapped(base.yaw - there.yaw))
         if self.own_echo or moved_m >= OWN_ECHO_M or turned >= OWN_ECHO_RAD:
-            self.own_echo = (
-                f"{self.name} reports {figure(self._close_m)} m wherever the robot goes: "
-                "clean it, remove objects in front of it, or remove it from the profile"
+            self.own_echo = say(
+                "{sensor} reports {range:fine} m wherever the robot goes: clean it, remove objects in front of it, "
+                "or remove it from the profile",
+                sensor=self.name,
+                range=self._close_m,
             )
 
     @property

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from robots.bridge.gate import words
+from robots.shared.sentences import say
 
 LASER_LATE_S = 0.22  # one missed scan of a 10 Hz laser is not late
 LASER_HALT_S = 0.28  # with one tick more, zero is sent within 0.35 s of the last scan
@@ -62,6 +62,8 @@ class Freshness:
         if self.within(limit_s, now_s):
             return ""
         if now_s - self._repeated_s <= limit_s:
-            return "messages come, but their stamps do not advance"
+            return say("messages come, but their stamps do not advance")
         age_s = self.age_s(now_s)
-        return why or ("nothing has come yet" if age_s is None else f"nothing new for {words.age(age_s)}")
+        return why or (
+            say("nothing has come yet") if age_s is None else say("nothing new for {age:age}", age=age_s)
+        )

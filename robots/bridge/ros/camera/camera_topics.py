@@ -23,6 +23,7 @@ from robots.bridge.ros.on_demand_topics import BUFFER_BYTES, listen
 from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
 from robots.shared.configuration.bridge_config import CameraSource
 from robots.shared.ros.texts import NAME, cut
+from robots.shared.sentences import say
 from robots.shared.wire import PictureFormat, PictureScale, Refusal
 
 SILENT_S = 2.0
@@ -208,7 +209,7 @@ class CameraTopics:
         ):
             return None
         code, why = self._misfit
-        text = f"The robot’s way is not drawn into the camera’s picture: {why}."
+        text = say("The robot’s way is not drawn into the camera’s picture: {why}.", why=why)
         return Refusal(code, text, "robot", {"topic": self.source.topic})
 
     def refusal(self, now_s: float) -> Refusal | None:
@@ -223,7 +224,7 @@ class CameraTopics:
             if not self._subscriber.get_num_connections():
                 text = "The camera is off: the robot sends no pictures of it."
                 return Refusal("no_publisher", text, "robot", figures)
-            text = f"The camera has sent no picture for {since_s:.0f} s."
+            text = say("The camera has sent no picture for {seconds:.0f} s.", seconds=since_s)
             return Refusal("camera_silent", text, "robot", {**figures, "silent_s": round(since_s)})
         damage = self._damage or self.undecoded
         if damage is not None:

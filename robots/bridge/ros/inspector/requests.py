@@ -47,6 +47,7 @@ from robots.shared.messages.fields import BadField, fit_fields
 from robots.shared.messages.packing import Broken, TooLarge
 from robots.shared.ros.master import INSPECTOR, Master, MasterError
 from robots.shared.ros.message_types.classes import message_class
+from robots.shared.sentences import say
 
 if TYPE_CHECKING:
     from robots.bridge.ros.inspector.node import Node
@@ -130,7 +131,7 @@ class Inspector:
         try:
             self._made_node().subscriptions.set_subscriptions(topics)
         except (OSError, MasterError):
-            text = f"No ROS master answers at {self._config.master_uri}."
+            text = say("No ROS master answers at {master}.", master=self._config.master_uri)
             refusal = wire.Refusal("robot_offline", text, "robot")
             for topic in topics:
                 sample = wire.Sample(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)

@@ -24,6 +24,7 @@ from robots.bridge.ros.inspector.definitions import Definition, Definitions
 from robots.bridge.ros.vital import start_vital
 from robots.shared import wire
 from robots.shared.messages.packing import Broken, Detail, TooLarge
+from robots.shared.sentences import say
 
 log = logging.getLogger(__name__)
 
@@ -128,7 +129,7 @@ def _discord(publishers: Sequence[Any]) -> wire.Refusal | None:
     kinds = sorted({f"{publisher.type} ({publisher.md5sum})"[:LONGEST_NAME] for publisher in publishers})
     if len(kinds) < 2:
         return None
-    text = f"Its publishers do not agree on the type: {', '.join(kinds[:MOST_NAMED])}."
+    text = say("Its publishers do not agree on the type: {kinds}.", kinds=", ".join(kinds[:MOST_NAMED]))
     return wire.Refusal("publishers_differ", text, "robot", {"kinds": len(kinds)})
 
 
@@ -142,7 +143,7 @@ def _filled(shown: wire.Sample, definition: Definition, data: bytes, clock: Robo
         encoded = _encode(replace(shown, fields=fields, shortened=shortened, age_s=_age_s(fields, clock)))
         if len(encoded) <= LARGEST_SHOWN:
             return encoded
-    text = f"A message of {shown.type} has too many fields to be shown."
+    text = say("A message of {type} has too many fields to be shown.", type=shown.type)
     return _encode(replace(shown, refusal=wire.Refusal("too_large", text, "robot")))
 
 
@@ -160,10 +161,14 @@ def _silence(topic: str, number: int, publishers: int) -> wire.Refusal | None:
     if why := BOARD.text(topic):
         return wire.Refusal("too_much", why, "robot")
     if publishers == 0:
-        text = f"No node publishes on {topic}{' any more' if number else ''}, or none that can be reached from here."
+        text = (
+            say("No node publishes on {topic} any more, or none that can be reached from here.", topic=topic)
+            if number
+            else say("No node publishes on {topic}, or none that can be reached from here.", topic=topic)
+        )
         return wire.Refusal("no_publisher", text, "robot")
     if number == 0:
-        return wire.Refusal("no_message", f"No message has come on {topic} yet.", "robot")
+        return wire.Refusal("no_message", say("No message has come on {topic} yet.", topic=topic), "robot")
     return None
 
 

@@ -28,6 +28,7 @@ from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import key_of
 from fleet.audit.errors import TooManyChanges
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.problems import CONTENT_TYPE, Problem, body_of, problem_of
 from teleop.models import KeyedRequest
@@ -54,27 +55,34 @@ MOST_REFUSED = 100  # newest refusals that are kept of one person: a refused req
 _waiting = threading.BoundedSemaphore(MOST_WAITING)
 _NOT_KEPT = (401, 429)  # nothing was done: the same key may be used again
 _MAY_BE_DONE = ("no_answer", "connection_lost", "not_recorded")  # the request had been sent to the robot
-_WRONG_KEY = Refusal("invalid", f"{HEADER} has 1 to 100 visible ASCII characters.", "wire")
+_WRONG_KEY = Refusal("invalid", say("{header} has 1 to 100 visible ASCII characters.", header=HEADER), "wire")
 _REUSED = Refusal(
     "key_reused",
-    f"Another request had this {HEADER} within 24 h. Choose a new key for a new request.",
+    say("Another request had this {header} within 24 h. Choose a new key for a new request.", header=HEADER),
     "wire",
 )
 _TOO_MANY = Refusal(
     "too_many_keys",
-    f"You have sent {MOST_KEYS} requests with an {HEADER} within 24 h, the most for one person. "
-    "Send this one without it, or later.",
+    say(
+        "You have sent {most} requests with an {header} within 24 h, the most for one person. "
+        "Send this one without it, or later.",
+        most=MOST_KEYS,
+        header=HEADER,
+    ),
     "wire",
     {"most": MOST_KEYS},
 )
 _GOES_ON = Refusal(
     "in_progress",
-    f"The first request with this {HEADER} is not done yet. Ask again in a few seconds.",
+    say("The first request with this {header} is not done yet. Ask again in a few seconds.", header=HEADER),
     "audit",
 )
 _UNKNOWN = Refusal(
     "outcome_unknown",
-    f"The first request with this {HEADER} was interrupted: read whether it was done, then choose a new key.",
+    say(
+        "The first request with this {header} was interrupted: read whether it was done, then choose a new key.",
+        header=HEADER,
+    ),
     "audit",
 )
 

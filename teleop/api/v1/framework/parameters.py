@@ -12,6 +12,7 @@ from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.problems import Problem
 
@@ -29,7 +30,7 @@ def whole_number(request: Request, name: str, default: int, most: int, least: in
     """Return a parameter that is a whole number from `least` to `most`. Raises `Problem`."""
     given = request.query_params.get(name, str(default))
     if not (re.fullmatch("[0-9]{1,19}", given) and least <= int(given) <= most):
-        text = f"{name} must be a whole number from {least} to {most}."
+        text = say("{name} must be a whole number from {least} to {most}.", name=name, least=least, most=most)
         raise Problem(Refusal("invalid", text, "wire"))
     return int(given)
 
@@ -81,10 +82,10 @@ def parameters_of(struct: type[Struct]) -> list[OpenApiParameter]:
 def utc(moment: datetime) -> datetime:
     """Return a moment in UTC. Raises `Problem`: its year is not in `YEARS`."""
     if moment.year not in YEARS:
-        text = f"Look at the year of {moment.isoformat()}: it is before 2000 or after 2199."
+        text = say("Look at the year of {time}: it is before 2000 or after 2199.", time=moment.isoformat())
         raise Problem(Refusal("wrong_year", text, "wire"))
     return moment.astimezone(UTC)
 
 
 def _invalid(text: str) -> Problem:
-    return Problem(Refusal("invalid", f"The query does not fit: {text}.", "wire"))
+    return Problem(Refusal("invalid", say("The query does not fit: {text}.", text=text), "wire"))

@@ -10,13 +10,16 @@ from msgspec import Struct
 from rest_framework.parsers import BaseParser
 from rest_framework.request import Request
 
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.problems import Problem
 
 MOST_BYTES = 64 * 1024
 DEEPEST = 32  # levels of a body
 
-_TOO_DEEP = Refusal("too_deep", f"The body has more than {DEEPEST} levels.", "wire", {"limit": DEEPEST})
+_TOO_DEEP = Refusal(
+    "too_deep", say("The body has more than {most} levels.", most=DEEPEST), "wire", {"limit": DEEPEST}
+)
 _HAS_NUL = Refusal("invalid", "The body has a text with the character NUL: leave it out.", "wire")
 
 
@@ -38,7 +41,7 @@ def decoded(request: Request, struct: type[Struct]) -> Any:
     """Return the body as a struct. Raises `Problem`: too large, no JSON, duplicate or unknown fields, wrong types."""
     raw = request.data if isinstance(request.data, bytes) else b""
     if len(raw) > MOST_BYTES:
-        text = f"The body has {len(raw)} bytes; at most {MOST_BYTES} are taken."
+        text = say("The body has {bytes} bytes; at most {most} are taken.", bytes=len(raw), most=MOST_BYTES)
         raise Problem(Refusal("too_large", text, "wire", {"bytes": len(raw), "limit_bytes": MOST_BYTES}))
     try:
         _require_plain(json.loads(raw.decode() or "{}", object_pairs_hook=_without_duplicates))
@@ -48,9 +51,13 @@ def decoded(request: Request, struct: type[Struct]) -> Any:
     except RecursionError as error:
         raise Problem(_TOO_DEEP) from error
     except msgspec.ValidationError as error:
-        raise Problem(Refusal("invalid", f"The body does not fit: {error}", "wire")) from error
+        raise Problem(
+            Refusal("invalid", say("The body does not fit: {error}", error=error), "wire")
+        ) from error
     except ValueError as error:
-        raise Problem(Refusal("not_json", f"The body is not JSON: {error}", "wire")) from error
+        raise Problem(
+            Refusal("not_json", say("The body is not JSON: {error}", error=error), "wire")
+        ) from error
 
 
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -59,7 +66,11 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         if name in found:
             # Half of a surrogate pair cannot be sent in the answer.
             shown = name[:100].encode(errors="replace").decode()
-            raise Problem(Refusal("duplicate_field", f"The body has the field “{shown}” twice.", "wire"))
+            raise Problem(
+                Refusal(
+                    "duplicate_field", say("The body has the field “{shown}” twice.", shown=shown), "wire"
+                )
+            )
         found[name] = value
     return found
 

@@ -6,6 +6,7 @@ import time
 from collections import OrderedDict
 
 from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 
 PER_S = 200.0  # on average; a lab's dashboard sends a tenth of that
@@ -13,7 +14,10 @@ BURST = 400.0
 MOST = 10_000  # programs and browsers that are counted: those with the latest requests
 
 TOO_OFTEN = Refusal(
-    "too_often", f"At most {PER_S:.0f} requests a second are taken: wait a moment.", "wire", {"per_s": PER_S}
+    "too_often",
+    say("At most {most:.0f} requests a second are taken: wait a moment.", most=PER_S),
+    "wire",
+    {"per_s": PER_S},
 )
 _buckets: OrderedDict[str, TokenBucket] = OrderedDict()
 

@@ -20,6 +20,7 @@ from websockets.asyncio.client import ClientConnection, unix_connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from robots.shared import wire
+from robots.shared.sentences import say
 from robots.shared.wire import Accepted, Booked, Control, NotDone, Offers, Refusal, Refused, Welcome, kind_of
 
 log = logging.getLogger(__name__)
@@ -290,7 +291,8 @@ class ProgramConnection:
 
     def _why_gone(self) -> Refusal:
         code = self._socket.close_code
-        return Refusal(GONE.code, f"{GONE.text} ({self._socket.close_reason})", GONE.rule) if code else GONE
+        text = say("{gone} ({why})", gone=GONE.sentence, why=self._socket.close_reason)
+        return Refusal(GONE.code, text, GONE.rule) if code else GONE
 
     async def _ping(self) -> None:
         """Send pings while the program is present."""

@@ -7,6 +7,7 @@ import os
 import time
 from uuid import UUID
 
+from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 from teleop.api.v1.programs.connection import ProgramConnection, ProgramSignIn
 
@@ -23,7 +24,9 @@ _NO_SERVER = Refusal(
 )
 _FULL = Refusal("busy", "Too many programs are connected: try again later.", "robot")
 _FULL_OF_YOURS = Refusal(
-    "busy", f"Your programs have {MOST_OF_PERSON} connections: release control on some robots first.", "robot"
+    "busy",
+    say("Your programs have {most} connections: release control on some robots first.", most=MOST_OF_PERSON),
+    "robot",
 )
 
 

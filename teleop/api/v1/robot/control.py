@@ -19,6 +19,7 @@ from fleet.accounts.tokens.services import key_of
 from robots.registry.models import Robot
 from robots.registry.selectors import robot_facts
 from robots.shared import wire
+from robots.shared.sentences import say
 from robots.shared.wire import Booked, Control, ControlState, Limits, Refusal
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import Problem
@@ -244,8 +245,11 @@ def _velocity(robot: Robot, asked: VelocityRequest) -> Velocity:
         ("w", asked.turn_radps, limits.turn_radps * facts.max_share),
     ):
         if abs(value) > most + 1e-9:
-            text = (
-                f"{robot.name} takes at most {most:.2f} in this direction; {abs(value):.2f} were asked for."
+            text = say(
+                "{name} takes at most {most:.2f} in this direction; {value:.2f} were asked for.",
+                name=robot.name,
+                most=most,
+                value=abs(value),
             )
             raise Problem(Refusal("too_fast", text, "wire", {"limit": most, "asked": value}))
         parts[name] = value / most if most > 0.0 else 0.0

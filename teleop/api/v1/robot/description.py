@@ -19,6 +19,7 @@ from fleet.accounts.tokens.models import Scope
 from robots.description.drawable import Drawable, drawable
 from robots.description.meshes import Mesh, NoMesh, mesh_at
 from robots.registry.models import Robot, RobotDescription
+from robots.shared.sentences import say
 from robots.shared.urdf.document import BadDescription
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import operation
@@ -138,7 +139,7 @@ def _reduced(packed: bytes) -> Drawable:
 
 
 def _bad(why: str) -> Problem:
-    return Problem(Refusal("bad_description", f"The robot cannot be drawn: {why}.", "robot"))
+    return Problem(Refusal("bad_description", say("The robot cannot be drawn: {why}.", why=why), "robot"))
 
 
 def _entry(robot: Robot, filename: str) -> MeshEntry:
@@ -169,5 +170,9 @@ def _read(mesh: Mesh) -> bytes:
         return mesh.file.read_bytes()
     except OSError as error:
         raise Problem(
-            Refusal("not_found", f"The mesh {mesh.path} cannot be read: {error.strerror}.", "robot")
+            Refusal(
+                "not_found",
+                say("The mesh {path} cannot be read: {why}.", path=mesh.path, why=error.strerror),
+                "robot",
+            )
         ) from error

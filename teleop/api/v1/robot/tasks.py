@@ -23,6 +23,7 @@ from robots.link.state_reader import state_once
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.shared import wire
+from robots.shared.sentences import say
 from robots.shared.wire import MotionOffer, NotDone, Refusal, StopState
 from robots.shared.wire.base import FARTHEST_HEAD_RAD
 from teleop.api.v1.framework.long_poll import LongPoll
@@ -237,7 +238,9 @@ class DriveByView(TasksBase):
         try:
             wire.browser_message(wire.encode(wire.DriveBy(1, **asked)))
         except ValueError as error:
-            raise Problem(Refusal("invalid", f"The body does not fit: {error}.", "wire")) from error
+            raise Problem(
+                Refusal("invalid", say("The body does not fit: {error}.", error=error), "wire")
+            ) from error
         return self.start(
             self.robot(slug), lambda fence, seq: wire.DriveBy(fence, **asked, seq=seq), "drive_by"
         )

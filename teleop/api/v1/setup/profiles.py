@@ -21,6 +21,7 @@ from robots.registry.phrases import (
     why_no_tags,
 )
 from robots.registry.services import phrases_import, profile_save
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time
@@ -224,7 +225,14 @@ def _lines(body: PhraseTexts) -> list[Line]:
         tags = tuple(one.tags)
         why = why_no_language(one.language) or why_no_phrase(one.text) or why_no_tags(tags)
         if why is not None:
-            raise Problem(Refusal("invalid", f"Phrase {number}: {why}", "wire", {"phrase": number}))
+            raise Problem(
+                Refusal(
+                    "invalid",
+                    say("Phrase {number}: {why}", number=number, why=why),
+                    "wire",
+                    {"phrase": number},
+                )
+            )
         lines.append(Line(one.text, in_usual_case(one.language), tags))
     return lines
 

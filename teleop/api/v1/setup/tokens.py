@@ -22,6 +22,7 @@ from fleet.accounts.tokens.services import MOST, TokenInvalid, TooManyTokens, to
 from fleet.base.names import require
 from robots.access.selectors import robots_visible_to
 from robots.registry.models import Robot
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Moment, Time, utc
@@ -37,7 +38,10 @@ Word = Annotated[str, Meta(min_length=1, max_length=80)]
 _BLANK = Refusal("invalid", "The name must not be blank.", "wire")
 _NAME_TAKEN = Refusal("name_taken", "There is a token with this name: choose another one.", "account")
 _TOO_MANY = Refusal(
-    "too_many", f"There are {MOST} valid tokens: end one of them first.", "account", {"most": MOST}
+    "too_many",
+    say("There are {most} valid tokens: end one of them first.", most=MOST),
+    "account",
+    {"most": MOST},
 )
 _OVER = Refusal("invalid", "expires_at is in the past: choose a later time.", "wire")
 _NOT_FRESH = Refusal(
@@ -310,7 +314,7 @@ class ServiceTokensView(TokensBase):
 
 
 def _more(what: str, given: str) -> Refusal:
-    text = f"The new token may not do more than your token: {what} ({given})."
+    text = say("The new token may not do more than your token: {what} ({given}).", what=what, given=given)
     return Refusal("more_than_own", text, "account", {"field": what})
 
 

@@ -8,7 +8,7 @@ format of a figure: one of Python's (`.1f`), or one of `FORMATS`. `static/js/lib
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import date
 from functools import cache
 from string import Formatter
@@ -42,9 +42,21 @@ def counted(one: str, many: str, *, count: int, **figures: Any) -> Sentence:
     return _sentence(one, {"count": count, **figures}, many)
 
 
-def _sentence(key: str, figures: Mapping[str, Any], many: str = "") -> Sentence:
+def joined(between: str, sentences: Sequence[str]) -> Sentence:
+    """Return sentences in a row as one."""
+    figures = {f"part{number}": sentence for number, sentence in enumerate(sentences)}
+    return _sentence(between.join(f"{{{name}}}" for name in figures), figures)
+
+
+def of_parts(text: str, parts: list[Any]) -> Sentence:
+    """Return the sentence with this English text from key and figures that came by wire."""
+    key, figures, many = (*parts, {}, "")[:3] if len(parts) < 2 else (*parts, "")[:3]
+    return _sentence(key, figures, many, text)
+
+
+def _sentence(key: str, figures: Mapping[str, Any], many: str = "", text: str | None = None) -> Sentence:
     form = many if many and figures["count"] != 1 else key
-    sentence = Sentence(filled(form, figures, _in_english))
+    sentence = Sentence(filled(form, figures, _in_english) if text is None else text)
     sentence.key, sentence.figures, sentence.many = key, figures, many
     return sentence
 
@@ -71,7 +83,9 @@ def _on_wire(value: Any) -> Any:
         return value.parts
     if isinstance(value, date):
         return value.isoformat()
-    return round(value, DIGITS) if isinstance(value, float) else value
+    if isinstance(value, float):
+        return round(value, DIGITS)
+    return value if isinstance(value, int | list) else str(value)
 
 
 def fine(number: float) -> str:
