@@ -176,8 +176,8 @@ def colleague_named(username: str, actor: User, booking: Booking) -> User:
     drives = role is not None and role >= Role.OPERATOR
     known = found is not None and manages and may_learn_of(actor, found, booking.robot, booking.starts_at)
     if found is None or not (drives or known):
-        text = _("Nobody with the user name %(name)s may drive %(robot)s at this time.")
-        text %= {"name": username, "robot": booking.robot.name}
+        key = "Nobody with the user name {name} may drive {robot} at this time."
+        text = say(key, name=username, robot=booking.robot.name)
         raise BookingRefused([Refusal("no_colleague", text, "booking")])
     return found
 
@@ -325,7 +325,7 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
     with _changeable(booking_id, actor, version, now) as booking:
         _require_accepted(booking)
         if to == booking.person:
-            text = _("This is the booking of %(name)s already.") % {"name": to.display_name}
+            text = say("This is the booking of {name} already.", name=to.display_name)
             raise BookingRefused([Refusal("invalid", text, "booking")])
         if booking.state == State.BOOKED and now > booking.starts_at:
             changed_by_another(booking, actor, _("handed to %(name)s") % {"name": to.display_name}, "", now)
