@@ -54,7 +54,7 @@ class MovingArm(ArmModel):
         self.posture = ArmPosture(tiago_arm())
         self.posture.describe(_described(show.lacks))
         self.posture.awaits_description = False  # as the node notes when the master has answered
-        self._clearance = ArmClearance(controller.gate, self)
+        self._clearance = ArmClearance(controller.gate, lambda: self)
         physics = robot.physics.model
         for segment in SEGMENTS:
             physics.geom(f"robot {segment.name}").group = SEEN_GROUP

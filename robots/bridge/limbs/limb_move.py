@@ -7,13 +7,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from robots import wire
+from robots.bridge.audit.record_sink import Parameters
 from robots.bridge.audit.records import Records, Requester
+from robots.bridge.config import LimbSource
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
-from robots.bridge.tasks.task import Cause, Ending
-from robots.shared import wire
-from robots.shared.configuration.bridge_config import LimbSource
-from robots.shared.records.record_sink import Parameters
-from robots.shared.wire import Limb, MoveLimb, Refusal
+from robots.bridge.tasks.task import Cause, Ending, Robot
+from robots.wire import Limb, MoveLimb, Refusal
 
 TOP_TO_MEAN_SPEED = 1.5  # top speed / mean speed of a controller that begins and ends at rest
 LEAST_S = 0.5  # shortest duration of a move
@@ -62,11 +62,11 @@ class Target:
 class LimbMove(Goals[Target]):
     """The move of one limb in progress, if any."""
 
-    def __init__(self, limb: Limb, source: LimbSource, mover: LimbMover, records: Records) -> None:
-        super().__init__(records, lambda goal_id, _: mover.cancel_limb(limb, goal_id))
+    def __init__(self, limb: Limb, source: LimbSource, robot: Robot, records: Records) -> None:
+        super().__init__(records, lambda goal_id, _: self._cancel_on_robot(goal_id))
         self._limb = limb
         self._source = source
-        self._mover = mover
+        self._robot = robot
         self._range = [len(source.joints) * end for end in source.range_m]
         # A goal that has ended for the bridge but still runs in the controller: the fingers hold something.
         self._held: str | None = None
@@ -85,7 +85,12 @@ class LimbMove(Goals[Target]):
     @property
     def at_m(self) -> float | None:
         """The limb's position by joint states (m); None: unknown."""
-        return self._mover.limb_at(self._limb)
+        mover = self._robot.part(LimbMover)
+        return mover.limb_at(self._limb) if mover else None
+
+    def _cancel_on_robot(self, goal_id: str) -> None:
+        if mover := self._robot.part(LimbMover):
+            mover.cancel_limb(self._limb, goal_id)
 
     @property
     def runs(self) -> bool:
@@ -113,7 +118,8 @@ class LimbMove(Goals[Target]):
         if not low - 1e-6 <= to_m <= high + 1e-6:  # also true for NaN
             text = f"The {limb} goes from {low:g} to {high:g} m."
             return Refusal("out_of_range", text, "robot", {"least_m": low, "most_m": high})
-        if not self._mover.limb_has_listener(limb):
+        mover = self._robot.part(LimbMover)
+        if mover is None or not mover.limb_has_listener(limb):
             text = f"No node on the robot takes goals for its {limb} ({self._source.action})."
             return Refusal("no_listener", text, "robot", {"topic": self._source.action})
         if self.at_m is None:
@@ -145,8 +151,8 @@ class LimbMove(Goals[Target]):
 
     def start(self, now_s: float) -> None:
         """Send the goal whose record is written. Drop it if its record failed or if it was cancelled."""
-        goal, at_m = self._recorded(now_s), self.at_m
-        if goal is None:
+        goal, at_m, mover = self._recorded(now_s), self.at_m, self._robot.part(LimbMover)
+        if goal is None or mover is None:
             return
         target = goal.what
         way_m = abs(target.order.to_m - (self._range[0] if at_m is None else at_m)) / len(self._source.joints)
@@ -156,7 +162,7 @@ class LimbMove(Goals[Target]):
         low, high = self._range
         to_m = min(max(target.order.to_m, low), high)
         self._may_hold = False
-        self._mover.move_limb(self._limb, goal.sent(now_s), to_m, target.seconds)
+        mover.move_limb(self._limb, goal.sent(now_s), to_m, target.seconds)
 
     def tick(self, now_s: float) -> None:
         """Check the move by joint states; give up a goal that the controller does not answer."""
@@ -253,7 +259,7 @@ class LimbMove(Goals[Target]):
             self._may_hold = False  # from now on, goals of an earlier bridge are cancelled
             if now_s - cancelled_s >= CANCEL_AGAIN_S:
                 self._strays[goal_id] = now_s
-                self._mover.cancel_limb(self._limb, goal_id)
+                self._cancel_on_robot(goal_id)
 
     def _keeps_earlier_goal(self, goal_id: str, now_s: float) -> bool:
         """Return whether to keep a goal of an earlier bridge: the fingers stand, or their position may come.

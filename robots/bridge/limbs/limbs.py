@@ -12,12 +12,12 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
+from robots import wire
 from robots.bridge.audit.records import Requester
-from robots.bridge.gate.arm.discs import KNOWN_S
-from robots.bridge.limbs.limb_move import LimbMove, LimbMover
+from robots.bridge.gate.geometry.arm_discs import KNOWN_S
+from robots.bridge.limbs.limb_move import LimbMove
 from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
-from robots.shared import wire
-from robots.shared.wire import Grant, Limb, Refusal
+from robots.wire import Grant, Limb, Refusal
 
 
 class Limbs(TaskPart):
@@ -41,11 +41,11 @@ class Limbs(TaskPart):
     neutral_words = {"limb_moving": "nothing drives while gripper or torso move"}
 
     def __init__(self, context: Context) -> None:
-        config, mover = context.config, context.robot.part(LimbMover)
-        sources = config.topics.limbs if mover else {}
+        config = context.config
         self._context = context
         self._moves = {
-            limb: LimbMove(limb, source, mover, context.records) for limb, source in sources.items() if mover
+            limb: LimbMove(limb, source, context.robot, context.records)
+            for limb, source in config.topics.limbs.items()
         }
         self._has_arm = config.gate.has_arm or config.topics.arm is not None
         self._at_home_s = -math.inf

@@ -149,7 +149,6 @@ class NavigationGoals(Goals[Target], TaskPart):
         self._source = config.topics.navigation
         self._has_arm = config.gate.has_arm
         self._has_head = config.topics.head is not None
-        self._navigator = context.robot.part(Navigator)
         self._gate = gate
         self.localisation = Localisation()
         self.path = PlannedPath()
@@ -170,8 +169,12 @@ class NavigationGoals(Goals[Target], TaskPart):
         self.last: wire.GoEnd | None = None  # how the last goal ended, for pages
 
     def _cancel_on_robot(self, goal_id: str) -> None:
-        if self._navigator is not None:
-            self._navigator.cancel_navigation(goal_id)
+        if navigator := self._navigator:
+            navigator.cancel_navigation(goal_id)
+
+    @property
+    def _navigator(self) -> Navigator | None:
+        return self._context.robot.part(Navigator)
 
     # --- requests -------------------------------------------------------------------------------------
 
@@ -213,7 +216,8 @@ class NavigationGoals(Goals[Target], TaskPart):
 
     def refuse(self, goal: Pose, drive_topic: str, now_s: float) -> Refusal | None:
         """Return why the robot cannot be sent to `goal`. Rules of all tasks are checked elsewhere."""
-        if self._source is None or self._navigator is None:
+        navigator = self._navigator
+        if self._source is None or navigator is None:
             return NO_NAVIGATION
         if self.hold.is_disobeyed:
             return Refusal("navigation_goes_on", self.hold.why, "robot")
@@ -223,7 +227,7 @@ class NavigationGoals(Goals[Target], TaskPart):
         if self._busy(now_s):
             text = "The robot’s navigation drives to a place that another program requested."
             return Refusal("navigation_busy", text, "robot")
-        if not self._navigator.navigates():
+        if not navigator.navigates():
             text = f"No node of the robot takes goals on {self._source.action}: its navigation does not run."
             return Refusal("no_listener", text, "robot", {"topic": self._source.action})
         if self._has_arm and now_s - self._at_home_s > KNOWN_S:
@@ -303,14 +307,14 @@ class NavigationGoals(Goals[Target], TaskPart):
                 return
             if refusal is not None:
                 self.deny(refusal, now_s)
-        goal = self._recorded(now_s)
-        if goal is None or self._navigator is None:
+        goal, navigator = self._recorded(now_s), self._navigator
+        if goal is None or navigator is None:
             return
         goal.what.heard_s = now_s
         goal.what.digest = self._map.digest if self._map else ""
         self.path.take(NO_POINTS)
         self.hold.drop()
-        self._navigator.go(goal.sent(now_s), goal.what.pose)
+        navigator.go(goal.sent(now_s), goal.what.pose)
 
     @property
     def driving_requester(self) -> Requester | None:
@@ -394,14 +398,15 @@ class NavigationGoals(Goals[Target], TaskPart):
     def tick(self, now_s: float) -> None:
         """Watch the goal in progress, then send a goal that is due."""
         grant = self._context.rules.lease.current
-        if self._source is not None and self._navigator is not None:
-            self._watch(self._navigator, grant.fence if grant else None, now_s)
+        if self._source is not None:
+            self._watch(grant.fence if grant else None, now_s)
         self._start_due(now_s)
 
-    def _watch(self, navigator: Navigator, fence: int | None, now_s: float) -> None:
+    def _watch(self, fence: int | None, now_s: float) -> None:
         """Check localisation; give up a goal without reports; hold the base until navigation is quiet."""
         self.controlled(fence, now_s)
-        located = navigator.located()
+        navigator = self._navigator
+        located = navigator.located() if navigator else None
         if located is not None and self.localisation.transformed(*located, now_s) and self.driving_requester:
             text = f"The robot’s place on its map jumped by {self.localisation.jumped_m:.1f} m."
             self.end("location_jumped", text, now_s)

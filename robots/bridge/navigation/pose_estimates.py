@@ -18,7 +18,6 @@ class PoseEstimates(AtOnce):
 
     def __init__(self, context: Context) -> None:
         self._context = context
-        self._navigator = context.robot.part(Navigator)
         self._asked = Asked(wire.SET_POSE, context, self._why_not)
         self._pose: wire.SetPose | None = None
 
@@ -46,8 +45,9 @@ class PoseEstimates(AtOnce):
         refusal = navigation.refuse_map(pose.map)
         if refusal is not None and navigation.may_come(refusal, now_s):
             return
-        if self._asked.granted(now_s, refusal) and self._navigator is not None:
-            self._navigator.set_pose(Pose(pose.x, pose.y, pose.heading))
+        navigator = self._context.robot.part(Navigator)
+        if self._asked.granted(now_s, refusal) and navigator is not None:
+            navigator.set_pose(Pose(pose.x, pose.y, pose.heading))
         if not self._asked:
             self._pose = None
 

@@ -10,8 +10,7 @@ import socket
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Collection
-from contextlib import suppress
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -23,45 +22,41 @@ from geometry_msgs.msg import Twist, TwistStamped
 from msgspec import structs
 
 from robots.bridge.audit.description import taken_description
+from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
-from robots.bridge.gate.arm.discs import Disc, Posture
+from robots.bridge.gate.geometry.arm_discs import Posture
+from robots.bridge.gate.values import STILL, Pose, Velocity
 from robots.bridge.health.battery_charge import BatteryCharge
+from robots.bridge.probe_findings import BRIDGE, watchdog_name
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.bounds.listening import pause, speaker
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.bounds.memory import end_without_memory
+from robots.bridge.ros.bounds.texts import SENTENCE, cut, named
+from robots.bridge.ros.message_types.classes import message_class
+from robots.bridge.ros.message_types.convert import laser_scan, planar
 from robots.bridge.ros.network.acknowledgements import Acknowledgements
 from robots.bridge.ros.network.host_names import HostNames
+from robots.bridge.ros.network.master import Master, MasterError, SystemState, is_own, why_silent
 from robots.bridge.ros.network.master_monitor import MasterMonitor
 from robots.bridge.ros.network.velocity_sources import velocity_sources
 from robots.bridge.ros.on_demand_topics import OnDemandTopics
 from robots.bridge.ros.robot_runs import RunMonitor
-from robots.bridge.ros.ros_worker import RateLimit, RosWorker
-from robots.bridge.ros.sensors.convert import laser_scan, planar
+from robots.bridge.ros.ros_worker import RosWorker
 from robots.bridge.ros.sensors.depth import DepthTopics
 from robots.bridge.ros.sensors.diagnostics import statuses
 from robots.bridge.ros.sensors.posture_topics import PostureTopics
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.bridge.ros.shutdown import refuse_shutdown
-from robots.bridge.ros.tasks.head import HeadTopics
-from robots.bridge.ros.tasks.limbs import LimbTopics
-from robots.bridge.ros.tasks.motions import MotionTopics
-from robots.bridge.ros.tasks.navigation import NavigationTopics
+from robots.bridge.ros.tasks.parts import parts_of
 from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
+from robots.bridge.ros.tasks.robot_part import RobotPart
 from robots.bridge.ros.tasks.speech import SpeechTopics
 from robots.bridge.tasks.arm_posture import ArmPosture
-from robots.bridge.tasks.head import Aim
-from robots.bridge.tasks.input_routing import goal_topic
-from robots.bridge.tasks.motions import Swept
-from robots.bridge.tasks.speech import Utterance
-from robots.shared.configuration.bridge_config import BridgeConfig, Topic
-from robots.shared.geometry.poses import STILL, Pose, Velocity
-from robots.shared.processes.probe_findings import BRIDGE, watchdog_name
-from robots.shared.ros.master import Master, MasterError, SystemState, is_own, why_silent
-from robots.shared.ros.message_types.classes import message_class
-from robots.shared.ros.texts import SENTENCE, cut, named
-from robots.shared.wire import Limb, MotionOffer, Use
+from robots.bridge.tasks.holder_tasks import HolderTasks
+from robots.bridge.tasks.input_routing import InputSwitch
+from robots.wire import Use
 
 log = logging.getLogger(__name__)
 P = TypeVar("P")
@@ -73,11 +68,7 @@ DESCRIBED_S = 60.0  # between two reads of the description while nobody has cont
 RESTARTED_S = 5.0  # between two reads, if nodes come and go; `DESCRIBED_S` after `FRUITLESS` reads
 FRUITLESS = 3  # reads in a row, while somebody has control, that find no new description
 LARGE = 1_000_000  # characters: reading so large a description may delay the control loop
-JOINED_GAP_S = (
-    5.0  # between two reads of the motions: a read takes up to 0.2 s, and a server may connect often
-)
 SONAR_ROUNDS = 3  # readings of each sonar in its topic's queue
-REACH_M = 1.3  # of an arm that the profile does not describe, around the middle of the base
 SEND_PATIENCE_S = 0.02  # if a listener's buffer is full for longer, the listener does not read
 ODOMETRY_WAITS = 20  # messages in the queue: the gate pairs scans with all of them
 DIAGNOSTICS_WAIT = 20  # some nodes send one message for each part
@@ -88,12 +79,12 @@ MOST_PROBLEMS = 10  # in one report
 MOST_LOOKED_UP = 8  # nodes whose address one survey asks for
 
 
-class RosBase:
+class RosBase(InputSwitch):
     """The robot's ROS interface for `Core`. Passes data from rospy's threads to `Core` on the event loop."""
 
     def __init__(self, config: BridgeConfig) -> None:
-        self._config = config
-        self._master = Master(config.master_uri, BRIDGE)
+        self.config = config
+        self.master = Master(config.master_uri, BRIDGE)
         self._drive_topic = config.topics.drive.name
         self._drives: dict[str, rospy.Publisher] = {}  # by topic: the default and a chosen one
         self._acknowledgements: Acknowledgements | None = None
@@ -102,21 +93,13 @@ class RosBase:
         self._cancels: list[rospy.Publisher] = []
         self._tf: TfTopics | None = None
         self._on_demand: OnDemandTopics | None = None
-        self._head: HeadTopics | None = None
-        self._joints: ArmPosture | None = None
-        self._arm: ArmPosture | None = None  # the same object; None for a robot without an arm
-        self._motions: MotionTopics | None = None
-        self._speech: SpeechTopics | None = None
-        self._navigation: NavigationTopics | None = None
-        self._limbs: dict[Limb, LimbTopics] = {}
+        self.posture = ArmPosture(config.topics.arm) if config.topics.joint_states else None
+        self.parts: Sequence[RobotPart] = ()
         self._names = HostNames()
         self._is_unconnected = False  # a listener of the drive topic did not connect
         self._listened: dict[str, str] = {}  # topics with listeners at the last survey, and their types
         self._topic_worker = RosWorker("topics")
-        self._list_worker = RosWorker("motions")
-        self._joined = RateLimit(self._read_joined, JOINED_GAP_S)
-        self._sweeping = RosWorker("motion")  # not on `_list_worker`, where a list may take seconds
-        self._monitor = MasterMonitor(self._master, self)
+        self._monitor = MasterMonitor(self.master, self)
         self._described = False
         self._description: object = None  # the robot's description that is in use
         self._read_s = -math.inf  # time of the last read
@@ -126,7 +109,7 @@ class RosBase:
         self._runs = RunMonitor()
         self._charge = BatteryCharge()
         self._moves = True  # by the last odometry
-        self._mail = Mailboxes(self._post, lambda: self._core.needs_fresh_sensors, speaker)
+        self.mail = Mailboxes(self.post, lambda: self._core.needs_fresh_sensors, speaker)
         self._loop: asyncio.AbstractEventLoop
         self._core: Core
         self._run_on_loop: Callable[[Callable[[], None]], None]
@@ -134,16 +117,17 @@ class RosBase:
 
     def joints(self, now_s: float) -> dict[str, float]:
         """Return the positions (rad or m) of joints of the robot's description, as far as they are known."""
-        return self._joints.shown(now_s) if self._joints else {}
+        return self.posture.shown(now_s) if self.posture else {}
 
     # --- called by Core ----------------------------------------------------------------------------
 
     def part(self, kind: type[P]) -> P | None:
-        return self  # type: ignore[return-value]
+        """Return the part that does this; None: the robot has none, or is not connected yet."""
+        return next((part for part in (self, *self.parts) if isinstance(part, kind)), None)
 
     def joint(self, name: str) -> float | None:
         """Return the position of a joint (rad or m); None if it was not reported lately."""
-        return self._joints.joint(name, time.monotonic()) if self._joints else None
+        return self.posture.joint(name, time.monotonic()) if self.posture else None
 
     def publish(self, velocity: Velocity) -> None:
         """Publish a twist if the drive topic is connected."""
@@ -166,125 +150,13 @@ class RosBase:
         cancels: list[Callable[[], None]] = [
             partial(publish, publisher, GoalID()) for publisher in self._cancels
         ]
-        for part in (self._motions, self._speech, self._navigation, *self._limbs.values()):
-            cancels += part.cancels if part is not None else []
+        for part in self.parts:
+            cancels += part.cancels
         for cancel in cancels:
             try:
                 cancel()
             except rospy.ROSException:  # its topic is being closed
                 log.exception("goals of one action were not cancelled")
-
-    def aim_head(self, aim: Aim) -> None:
-        """Send the head's target if its topic is connected."""
-        if self._head is not None:
-            self._head.aim(aim)
-
-    def head_at(self) -> tuple[float, float] | None:
-        """Return the head's pan and tilt; None without joint states."""
-        head = self._config.topics.head
-        if head is None:
-            return None
-        pan, tilt = self.joint(head.pan_joint), self.joint(head.tilt_joint)
-        return None if pan is None or tilt is None else (pan, tilt)
-
-    def limb_at(self, limb: Limb) -> float | None:
-        """Return a limb's position (m) from joint states; None if unknown."""
-        places = [self.joint(name) for name in self._config.topics.limbs[limb].joints]
-        known = [place for place in places if place is not None]
-        return sum(known) if len(known) == len(places) else None
-
-    def limb_has_listener(self, limb: Limb) -> bool:
-        """Return whether a node of the robot takes goals for this limb."""
-        return limb in self._limbs and self._limbs[limb].heard
-
-    def move_limb(self, limb: Limb, goal_id: str, to_m: float, seconds: float) -> None:
-        """Send a goal."""
-        if limb in self._limbs:
-            self._limbs[limb].move(goal_id, to_m, seconds)
-
-    def cancel_limb(self, limb: Limb, goal_id: str) -> None:
-        """Cancel this goal and no other."""
-        if limb in self._limbs:
-            self._limbs[limb].cancel(goal_id)
-
-    def play(self, goal_id: str, motion: str, action: str) -> None:
-        """Send a motion's goal."""
-        if self._motions is not None:
-            self._motions.play(goal_id, motion, action)
-
-    def cancel(self, goal_id: str, action: str) -> None:
-        """Cancel this goal and no other."""
-        if self._motions is not None:
-            self._motions.cancel(goal_id, action)
-
-    def sweep(self, motion: str, action: str, then: Swept) -> None:
-        """Read a motion's points from the robot, and call `then` with the space that the arm would sweep."""
-        self._sweeping.do(lambda: self._sweep(motion, action, then))
-
-    def _sweep(self, motion: str, action: str, then: Swept) -> None:
-        if goal_topic(Topic(action, "Action")).name not in self._listened:
-            self._report_listened(self._master.system_state())
-        space = None
-        with suppress(KeyError):
-            if self._motions is not None:
-                recorded, is_news = self._motions.look_up(action, motion)
-                if is_news:
-                    self.read_motions()
-                now_s = time.monotonic()
-                space = self._arm.sweep(recorded, now_s) if self._arm else ((0.0, 0.0, REACH_M),)
-        self._post(lambda: then(space, time.monotonic()))
-
-    def arm(self) -> tuple[Disc, ...] | None:
-        """Return the discs that the arm covers now, by its joints; None if joints are unknown."""
-        return None if self._arm is None else self._arm.arm(time.monotonic())
-
-    def arm_problem(self) -> str:
-        """Return in words why the arm's position is unknown now, but should be known; empty: it is known."""
-        return "" if self._arm is None else self._arm.problem(time.monotonic())
-
-    def read_motions(self) -> None:
-        """Read the list of motions from the robot."""
-        motions = self._motions
-        if motions is not None:
-            self._list_worker.do(lambda: motions.read(self._offer))
-        elif self._config.topics.motions:
-            self._offer(self._config.topics.motions.name, [], "The robot’s ROS master has not answered yet.")
-
-    def _offer(self, action: str, motions: list[MotionOffer], text: str) -> None:
-        self._post(lambda: self._core.tasks.capabilities.read(action, motions, text))
-
-    def _read_joined(self) -> None:
-        """Read the motions of a motion server that has just connected. Runs on a thread of `_joined`."""
-        if self._motions is not None:  # else `join` reads them
-            self.read_motions()
-
-    def say(self, goal_id: str, utterance: Utterance) -> bool:
-        """Send a text to the robot's speech topic. Return whether the robot reports its progress."""
-        return self._speech is not None and self._speech.say(goal_id, utterance)
-
-    def cancel_speech(self, goal_id: str, topic: str) -> None:
-        """Cancel the speech of this goal and no other."""
-        if self._speech is not None:
-            self._speech.cancel_speech(goal_id, topic)
-
-    def navigates(self) -> bool:
-        """Return whether a node of the robot takes goals of navigation."""
-        return self._navigation is not None and self._navigation.heard
-
-    def go(self, goal_id: str, goal: Pose) -> None:
-        """Send the robot to a place of its map."""
-        if self._navigation is not None:
-            self._navigation.go(goal_id, goal)
-
-    def cancel_navigation(self, goal_id: str) -> None:
-        """Cancel this goal and no other."""
-        if self._navigation is not None:
-            self._navigation.cancel(goal_id)
-
-    def set_pose(self, pose: Pose) -> None:
-        """Send the robot its pose on its map."""
-        if self._navigation is not None:
-            self._navigation.set_pose(pose)
 
     def located(self) -> tuple[float, Pose] | None:
         """Return the newest transform from map to odometry and its stamp, if a person drives."""
@@ -311,7 +183,7 @@ class RosBase:
 
     def take_waiting(self) -> None:
         """Pass on messages that could wait. Runs on the loop at each tick."""
-        self._mail.take_waiting()
+        self.mail.take_waiting()
 
     def map_to_odom(self) -> Pose | None:
         """Return the odometry frame in the map frame, if the robot has a map and a person drives."""
@@ -332,9 +204,9 @@ class RosBase:
         the loop.
         """
         self._loop, self._core, self._run_on_loop, self._on_lost = loop, core, run_on_loop, on_lost
-        os.environ["ROS_MASTER_URI"] = self._config.master_uri
+        os.environ["ROS_MASTER_URI"] = self.config.master_uri
         os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
-        os.environ.setdefault("ROS_LOG_DIR", str(Path(self._config.state_dir) / "ros-log"))
+        os.environ.setdefault("ROS_LOG_DIR", str(Path(self.config.state_dir) / "ros-log"))
         self._monitor.start()
 
     def stop(self) -> None:
@@ -352,7 +224,7 @@ class RosBase:
 
     def join(self) -> None:
         """Register at the master and connect all topics."""
-        topics = self._config.topics
+        topics = self.config.topics
         install(end_without_memory)
         refuse_shutdown(self._monitor.name_is_lost)
         rospy.init_node(
@@ -374,42 +246,22 @@ class RosBase:
             self._subscribe(topics.diagnostics, self._on_diagnostics, DIAGNOSTICS_WAIT)
             pause(topics.diagnostics.name, lambda: DIAGNOSED_S)
         self._acknowledgements = Acknowledgements(
-            socket.gethostbyname(urlsplit(self._config.master_uri).hostname or "")
+            socket.gethostbyname(urlsplit(self.config.master_uri).hostname or "")
         )
         self._cancels = [
             rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1) for action in topics.cancelled
         ]
         self._drives = {topics.drive.name: self._drive_publisher(topics.drive.name)}
-        if topics.head:
-            self._head = HeadTopics(topics.head)
-        if topics.motions:
-            actions = self._core.tasks.routing.connected("motions")  # every action that people may choose
-            self._motions = MotionTopics(
-                actions,
-                topics.motions.type,
-                self._master,
-                self._mail,
-                self._core.tasks.motions,
-                self._joined.do,
-            )
-        if topics.speech:
-            self._speech = SpeechTopics(topics.speech, self._mail, self._core.tasks.speech)
-        if topics.navigation:
-            self._navigation = NavigationTopics(topics.navigation, self._mail, self._core.tasks.navigation)
-        for limb, source in topics.limbs.items():
-            self._limbs[limb] = LimbTopics(source, self._mail, self._core.tasks.limbs.move(limb))
-        if topics.joint_states:
-            self._joints = ArmPosture(topics.arm)
-            self._arm = self._joints if topics.arm else None
-            posture = PostureTopics(self._joints, self._on_posture if topics.arm else None)
-            posture.subscribe(
-                topics.joint_states, topics.motions if topics.arm and topics.arm.postures else None
-            )
+        self.parts = tuple(parts_of(self))
+        if self.posture and topics.joint_states:
+            posture = PostureTopics(self.posture, self._on_posture if topics.arm else None)
+            motions = topics.motions if topics.arm and topics.arm.postures else None
+            posture.subscribe(topics.joint_states, motions)
         self._describe()
-        depth, view = topics.depth, self._config.gate.depth
+        depth, view = topics.depth, self.config.gate.depth
         if depth and view:
             self._tf = TfTopics(depth.base_frame)
-            pictures = DepthTopics(depth, view, self._tf.frames, self._mail, self._core)
+            pictures = DepthTopics(depth, view, self._tf.frames, self.mail, self._core)
             self._on_demand = OnDemandTopics(self._topic_worker, self._tf, pictures)
         elif topics.map or topics.navigation:
             self._tf = TfTopics()
@@ -420,10 +272,10 @@ class RosBase:
         self._runs.start_run()
         self._described, self._description = False, None
         self._map_servers = {}
-        if self._joints:
-            self._joints.awaits_description = True
+        if self.posture:
+            self.posture.awaits_description = True
         self._describe()
-        self._post(lambda: self._core.restarted(time.monotonic()))
+        self.post(lambda: self._core.restarted(time.monotonic()))
 
     def surveyed(self, system: SystemState) -> None:
         """Report the robot's state. Read missing data, since the robot may start after its master."""
@@ -433,39 +285,49 @@ class RosBase:
         self._look_for_restart(system)
         self._look_for_map_server(system)
         self._describe()
-        if self._motions and not any(self._motions.repertoire.values()):
-            self.read_motions()
+        for part in self.parts:
+            part.surveyed()
 
     def _follow_clock(self, system: SystemState) -> None:
         """Report whether the robot's nodes follow a simulated clock."""
         try:
-            simulated = "/clock" in system.publishers and self._master.parameter("/use_sim_time") is True
+            simulated = "/clock" in system.publishers and self.master.parameter("/use_sim_time") is True
         except MasterError:
             return  # the next survey asks again
-        self._post(lambda: self._core.follow_clock(simulated=simulated))
+        self.post(lambda: self._core.follow_clock(simulated=simulated))
+
+    @property
+    def tasks(self) -> HolderTasks:
+        """The tasks of the holder. Use them on the event loop only."""
+        return self._core.tasks
+
+    def find_listener(self, topic: str) -> None:
+        """Ask the master again who listens, if nobody listened to this topic at the last survey."""
+        if topic not in self._listened:
+            self._report_listened(self.master.system_state())
 
     def _report_listened(self, system: SystemState) -> None:
         self._listened = listened = _listened(system)
-        self._post(lambda: self._core.tasks.routing.surveyed(listened, time.monotonic()))
+        self.post(lambda: self._core.tasks.routing.surveyed(listened, time.monotonic()))
 
     def report(self, status: RosStatus) -> None:
         """Report the state of the connection to the master."""
         short = structs.replace(status, text=cut(status.text, SENTENCE))
-        self._post(lambda: self._core.ros_status(short, time.monotonic()))
+        self.post(lambda: self._core.ros_status(short, time.monotonic()))
 
     def lost(self, name_taken: bool) -> None:
         """Report that this process's node ended or failed to start."""
-        self._post(lambda: self._on_lost(name_taken))
+        self.post(lambda: self._on_lost(name_taken))
 
     def _look_for_map_server(self, system: SystemState) -> None:
         """Notice that other nodes, or another run of one, publish the map. If all are gone, the map stays."""
-        topic = self._config.topics.map
+        topic = self.config.topics.map
         nodes = system.publishers.get(topic.name, [])[:MOST_LOOKED_UP] if topic else []
-        servers = {node: self._master.node_uri(node) for node in nodes}
+        servers = {node: self.master.node_uri(node) for node in nodes}
         if servers and servers != self._map_servers:
             is_other, self._map_servers = bool(self._map_servers), servers
             if is_other:
-                self._post(lambda: self._core.map_server_replaced(time.monotonic()))
+                self.post(lambda: self._core.map_server_replaced(time.monotonic()))
 
     def _look_for_restart(self, system: SystemState) -> None:
         """Read the description again when nodes came or went that a restart of the robot replaces.
@@ -473,7 +335,7 @@ class RosBase:
         The read every `DESCRIBED_S`, while nobody has control, finds other changes: a restart between two
         surveys, or a new description without a restart.
         """
-        topics = self._config.topics
+        topics = self.config.topics
         names = {"/tf", topics.odometry.name, *([topics.joint_states.name] if topics.joint_states else [])}
         publishers = {node for name in names for node in system.publishers.get(name, [])}
         seconds = time.monotonic() - self._read_s
@@ -490,11 +352,11 @@ class RosBase:
         """
         if self._described:
             return
-        master = Master(self._config.master_uri, BRIDGE, DESCRIPTION_S)
+        master = Master(self.config.master_uri, BRIDGE, DESCRIPTION_S)
         try:
             description = master.parameter("/robot_description")
-            if self._joints:
-                self._joints.awaits_description = False
+            if self.posture:
+                self.posture.awaits_description = False
         except MasterError:
             description = None  # the next survey asks again, unless one is known and somebody drives
         known, drives = self._description is not None, self._core.needs_fresh_sensors
@@ -504,11 +366,11 @@ class RosBase:
             self._fruitless = self._fruitless + 1 if drives else 0
             return
         self._description, self._fruitless = description, 0
-        if self._joints:
-            self._joints.describe(description)
+        if self.posture:
+            self.posture.describe(description)
         if self._described:
             taken = taken_description(description)
-            self._post(lambda: self._core.described(taken, self._ask_again))
+            self.post(lambda: self._core.described(taken, self._ask_again))
 
     def _ask_again(self) -> None:
         """Let the next survey read the description again: the console could not keep it."""
@@ -524,7 +386,7 @@ class RosBase:
             self._connect(use, topics)
             connected = topics
         finally:
-            self._post(lambda: self._core.tasks.routing.attended(use, connected, time.monotonic()))
+            self.post(lambda: self._core.tasks.routing.attended(use, connected, time.monotonic()))
 
     def _connect(self, use: Use, topics: frozenset[str]) -> None:
         if use == "drive":
@@ -533,8 +395,8 @@ class RosBase:
                 self._await_listener(publisher)
             for name in self._drives.keys() - topics:
                 self._drives.pop(name).unregister()
-        elif use == "speech" and self._speech:
-            self._speech.attend(topics)
+        elif use == "speech" and (speech := self.part(SpeechTopics)):
+            speech.attend(topics)
 
     def _await_listener(self, publisher: rospy.Publisher) -> None:
         """Wait a moment for a listener: otherwise a robot with a new drive topic would look disconnected."""
@@ -543,9 +405,9 @@ class RosBase:
             time.sleep(FLUSH_S / 10)
 
     def _survey(self, system: SystemState) -> RosStatus:
-        topics = self._config.topics
+        topics = self.config.topics
         drive = Topic(self._drive_topic, topics.drive.type)
-        own = {BRIDGE, watchdog_name(self._config.robot_id)}
+        own = {BRIDGE, watchdog_name(self.config.robot_id)}
         foreign = named(set(system.publishers.get(drive.name, [])) - own)
         wanted = [drive, topics.odometry]
         wanted += [Topic(scan.topic, "sensor_msgs/LaserScan") for scan in topics.scans]
@@ -565,7 +427,7 @@ class RosBase:
 
     def _unresolved(self, nodes: Collection[str]) -> list[str]:
         """Return a sentence for each host name of the robot that this computer cannot resolve."""
-        uris = [uri for node in list(nodes)[:MOST_LOOKED_UP] if (uri := self._master.node_uri(node))]
+        uris = [uri for node in list(nodes)[:MOST_LOOKED_UP] if (uri := self.master.node_uri(node))]
         return [
             f"The robot calls itself {host}, which cannot be resolved here: give it a host alias."
             if host
@@ -583,7 +445,7 @@ class RosBase:
         if not (before and self._is_unconnected):
             return ""
         node = listening[0]
-        uri = self._master.node_uri(node)
+        uri = self.master.node_uri(node)
         why = uri and why_silent(uri)
         if why:
             return f"{node} should listen to {drive.name}, but {why}."
@@ -602,7 +464,7 @@ class RosBase:
         pose, velocity = planar(message)
         self._moves = not all(abs(part) < RESTS for part in velocity)
         stamp_s, run = message.header.stamp.to_sec(), self._runs.of(message._connection_header)
-        self._mail.post(
+        self.mail.post(
             "odometry",
             lambda: self._core.odometry(stamp_s, arrival_s, pose, velocity, wall_s, run),
             ODOMETRY_WAITS,
@@ -612,7 +474,7 @@ class RosBase:
     def _on_scan(self, source: str) -> Callable[[Any], None]:
         def receive(message: Any) -> None:
             scan = laser_scan(message, source, time.monotonic())
-            self._mail.post(source, lambda: self._core.laser(scan))
+            self.mail.post(source, lambda: self._core.laser(scan))
 
         return receive
 
@@ -620,30 +482,30 @@ class RosBase:
         arrival_s, stamp_s = time.monotonic(), message.header.stamp.to_sec()
         frame_id = message.header.frame_id.lstrip("/")
         if frame_id in self._sonars:
-            self._mail.post(
+            self.mail.post(
                 ("sonar", frame_id),
                 lambda: self._core.range(frame_id, stamp_s, arrival_s, message.range),
                 can_wait=True,
             )
 
     def _on_posture(self, arm: Posture, arrival_s: float) -> None:
-        self._mail.post("posture", lambda: self._core.posture(arm, arrival_s), can_wait=True)
+        self.mail.post("posture", lambda: self._core.posture(arm, arrival_s), can_wait=True)
 
     def _on_battery(self, message: Any) -> None:
         percent, arrival_s = self._charge.percent(message), time.monotonic()
         if percent is not None:
-            self._mail.post("battery", lambda: self._core.battery(percent, arrival_s), can_wait=True)
+            self.mail.post("battery", lambda: self._core.battery(percent, arrival_s), can_wait=True)
 
     def _on_charging(self, message: Any) -> None:
-        self._mail.post("charging", lambda: self._core.charging(bool(message.data)), can_wait=True)
+        self.mail.post("charging", lambda: self._core.charging(bool(message.data)), can_wait=True)
 
     def _on_diagnostics(self, message: Any) -> None:
         arrival_s, read = time.monotonic(), statuses(message)
-        self._mail.post(
+        self.mail.post(
             "diagnostics", lambda: self._core.diagnosed(read, arrival_s), DIAGNOSTICS_WAIT, can_wait=True
         )
 
-    def _post(self, call: Callable[[], None]) -> None:
+    def post(self, call: Callable[[], None]) -> None:
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._run_on_loop, call)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,7 @@ class ArmModel(ABC):
 class ArmClearance:
     """The free space around one robot's arm. While a motion runs, call `refuse` every tick."""
 
-    def __init__(self, gate: Gate, arm: ArmModel | None) -> None:
+    def __init__(self, gate: Gate, arm: Callable[[], ArmModel | None]) -> None:
         self._gate = gate
         self._arm = arm
         # where the arm was recently, while it moves
@@ -56,7 +56,8 @@ class ArmClearance:
 
     def refuse(self, space: Sequence[Disc], now_s: float, *, running: bool = False) -> Refusal | None:
         """Return why the arm may not sweep `space`, or not continue: an obstacle is there, or a sensor is missing."""
-        problem = self._arm.arm_problem() if self._arm else ""
+        arm = self._arm()
+        problem = arm.arm_problem() if arm else ""
         if not running:
             self._lately.clear()
         if not running or not problem:
@@ -93,7 +94,8 @@ class ArmClearance:
         return Refusal("motion_blocked", text, "gate", {"sensor": sensor, "distance_m": gap_m, "side": side})
 
     def _follow_arm(self, now_s: float) -> None:
-        self._lately.append((now_s, self._arm.arm() if self._arm else None))
+        arm = self._arm()
+        self._lately.append((now_s, arm.arm() if arm else None))
         while now_s - self._lately[0][0] > LATELY_S:
             self._lately.popleft()
 

@@ -39,7 +39,6 @@ class HeadTasks(AtOnce):
         source = context.config.topics.head
         self._context = context
         self._head = Head(source) if source else None
-        self._mover = context.robot.part(HeadMover)
         self._looks = Asked(wire.LOOK_AHEAD, context, self._why_not)
         self._turns = Asked(wire.TURN_HEAD, context, self._why_not)
         self._asked_turns: list[wire.TurnHead] = []  # turns that wait for their record
@@ -67,8 +66,8 @@ class HeadTasks(AtOnce):
         If a rule forbids a later step of looking ahead, the head stays down, and the gate limits the speed.
         """
         aim = None if self._head is None else self._next_aim(self._head, now_s)
-        if aim is not None and self._mover is not None:
-            self._mover.aim_head(aim)
+        if aim is not None and (mover := self._context.robot.part(HeadMover)):
+            mover.aim_head(aim)
 
     def _next_aim(self, head: Head, now_s: float) -> Aim | None:
         rules, navigation = self._context.rules, self._context.tasks.part(NavigationGoals)
@@ -91,8 +90,8 @@ class HeadTasks(AtOnce):
 
     def _turn(self, order: wire.TurnHead, requester: Requester, now_s: float) -> None:
         """Turn the head. A drag in the camera's picture causes many turns: only the first is recorded."""
-        fence, until_s = self._turning
-        if self._head is None or self._mover is None or order.fence != fence or now_s > until_s:
+        (fence, until_s), mover = self._turning, self._context.robot.part(HeadMover)
+        if self._head is None or mover is None or order.fence != fence or now_s > until_s:
             if self._turns.ask(requester, now_s):
                 self._asked_turns = [*self._asked_turns[-MOST_TURNS:], order]
             return
@@ -100,14 +99,15 @@ class HeadTasks(AtOnce):
         requester.answer(refusal)
         if refusal is None:
             self._turning = fence, now_s + TURNS_S
-            self._mover.aim_head(self._head.turn(order.pan, order.tilt, self._mover.head_at(), now_s))
+            mover.aim_head(self._head.turn(order.pan, order.tilt, mover.head_at(), now_s))
 
     def _turned(self, head: Head, now_s: float) -> Aim | None:
         """Return the aim of turns that were recorded just now."""
         turns, self._asked_turns = self._asked_turns, []
         for turn in turns:
             self._turning = turn.fence, now_s + TURNS_S
-        if self._mover is None or not turns:
+        mover = self._context.robot.part(HeadMover)
+        if mover is None or not turns:
             return None
         pan, tilt = sum(turn.pan for turn in turns), sum(turn.tilt for turn in turns)
-        return head.turn(pan, tilt, self._mover.head_at(), now_s)
+        return head.turn(pan, tilt, mover.head_at(), now_s)

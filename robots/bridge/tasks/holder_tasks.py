@@ -78,7 +78,7 @@ class HolderTasks:
         }
         self._begins = {kind.request for part in self.parts for kind in part.kinds}
         self._rules = rules
-        self._player = robot.part(MotionPlayer)
+        self._robot = robot
         self._named = NamedEnds()
         # The parts with which core and robot speak by name.
         self.motions = self.part(Motions)
@@ -130,8 +130,12 @@ class HolderTasks:
 
     def read_motions(self) -> None:
         """Let the robot be asked for its motions."""
-        if self._player is not None:
-            self._player.read_motions()
+        player = self._robot.part(MotionPlayer)
+        if player is not None:
+            player.read_motions()
+        else:
+            text = "The robot’s ROS master has not answered yet."
+            self.capabilities.read(self.routing.topic("motions"), [], text)
 
     def blocks(self, activity: Activity, now_s: float, but: TaskPart | None = None) -> Refusal | None:
         """Return the first refusal of a part, `but` this one, whose task forbids this activity."""

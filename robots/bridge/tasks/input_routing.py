@@ -75,7 +75,7 @@ class InputRouting(TaskPart):
         self.gone: dict[Use, wire.ChoiceEnd] = {}
         self._made: dict[Use, _Route] = {}  # choices other than the default
         self._defaults = {use: topic for use, topic in offered.items() if topic is not None}
-        self._switch = context.robot.part(InputSwitch)
+        self._robot = context.robot
         self._tasks = context.tasks
         self._records = context.records
         self._rules = context.rules
@@ -272,8 +272,8 @@ class InputRouting(TaskPart):
         if use == "drive":
             self._parted_s = None
             self._rules.halt("input_moved", why, now_s)
-            if self._switch is not None:
-                self._switch.drive_to(name)
+            if switch := self._robot.part(InputSwitch):
+                switch.drive_to(name)
         elif use == "motions":
             self._tasks.read_motions()
 
@@ -285,9 +285,9 @@ class InputRouting(TaskPart):
         if wanted != self._wanted[use]:
             self._wanted[use] = wanted
             self._connected[use] = wanted & frozenset(self._connected[use])
-            if self._switch is not None:
+            if switch := self._robot.part(InputSwitch):
                 self._unanswered[use] += 1
-                self._switch.attend(use, wanted)
+                switch.attend(use, wanted)
 
     def _withdraw(self, use: Use, refusal: Refusal, now_s: float) -> None:
         if asked := self._asked.pop(use, None):

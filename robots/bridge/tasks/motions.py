@@ -193,8 +193,7 @@ class Motions(Goals[MotionGoal], TaskPart):
     def __init__(self, context: Context) -> None:
         super().__init__(context.records, self._cancel_on_robot)
         self._context = context
-        self._player = context.robot.part(MotionPlayer)
-        self._clearance = ArmClearance(context.gate, context.robot.part(ArmModel))
+        self._clearance = ArmClearance(context.gate, lambda: context.robot.part(ArmModel))
         self.last: wire.MotionEnd | None = None  # how the last motion ended, for pages
         # Actions with goals that nobody watches, with the time of the last cancel.
         self._unwatched_actions: dict[str, float] = {}
@@ -202,20 +201,21 @@ class Motions(Goals[MotionGoal], TaskPart):
         self._unwatched_goals: dict[str, _UnwatchedGoal] = {}
 
     def _cancel_on_robot(self, goal_id: str, action: str) -> None:
-        if self._player is not None:
-            self._player.cancel(goal_id, action)
+        if player := self._context.robot.part(MotionPlayer):
+            player.cancel(goal_id, action)
 
     # --- rules ----------------------------------------------------------------------------------------
 
     def take(self, order: wire.Play, grant: Grant, requester: Requester, now_s: float) -> None:
         """Record the motion and read its present points in parallel, because both take a while."""
-        if self._player is None:
-            requester.answer(NO_MOTIONS)
-            return
         refusal = self.refuse(now_s) or self._why_not(requester, None, now_s)
         # The last survey is seconds old: a subscriber may have joined since.
         if refusal is not None and refusal.code != "no_listener":
             requester.answer(refusal)
+            return
+        player = self._context.robot.part(MotionPlayer)
+        if player is None:
+            requester.answer(NO_MOTIONS)
             return
         tasks = self._context.tasks
         routing = tasks.part(InputRouting)
@@ -228,7 +228,7 @@ class Motions(Goals[MotionGoal], TaskPart):
             self._take_space(goal, space, now_s, routing.refuse("motions", action))
             self._watch(now_s)
 
-        self._player.sweep(order.motion, action, swept)
+        player.sweep(order.motion, action, swept)
 
     def cancel_request(self, order: Any, why: str, now_s: float) -> Refusal | None:
         """Cancel the motion."""
@@ -329,9 +329,9 @@ class Motions(Goals[MotionGoal], TaskPart):
                 refusal = refusal or self._clearance.refuse(self._space, now_s)
                 if refusal is not None:
                     self.deny(refusal, now_s)
-            goal = self._recorded(now_s)
-            if goal is not None and self._player is not None:
-                self._player.play(goal.sent(now_s), goal.what.name, goal.topic)
+            goal, player = self._recorded(now_s), self._context.robot.part(MotionPlayer)
+            if goal is not None and player is not None:
+                player.play(goal.sent(now_s), goal.what.name, goal.topic)
         elif self.begun and (refusal := self._clearance.refuse(self._space, now_s, running=True)):
             self.cancel(_OUTCOMES[refusal.code], refusal.text)
 

@@ -108,13 +108,12 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
     def __init__(self, context: Context) -> None:
         super().__init__(context.records, self._cancel_on_robot)
         self._context = context
-        self._voice = context.robot.part(SpeechOutput)
         self._sent: dict[str, float] = {}  # time of the last text, by topic that is no action
         self.last: wire.SpeechEnd | None = None  # how the last text ended, for pages
 
     def _cancel_on_robot(self, goal_id: str, topic: str) -> None:
-        if self._voice is not None:
-            self._voice.cancel_speech(goal_id, topic)
+        if voice := self._context.robot.part(SpeechOutput):
+            voice.cancel_speech(goal_id, topic)
 
     def take(self, order: wire.Say, grant: Grant, requester: Requester, now_s: float) -> None:
         """Record the request. `tick` then sends the text and answers the requester."""
@@ -168,9 +167,9 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
 
     def _start(self, connected: Collection[str], now_s: float) -> None:
         """Send a recorded text that was not cancelled, if its topic is among the `connected` topics."""
-        goal = self._recorded(now_s)
-        if goal is not None and goal.topic in connected and self._voice is not None:
-            tells = self._voice.say(goal.sent(now_s), goal.what.utterance)
+        goal, voice = self._recorded(now_s), self._context.robot.part(SpeechOutput)
+        if goal is not None and goal.topic in connected and voice is not None:
+            tells = voice.say(goal.sent(now_s), goal.what.utterance)
             if not tells:
                 self._sent[goal.topic] = now_s
                 self._end("sent", "", now_s)

@@ -114,7 +114,7 @@ class Robot(Protocol):
     """The robot's parts, by what they do: each is an object of a class such as `motions.MotionPlayer`."""
 
     def part(self, kind: type[P]) -> P | None:
-        """Return the part that does this; None: the robot has none."""
+        """Return the part that does this; None: the robot has none, or is not connected yet."""
 
 
 class Tasks(Protocol):

@@ -13,17 +13,20 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
 from robots.bridge.ros import node
 from robots.bridge.ros.bounds.board import Board
 from robots.bridge.ros.inspector.graph import graph
+from robots.bridge.ros.network import master
+from robots.bridge.ros.network.master import TIMEOUT_S, Master, MasterError, SystemState
 from robots.bridge.ros.network.tcpros import Conversation, connect, first_response
 from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.ros_worker import RateLimit, RosWorker
-from robots.shared.ros import master
-from robots.shared.ros.master import TIMEOUT_S, Master, MasterError, SystemState
+from robots.bridge.ros.tasks import robot_motions
+from robots.bridge.ros.tasks.robot_motions import RobotMotions
 from tests.bridge.support import CONFIG
 from tests.processes import serving, until
 from tests.ros.spoiled_master import answer_of
@@ -164,14 +167,17 @@ def test_repeated_requests_run_now_and_once_more_later():
 
 
 def test_a_flapping_node_does_not_speed_up_motion_reading(monkeypatch):
-    monkeypatch.setattr(node, "JOINED_GAP_S", 0.5)
-    base = RosBase(CONFIG)
+    monkeypatch.setattr(robot_motions, "JOINED_GAP_S", 0.5)
     readings: queue.SimpleQueue[float] = queue.SimpleQueue()
-    base._motions = SimpleNamespace(read=lambda _tell: readings.put(time.monotonic()))
+    topics = SimpleNamespace(read=lambda _tell: readings.put(time.monotonic()))
+    made = Mock(return_value=topics)
+    monkeypatch.setattr(robot_motions, "MotionTopics", made)
+    RobotMotions.of(Mock(config=CONFIG))
+    joined = made.call_args.args[-1]
     began_s = time.monotonic()
-    base._joined.do()
+    joined()
     readings.get(timeout=10)
-    base._joined.do()
+    joined()
     assert readings.get(timeout=10) - began_s >= 0.5
 
 

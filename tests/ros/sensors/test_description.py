@@ -88,11 +88,10 @@ class Robot:
         self.taken: list[str] = []
         self.base._core = self
         self.needs_fresh_sensors = False
-        self.base._joints = self.base._arm = ArmPosture(ARM)
         self.base._loop = None  # type: ignore[assignment]
         monkeypatch.setattr(node.time, "monotonic", lambda: self.now_s)
         monkeypatch.setattr(node, "Master", lambda *_: self)
-        monkeypatch.setattr(self.base, "_post", lambda call: call())
+        monkeypatch.setattr(self.base, "post", lambda call: call())
         self.base._describe()
 
     def parameter(self, _name):
@@ -128,7 +127,7 @@ def test_a_robot_that_stays_is_asked_seldom_and_handed_on_once(robot):
 def test_a_start_that_no_survey_saw_is_found_while_nobody_has_control(robot):
     robot.description = without_hand()
     robot.surveys(62)
-    assert len(robot.taken) == 2 and robot.base._arm._model.lacking == [HAND]
+    assert len(robot.taken) == 2 and robot.base.posture._model.lacking == [HAND]
 
 
 @pytest.mark.parametrize("topic", ["/tf", "/joint_states", CONFIG.topics.odometry.name])
@@ -138,7 +137,7 @@ def test_nodes_that_come_and_go_lead_to_a_reading_also_in_control(robot, topic):
     robot.surveys(2, **{topic: []})
     robot.description = without_hand()
     robot.surveys(6, **{topic: ["/another"]})
-    assert len(robot.taken) == 2 and robot.base._arm._model.lacking == [HAND]
+    assert len(robot.taken) == 2 and robot.base.posture._model.lacking == [HAND]
 
 
 def test_nodes_of_other_topics_lead_to_none_and_restless_ones_to_few(robot):
@@ -153,13 +152,13 @@ def test_nodes_of_other_topics_lead_to_none_and_restless_ones_to_few(robot):
 
 @pytest.mark.parametrize("missing", [None, MasterError("no answer")])
 def test_a_known_description_stays_while_none_can_be_read(robot, missing):
-    known = robot.base._arm._model
+    known = robot.base.posture._model
     robot.description = missing
     robot.surveys(70)
-    assert robot.base._arm._model is known and len(robot.taken) == 1
+    assert robot.base.posture._model is known and len(robot.taken) == 1
     robot.description = without_hand()
     robot.surveys(2)
-    assert robot.base._arm._model.lacking == [HAND]
+    assert robot.base.posture._model.lacking == [HAND]
 
 
 def test_a_reading_that_fails_in_control_waits_for_its_end(robot):
@@ -170,7 +169,7 @@ def test_a_reading_that_fails_in_control_waits_for_its_end(robot):
     assert robot.readings == before + 1
     robot.needs_fresh_sensors, robot.description = False, without_hand()
     robot.surveys(62)
-    assert robot.base._arm._model.lacking == [HAND]
+    assert robot.base.posture._model.lacking == [HAND]
 
 
 def test_restless_nodes_lead_to_few_readings_in_control(robot):
@@ -186,10 +185,10 @@ def test_a_large_new_description_waits_for_the_end_of_control(robot):
     robot.surveys(20)
     robot.needs_fresh_sensors, robot.description = True, without_hand() + " " * node.LARGE
     robot.surveys(60, **{"/tf": ["/another"]})
-    assert len(robot.taken) == 1 and robot.base._arm._model.lacking == []
+    assert len(robot.taken) == 1 and robot.base.posture._model.lacking == []
     robot.needs_fresh_sensors = False
     robot.surveys(62)
-    assert robot.base._arm._model.lacking == [HAND]
+    assert robot.base.posture._model.lacking == [HAND]
 
 
 def test_what_the_console_could_not_keep_is_handed_on_again(robot):

@@ -233,20 +233,21 @@ def test_an_action_that_hangs_is_let_go_of(reads, rosmaster):
 
 def test_leaving_a_topic_hides_no_cancel(ros, rosmaster):
     base = RosBase(CONFIG)
-    base._motions = motion_topics(["/left_play", "/kept_play"], rosmaster.uri)
+    motion_actions = motion_topics(["/left_play", "/kept_play"], rosmaster.uri)
     tts = Topic("/left_tts", "pal_interaction_msgs/TtsAction")
-    base._speech = SpeechTopics(tts, Mailboxes(lambda call: None), SimpleNamespace())
-    base._speech.attend({"/left_tts", "/kept_tts"})
+    speech = SpeechTopics(tts, Mailboxes(lambda call: None), SimpleNamespace())
+    base.parts = (motion_actions, speech)
+    speech.attend({"/left_tts", "/kept_tts"})
     try:
         with (
             ros.listen("/kept_play/cancel", GoalID) as motions,
             ros.listen("/kept_tts/cancel", GoalID) as texts,
         ):
             ros.connected(motions, texts)
-            base._motions._actions["/left_play"].close()
-            base._speech._voices["/left_tts"].close()
+            motion_actions._actions["/left_play"].close()
+            speech._voices["/left_tts"].close()
             base.cancel_all()
             assert [inbox.next().id for inbox in (motions, texts)] == ["", ""]
     finally:
-        base._motions.close()
-        base._speech.attend(())
+        motion_actions.close()
+        speech.attend(())

@@ -210,7 +210,7 @@ def test_a_hostile_master_never_fakes_a_connection(monkeypatch):
     base._core = SimpleNamespace(
         tasks=SimpleNamespace(routing=SimpleNamespace(attended=lambda *how: changes.append(how)))
     )
-    monkeypatch.setattr(base, "_post", lambda later: later())
+    monkeypatch.setattr(base, "post", lambda later: later())
     monkeypatch.setattr(base, "_drive_publisher", fails)
     with pytest.raises(ValueError, match="no answer"):
         base._attend("drive", frozenset({"/key_vel", "/phone_vel"}))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from uuid import uuid4
 
 import rospy
@@ -11,21 +12,24 @@ from geometry_msgs.msg import Point, PointStamped
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from robots.bridge.config import HeadSource
 from robots.bridge.ros.bounds.sizes import expect
+from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.tasks.publishing import heard_by, publish
+from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.bridge.tasks.goals import OURS
 from robots.bridge.tasks.head import Aim
-from robots.shared.configuration.bridge_config import HeadSource
-from robots.shared.ros.message_types.classes import message_class
+from robots.bridge.tasks.head_tasks import HeadMover
 
 FAR_M = 1000.0  # a point at this distance lies in the same direction from the head and from the base
 
 
-class HeadTopics:
+class HeadTopics(HeadMover, RobotPart):
     """The topics of one head. Its controller takes joint positions, its action a point to look at."""
 
-    def __init__(self, source: HeadSource) -> None:
+    def __init__(self, source: HeadSource, joint: Callable[[str], float | None]) -> None:
         self._source = source
+        self._joint = joint
         self._controller = rospy.Publisher(source.topic, JointTrajectory, queue_size=1)
         self._action: rospy.Publisher | None = None
         if source.point_head is not None:
@@ -36,7 +40,18 @@ class HeadTopics:
             expect(status, "actionlib_msgs/GoalStatusArray")
             self._server = rospy.Subscriber(status, rospy.AnyMsg, lambda _status: None, queue_size=1)
 
-    def aim(self, aim: Aim) -> None:
+    @classmethod
+    def of(cls, node: Node) -> HeadTopics | None:
+        """Return the head of a robot that has one."""
+        head = node.config.topics.head
+        return cls(head, node.joint) if head else None
+
+    def head_at(self) -> tuple[float, float] | None:
+        """Return the head's pan and tilt; None without joint states."""
+        pan, tilt = self._joint(self._source.pan_joint), self._joint(self._source.tilt_joint)
+        return None if pan is None or tilt is None else (pan, tilt)
+
+    def aim_head(self, aim: Aim) -> None:
         """Send the head's aim."""
         if self._action is not None and heard_by(self._action) and self._server.get_num_connections():
             publish(self._action, self._goal(aim))

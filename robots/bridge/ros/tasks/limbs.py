@@ -10,11 +10,52 @@ import rospy
 from actionlib_msgs.msg import GoalStatus
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from robots.bridge.limbs.limb_move import LimbMove
+from robots.bridge.config import GRIPPER_COMMAND, LimbSource, Topic
+from robots.bridge.limbs.limb_move import LimbMove, LimbMover
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.ros.bounds.texts import SENTENCE, cut
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
-from robots.shared.configuration.bridge_config import GRIPPER_COMMAND, LimbSource, Topic
-from robots.shared.ros.texts import SENTENCE, cut
+from robots.bridge.ros.tasks.robot_part import Node, RobotPart
+from robots.wire import Limb
+
+
+class LimbsTopics(LimbMover, RobotPart):
+    """The limbs of one robot."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._limbs = {
+            limb: LimbTopics(source, node.mail, node.tasks.limbs.move(limb))
+            for limb, source in node.config.topics.limbs.items()
+        }
+
+    @classmethod
+    def of(cls, node: Node) -> LimbsTopics | None:
+        """Return the limbs of a robot that has some."""
+        return cls(node) if node.config.topics.limbs else None
+
+    def limb_at(self, limb: Limb) -> float | None:
+        """Return a limb's position (m) from joint states; None if unknown."""
+        places = [self._node.joint(name) for name in self._node.config.topics.limbs[limb].joints]
+        known = [place for place in places if place is not None]
+        return sum(known) if len(known) == len(places) else None
+
+    def limb_has_listener(self, limb: Limb) -> bool:
+        """Return whether a node of the robot takes goals for this limb."""
+        return self._limbs[limb].heard
+
+    def move_limb(self, limb: Limb, goal_id: str, to_m: float, seconds: float) -> None:
+        """Send a goal."""
+        self._limbs[limb].move(goal_id, to_m, seconds)
+
+    def cancel_limb(self, limb: Limb, goal_id: str) -> None:
+        """Cancel this goal and no other."""
+        self._limbs[limb].cancel(goal_id)
+
+    @property
+    def cancels(self) -> list[Callable[[], None]]:
+        """For the emergency stop: cancel the goals of all senders."""
+        return [limb.cancel_all for limb in self._limbs.values()]
 
 
 class LimbTopics:
@@ -55,10 +96,9 @@ class LimbTopics:
         """Cancel this goal and no other."""
         self._action.cancel(goal_id)
 
-    @property
-    def cancels(self) -> list[Callable[[], None]]:
-        """For the emergency stop: cancel the goals of all senders."""
-        return [self._action.cancel_all]
+    def cancel_all(self) -> None:
+        """Cancel the goals of all senders."""
+        self._action.cancel_all()
 
     # --- on rospy's threads ---------------------------------------------------------------------------
 

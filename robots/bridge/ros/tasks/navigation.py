@@ -11,15 +11,16 @@ from typing import Any
 import numpy as np
 import rospy
 
+from robots.bridge.config import NavigationSource, Topic
+from robots.bridge.gate.values import Pose, Velocity
 from robots.bridge.navigation.localisation import Spread
-from robots.bridge.navigation.navigation_goals import NavigationGoals
+from robots.bridge.navigation.navigation_goals import NavigationGoals, Navigator
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
-from robots.bridge.ros.sensors.convert import planar_pose
+from robots.bridge.ros.message_types.classes import message_class
+from robots.bridge.ros.message_types.convert import planar_pose
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
 from robots.bridge.ros.tasks.publishing import Sender
-from robots.shared.configuration.bridge_config import NavigationSource, Topic
-from robots.shared.geometry.poses import Pose, Velocity
-from robots.shared.ros.message_types.classes import message_class
+from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 
 # Covariance of a pose that a person sets, as rviz sends it: 0.5 m, 15 degrees.
 SET_M2, SET_RAD2 = 0.25, 0.0685
@@ -27,10 +28,17 @@ MOST_POINTS = 10_000  # of a path; a longer one is thinned before it is read
 PLANS_S = 1.0  # between two paths that are taken; if more arrive in this time, the last is taken at its end
 
 
-class NavigationTopics:
+class NavigationTopics(Navigator, RobotPart):
     """The topics of one robot's navigation. Their messages go to `goals` through `mail`, on the event loop."""
 
-    def __init__(self, source: NavigationSource, mail: Mailboxes, goals: NavigationGoals) -> None:
+    def __init__(
+        self,
+        source: NavigationSource,
+        mail: Mailboxes,
+        goals: NavigationGoals,
+        located: Callable[[], tuple[float, Pose] | None],
+    ) -> None:
+        self._located = located
         self._frame = source.frame
         self._mail = mail
         self._goals = goals
@@ -47,8 +55,17 @@ class NavigationTopics:
         if source.plan:
             self._listen(source.plan, "nav_msgs/Path", self._on_plan)
 
-    @property
-    def heard(self) -> bool:
+    @classmethod
+    def of(cls, node: Node) -> NavigationTopics | None:
+        """Return the navigation of a robot that has one."""
+        source = node.config.topics.navigation
+        return cls(source, node.mail, node.tasks.navigation, node.located) if source else None
+
+    def located(self) -> tuple[float, Pose] | None:
+        """Return the newest transform from map to odometry and its stamp, if a person drives."""
+        return self._located()
+
+    def navigates(self) -> bool:
         """Return whether a node of the robot takes goals."""
         return self._action.heard
 
@@ -65,7 +82,7 @@ class NavigationTopics:
         _fill(target.pose, goal)
         self._action.send(message)
 
-    def cancel(self, goal_id: str) -> None:
+    def cancel_navigation(self, goal_id: str) -> None:
         """Cancel this goal and no other."""
         self._action.cancel(goal_id)
 

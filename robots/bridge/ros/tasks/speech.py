@@ -8,15 +8,16 @@ from typing import Any, Protocol
 
 from actionlib_msgs.msg import GoalStatus
 
+from robots.bridge.config import Topic
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.ros.bounds.texts import SAID, SENTENCE, cut
+from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
 from robots.bridge.ros.tasks.publishing import Sender
+from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.bridge.tasks.goals import OURS
-from robots.bridge.tasks.speech import SpeechTasks, Utterance
-from robots.shared.configuration.bridge_config import Topic
-from robots.shared.ros.message_types.classes import message_class
-from robots.shared.ros.texts import SAID, SENTENCE, cut
-from robots.shared.wire import SpeechStatus
+from robots.bridge.tasks.speech import SpeechOutput, SpeechTasks, Utterance
+from robots.wire import SpeechStatus
 
 STATUSES: dict[int, SpeechStatus] = {GoalStatus.PENDING: "accepted", GoalStatus.RECALLING: "accepted"}
 
@@ -37,7 +38,7 @@ class _Voice(Protocol):
         """Unregister the topic."""
 
 
-class SpeechTopics:
+class SpeechTopics(SpeechOutput, RobotPart):
     """The topics of one robot's voice: the default and chosen ones, all of one type.
 
     Changes of goals are reported to `tasks` through `mail`, on the event loop.
@@ -49,6 +50,12 @@ class SpeechTopics:
         self._tasks = tasks
         self._voices: dict[str, _Voice] = {}
         self.attend({default.name})
+
+    @classmethod
+    def of(cls, node: Node) -> SpeechTopics | None:
+        """Return the voice of a robot that has one."""
+        speech = node.config.topics.speech
+        return cls(speech, node.mail, node.tasks.speech) if speech else None
 
     def attend(self, topics: Collection[str]) -> None:
         """Connect to these topics and no others. Calls the master."""
