@@ -30,11 +30,8 @@ from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.audit.models import Record
 from fleet.audit.services import record
-from robots.description.store import description_store
-from robots.registry.maps import map_store
-from robots.registry.models import BridgePulse
-from robots.shared.geometry.poses import Pose, Velocity
-from robots.shared.records.record_sink import (
+from robots import wire
+from robots.bridge.audit.record_sink import (
     BadRecord,
     DriveSummary,
     GateStart,
@@ -47,8 +44,11 @@ from robots.shared.records.record_sink import (
     TakenDescription,
     TakenMap,
 )
-from robots.shared.records.verdict import Verdict
-from robots.shared.wire import HealthLevel
+from robots.bridge.gate.values import Pose, Velocity, Verdict
+from robots.description.store import description_store
+from robots.registry.maps import map_store
+from robots.registry.models import BridgePulse
+from robots.wire import HealthLevel
 
 MOST_CHANGES = 10_000  # changes of health that are read; enough for weeks, even if parts change often
 
@@ -56,22 +56,11 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 # For each kind of record: the kind of the record of its end, and the outcome if the bridge was killed before the end.
-ENDS = {
+ENDS = {kind.record: (kind.end_record, "unknown") for kind in wire.TASK_KINDS} | {
     "gate.begin": ("gate.end", "bridge_killed"),
     "drive.start": ("drive.end", "bridge_killed"),
-    "motion.start": ("motion.end", "unknown"),
     "motion.cancel": ("motion.cancel", "unknown"),
-    "speech.start": ("speech.end", "unknown"),
-    "publish.start": ("publish.end", "unknown"),
-    "drive.by": ("drive.by", "unknown"),
-    "go.start": ("go.end", "unknown"),
     "go.hold": ("go.hold", "unknown"),
-    "pose.set": ("pose.set", "unknown"),
-    "limb.start": ("limb.end", "unknown"),
-    "topic.choose": ("topic.choose", "unknown"),
-    "head.look_ahead": ("head.look_ahead", "unknown"),
-    "head.turn": ("head.turn", "unknown"),
-    "memory.forget": ("memory.forget", "unknown"),
     "stop.moves": ("stop.moves", "unknown"),
 }
 # Parameters of a request that may expire: places, and what a person wrote (sentences are in `text`)
@@ -150,7 +139,7 @@ def _as_record_error(method: Callable[P, T]) -> Callable[P, T]:
 
 
 class AuditSink:
-    """A `robots.shared.records.record_sink.RecordSink` that writes the records of one robot by `fleet.audit`."""
+    """A `robots.bridge.audit.record_sink.RecordSink` that writes the records of one robot by `fleet.audit`."""
 
     def __init__(self, robot_id: UUID, robot_name: str) -> None:
         self._robot_id = robot_id

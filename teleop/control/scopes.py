@@ -12,26 +12,11 @@ from robots.shared.wire import Refusal
 # A token with any of these scopes may take control.
 ACTING = (Scope.DRIVE, Scope.SPEAK, Scope.MOTIONS, Scope.TOPICS)
 _NEEDED: dict[type, tuple[Scope, ...]] = {
+    request: (Scope(kind.scope),) for kind in wire.TASK_KINDS for request in kind.requests
+} | {
     wire.Drive: (Scope.DRIVE,),
-    wire.DriveBy: (Scope.DRIVE,),
-    wire.DriveByCancel: (Scope.DRIVE,),
-    wire.Go: (Scope.DRIVE,),
-    wire.GoCancel: (Scope.DRIVE,),
-    wire.SetPose: (Scope.DRIVE,),
-    wire.MoveLimb: (Scope.DRIVE,),
-    wire.LimbCancel: (Scope.DRIVE,),
-    wire.LookAhead: (Scope.DRIVE,),
-    wire.TurnHead: (Scope.DRIVE,),
     wire.CameraView: (Scope.DRIVE,),
-    wire.Forget: (Scope.DRIVE,),
     wire.Clear: (Scope.DRIVE,),
-    wire.Play: (Scope.MOTIONS,),
-    wire.PlayCancel: (Scope.MOTIONS,),
-    wire.Say: (Scope.SPEAK,),
-    wire.SayCancel: (Scope.SPEAK,),
-    wire.Choose: (Scope.TOPICS,),
-    wire.Publish: (Scope.TOPICS,),
-    wire.PublishStop: (Scope.TOPICS,),
     **dict.fromkeys((wire.Hello, wire.Ack, wire.Ping, wire.Refresh, wire.ShowJoints), (Scope.READ, *ACTING)),
 }
 

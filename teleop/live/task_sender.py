@@ -160,9 +160,8 @@ class TaskSender:
     async def _ask_bridge(self, request: TaskRequest) -> Accepted | Refused:
         if request.fence is not None:
             return await self._owner.hub.link.request_task(request)
-        cancel = LinkCancel(
-            "speech" if isinstance(request, wire.SayCancel) else "motion", by=self._owner.user.display_name
-        )
+        kind = next(kind for kind in wire.TASK_KINDS if type(request) is kind.cancel)
+        cancel = LinkCancel(kind.name, by=self._owner.user.display_name)
         answer = await self._owner.hub.link.cancel(cancel)
         run_in_background(in_database(_record_cancel, cancel.what, self._owner.hub, self._owner.user, answer))
         return answer

@@ -117,8 +117,10 @@ class HolderTasks:
         `what`: the name of a kind that others may cancel.
         """
         why = self._named.words(f"Cancelled by {by}.", "Another person cancelled it.")
-        part = next(part for part in self.parts for kind in part.kinds if kind.name == what)
-        return part.cancel_request(None, why, now_s)
+        for part in self.parts:
+            if any(kind.name == what and kind.cancelled_by_others for kind in part.kinds):
+                return part.cancel_request(None, why, now_s)
+        return _UNKNOWN
 
     def refresh(self) -> None:
         """Read the robot's capabilities again and report them."""

@@ -12,9 +12,9 @@ from typing import Literal
 import msgspec
 from msgspec import Struct
 
-from robots.shared.configuration.gate_profile import GateProfile
-from robots.shared.configuration.input_filters import StickStep
-from robots.shared.wire import Limb, ReverseSteering, Role, Use
+from robots.bridge.drive.input_filters import StickStep
+from robots.bridge.gate.values import GateProfile
+from robots.wire import TASK_KINDS, Limb, ReverseSteering, Role, Use
 
 CLOCK_SKEW_S = 0.5  # a larger difference of the robot's and the console's clocks is reported, nothing more
 
@@ -167,11 +167,14 @@ class Topics(Struct, frozen=True):
 
     @property
     def cancelled(self) -> list[str]:
-        """Names of all actions whose goals an emergency stop cancels: also those of head, navigation and limbs."""
-        point_head = self.head.point_head if self.head else None
-        others = [point_head, self.navigation.action if self.navigation else None]
-        others += [limb.action for limb in self.limbs.values()]
+        """Names of all actions whose goals an emergency stop cancels: also those of tasks (`TaskKind`)."""
+        others = [self._action(path) for kind in TASK_KINDS for path in kind.stopped_actions]
         return [*self.cancel_on_stop, *(name for name in others if name and name not in self.cancel_on_stop)]
+
+    def _action(self, path: str) -> str | None:
+        """Return the action that a path of fields leads to, such as "navigation.action"."""
+        capability, field = path.split(".")
+        return getattr(getattr(self, capability), field, None)
 
 
 What = Literal["choose", "publish", "call", "set"]
@@ -180,7 +183,7 @@ What = Literal["choose", "publish", "call", "set"]
 class Allowed(Struct, frozen=True):
     """One entry of the allow-list. Anything without an entry is forbidden.
 
-    `robots.shared.configuration.denylist` forbids some entries.
+    `robots.bridge.tasks.denylist` forbids some entries.
     """
 
     what: What
@@ -219,7 +222,7 @@ class BridgeConfig(Struct, frozen=True):
     state_dir: str  # folder of lock, stop latch and fence
     allowed: tuple[Allowed, ...] = ()
     stick: tuple[StickStep, ...] = ()  # input filters in order, from stick position to gate
-    run_dir: str | None = None  # folder of pending stops (robots.shared.link.pending_stops)
+    run_dir: str | None = None  # folder of pending stops (robots.stop.pending_stops)
     last_fence: int = 0  # highest fence in the database: shows that a state file is lost
 
     def digest(self) -> str:

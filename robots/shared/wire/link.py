@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 from uuid import UUID
 
 import msgspec
@@ -93,7 +93,7 @@ class LinkClear(Struct, frozen=True, tag_field="t", tag="link_clear"):
 class LinkCancel(Struct, frozen=True, tag_field="t", tag="link_cancel"):
     """Cancel a task of this console, for a person without control. The web process has checked the right."""
 
-    what: Literal["motion", "speech"]
+    what: ShortText  # name of a `TaskKind` that others may cancel
     by: ShortText
     seq: Seq = 0
 

@@ -40,7 +40,10 @@ class LimbView(TasksBase):
     def move(self, slug: str, to_m: float) -> Response:
         """Request a move of the limb. Return the answer 202 with the task's status and address."""
         return self.start(
-            self.robot(slug), lambda fence, seq: wire.MoveLimb(fence, self.limb, to_m, seq), "limb", self.limb
+            self.robot(slug),
+            lambda fence, seq: wire.MoveLimb(fence, self.limb, to_m, seq),
+            wire.LIMB,
+            self.limb,
         )
 
     def cancel_move(self, slug: str) -> None:

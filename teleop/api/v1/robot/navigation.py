@@ -97,7 +97,7 @@ class GoView(TasksBase):
         ask for something at least every 10 s, such as its status."""
         robot = self.robot(slug)
         asked = _asked(robot, body)
-        return self.start(robot, lambda fence, seq: structs.replace(asked, fence=fence, seq=seq), "go")
+        return self.start(robot, lambda fence, seq: structs.replace(asked, fence=fence, seq=seq), wire.GO)
 
     @operation(
         "go_cancel",
@@ -108,7 +108,7 @@ class GoView(TasksBase):
     )
     def delete(self, _request: Request, slug: str) -> None:
         """The robot stands."""
-        self.cancel(slug, "go", lambda fence, seq: wire.GoCancel(fence, seq))
+        self.cancel(slug, wire.GO.name, lambda fence, seq: wire.GoCancel(fence, seq))
 
 
 class PoseView(TasksBase):

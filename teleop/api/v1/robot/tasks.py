@@ -40,14 +40,8 @@ LONGEST_WAIT_S = 30
 CHECK_S = 0.2
 CLEARED_S = 3.0
 
-# For each kind of task: the kind of the record of its request, and of the record of its outcome.
-_KINDS = {
-    "speech": ("speech.start", "speech.end"),
-    "motion": ("motion.start", "motion.end"),
-    "drive_by": ("drive.by", "drive.by"),
-    "go": ("go.start", "go.end"),
-    "limb": ("limb.start", "limb.end"),
-}
+# Kinds of tasks whose outcome a program can read, by the kind of the record of their request
+_FOLLOWED = {kind.record: kind for kind in wire.TASK_KINDS if kind.followed}
 _NOT_RECORDED = Refusal("not_recorded", "The console took the request, and has no record of it yet.", "audit")
 _NOT_CLEARED = Refusal("not_cleared", "The stop is not cleared: look at the robot’s state.", "stop")
 
@@ -103,7 +97,9 @@ _start = partial(_task, keyed=True, answer=TaskEntry, status=202)
 class TasksBase(ProgramView):
     """Base of the views that request tasks."""
 
-    def start(self, robot: Robot, make: Callable[[int, int], Any], kind: str, part: str = "") -> Response:
+    def start(
+        self, robot: Robot, make: Callable[[int, int], Any], kind: wire.TaskKind, part: str = ""
+    ) -> Response:
         """Request a task, and return the answer 202 with its status and address.
 
         `part`: the part of the robot that the task moves, if several parts have tasks of this kind. Raises
@@ -114,18 +110,18 @@ class TasksBase(ProgramView):
         # A robot that starts late surprises people. So a task does not wait for another one, and does not
         # start if its cancel came first.
         def in_time(fence: int, seq: int) -> Any:
-            if connection.cancelled_s.get(part or kind, -math.inf) > self.came_s:
+            if connection.cancelled_s.get(part or kind.name, -math.inf) > self.came_s:
                 raise NotDone(_OVERTAKEN)
             return make(fence, seq)
 
-        starting = connection.starting.setdefault(kind, threading.Lock())
+        starting = connection.starting.setdefault(kind.name, threading.Lock())
         if not starting.acquire(blocking=False):
             raise Problem(_STARTING)
         try:
             control, newest = connection.control, newest_record()
             async_to_sync(connection.request)(in_time)
             session = control.session if control else None
-            requests = Record.objects.filter(pk__gt=newest, kind=_KINDS[kind][0], session_id=session, of=None)
+            requests = Record.objects.filter(pk__gt=newest, kind=kind.record, session_id=session, of=None)
             found = requests.select_related("actor").order_by("pk").first()
         finally:
             starting.release()
@@ -165,13 +161,13 @@ class SpeechView(TasksBase):
         return self.start(
             self.robot(slug),
             lambda fence, seq: wire.Say(fence, body.text, body.language, body.topic, seq),
-            "speech",
+            wire.SPEECH,
         )
 
     @_task("speech_cancel", "Cancel speech", scope=Scope.SPEAK)
     def delete(self, _request: Request, slug: str) -> None:
         """The speech of this program’s control."""
-        self.cancel(slug, "speech", lambda fence, seq: wire.SayCancel(fence, seq))
+        self.cancel(slug, wire.SPEECH.name, lambda fence, seq: wire.SayCancel(fence, seq))
 
 
 class MotionsView(TasksBase):
@@ -199,7 +195,7 @@ class MotionView(TasksBase):
     @_start("motions_play", "Play a motion", scope=Scope.MOTIONS)
     def post(self, _request: Request, slug: str, name: str) -> Response:
         """Needs control. The answer’s header Location is the address of its status."""
-        return self.start(self.robot(slug), lambda fence, seq: wire.Play(fence, name[:100], seq), "motion")
+        return self.start(self.robot(slug), lambda fence, seq: wire.Play(fence, name[:100], seq), wire.MOTION)
 
 
 class MotionCancelView(TasksBase):
@@ -208,7 +204,7 @@ class MotionCancelView(TasksBase):
     @_task("motions_cancel", "Cancel the motion", scope=Scope.MOTIONS)
     def delete(self, _request: Request, slug: str) -> None:
         """Cancels the motion that this program started."""
-        self.cancel(slug, "motion", lambda fence, seq: wire.PlayCancel(fence, seq))
+        self.cancel(slug, wire.MOTION.name, lambda fence, seq: wire.PlayCancel(fence, seq))
 
 
 class DriveByRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -242,13 +238,13 @@ class DriveByView(TasksBase):
                 Refusal("invalid", say("The body does not fit: {error}.", error=error), "wire")
             ) from error
         return self.start(
-            self.robot(slug), lambda fence, seq: wire.DriveBy(fence, **asked, seq=seq), "drive_by"
+            self.robot(slug), lambda fence, seq: wire.DriveBy(fence, **asked, seq=seq), wire.DRIVE_BY
         )
 
     @_task("drive_by_cancel", "End the drive", scope=Scope.DRIVE, tag="control")
     def delete(self, _request: Request, slug: str) -> None:
         """The robot stands."""
-        self.cancel(slug, "drive_by", lambda fence, seq: wire.DriveByCancel(fence, seq))
+        self.cancel(slug, wire.DRIVE_BY.name, lambda fence, seq: wire.DriveByCancel(fence, seq))
 
 
 class LookAheadView(TasksBase):
@@ -327,7 +323,7 @@ class TaskView(ProgramView):
         """From the log. Only supervisors of the robot and staff read tasks of other people."""
         robot = self.robot(slug)
         requests = Record.objects.filter(pk=min(number, 2**62), robot_id=robot.id, of=None)
-        found = requests.filter(kind__in=[request for request, _ in _KINDS.values()]).first()
+        found = requests.filter(kind__in=list(_FOLLOWED)).first()
         if found is None or not (found.actor_id == str(self.person.pk) or supervises(self.person, robot)):
             raise Problem(NOT_FOUND)
         wait_s = whole_number(request, "wait", 0, LONGEST_WAIT_S, least=0)
@@ -344,11 +340,11 @@ class TaskView(ProgramView):
 
 
 def _entry(start: Record, robot: Robot) -> TaskEntry:
-    kind, outcome = next((name, end) for name, (begin, end) in _KINDS.items() if begin == start.kind)
-    end = Record.objects.filter(kind=outcome, of=start).select_related("content").first()
+    kind = _FOLLOWED[start.kind]
+    end = Record.objects.filter(kind=kind.end_record, of=start).select_related("content").first()
     return TaskEntry(
         number=start.pk,
-        kind=kind,
+        kind=kind.name,
         robot=robot.slug,
         by=start.actor_name,
         asked_at=start.at,
