@@ -30,8 +30,12 @@ from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.audit.models import Record
 from fleet.audit.services import record
-from robots import wire
-from robots.bridge.audit.record_sink import (
+from robots.description.store import description_store
+from robots.registry.maps import map_store
+from robots.registry.models import BridgePulse
+from robots.shared import wire
+from robots.shared.geometry.poses import Pose, Velocity
+from robots.shared.records.record_sink import (
     BadRecord,
     DriveSummary,
     GateStart,
@@ -44,11 +48,8 @@ from robots.bridge.audit.record_sink import (
     TakenDescription,
     TakenMap,
 )
-from robots.bridge.gate.values import Pose, Velocity, Verdict
-from robots.description.store import description_store
-from robots.registry.maps import map_store
-from robots.registry.models import BridgePulse
-from robots.wire import HealthLevel
+from robots.shared.records.verdict import Verdict
+from robots.shared.wire import HealthLevel
 
 MOST_CHANGES = 10_000  # changes of health that are read; enough for weeks, even if parts change often
 
@@ -139,7 +140,7 @@ def _as_record_error(method: Callable[P, T]) -> Callable[P, T]:
 
 
 class AuditSink:
-    """A `robots.bridge.audit.record_sink.RecordSink` that writes the records of one robot by `fleet.audit`."""
+    """A `robots.shared.records.record_sink.RecordSink` that writes the records of one robot by `fleet.audit`."""
 
     def __init__(self, robot_id: UUID, robot_name: str) -> None:
         self._robot_id = robot_id

@@ -7,13 +7,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from robots import wire
-from robots.bridge.audit.record_sink import Parameters
 from robots.bridge.audit.records import Records, Requester
-from robots.bridge.config import LimbSource
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
 from robots.bridge.tasks.task import Cause, Ending, Robot
-from robots.wire import Limb, MoveLimb, Refusal
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import LimbSource
+from robots.shared.records.record_sink import Parameters
+from robots.shared.wire import Limb, MoveLimb, Refusal
 
 TOP_TO_MEAN_SPEED = 1.5  # top speed / mean speed of a controller that begins and ends at rest
 LEAST_S = 0.5  # shortest duration of a move

@@ -12,12 +12,12 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from robots import wire
 from robots.bridge.audit.records import Requester
-from robots.bridge.gate.geometry.arm_discs import KNOWN_S
+from robots.bridge.gate.arm.discs import KNOWN_S
 from robots.bridge.limbs.limb_move import LimbMove
 from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
-from robots.wire import Grant, Limb, Refusal
+from robots.shared import wire
+from robots.shared.wire import Grant, Limb, Refusal
 
 
 class Limbs(TaskPart):

@@ -22,28 +22,22 @@ from geometry_msgs.msg import Twist, TwistStamped
 from msgspec import structs
 
 from robots.bridge.audit.description import taken_description
-from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
-from robots.bridge.gate.geometry.arm_discs import Posture
-from robots.bridge.gate.values import STILL, Pose, Velocity
+from robots.bridge.gate.arm.discs import Posture
 from robots.bridge.health.battery_charge import BatteryCharge
-from robots.bridge.probe_findings import BRIDGE, watchdog_name
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.bounds.listening import pause, speaker
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.bounds.memory import end_without_memory
-from robots.bridge.ros.bounds.texts import SENTENCE, cut, named
-from robots.bridge.ros.message_types.classes import message_class
-from robots.bridge.ros.message_types.convert import laser_scan, planar
 from robots.bridge.ros.network.acknowledgements import Acknowledgements
 from robots.bridge.ros.network.host_names import HostNames
-from robots.bridge.ros.network.master import Master, MasterError, SystemState, is_own, why_silent
 from robots.bridge.ros.network.master_monitor import MasterMonitor
 from robots.bridge.ros.network.velocity_sources import velocity_sources
 from robots.bridge.ros.on_demand_topics import OnDemandTopics
 from robots.bridge.ros.robot_runs import RunMonitor
 from robots.bridge.ros.ros_worker import RosWorker
+from robots.bridge.ros.sensors.convert import laser_scan, planar
 from robots.bridge.ros.sensors.depth import DepthTopics
 from robots.bridge.ros.sensors.diagnostics import statuses
 from robots.bridge.ros.sensors.posture_topics import PostureTopics
@@ -56,7 +50,13 @@ from robots.bridge.ros.tasks.speech import SpeechTopics
 from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.bridge.tasks.holder_tasks import HolderTasks
 from robots.bridge.tasks.input_routing import InputSwitch
-from robots.wire import Use
+from robots.shared.configuration.bridge_config import BridgeConfig, Topic
+from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.processes.probe_findings import BRIDGE, watchdog_name
+from robots.shared.ros.master import Master, MasterError, SystemState, is_own, why_silent
+from robots.shared.ros.message_types.classes import message_class
+from robots.shared.ros.texts import SENTENCE, cut, named
+from robots.shared.wire import Use
 
 log = logging.getLogger(__name__)
 P = TypeVar("P")

@@ -12,9 +12,9 @@ from typing import Literal
 import msgspec
 from msgspec import Struct
 
-from robots.bridge.drive.input_filters import StickStep
-from robots.bridge.gate.values import GateProfile
-from robots.wire import TASK_KINDS, Limb, ReverseSteering, Role, Use
+from robots.shared.configuration.gate_profile import GateProfile
+from robots.shared.configuration.input_filters import StickStep
+from robots.shared.wire import TASK_KINDS, Limb, ReverseSteering, Role, Use
 
 CLOCK_SKEW_S = 0.5  # a larger difference of the robot's and the console's clocks is reported, nothing more
 
@@ -183,7 +183,7 @@ What = Literal["choose", "publish", "call", "set"]
 class Allowed(Struct, frozen=True):
     """One entry of the allow-list. Anything without an entry is forbidden.
 
-    `robots.bridge.tasks.denylist` forbids some entries.
+    `robots.shared.configuration.denylist` forbids some entries.
     """
 
     what: What
@@ -222,7 +222,7 @@ class BridgeConfig(Struct, frozen=True):
     state_dir: str  # folder of lock, stop latch and fence
     allowed: tuple[Allowed, ...] = ()
     stick: tuple[StickStep, ...] = ()  # input filters in order, from stick position to gate
-    run_dir: str | None = None  # folder of pending stops (robots.stop.pending_stops)
+    run_dir: str | None = None  # folder of pending stops (robots.shared.link.pending_stops)
     last_fence: int = 0  # highest fence in the database: shows that a state file is lost
 
     def digest(self) -> str:

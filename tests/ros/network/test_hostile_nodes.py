@@ -20,13 +20,13 @@ import pytest
 from robots.bridge.ros import node
 from robots.bridge.ros.bounds.board import Board
 from robots.bridge.ros.inspector.graph import graph
-from robots.bridge.ros.network import master
-from robots.bridge.ros.network.master import TIMEOUT_S, Master, MasterError, SystemState
 from robots.bridge.ros.network.tcpros import Conversation, connect, first_response
 from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.ros_worker import RateLimit, RosWorker
 from robots.bridge.ros.tasks import robot_motions
 from robots.bridge.ros.tasks.robot_motions import RobotMotions
+from robots.shared.ros import master
+from robots.shared.ros.master import TIMEOUT_S, Master, MasterError, SystemState
 from tests.bridge.support import CONFIG
 from tests.processes import serving, until
 from tests.ros.spoiled_master import answer_of

@@ -10,13 +10,13 @@ import rospy
 from actionlib_msgs.msg import GoalStatus
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from robots.bridge.config import GRIPPER_COMMAND, LimbSource, Topic
 from robots.bridge.limbs.limb_move import LimbMove, LimbMover
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
-from robots.bridge.ros.bounds.texts import SENTENCE, cut
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
-from robots.wire import Limb
+from robots.shared.configuration.bridge_config import GRIPPER_COMMAND, LimbSource, Topic
+from robots.shared.ros.texts import SENTENCE, cut
+from robots.shared.wire import Limb
 
 
 class LimbsTopics(LimbMover, RobotPart):

@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 import rospy
 
-from robots.bridge.config import NavigationSource, Topic
-from robots.bridge.gate.values import Pose, Velocity
 from robots.bridge.navigation.localisation import Spread
 from robots.bridge.navigation.navigation_goals import NavigationGoals, Navigator
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
-from robots.bridge.ros.message_types.classes import message_class
-from robots.bridge.ros.message_types.convert import planar_pose
+from robots.bridge.ros.sensors.convert import planar_pose
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
 from robots.bridge.ros.tasks.publishing import Sender
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
+from robots.shared.configuration.bridge_config import NavigationSource, Topic
+from robots.shared.geometry.poses import Pose, Velocity
+from robots.shared.ros.message_types.classes import message_class
 
 # Covariance of a pose that a person sets, as rviz sends it: 0.5 m, 15 degrees.
 SET_M2, SET_RAD2 = 0.25, 0.0685

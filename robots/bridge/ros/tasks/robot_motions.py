@@ -6,15 +6,15 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from robots.bridge.config import Topic
-from robots.bridge.gate.geometry.arm_discs import Disc
+from robots.bridge.gate.arm.discs import Disc
 from robots.bridge.ros.ros_worker import RateLimit, RosWorker
 from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.bridge.tasks.arm_clearance import ArmModel
 from robots.bridge.tasks.input_routing import goal_topic
 from robots.bridge.tasks.motions import MotionPlayer, Swept
-from robots.wire import MotionOffer
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.wire import MotionOffer
 
 # between two reads of the motions: a read takes up to 0.2 s, and a server may connect often
 JOINED_GAP_S = 5.0

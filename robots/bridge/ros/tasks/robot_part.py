@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from robots.bridge.config import BridgeConfig
-from robots.bridge.gate.values import Pose
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
-from robots.bridge.ros.network.master import Master
 from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.bridge.tasks.holder_tasks import HolderTasks
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.geometry.poses import Pose
+from robots.shared.ros.master import Master
 
 
 class Node(Protocol):

@@ -8,16 +8,16 @@ from typing import Any, Protocol
 
 from actionlib_msgs.msg import GoalStatus
 
-from robots.bridge.config import Topic
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
-from robots.bridge.ros.bounds.texts import SAID, SENTENCE, cut
-from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
 from robots.bridge.ros.tasks.publishing import Sender
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.bridge.tasks.goals import OURS
 from robots.bridge.tasks.speech import SpeechOutput, SpeechTasks, Utterance
-from robots.wire import SpeechStatus
+from robots.shared.configuration.bridge_config import Topic
+from robots.shared.ros.message_types.classes import message_class
+from robots.shared.ros.texts import SAID, SENTENCE, cut
+from robots.shared.wire import SpeechStatus
 
 STATUSES: dict[int, SpeechStatus] = {GoalStatus.PENDING: "accepted", GoalStatus.RECALLING: "accepted"}
 
