@@ -174,7 +174,9 @@ class Topics(Struct, frozen=True):
     def _action(self, path: str) -> str | None:
         """Return the action that a path of fields leads to, such as "navigation.action"."""
         capability, field = path.split(".")
-        return getattr(getattr(self, capability), field, None)
+        source = getattr(self, capability)
+        action: str | None = getattr(source, field) if source is not None else None
+        return action
 
 
 What = Literal["choose", "publish", "call", "set"]
