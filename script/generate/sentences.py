@@ -29,6 +29,10 @@ TOLD = {
     "LimitedTwist": (2, "text"),
     "NeutralNeeded": (1, "text"),
     "_no": (1, "text"),
+    "MasterError": (0, "text"),
+    "Namesake": (0, "text"),
+    "NodeLost": (0, "text"),
+    "RosStatus": (1, "text"),
 }
 HEAD = r"""msgid ""
 msgstr ""

@@ -16,6 +16,7 @@ from robots.bridge.audit.records import Records
 from robots.shared.configuration.bridge_config import BridgeConfig, Topics
 from robots.shared.configuration.gate_profile import GateProfile
 from robots.shared.geometry.poses import STILL, Pose, Velocity
+from robots.shared.sentences import Sentence, joined, say
 from robots.shared.wire import MovesAlthoughStopped, Part, StopState
 
 SPARE_S = 0.3  # beyond the braking time of the robot
@@ -258,26 +259,38 @@ class MotionAfterStop:
         }
 
 
+PARTS: Mapping[Part, Sentence] = {
+    "arm": say("Its arm moves."),
+    "torso": say("Its torso moves."),
+    "head": say("Its head moves."),
+    "gripper": say("Its gripper moves."),
+}
+
+
 def _words(
     parts: list[Part], speed: float | None, turn: float | None, publishers: Mapping[str, list[str]]
-) -> str:
+) -> Sentence:
     """Return for people: the motion, and its possible cause."""
-    told = [f"Its {part} moves." for part in parts if part != "base"]
+    told = [PARTS[part] for part in parts if part != "base"]
     if "base" not in parts:
-        return " ".join([*told, "Other software moves it, or somebody pushes it."])
-    if speed is None or turn is None:
-        told.insert(0, "Its odometry is silent now: nobody knows whether it still moves.")
-    else:
-        ways = [
-            f"drives at {speed} m/s" if speed >= 0.01 else "",
-            f"turns at {abs(turn)} rad/s" if turn else "",
-        ]
-        told.insert(0, f"It {' and '.join(filter(None, ways)) or 'moved a moment ago'}.")
+        return joined(" ", [*told, say("Other software moves it, or somebody pushes it.")])
+    told.insert(0, _way(speed, turn))
     if publishers:
-        told.append(f"Velocities for its base come from {_named(publishers)}.")
+        told.append(say("Velocities for its base come from {nodes}.", nodes=_named(publishers)))
     else:
-        told.append("No other node is known that sends velocities: somebody pushes it, or it rolls.")
-    return " ".join(told)
+        told.append(say("No other node is known that sends velocities: somebody pushes it, or it rolls."))
+    return joined(" ", told)
+
+
+def _way(speed: float | None, turn: float | None) -> Sentence:
+    """Return how the base moves."""
+    if speed is None or turn is None:
+        return say("Its odometry is silent now: nobody knows whether it still moves.")
+    if speed >= 0.01 and turn:
+        return say("It drives at {speed} m/s and turns at {turn} rad/s.", speed=speed, turn=abs(turn))
+    if speed >= 0.01:
+        return say("It drives at {speed} m/s.", speed=speed)
+    return say("It turns at {turn} rad/s.", turn=abs(turn)) if turn else say("It moved a moment ago.")
 
 
 def _named(publishers: Mapping[str, list[str]]) -> str:

@@ -15,6 +15,7 @@ import msgspec
 
 from robots.shared.processes.probe_findings import BRIDGE, WATCHDOG
 from robots.shared.ros import texts
+from robots.shared.sentences import say
 
 TIMEOUT_S = 1.0
 WHOLE_S = 5.0  # a whole call: an answer may have a hundred kilobytes and come by slow radio
@@ -189,13 +190,15 @@ class Master:
         except socket.gaierror as error:
             host = urlsplit(self.uri).hostname
             raise MasterError(
-                f"The name {host} cannot be resolved here: give the robot a host alias."
+                say("The name {host} cannot be resolved here: give the robot a host alias.", host=host)
             ) from error
         except TimeoutError as error:
-            raise MasterError(f"The ROS master at {self.uri} does not answer.") from error
+            raise MasterError(say("The ROS master at {uri} does not answer.", uri=self.uri)) from error
         except Exception as error:  # any fault of the other side, also its death while it answers
             why = texts.cut(str(error), texts.SENTENCE)
-            raise MasterError(f"No ROS master answers at {self.uri} ({why}).") from error
+            raise MasterError(
+                say("No ROS master answers at {uri} ({why}).", uri=self.uri, why=why)
+            ) from error
         if code != 1:
             raise (NotThere if code == -1 else MasterError)(texts.cut(str(text), texts.SENTENCE))
         return value
@@ -207,7 +210,9 @@ class Master:
             return msgspec.convert(value, kind)
         except msgspec.ValidationError as error:
             why = texts.cut(str(error), texts.SENTENCE)
-            raise MasterError(f"No ROS master answers at {self.uri} ({method}: {why}).") from error
+            raise MasterError(
+                say("No ROS master answers at {uri} ({method}: {why}).", uri=self.uri, method=method, why=why)
+            ) from error
 
 
 def require_ipv4(uri: str) -> None:
@@ -220,7 +225,10 @@ def require_ipv4(uri: str) -> None:
         socket.getaddrinfo(host, None, socket.AF_INET)
     except socket.gaierror as error:
         raise MasterError(
-            f"The name {host} has no IPv4 address here, and ROS 1 needs one: give the robot a host alias."
+            say(
+                "The name {host} has no IPv4 address here, and ROS 1 needs one: give the robot a host alias.",
+                host=host,
+            )
         ) from error
 
 
@@ -245,7 +253,9 @@ class DeathWatch:
         try:
             self._socket = socket.create_connection((parts.hostname or "", parts.port or 80), TIMEOUT_S)
         except OSError as error:
-            raise MasterError(f"No ROS master answers at {uri} ({error}).") from error
+            raise MasterError(
+                say("No ROS master answers at {uri} ({error}).", uri=uri, error=error)
+            ) from error
 
     def wait(self, timeout_s: float) -> bool:
         """Return whether the master died within `timeout_s`."""

@@ -16,6 +16,7 @@ from django.template.base import Lexer, Token, TokenType
 from django.test import Client
 from django.utils import translation
 
+from fleet.accounts.models import User
 from fleet.base import languages
 
 TEMPLATES = sorted((settings.BASE_DIR / "templates").rglob("*.html"))
@@ -120,6 +121,20 @@ def test_a_browser_gets_its_language_or_english(settings: Any) -> None:
         assert '<html lang="de" dir="ltr"' in german.get("/cookies/").content.decode()
         arabic = Client(headers={"Accept-Language": "ar"})
         assert '<html lang="ar" dir="rtl"' in arabic.get("/cookies/").content.decode()
+
+
+@pytest.mark.django_db
+def test_a_persons_choice_comes_before_the_browsers(settings: Any, operator: User) -> None:
+    german = Client(headers={"Accept-Language": "de"})
+    german.force_login(operator)
+    settings.LANGUAGES = [("en-gb", "English"), ("de", "Deutsch"), ("es", "Español")]
+    with translation.override(None):
+        assert german.post("/accounts/settings/", {"language": "xx"}).status_code == 200
+        page = german.post("/accounts/settings/", {"language": "es"}, follow=True).content.decode()
+        assert '<html lang="es"' in page
+        assert '<script src="/texts.js?language=es">' in page
+    operator.refresh_from_db()
+    assert languages.of_person(operator.language) == "es"
 
 
 def test_the_texts_of_scripts_are_a_script_for_everybody() -> None:

@@ -15,6 +15,7 @@ from robots.bridge.core import RosStatus
 from robots.shared.processes.probe_findings import BRIDGE
 from robots.shared.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive, require_ipv4
 from robots.shared.ros.registration import register_again
+from robots.shared.sentences import say
 
 log = logging.getLogger(__name__)
 
@@ -78,17 +79,21 @@ class MasterMonitor:
             try:
                 self._join_and_stay()
             except MasterError as error:
-                self._node.report(RosStatus("waiting", str(error)))
+                self._node.report(RosStatus("waiting", error.args[0]))
             except Namesake as error:
-                self._node.report(RosStatus("refused", str(error)))
+                self._node.report(RosStatus("refused", error.args[0]))
             except NodeLost as error:
                 if not self._ending.is_set():  # else this process itself called `rospy.signal_shutdown`
-                    self._node.report(RosStatus("refused", str(error)))
+                    self._node.report(RosStatus("refused", error.args[0]))
                     self._node.lost(error.name_taken)
                 return
             except Exception as error:  # without this thread no one would notice the robot's loss
                 log.exception("watching the robot's master failed")
-                self._node.report(RosStatus("waiting", f"Watching the robot’s ROS master failed ({error})."))
+                self._node.report(
+                    RosStatus(
+                        "waiting", say("Watching the robot’s ROS master failed ({error}).", error=error)
+                    )
+                )
             self._ending.wait(RETRY_S)
 
     def _join_and_stay(self) -> None:
@@ -111,7 +116,9 @@ class MasterMonitor:
         except Exception as error:
             if not self._ending.is_set():
                 log.exception("joining the robot's master failed")
-            raise NodeLost(f"The bridge could not join the robot ({error}).", name_taken=False) from error
+            raise NodeLost(
+                say("The bridge could not join the robot ({error}).", error=error), name_taken=False
+            ) from error
         self._begun = True
 
     def _stay(self, watch: DeathWatch) -> None:
@@ -120,7 +127,7 @@ class MasterMonitor:
             self._require_name()
             self._node.surveyed(self._master.system_state())
             if watch.wait(SURVEY_S):
-                raise MasterError(f"The ROS master at {self._master.uri} is gone.")
+                raise MasterError(say("The ROS master at {uri} is gone.", uri=self._master.uri))
 
     def name_is_lost(self) -> bool:
         """Return whether another node took the bridge's name on the master, and maybe left again.
@@ -143,15 +150,21 @@ class MasterMonitor:
         if alive:
             self._silent_since_s = None
             raise Namesake(
-                f"Another console’s bridge on {_host(uri)} drives this robot; stop that one first."
+                say(
+                    "Another console’s bridge on {host} drives this robot; stop that one first.",
+                    host=_host(uri),
+                )
             )
         if alive is None:
             now_s = monotonic()
             self._silent_since_s = self._silent_since_s or now_s
             if now_s - self._silent_since_s < SILENCE_S:
                 raise Namesake(
-                    f"Another console’s bridge on {_host(uri)} has this robot and does not answer now. "
-                    "If it stays silent, this one takes over."
+                    say(
+                        "Another console’s bridge on {host} has this robot and does not answer now. "
+                        "If it stays silent, this one takes over.",
+                        host=_host(uri),
+                    )
                 )
         self._silent_since_s = None
 
