@@ -16,7 +16,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from benchmarks.audit import recording_cost
+from benchmarks.audit import log_cost
 from benchmarks.harness import Figure, progress
 from script.stack.places import REPOSITORY
 from tests.script.servers import postgresql, postgresql_installed
@@ -52,7 +52,7 @@ def measure() -> list[Figure]:
 def latency() -> Iterator[Figure]:
     """Measure a driver's commands with and without the log."""
     with tempfile.TemporaryDirectory(prefix="fleet-bench-") as directory:
-        yield from recording_cost.latency(Path(directory))
+        yield from log_cost.latency(Path(directory))
 
 
 def on_sqlite() -> Iterator[Figure]:

@@ -33,7 +33,7 @@ _LENGTH = struct.Struct(">I")
 
 
 class BadTrace(ValueError):
-    """A file that is not a recording, or that is damaged; the text says why."""
+    """A file that is no trace, or that is damaged; the text says why."""
 
 
 class Decision(NamedTuple):
@@ -127,7 +127,7 @@ def _frames(path: Path) -> Iterator[bytes]:
                     raise BadTrace(f"{path.name} ends in the middle of a call")
                 yield frame
     except (OSError, EOFError, struct.error) as error:
-        raise BadTrace(f"{path.name} is not a recording, or is damaged: {error}") from error
+        raise BadTrace(f"{path.name} is not a trace of a gate, or is damaged: {error}") from error
 
 
 def _methods() -> list[str]:

@@ -34,9 +34,6 @@ from robots.link.stop_delivery import (
     ask_bridge,
     ask_watchdog,
     first_answer,
-    reach,
-    stop_message,
-    wait_for,
 )
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import LinkAddress
@@ -636,17 +633,6 @@ class Links:
 
 
 links = Links()
-
-
-def stop_once(robot_id: UUID | None, address: LinkAddress, by: str, reason: str = "") -> Stopped:
-    """Press the emergency stop of this robot (None: of any robot at this address); for code without an event loop.
-
-    Raises LinkRefused, after `STOP_S` at the latest.
-    """
-    answer = wait_for(reach(address, stop_message(robot_id, by, reason)))
-    if isinstance(answer, Refusal):
-        raise LinkRefused(answer)
-    return answer
 
 
 def require_robot(hello: str | bytes, robot_id: UUID, address: LinkAddress) -> None:

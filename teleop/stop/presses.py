@@ -47,18 +47,13 @@ class Pending(NamedTuple):
 Result = Stopped | Refusal | Pending
 
 
-def press(robot_id: UUID | None, address: LinkAddress, by: str, reason: str = "") -> Result:
-    """Stop one robot (None: any robot at this address) over new connections. Returns the answer or a pending stop."""
-    return press_at([(robot_id, address)], by, reason)[0]
-
-
 def press_all(robots: Sequence[Robot], by: str, reason: str = "") -> list[Result]:
-    """Stop these robots at the same time, as `press`."""
+    """Stop these robots at the same time. Returns for each the answer or a pending stop."""
     return press_at([(robot.id, link_address(robot)) for robot in robots], by, reason)
 
 
 def press_at(places: Sequence[tuple[UUID | None, LinkAddress]], by: str, reason: str = "") -> list[Result]:
-    """Stop the robots at these addresses at the same time, as `press`."""
+    """Stop the robots at these addresses (None: any robot there), as `press_all`."""
     stops = [stop_message(robot_id, by, reason, uuid4()) for robot_id, _ in places]
     answers = wait_for(_reach_all([address for _, address in places], stops))
     return [

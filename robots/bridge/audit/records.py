@@ -49,7 +49,7 @@ A = TypeVar("A", bound=RecordedTask)
 
 
 def pop_due(waiting: list[A]) -> list[A]:
-    """Return and remove from `waiting` the tasks whose recording has finished (also with an error)."""
+    """Return and remove from `waiting` the tasks whose record is written, or could not be written."""
     due = [asked for asked in waiting if asked.number.done()]
     waiting[:] = [asked for asked in waiting if asked not in due]
     return due

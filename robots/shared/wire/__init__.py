@@ -9,23 +9,15 @@ The bridge encodes a view (`View`) once, and the web process forwards the bytes 
 views are the only binary frames.
 """
 
-from robots.shared.wire.base import DEEPEST as DEEPEST
-from robots.shared.wire.base import FARTHEST_M as FARTHEST_M
-from robots.shared.wire.base import FARTHEST_RAD as FARTHEST_RAD
 from robots.shared.wire.base import LARGEST_MESSAGE_BYTES as LARGEST_MESSAGE_BYTES
 from robots.shared.wire.base import MOST_SUBSCRIPTIONS as MOST_SUBSCRIPTIONS
 from robots.shared.wire.base import PROTOCOL as PROTOCOL
-from robots.shared.wire.base import SLOWEST_HZ as SLOWEST_HZ
 from robots.shared.wire.base import SLOWEST_MPS as SLOWEST_MPS
 from robots.shared.wire.base import SLOWEST_RADPS as SLOWEST_RADPS
 from robots.shared.wire.base import Accepted as Accepted
 from robots.shared.wire.base import Ack as Ack
-from robots.shared.wire.base import Axis as Axis
 from robots.shared.wire.base import BridgeGone as BridgeGone
-from robots.shared.wire.base import Fence as Fence
-from robots.shared.wire.base import Language as Language
 from robots.shared.wire.base import Level as Level
-from robots.shared.wire.base import Milliseconds as Milliseconds
 from robots.shared.wire.base import NotDone as NotDone
 from robots.shared.wire.base import Notice as Notice
 from robots.shared.wire.base import PendingStop as PendingStop
@@ -38,11 +30,6 @@ from robots.shared.wire.base import ReverseSteering as ReverseSteering
 from robots.shared.wire.base import Role as Role
 from robots.shared.wire.base import Rule as Rule
 from robots.shared.wire.base import Said as Said
-from robots.shared.wire.base import SampleRate as SampleRate
-from robots.shared.wire.base import Seq as Seq
-from robots.shared.wire.base import Share as Share
-from robots.shared.wire.base import ShortText as ShortText
-from robots.shared.wire.base import TabToken as TabToken
 from robots.shared.wire.base import TopicName as TopicName
 from robots.shared.wire.base import TypeName as TypeName
 from robots.shared.wire.base import Use as Use
@@ -54,7 +41,6 @@ from robots.shared.wire.camera import CameraEnd as CameraEnd
 from robots.shared.wire.camera import CameraEntry as CameraEntry
 from robots.shared.wire.camera import CameraKey as CameraKey
 from robots.shared.wire.camera import CameraMessage as CameraMessage
-from robots.shared.wire.camera import CameraName as CameraName
 from robots.shared.wire.camera import CameraPong as CameraPong
 from robots.shared.wire.camera import CameraRequest as CameraRequest
 from robots.shared.wire.camera import Cameras as Cameras
@@ -70,7 +56,6 @@ from robots.shared.wire.camera import Variant as Variant
 from robots.shared.wire.camera import packed as packed
 from robots.shared.wire.camera import unpacked as unpacked
 from robots.shared.wire.codec import LARGEST_REPORT_BYTES as LARGEST_REPORT_BYTES
-from robots.shared.wire.codec import MessageDecoder as MessageDecoder
 from robots.shared.wire.codec import encode as encode
 from robots.shared.wire.codec import encode_report as encode_report
 from robots.shared.wire.codec import heading as heading
@@ -86,7 +71,6 @@ from robots.shared.wire.decoders import TopicsReport as TopicsReport
 from robots.shared.wire.decoders import browser_message as browser_message
 from robots.shared.wire.decoders import browser_report as browser_report
 from robots.shared.wire.decoders import camera_message as camera_message
-from robots.shared.wire.decoders import camera_report as camera_report
 from robots.shared.wire.decoders import camera_request as camera_request
 from robots.shared.wire.decoders import fleet_message as fleet_message
 from robots.shared.wire.decoders import link_report as link_report
@@ -127,7 +111,6 @@ from robots.shared.wire.link import Revoke as Revoke
 from robots.shared.wire.link import Status as Status
 from robots.shared.wire.link import Stopped as Stopped
 from robots.shared.wire.link import Viewers as Viewers
-from robots.shared.wire.navigation import FARTHEST_PLACE_M as FARTHEST_PLACE_M
 from robots.shared.wire.navigation import MOST_PATH as MOST_PATH
 from robots.shared.wire.navigation import Go as Go
 from robots.shared.wire.navigation import GoCancel as GoCancel
@@ -182,7 +165,6 @@ from robots.shared.wire.state import Phase as Phase
 from robots.shared.wire.state import Publishing as Publishing
 from robots.shared.wire.state import Scan as Scan
 from robots.shared.wire.state import Sensor as Sensor
-from robots.shared.wire.state import Side as Side
 from robots.shared.wire.state import Speech as Speech
 from robots.shared.wire.state import SpeechEnd as SpeechEnd
 from robots.shared.wire.state import SpeechStatus as SpeechStatus
@@ -192,7 +174,6 @@ from robots.shared.wire.state import StopState as StopState
 from robots.shared.wire.state import UseOffer as UseOffer
 from robots.shared.wire.state import Verdict as Verdict
 from robots.shared.wire.state import View as View
-from robots.shared.wire.state import Way as Way
 from robots.shared.wire.tasks import CHOOSE as CHOOSE
 from robots.shared.wire.tasks import DRIVE_BY as DRIVE_BY
 from robots.shared.wire.tasks import FORGET as FORGET

@@ -128,5 +128,4 @@ link_request = MessageDecoder[LinkRequest](LinkRequest)
 # Reports have no size limit; an invalid report raises `msgspec.DecodeError`.
 browser_report: Callable[[str | bytes], BrowserReport] = msgspec.json.Decoder(BrowserReport).decode
 topics_report: Callable[[str | bytes], TopicsReport] = msgspec.json.Decoder(TopicsReport).decode
-camera_report: Callable[[str | bytes], CameraReport] = msgspec.json.Decoder(CameraReport).decode
 link_report: Callable[[str | bytes], LinkReport] = msgspec.json.Decoder(LinkReport).decode  # text frames

@@ -28,24 +28,9 @@ def draw_clock(pixels: NDArray[np.uint8], monotonic_s: float) -> None:
     pixels[:side] = np.repeat(code * 255, side)[None, :, None]
 
 
-def read_clock(pixels: NDArray[np.uint8]) -> float | None:
-    """Return the time in a picture (height, width, 3), in seconds modulo 2**32 / 10,000; None if there is no code."""
-    side = pixels.shape[1] / BLOCKS
-    middles = ((np.arange(BLOCKS) + 0.5) * side).astype(int)
-    bits = (pixels[int(side / 2), middles].mean(axis=-1) > 127).astype(int).tolist()
-    ticks, parity = _number(bits[2:34]), _number(bits[34:38])
-    if (*bits[:2], *bits[38:]) != (*_BEFORE, *_AFTER) or parity != _parity(ticks):
-        return None
-    return ticks / TICKS_PER_S
-
-
 def _parity(ticks: int) -> int:
     return reduce(lambda parity, shift: parity ^ (ticks >> shift) & 0b1111, range(0, _TIME_BITS, 4), 0b1010)
 
 
 def _bits(number: int, count: int) -> list[int]:
     return [number >> place & 1 for place in reversed(range(count))]
-
-
-def _number(bits: list[int]) -> int:
-    return reduce(lambda number, bit: number << 1 | bit, bits, 0)

@@ -60,11 +60,11 @@ def test_replay_shows_where_another_gate_differs(drive):
     assert decisions[0].replayed.velocity.vx == 0.5 * decisions[0].recorded.velocity.vx
 
 
-def test_unreadable_recording_is_explained_in_words(drive, tmp_path):
+def test_unreadable_trace_is_explained_in_words(drive, tmp_path):
     cut = tmp_path / "cut.gate"
     cut.write_bytes(drive.read_bytes()[:-200])
     text = tmp_path / "text.gate"
-    text.write_text("no recording")
+    text.write_text("no trace")
     empty = tmp_path / "empty.gate"
     with gzip.open(empty, "wb"):
         pass

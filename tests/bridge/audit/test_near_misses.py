@@ -17,9 +17,9 @@ import pytest
 from robots.bridge.gate_trace import Decision, replay
 from robots.shared.geometry.poses import Velocity
 
-RECORDINGS = sorted((Path(__file__).parents[2] / "data" / "recordings").glob("*.gate"))
-THINGS = [path for path in RECORDINGS if not path.stem.startswith("doorway")]
-MADE_BY = "python -m benchmarks.world.recordings tests/data/recordings"
+TRACES = sorted((Path(__file__).parents[2] / "data" / "traces").glob("*.gate"))
+THINGS = [path for path in TRACES if not path.stem.startswith("doorway")]
+MADE_BY = "python -m benchmarks.world.near_misses tests/data/traces"
 # The robot moves as in MuJoCo, not as in the gate's model.
 ANSWERS_S = 0.2
 BRAKES_MPS2 = 1.0
@@ -83,7 +83,7 @@ def gap_to_people_m(truth: Truth, decisions: list[Decision]) -> float:
     return least_m
 
 
-@pytest.fixture(scope="module", params=RECORDINGS, ids=lambda path: path.stem)
+@pytest.fixture(scope="module", params=TRACES, ids=lambda path: path.stem)
 def path(request) -> Path:
     return request.param
 
@@ -94,8 +94,8 @@ def decisions(path) -> list[Decision]:
 
 
 def test_near_misses_cover_leg_table_top_door_and_person():
-    assert {path.stem.split("_")[0] for path in RECORDINGS} >= {"table", "doorway", "person"}
-    assert all(path.stat().st_size < 100_000 for path in RECORDINGS)
+    assert {path.stem.split("_")[0] for path in TRACES} >= {"table", "doorway", "person"}
+    assert all(path.stat().st_size < 100_000 for path in TRACES)
 
 
 def test_allowed_twist_lets_the_robot_brake_before_obstacles(path, decisions):
@@ -112,7 +112,7 @@ def test_without_the_gate_the_robot_would_have_collided(path):
 
 
 def test_through_a_door_it_lets_a_competent_driver_pass():
-    [door] = [path for path in RECORDINGS if path.stem.startswith("doorway")]
+    [door] = [path for path in TRACES if path.stem.startswith("doorway")]
     decisions = list(replay(door))
     answered = sum(decision.replayed.velocity.vx for decision in decisions)
     assert answered >= 0.8 * sum(decision.asked.vx for decision in decisions)
@@ -133,5 +133,5 @@ def test_this_version_answers_as_it_is_recorded(path, decisions):
         if (one.recorded.code, one.recorded.sensor) != (one.replayed.code, one.replayed.sensor)
         or not np.allclose(one.recorded.velocity, one.replayed.velocity, rtol=0.0, atol=1e-6)
     ]
-    hint = f"If the gate was changed on purpose, make the recordings anew: {MADE_BY}"
+    hint = f"If the gate was changed on purpose, make the traces anew: {MADE_BY}"
     assert not other, f"{len(other)} answers of {len(decisions)} are not as recorded.\n{hint}\n{other[0]}"

@@ -23,7 +23,7 @@ from robots.link.client import BridgeLink
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.link.pending_stops import FOLDER, PendingStops, WaitingStop, name_of
-from teleop.stop.presses import Pending, press
+from teleop.stop.presses import Pending, press_at
 from tests.bridge.support import CONFIG, Bench
 
 ROBOT = UUID(CONFIG.robot_id)
@@ -109,7 +109,7 @@ async def open_link(address: LinkAddress, stops: PendingStops) -> AsyncIterator[
 
 async def press_in_other_process(address: LinkAddress) -> Pending:
     """Press stop as another process does, without an answer and without a courier."""
-    pending = await asyncio.to_thread(press, ROBOT, address, "Ann", "smoke")
+    [pending] = await asyncio.to_thread(press_at, [(ROBOT, address)], "Ann", "smoke")
     assert isinstance(pending, Pending)
     return pending
 

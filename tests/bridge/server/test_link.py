@@ -20,15 +20,24 @@ from websockets.exceptions import InvalidStatus, WebSocketException
 import robots.link.client
 from robots.bridge.link_handler import OTHER_ROBOT
 from robots.bridge.server.link_server import LinkServer
-from robots.link.client import BridgeLink, LinkRefused, Links, stop_once
+from robots.link.client import BridgeLink, LinkRefused, Links
 from robots.link.connections import _headers
 from robots.link.state_reader import state_once
+from robots.link.stop_delivery import reach, stop_message, wait_for
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import LinkAddress
 from tests.bridge.support import CONFIG, Bench
 from tests.processes import free_port
 
 ROBOT = uuid.UUID(CONFIG.robot_id)  # the robot of the test bench
+
+
+def stop_once(robot_id, address, by):
+    """Press the stop without an event loop, as the command line does."""
+    answer = wait_for(reach(address, stop_message(robot_id, by, "")))
+    if isinstance(answer, wire.Refusal):
+        raise LinkRefused(answer)
+    return answer
 
 
 class Bridge:

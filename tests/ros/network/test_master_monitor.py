@@ -44,7 +44,7 @@ def bridges(tmp_path):
         bridge.stop()
 
 
-class RecordingNode:
+class NotingNode:
     """The monitor's node: stores its calls in order. Each `join` also calls the next function of `begins`."""
 
     def __init__(self, *begins) -> None:
@@ -80,7 +80,7 @@ class RecordingNode:
 
 
 @contextmanager
-def watching(uri: str, node: RecordingNode):
+def watching(uri: str, node: NotingNode):
     """Run a master monitor."""
     watch = MasterMonitor(Master(uri, BRIDGE), node)
     watch.start()
@@ -165,7 +165,7 @@ def test_a_failed_task_is_not_repeated_in_the_process(rosmaster, soon):
     def full() -> None:
         raise OSError(28, "No space left on device")
 
-    node = RecordingNode(full)
+    node = NotingNode(full)
     with watching(rosmaster.uri, node):
         before = node.until("lost, name taken: False")
     assert before == ["refused: The bridge could not join the robot ([Errno 28] No space left on device)."]
@@ -180,17 +180,17 @@ def test_a_master_restarted_during_joining_gets_everything(make_master, soon, mo
         master.kill()
         master.start()
 
-    node = RecordingNode(restart)
+    node = NotingNode(restart)
     with watching(master.uri, node):
         node.until("begun again")
     assert len(again) == 1
 
 
 def test_the_master_monitor_survives_its_failures(rosmaster, soon, monkeypatch):
-    class Failing(RecordingNode):
+    class Failing(NotingNode):
         def surveyed(self, system) -> None:
             super().surveyed(system)
-            monkeypatch.setattr(Failing, "surveyed", RecordingNode.surveyed)
+            monkeypatch.setattr(Failing, "surveyed", NotingNode.surveyed)
             raise RecursionError("of what a master answered")
 
     monkeypatch.setattr(master_monitor, "register_again", lambda _: None)
@@ -242,7 +242,7 @@ class TestNamesake:
         monkeypatch.setattr(master_monitor, "monotonic", lambda: next(clock))
         monkeypatch.setattr(Master, "node_uri", lambda *_: "http://elsewhere:1/")
         monkeypatch.setattr(master_monitor, "node_alive", lambda *_: answers.pop(0))
-        node = RecordingNode()
+        node = NotingNode()
         with watching(rosmaster.uri, node):
             before = node.until("begun")
         assert answers == []

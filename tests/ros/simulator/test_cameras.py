@@ -11,8 +11,9 @@ import pytest
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from tf2_msgs.msg import TFMessage
 
-from robots.simulator.cameras.clock_code import TICKS_PER_S, read_clock
+from robots.simulator.cameras.clock_code import TICKS_PER_S
 from tests.processes import until
+from tests.simulator.cameras.clock_reader import read_clock
 
 HEAD = "/xtion/rgb/image_raw/compressed"
 

@@ -8,7 +8,8 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from robots.simulator.cameras.clock_code import draw_clock, read_clock
+from robots.simulator.cameras.clock_code import draw_clock
+from tests.simulator.cameras.clock_reader import read_clock
 
 NOISE = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
 

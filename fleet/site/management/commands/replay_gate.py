@@ -1,6 +1,6 @@
 """``manage.py replay_gate FILE``: run a recorded drive through the gate again, offline.
 
-FILE is a recording of ``script/bench gate --record``, or a rosbag together with ``--robot SLUG``.
+FILE is a trace of ``script/bench gate --record``, or a rosbag together with ``--robot SLUG``.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ class Command(BaseCommand):
             if options["robot"]:
                 self._bag(options["file"], options["robot"])
             else:
-                self._recording(options["file"])
+                self._trace(options["file"])
         except BadTrace as error:
             raise CommandError(str(error)) from error
 
-    def _recording(self, file: Path) -> None:
+    def _trace(self, file: Path) -> None:
         decisions = differing = 0
         began_s = last = None
         for decision in replay(file):

@@ -1,4 +1,4 @@
-"""``manage.py replay_gate``: the verdicts of a recording or a rosbag, in words."""
+"""``manage.py replay_gate``: the verdicts of a trace or a rosbag, in words."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.gate.conftest import Feeder, tiago_profile
 
 
 def recorded(path):
-    """A recording of 2 s in which obstacles come closer on all sides."""
+    """A trace of 2 s in which obstacles come closer on all sides."""
     feeder, sent = Feeder(tiago_profile()), STILL
     with Recorder(path, feeder.gate.profile) as recorder:
         feeder.gate = recorder.recorded(feeder.gate)
@@ -34,7 +34,7 @@ def replayed(*arguments):
     return out.getvalue()
 
 
-def test_a_recording_replays_the_same_verdicts_and_changes(tmp_path):
+def test_a_trace_replays_the_same_verdicts_and_changes(tmp_path):
     printed = replayed(str(recorded(tmp_path / "wall.gate")))
     assert "40 decisions, 0 other than recorded" in printed
     assert "mover" in printed and "laser" in printed
@@ -50,7 +50,7 @@ def test_a_gate_that_answers_otherwise_fails_and_shows_both(tmp_path, monkeypatc
     assert "recorded: " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("text", [b"no recording at all", b""])
+@pytest.mark.parametrize("text", [b"no trace at all", b""])
 def test_a_file_that_is_none_is_refused_in_words(tmp_path, text):
     file = tmp_path / "rubbish.gate"
     file.write_bytes(text)

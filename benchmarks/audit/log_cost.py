@@ -28,7 +28,7 @@ def latency(directory: Path) -> list[Figure]:
     """Start a console with one robot in this directory, and drive it."""
     off = directory / "unrecorded"
     settings = {
-        "DJANGO_SETTINGS_MODULE": "benchmarks.audit.switchable_recording",
+        "DJANGO_SETTINGS_MODULE": "benchmarks.audit.switchable_log",
         "FLEET_BENCH_UNRECORDED": str(off),
     }
     with Stack(directory, robots=BARE_STICKS[:1], settings=settings) as stack:

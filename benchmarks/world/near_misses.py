@@ -1,6 +1,6 @@
-"""Make the short recordings of near misses that tests replay: python -m benchmarks.world.recordings DIRECTORY.
+"""Make the short traces of near misses that tests replay: python -m benchmarks.world.near_misses DIRECTORY.
 
-Beside each recording stands the truth, which the gate never sees: where the robot and everything around it really was
+Beside each trace stands the truth, which the gate never sees: where the robot and everything around it really was
 at each decision.
 """
 
@@ -50,7 +50,7 @@ CASES: dict[str, Callable[[], Case]] = {
 
 
 class Witnessed(msgspec.Struct, frozen=True):
-    """The truth of a recording, in the world's frame; metres and radians."""
+    """The truth of a trace, in the world's frame; metres and radians."""
 
     radius_m: float  # of the robot
     outline: list[Point]  # of all standing objects, every few centimetres
@@ -92,8 +92,8 @@ class Witness(GateController):
 
 
 def main() -> int:
-    """Write all recordings. Return 1 if a robot touched something: then this is not a near miss."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.world.recordings", description=__doc__)
+    """Write all traces. Return 1 if a robot touched something: then this is not a near miss."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.world.near_misses", description=__doc__)
     parser.add_argument("directory", type=Path)
     directory: Path = parser.parse_args().directory
     directory.mkdir(parents=True, exist_ok=True)
@@ -107,15 +107,15 @@ def _made(path: Path, case: Case) -> int:
     loop = Loop(case, lambda fan: Witness(profile, fan), profile.limits, SCAN, SEED)
     witness = cast(Witness, loop.controller)
     witness.robot = loop.robot
-    recording = path.with_suffix(".gate")
+    file = path.with_suffix(".gate")
     outline = [] if case.world.people else Truth(loop.robot.physics).points.round(3).tolist()
-    trace = recorded(loop, recording)
+    trace = recorded(loop, file)
     # Compress again, smaller and without a date: the same drive gives the same file.
-    recording.write_bytes(gzip.compress(gzip.decompress(recording.read_bytes()), 9, mtime=0))
+    file.write_bytes(gzip.compress(gzip.decompress(file.read_bytes()), 9, mtime=0))
     truth = Witnessed(RADIUS_M, outline, witness.poses, witness.people)
     path.with_suffix(".json").write_bytes(msgspec.json.encode(truth) + b"\n")
     gap_m = min(moment.gap_m for moment in trace.moments)
-    print(f"{recording.name}: {trace.time_s:.1f} s, {recording.stat().st_size / 1000:.0f} kB, {gap_m:.3f} m")
+    print(f"{file.name}: {trace.time_s:.1f} s, {file.stat().st_size / 1000:.0f} kB, {gap_m:.3f} m")
     return 1 if trace.touches else 0
 
 

@@ -16,7 +16,7 @@ from django.apps import AppConfig
 from fleet.settings import *  # noqa: F403
 from fleet.settings import INSTALLED_APPS
 
-INSTALLED_APPS = [*INSTALLED_APPS, "benchmarks.audit.switchable_recording.Switched"]
+INSTALLED_APPS = [*INSTALLED_APPS, "benchmarks.audit.switchable_log.Switched"]
 
 
 class Switched(AppConfig):
