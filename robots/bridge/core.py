@@ -36,8 +36,7 @@ from robots.bridge.robot_clock import RobotClock
 from robots.bridge.steady_view import SteadyLimits, SteadyVerdict
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.tasks.holder_tasks import HolderTasks, holder_of
-from robots.bridge.tasks.publishing import Publisher
-from robots.bridge.tasks.task import Activity, Robot
+from robots.bridge.tasks.task import Activity, Publisher, Robot
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.configuration.input_filters import COMMAND_LIFE_S

@@ -22,9 +22,9 @@ from robots.bridge.tasks.input_routing import InputRouting
 from robots.bridge.tasks.motions import MotionPlayer, Motions
 from robots.bridge.tasks.named_ends import NamedEnds
 from robots.bridge.tasks.parts import PARTS
-from robots.bridge.tasks.publishing import Publications, Publisher
+from robots.bridge.tasks.publishing import Publications
 from robots.bridge.tasks.speech import SpeechTasks
-from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Robot, TaskPart, TaskRules
+from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Publisher, Robot, TaskPart, TaskRules
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.configuration.denylist import admissible

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 
@@ -20,25 +19,6 @@ from robots.shared.wire import Grant, Refusal
 NOT_SENT = Refusal(
     "inspector_silent", "The message was not published: the robot’s inspector ended. Ask again.", "robot"
 )
-
-
-class Publisher(Protocol):
-    """Sends messages of any type."""
-
-    def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
-        """Check the fields against the type's definition; call `then` once, with a refusal or None, and the time."""
-
-    def publish(self, order: wire.Publish) -> bool:
-        """Send once, or at a rate instead of an earlier message on this topic. Return False if it is not sent."""
-
-    def publish_stop(self, topic: str) -> None:
-        """Stop sending on this topic."""
-
-    def halt(self) -> None:
-        """Drop all messages given so far: those sent at a rate, and those that wait for subscribers."""
-
-    def keep_alive(self) -> None:
-        """Allow sending at a rate to continue. Call it every tick: sending pauses without it."""
 
 
 @dataclass(eq=False)

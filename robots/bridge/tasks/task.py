@@ -8,7 +8,7 @@ cannot be defined.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar
@@ -23,8 +23,6 @@ from robots.shared.wire import Grant, Refusal
 if TYPE_CHECKING:
     from robots.bridge.gate.gate import Gate
     from robots.bridge.lease.lease_guard import LeaseGuard
-    from robots.bridge.tasks.capabilities import Capabilities
-    from robots.bridge.tasks.publishing import Publisher
 
 HALTED = Refusal(
     "halted", "It was not done: control ended or the robot was stopped before it was recorded.", "robot"
@@ -117,10 +115,19 @@ class Robot(Protocol):
         """Return the part that does this; None: the robot has none, or is not connected yet."""
 
 
+class Titles(Protocol):
+    """The titles of motions, as pages show them."""
+
+    def title_of(self, motion: str, action: str) -> str:
+        """Return the title of an action's motion; its name, if no title is known."""
+
+
 class Tasks(Protocol):
     """All tasks, as one part uses the others."""
 
-    capabilities: Capabilities
+    @property
+    def capabilities(self) -> Titles:
+        """The robot's capabilities."""
 
     def part(self, kind: type[P]) -> P:
         """Return the part of this class."""
@@ -133,6 +140,25 @@ class Tasks(Protocol):
 
     def read_motions(self) -> None:
         """Let the robot be asked for its motions."""
+
+
+class Publisher(Protocol):
+    """Sends messages of any type."""
+
+    def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
+        """Check the fields against the type's definition; call `then` once, with a refusal or None, and the time."""
+
+    def publish(self, order: wire.Publish) -> bool:
+        """Send once, or at a rate instead of an earlier message on this topic. Return False if it is not sent."""
+
+    def publish_stop(self, topic: str) -> None:
+        """Stop sending on this topic."""
+
+    def halt(self) -> None:
+        """Drop all messages given so far: those sent at a rate, and those that wait for subscribers."""
+
+    def keep_alive(self) -> None:
+        """Allow sending at a rate to continue. Call it every tick: sending pauses without it."""
 
 
 @dataclass(frozen=True)

@@ -152,7 +152,7 @@ class InspectorClient:
             self._unsent.pop(number, None)
         self._resubscribe(before)
 
-    # --- publishing (`robots.bridge.tasks.publishing.Publisher`) ----------------------------------
+    # --- publishing (`robots.bridge.tasks.task.Publisher`) ----------------------------------
 
     def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
         """Check the fields against the definition; call `then` once, with a refusal or None, and the time."""
