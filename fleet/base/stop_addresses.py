@@ -6,11 +6,12 @@ The process with the links answers them, also without the pages process. All fun
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from urllib.parse import unquote
 
-from twisted.web.http_headers import Headers
-
-RIGHT = "fleet.stop_right"  # the extension of a stop's scope with its person's right (`teleop.stop.rights`)
+# Extensions of a scope, set by `fleet.server.front`
+RIGHT = "fleet.stop_right"  # of a stop: its person's right (`teleop.stop.rights`)
+OWN = "fleet.own"  # of a request that a pages process of this account sends
 
 _ADDRESSES = re.compile(rb"/(api/(v1/)?)?(robots/(?P<slug>[^/]+)/stop|stop|stop-all)/?")
 
@@ -43,12 +44,12 @@ def without_query(line: bytes) -> bytes:
     return b" ".join((method, uri.partition(b"?")[0], version)) if is_head_of_stop(method, uri) else line
 
 
-def needs_no_body(method: bytes, uri: bytes, headers: Headers) -> bool:
-    """Return whether the head of a stop is enough.
+def needs_no_body(method: bytes, uri: bytes, headers: Iterable[tuple[bytes, bytes]]) -> bool:
+    """Return whether the head of a stop is enough. The names of the headers are in lower case.
 
     The body is needed only for a form's CSRF token (`teleop.stop.views`). Programs without cookies send none.
     """
     if not is_head_of_stop(method, uri):
         return False
-    program = headers.hasHeader(b"Authorization") and not headers.hasHeader(b"Cookie")
-    return program or headers.hasHeader(b"X-CSRFToken")
+    names = {name for name, _ in headers}
+    return b"x-csrftoken" in names or (b"authorization" in names and b"cookie" not in names)

@@ -6,11 +6,13 @@ All functions are pure.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable
 from functools import cache
 from typing import NamedTuple
 
-from twisted.web.http_headers import Headers
+from django.http import parse_cookie
+
+Headers = Iterable[tuple[bytes, bytes]]  # names in lower case
 
 _BEARER = re.compile(rb"bearer +(\S+) *", re.IGNORECASE)
 _BEARER_LINE = re.compile(rb"\r\nauthorization: *bearer +([^\s]+)", re.IGNORECASE)
@@ -23,15 +25,25 @@ class Credential(NamedTuple):
     is_token: bool = False
 
 
-def credentials_of(
-    headers: Headers, cookies: Mapping[bytes, bytes], session_cookie: bytes, path: bytes
-) -> list[Credential]:
+def credentials_of(headers: Headers, session_cookie: str, path: str) -> list[Credential]:
     """Return the credentials of a request in their order: the first valid one counts.
 
     A session comes before a token. The API alone accepts tokens.
     """
-    token = _BEARER.fullmatch(headers.getRawHeaders(b"Authorization", [b""])[0])
-    return _in_order(cookies.get(session_cookie), token[1] if token and path.startswith(b"/api/") else None)
+    session = _cookie(headers, session_cookie)
+    found = [_BEARER.fullmatch(value) for name, value in headers if name == b"authorization"]
+    token = found[0] if found and path.startswith("/api/") else None
+    return _in_order(session and session.encode("latin-1"), token and token[1])
+
+
+def has_cookie(headers: Headers, name: str) -> bool:
+    """Return whether a request has this cookie."""
+    return _cookie(headers, name) is not None
+
+
+def _cookie(headers: Headers, name: str) -> str | None:
+    cookies = "; ".join(value.decode("latin-1") for key, value in headers if key == b"cookie")
+    return parse_cookie(cookies).get(name)
 
 
 def likely_credentials(data: bytes, session_cookie: bytes) -> list[Credential]:

@@ -44,7 +44,7 @@ STRANGERS_AT_ONCE = (
 # One message of a WebSocket: pages send 8 KiB at most; the console answers larger messages with a refusal
 MESSAGE_BYTES = 64 * 1024
 HANDSHAKE_BYTES = 16384  # bytes that a WebSocket may send before it is accepted
-MESSAGES_WAITING = 1000  # messages of one WebSocket that the console has not handled yet
+UNREAD_BYTES = 256 * 1024  # of one WebSocket, while the console handles older ones; then reading pauses
 
 
 @dataclass(frozen=True)

@@ -66,6 +66,12 @@ class WorkQueue:
             self._scheduled = True
             self._soon(self._next)
 
+    async def turn(self, owner: Key) -> None:
+        """Wait for the fair turn of this owner."""
+        begun: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self.add(lambda: None if begun.done() else begun.set_result(None), owner)
+        await begun
+
     def _next(self) -> None:
         work = self._waiting.pop()
         try:

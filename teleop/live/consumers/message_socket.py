@@ -41,9 +41,6 @@ REPLIES_BURST = 20.0
 
 BUSY = Refusal("busy", "Too many requests at once: wait for the answers.", "wire")
 
-# ASGI extensions of the server (`fleet.server.websocket`).
-_DIRECT_RECEIVER, _DIRECT_SENDER = "fleet.direct_receiver", "fleet.direct_sender"
-
 
 class CloseCode:
     """Codes with which the server closes a WebSocket; pages act on them."""
@@ -80,13 +77,10 @@ class MessageSocket(AsyncConsumer):
         """Run the connection (ASGI application)."""
         self.scope: Any = scope
         self.asgi_send = send
-        self._direct_sender = scope.get("extensions", {}).get(_DIRECT_SENDER)
         await receive()  # websocket.connect
         await send({"type": "websocket.accept"})
         try:
             await self.on_open()
-            if offer := scope.get("extensions", {}).get(_DIRECT_RECEIVER):
-                offer(self._receive_directly)
             while (event := await self._next(receive))["type"] != "websocket.disconnect":
                 if not self._closing:
                     await self._received(event)
@@ -135,9 +129,8 @@ class MessageSocket(AsyncConsumer):
         await self.send_encoded(encode(message).decode())
 
     async def send_bytes(self, message: bytes) -> None:
-        """Send bytes to the client, by the shortest way."""
-        if self._direct_sender is None or not self._direct_sender(message):
-            await self.asgi_send({"type": "websocket.send", "bytes": message})
+        """Send bytes to the client."""
+        await self.asgi_send({"type": "websocket.send", "bytes": message})
 
     async def send_encoded(self, message: str) -> None:
         """Send an encoded message to the client."""

@@ -1,7 +1,5 @@
 """An application for the web process: it answers a number by a text and by bytes of this length."""
 
-from fleet.server.websocket import DIRECT_SENDER
-
 
 async def application(scope, receive, send):
     if scope["type"] != "websocket":
@@ -13,4 +11,4 @@ async def application(scope, receive, send):
     while (event := await receive())["type"] == "websocket.receive":
         length = int(event["text"])
         await send({"type": "websocket.send", "text": "x" * length})
-        scope["extensions"][DIRECT_SENDER](bytes(length))
+        await send({"type": "websocket.send", "bytes": bytes(length)})

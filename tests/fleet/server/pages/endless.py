@@ -16,8 +16,9 @@ import daphne.server  # noqa: F401 - first: it chooses Twisted's reactor
 from django.conf import settings
 from twisted.internet import protocol, reactor
 
-from fleet.server import limits, pages_process
+from fleet.server import limits
 from fleet.server.command import Server
+from fleet.server.pages_client import Pages
 
 CHUNK = bytes(65536)
 PIECES = b"".join(b"1000\r\n" + CHUNK[:4096] + b"\r\n" for _ in range(16))
@@ -64,7 +65,7 @@ def ask_and_leave(server):
         in_time = way != "stays" or closed.wait(30)
     print(
         json.dumps(
-            {"sent": sent_bytes, "closed": closed.wait(30) and in_time, "taken": server.requests.taken}
+            {"sent": sent_bytes, "closed": closed.wait(30) and in_time, "taken": server.front.requests.taken}
         )
     )
     reactor.callFromThread(reactor.stop)
@@ -78,6 +79,6 @@ with tempfile.TemporaryDirectory() as directory:
     factory.protocol = Endless
     reactor.listenUNIX(str(path), factory)
     server = Server(None, endpoints=["tcp:port=0:interface=127.0.0.1"], verbosity=0, signal_handlers=False)
-    server.forward = pages_process.Forward(path)
+    server.front.pages = Pages(path)
     threading.Thread(target=ask_and_leave, args=[server], daemon=True).start()
     server.run()

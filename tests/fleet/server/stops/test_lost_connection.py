@@ -7,67 +7,40 @@ from twisted.internet.error import ConnectionAborted
 from twisted.internet.testing import StringTransport
 from twisted.python.failure import Failure
 
-from fleet.server.channel import Factory
+from fleet.server.command import daphne_server  # first: it chooses Twisted's reactor
+from fleet.server.front import Front
+from fleet.server.guard import Factory
+from fleet.server.stop_addresses import RIGHT
 
 STOP = (
     b"POST /api/v1/stop HTTP/1.1\r\nHost: lab\r\nAuthorization: Bearer fleet_x\r\nContent-Length: 2\r\n\r\n{}"
 )
 
 
-class Server:
-    """The parts of the server that a stop uses. The right is read when the test says so."""
-
-    session_cookie, root_path, request_buffer_size = b"session", "", 8192
-    proxy_forwarded_address_header = proxy_forwarded_port_header = proxy_forwarded_proto_header = None
-    bodies_bytes = 0
-
-    def __init__(self):
-        loop = asyncio.get_running_loop()
-        self.right = loop.create_future()
-        self.asked = asyncio.Event()
-        self.rights = SimpleNamespace(ask=self._ask)
-        self.work = SimpleNamespace(add=lambda work, _owner: loop.call_soon(work))
-        self.events = asyncio.Queue()  # what the application receives
-        self.strangers = SimpleNamespace(ask=lambda _key, begin: begin(), over=lambda: None)
-        self.forward = lambda _request: None
-
-    def _ask(self, _credential):
-        self.asked.set()
-        return self.right
-
-    def create_application(self, _request, _scope):
-        return self.events
-
-    def entered(self, _connection):
-        return True
-
-    def owner_of(self, *_):
-        return ()
-
-    def likely_owner(self, *_):
-        return ()
-
-    def address_of(self, _transport):
-        return ""
-
-    def protocol_connected(self, _request): ...
-
-    def protocol_disconnected(self, _request): ...
-
-    def left(self, _transport): ...
-
-
 async def test_a_stop_is_sent_although_its_connection_has_closed():
-    server = Server()
-    factory = Factory.__new__(Factory)
-    factory.server = server
-    channel = factory.buildProtocol(None)
-    channel.callLater = lambda *_: SimpleNamespace(cancel=lambda: None, reset=lambda _s: None)
-    channel.makeConnection(StringTransport())
-    channel.dataReceived(STOP)
-    await asyncio.wait_for(server.asked.wait(), 5)
-    channel.connectionLost(Failure(ConnectionAborted()))
-    assert server.events.empty()
-    server.right.set_result(SimpleNamespace(robots_at=lambda _path: ["a robot"], key=()))
-    kinds = [(await asyncio.wait_for(server.events.get(), 5))["type"] for _ in range(2)]
-    assert kinds == ["http.request", "http.disconnect"]
+    asked, sent = asyncio.Event(), asyncio.Event()
+    found = asyncio.get_running_loop().create_future()
+    right = SimpleNamespace(robots_at=lambda _path: ["a robot"])
+
+    async def console(scope, _receive, _send):
+        assert scope["extensions"] == {RIGHT: right}
+        sent.set()
+
+    def ask(_credential):
+        asked.set()
+        return found
+
+    front = Front(console, session_cookie="session")
+    front.pages = SimpleNamespace()
+    front.rights = SimpleNamespace(ask=ask, person_behind=lambda _credential: None)
+    daphne = daphne_server.Server(front, endpoints=["tcp:0"])
+    daphne.connections = {}
+    guard = Factory(daphne_server.HTTPFactory(daphne), front).buildProtocol(None)
+    guard.callLater = lambda *_: SimpleNamespace(cancel=lambda: None, reset=lambda _s: None)
+    guard.makeConnection(StringTransport())
+    guard.dataReceived(STOP)
+    await asyncio.wait_for(asked.wait(), 5)
+    guard.connectionLost(Failure(ConnectionAborted()))
+    assert not sent.is_set()
+    found.set_result(right)
+    await asyncio.wait_for(sent.wait(), 5)

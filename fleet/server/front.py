@@ -1,0 +1,191 @@
+"""The ASGI application in front of the console: limits of requests and WebSockets, stops, and the way to the pages.
+
+Stops and WebSockets need no place among requests: many requests never block them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from typing import Any
+
+from fleet.server import limits, stop_addresses
+from fleet.server.connections import Connections, Places, network_of
+from fleet.server.credentials import Credential, credentials_of, likely_credentials
+from fleet.server.guard import GUARD, Guard
+from fleet.server.pages_client import Pages
+from fleet.server.turns import Key, Turns, WorkQueue
+from fleet.server.websocket import WebSocket
+
+STOPPERS, OTHERS = "people who stop robots", "others"  # owners of work
+
+
+class Front:
+    """ASGI application. `pages` answers requests; None: `console` answers all of them."""
+
+    rights: Any = None  # who may stop what: the application sets it (`teleop.stop.rights`)
+
+    def __init__(self, console: Any, *, session_cookie: str, behind_proxy: bool = False) -> None:
+        self.session_cookie = session_cookie
+        self.pages: Pages | None = None
+        self.programs = b""  # the path of the socket for pages processes
+        self.open: Connections[Guard] = Connections()
+        self.requests = Places(limits.REQUESTS, limits.REQUESTS_OF_ADDRESS)
+        self.websockets = Places(limits.WEBSOCKETS, limits.WEBSOCKETS_OF_ADDRESS)
+        self.strangers = Turns(limits.STRANGERS_AT_ONCE)
+        self.work = WorkQueue(lambda work: asyncio.get_running_loop().call_soon(work))
+        self.bodies_bytes = 0  # size of the bodies of all requests that arrive or wait for their responses
+        self._console = console
+        self._behind_proxy = behind_proxy
+
+    async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        """Run the ASGI application."""
+        guard = GUARD.get()
+        if scope["type"] == "websocket":
+            await self._websocket(guard, scope, receive, send)
+            return
+        try:
+            await self._request(guard, _with_length(scope, guard.body), _with_body(guard.body, receive), send)
+        finally:
+            guard.over()
+
+    async def _websocket(self, guard: Guard, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        address = _address(scope)
+        if not self.websockets.take(address):
+            guard.abortConnection()
+            return
+        socket = WebSocket(guard, receive, send)
+        try:
+            await self._console(scope, socket.receive, socket.send)
+        finally:
+            self.websockets.give_back(address)
+
+    async def _request(self, guard: Guard, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        path = scope["raw_path"]
+        if path == b"/metrics" and self._is_own(guard):
+            await self._console({**scope, "extensions": {stop_addresses.OWN: True}}, receive, send)
+        elif self.pages is not None and stop_addresses.is_stop(scope["method"].encode(), path):
+            await self._stop(guard, scope, receive, send)
+        else:
+            await self._in_turn(guard, scope, receive, send)
+
+    async def _stop(self, guard: Guard, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        """Handle a stop: first find out whose it is. The answers come in turns, like the bytes of requests.
+
+        The stop of a known person is sent from here, with the links, also if its connection has closed meanwhile: it
+        needs no reader. All other stops are answered in the pages process.
+        """
+        address = _address(scope)
+        path = scope["raw_path"].decode("latin-1")
+        credentials = credentials_of(scope["headers"], self.session_cookie, path)
+        right, credential = await self._right(credentials)
+        if credentials:
+            await self.work.turn(self.owner_of(credential, address))
+        if right is not None and right.robots_at(path):
+            await self._console({**scope, "extensions": {stop_addresses.RIGHT: right}}, receive, send)
+            return
+        _end_with(guard)
+        async with self.strangers.turn(right.key if right is not None else (address,)):
+            await self._forward(guard, scope, send)
+
+    async def _right(self, credentials: Sequence[Credential]) -> tuple[Any, Credential | None]:
+        """Return the first right that these credentials give, and the last credential that was looked up.
+
+        A program may send a session that has ended next to its valid token.
+        """
+        right = credential = None
+        for credential in credentials if self.rights is not None else []:
+            right = await self.rights.ask(credential)
+            if right is not None:
+                break
+        return right, credential
+
+    async def _in_turn(self, guard: Guard, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        address = _address(scope)
+        if not self.requests.take(address):
+            guard.refuse(limits.busy())
+            return
+        try:
+            if self.pages is None:
+                await self._console(scope, receive, send)
+            else:
+                _end_with(guard)
+                await self._forward(guard, scope, send)
+        finally:
+            self.requests.give_back(address)
+
+    async def _forward(self, guard: Guard, scope: dict[str, Any], send: Any) -> None:
+        assert self.pages is not None
+        await self.pages.answer(guard, scope, send, behind_proxy=self._behind_proxy)
+
+    # What guards ask
+
+    def owner_of(self, credential: Credential | None, address: str) -> Key:
+        """Return for whom work is done: people who are known to stop robots have turns between all other work."""
+        person = None
+        if self.rights is not None and credential is not None:
+            person = self.rights.person_behind(credential)
+        return (OTHERS, address) if person is None else (STOPPERS, person, credential)
+
+    def likely_owner(self, data: bytes, before: Key) -> Key:
+        """Return for whom these bytes are handled, before they are parsed.
+
+        `before`: the owner of the bytes before them.
+        """
+        if not data.startswith(b"POST "):
+            return before
+        likely = likely_credentials(data, self.session_cookie.encode())
+        owners = (self.owner_of(credential, "") for credential in likely)
+        return next((owner for owner in owners if owner[0] is STOPPERS), before)
+
+    @staticmethod
+    def address_of(transport: Any) -> str:
+        """Return the address for which a connection counts; blank: a Unix socket."""
+        host = getattr(transport.getPeer(), "host", None)
+        return network_of(host) if host else ""
+
+    def entered(self, guard: Guard) -> bool:
+        """Return whether there is a place for a new connection.
+
+        If necessary, close the oldest waiting connection.
+        """
+        address = None if self._behind_proxy else self.address_of(guard) or None
+        admitted, leaves = self.open.admit(guard, address)
+        if leaves is not None:
+            leaves.abortConnection()
+        return admitted
+
+    def _is_own(self, guard: Guard) -> bool:
+        return bool(self.programs) and getattr(guard.getHost(), "name", None) == self.programs
+
+
+def _end_with(guard: Guard) -> None:
+    """Cancel this request when its connection ends."""
+    task = asyncio.current_task()
+    assert task is not None
+    if guard.is_lost:
+        task.cancel()
+    guard.when_lost = task.cancel
+
+
+def _address(scope: dict[str, Any]) -> str:
+    """Return the network of the client, for which its request or WebSocket counts."""
+    client = scope.get("client")
+    return network_of(str(client[0])) if client else ""
+
+
+def _with_length(scope: dict[str, Any], body: bytes) -> dict[str, Any]:
+    return {**scope, "headers": [*scope["headers"], (b"content-length", b"%d" % len(body))]} if body else scope
+
+
+def _with_body(body: bytes, receive: Any) -> Any:
+    """Return a `receive` that returns the guard's body in place of Daphne's empty one."""
+    bodies = [body]
+
+    async def receive_with_body() -> Any:
+        event = await receive()
+        if event["type"] == "http.request" and bodies:
+            event = {**event, "body": bodies.pop()}
+        return event
+
+    return receive_with_body

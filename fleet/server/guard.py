@@ -1,0 +1,279 @@
+"""Connections with limits: only whole requests within their limits reach Daphne, one at a time.
+
+A guard stands between each connection and Daphne's protocol, as a wrapper of Twisted (`twisted.protocols.policies`).
+Behind Daphne, the ASGI application `fleet.server.front` finds the guard of its request in `GUARD`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from contextvars import ContextVar
+from typing import Any
+
+from twisted.internet.interfaces import IPushProducer
+from twisted.protocols.policies import ProtocolWrapper, TimeoutMixin, WrappingFactory
+from zope.interface import implementer
+
+from fleet.server import limits
+from fleet.server.incoming import IncomingRequest
+from fleet.server.limits import Refusal, Refused
+from fleet.server.turns import Key
+
+GUARD: ContextVar[Guard] = ContextVar("guard")  # of the request whose application runs
+
+REFUSAL_READ_WITHIN_S = 1.0  # time for a refused client to read the refusal
+
+# Headers that are for this connection only; the root path would come from a stranger.
+_NOT_PASSED = {b"content-length", b"transfer-encoding", b"expect", b"te", b"trailer", b"daphne-root-path"}
+
+
+class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's types are skipped
+    """One connection. Requests come over it one after the other, or a WebSocket's bytes."""
+
+    def __init__(self, factory: Any, protocol: Any) -> None:
+        super().__init__(factory, protocol)
+        self.body = b""  # of the request that is being answered
+        self.when_lost: Callable[[], object] | None = None  # called when the connection ends before the answer
+        self.writable = asyncio.Event()  # set while the client reads what is sent
+        self.writable.set()
+        self.is_accepted = False  # a WebSocket whose handshake is accepted
+        self.is_heard = False  # a WebSocket whose application waits for a message
+        self.unread_bytes = 0  # of a WebSocket, since its application last waited
+        self._unhandled = b""  # received bytes that wait for their turn
+        self._owner: Key = ()  # for whom they are handled
+        self._reserved = 0  # bytes of the body, as they count for the limit of all bodies
+        self._is_between = False  # between two requests
+        self._is_answering = False
+        self._is_cut = False  # the client may still send a body that nobody reads
+        self._is_websocket = False
+        self._leaving = False  # the connection closes, and nothing more is read
+        self._reads = True
+        self._incoming = self._next_request()
+
+    @property
+    def server(self) -> Any:
+        """Return the state that connections share: `fleet.server.front.Front`."""
+        return self.factory.front
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the connection has ended."""
+        return self.wrappedProtocol is None
+
+    def makeConnection(self, transport: Any) -> None:
+        """Handle a new connection: take a place, or refuse it."""
+        super().makeConnection(transport)
+        transport.registerProducer(_Flow(self), True)
+        self._owner = self.server.owner_of(None, self.server.address_of(transport))
+        self.setTimeout(limits.HEAD_S)
+        if not self.server.entered(self):
+            self.refuse(limits.busy())
+
+    def dataReceived(self, data: bytes) -> None:
+        """Store received bytes of a request until it is their turn. Pass those of a WebSocket on."""
+        if self._is_websocket:
+            self._pass_on(data)
+            return
+        if not self._unhandled:
+            self._owner = self.server.likely_owner(data, self._owner)
+            self._ask_for_turn()
+        self._unhandled += data
+        self.read_or_pause()
+
+    def _ask_for_turn(self) -> None:
+        if not self._is_answering:
+            self.server.work.add(self._take_turn, self._owner)
+
+    def _take_turn(self) -> None:
+        data, self._unhandled = self._unhandled, b""
+        if not data or self._leaving or self._is_answering:
+            self._unhandled = data
+            return
+        if self._is_between:
+            self._is_between = False
+            self.setTimeout(limits.HEAD_S)
+        try:
+            self._unhandled = self._feed(data)
+        except Refused as error:
+            self.refuse(error.refusal)
+        if self._incoming.is_whole and not self._leaving:
+            self._hand_on()
+        self.read_or_pause()
+
+    def _feed(self, data: bytes) -> bytes:
+        request = self._incoming
+        had_head = request.head is not None
+        rest = request.feed(data)
+        if request.head is not None and not had_head and not request.is_whole:
+            self.setTimeout(limits.BODY_S)
+            if request.head.values(b"expect") and request.head.version == "1.1":
+                self.transport.write(b"HTTP/1.1 100 Continue\r\n\r\n")
+        return rest
+
+    def _next_request(self) -> IncomingRequest:
+        return IncomingRequest(self.server.session_cookie, self._reserve)
+
+    def _reserve(self, more_bytes: int) -> None:
+        if self.server.bodies_bytes + more_bytes > limits.BODIES_BYTES:
+            raise Refused(limits.busy())
+        self._reserved += more_bytes
+        self.server.bodies_bytes += more_bytes
+
+    def _free(self) -> None:
+        self.server.bodies_bytes -= self._reserved
+        self._reserved, self.body = 0, b""
+
+    def _hand_on(self) -> None:
+        """Let Daphne answer the request. It gets no body: the application takes it from here."""
+        request, head = self._incoming, self._incoming.head
+        assert head is not None
+        self.setTimeout(None)
+        self.body, self._is_cut = request.body, request.is_cut
+        left_out = _NOT_PASSED if head.is_handshake else _NOT_PASSED | {b"upgrade"}
+        if request.is_last:
+            left_out = left_out | {b"connection"}
+        lines = [b"%s: %s\r\n" % (name, value) for name, value in head.headers if name not in left_out]
+        if request.is_last:
+            lines.append(b"connection: close\r\n")
+        self._incoming = self._next_request()
+        # The connection of a stop may close for a new one: a known person's stop is sent all the same, and many stops
+        # that wait for their answers refuse no new connection.
+        if not head.is_stop:
+            self.server.open.working(self)
+        self._is_websocket, self._is_answering = head.is_handshake, not head.is_handshake
+        first = b"%s %s HTTP/%s\r\n" % (head.method, head.target, head.version.encode())
+        current = GUARD.set(self)
+        try:
+            self.wrappedProtocol.dataReceived(first + b"".join(lines) + b"\r\n")
+        finally:
+            GUARD.reset(current)
+        if self._is_websocket and self._unhandled:
+            data, self._unhandled = self._unhandled, b""
+            self._pass_on(data)
+
+    @property
+    def idle_s(self) -> float | None:
+        """The longest time without a byte of the client; None: without limit."""
+        return limits.IDLE_S if self._is_between else None
+
+    def _pass_on(self, data: bytes) -> None:
+        """Let Daphne handle bytes of a WebSocket. Until it is accepted, a page may send only its handshake."""
+        self.unread_bytes = len(data) + (0 if self.is_heard and self.is_accepted else self.unread_bytes)
+        if not self.is_accepted and self.unread_bytes > limits.HANDSHAKE_BYTES:
+            self.transport.abortConnection()
+            return
+        self.wrappedProtocol.dataReceived(data)
+        self.read_or_pause()
+
+    def read_or_pause(self) -> None:
+        """Read from the client only while it may send more."""
+        if self._is_websocket:
+            reads = self.unread_bytes <= limits.UNREAD_BYTES and self.writable.is_set()
+        else:
+            reads = len(self._unhandled) <= limits.UNHANDLED_BYTES
+        reads = reads and not self._leaving
+        if reads != self._reads:
+            self._reads = reads
+            (self.transport.resumeProducing if reads else self.transport.pauseProducing)()
+
+    def over(self) -> None:
+        """Handle the end of an answer, or of the work for it: the next request may come."""
+        self.when_lost = None
+        self._free()
+        self._is_answering = False
+        if self._leaving or self.is_lost:
+            return
+        self.server.open.waiting(self)
+        self._is_between = True
+        self.setTimeout(limits.IDLE_S)
+        if self._unhandled:
+            self._ask_for_turn()
+
+    def timeoutConnection(self) -> None:
+        """Handle a timeout: close an idle connection, refuse a request that is incomplete."""
+        if self._leaving or self._is_between or not self._incoming.is_begun:
+            self.transport.abortConnection()
+        else:
+            body_comes = self._incoming.head is not None
+            self.refuse(limits.too_slow(limits.BODY_S if body_comes else limits.HEAD_S))
+
+    def refuse(self, refusal: Refusal) -> None:
+        """Send the refusal, read nothing more, and close the connection soon after."""
+        if not self._leaving:
+            self.transport.write(refusal.response())
+            self._leave()
+
+    def _leave(self) -> None:
+        self._leaving = True
+        self._free()
+        self.read_or_pause()
+        self.transport.unregisterProducer()
+        if hasattr(self.transport, "loseWriteConnection"):
+            self.transport.loseWriteConnection()
+        # If the connection closed at once, the client might not get the response.
+        self.setTimeout(REFUSAL_READ_WITHIN_S)
+
+    # What Daphne's protocols see as their connection
+
+    def loseConnection(self) -> None:
+        """Close the connection once everything is sent."""
+        if self._is_cut:
+            self._leave()
+        elif not self._leaving:
+            self._leaving = True
+            self.transport.unregisterProducer()
+            self.setTimeout(limits.UNREAD_S)
+            super().loseConnection()
+
+    def pauseProducing(self) -> None:
+        """Do nothing: `read_or_pause` decides."""
+
+    resumeProducing = unregisterProducer = pauseProducing
+
+    def registerProducer(self, _producer: Any, _streaming: bool) -> None:
+        """Do nothing: the guard itself hears whether the client reads."""
+
+    def connectionLost(self, reason: Any) -> None:
+        """Handle the end of the connection."""
+        self.setTimeout(None)
+        self._leaving = True
+        self._unhandled = b""
+        self.server.open.left(self)
+        if not self._is_answering:
+            self._free()
+        super().connectionLost(reason)
+        if self.when_lost is not None:
+            self.when_lost()
+
+
+@implementer(IPushProducer)
+class _Flow:
+    """Hear from a connection whether its client reads. After `UNREAD_S` without reading, disconnect."""
+
+    def __init__(self, guard: Guard) -> None:
+        self._guard = guard
+
+    def pauseProducing(self) -> None:
+        self._guard.writable.clear()
+        self._guard.setTimeout(limits.UNREAD_S)
+        self._guard.read_or_pause()
+
+    def resumeProducing(self) -> None:
+        self._guard.setTimeout(self._guard.idle_s)
+        self._guard.writable.set()
+        self._guard.read_or_pause()
+
+    def stopProducing(self) -> None:
+        pass
+
+
+class Factory(WrappingFactory):  # type: ignore[misc]
+    """Makes guards. `front` has the state that they share."""
+
+    protocol = Guard
+
+    def __init__(self, daphne_factory: Any, front: Any) -> None:
+        super().__init__(daphne_factory)
+        self.front = front
+        self.noisy = False  # Twisted writes no line when it starts and ends
