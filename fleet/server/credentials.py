@@ -33,7 +33,7 @@ def credentials_of(headers: Headers, session_cookie: str, path: str) -> list[Cre
     session = _cookie(headers, session_cookie)
     found = [_BEARER.fullmatch(value) for name, value in headers if name == b"authorization"]
     token = found[0] if found and path.startswith("/api/") else None
-    return _in_order(session and session.encode("latin-1"), token and token[1])
+    return _in_order(session.encode("latin-1") if session else None, token[1] if token else None)
 
 
 def has_cookie(headers: Headers, name: str) -> bool:

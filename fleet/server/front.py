@@ -86,7 +86,7 @@ class Front:
             return
         _end_with(guard)
         async with self.strangers.turn(right.key if right is not None else (address,)):
-            await self._forward(guard, scope, send)
+            await self._answer(guard, scope, receive, send)
 
     async def _right(self, credentials: Sequence[Credential]) -> tuple[Any, Credential | None]:
         """Return the first right that these credentials give, and the last credential that was looked up.
@@ -106,17 +106,16 @@ class Front:
             guard.refuse(limits.busy())
             return
         try:
-            if self.pages is None:
-                await self._console(scope, receive, send)
-            else:
-                _end_with(guard)
-                await self._forward(guard, scope, send)
+            _end_with(guard)
+            await self._answer(guard, scope, receive, send)
         finally:
             self.requests.give_back(address)
 
-    async def _forward(self, guard: Guard, scope: dict[str, Any], send: Any) -> None:
-        assert self.pages is not None
-        await self.pages.answer(guard, scope, send, behind_proxy=self._behind_proxy)
+    async def _answer(self, guard: Guard, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        if self.pages is None:
+            await self._console(scope, receive, send)
+        else:
+            await self.pages.answer(guard, scope, send, behind_proxy=self._behind_proxy)
 
     # What guards ask
 
@@ -161,11 +160,10 @@ class Front:
 
 def _end_with(guard: Guard) -> None:
     """Cancel this request when its connection ends."""
-    task = asyncio.current_task()
-    assert task is not None
-    if guard.is_lost:
-        task.cancel()
-    guard.when_lost = task.cancel
+    if task := asyncio.current_task():
+        guard.when_lost = task.cancel
+        if guard.is_lost:
+            task.cancel()
 
 
 def _address(scope: dict[str, Any]) -> str:
@@ -175,7 +173,9 @@ def _address(scope: dict[str, Any]) -> str:
 
 
 def _with_length(scope: dict[str, Any], body: bytes) -> dict[str, Any]:
-    return {**scope, "headers": [*scope["headers"], (b"content-length", b"%d" % len(body))]} if body else scope
+    return (
+        {**scope, "headers": [*scope["headers"], (b"content-length", b"%d" % len(body))]} if body else scope
+    )
 
 
 def _with_body(body: bytes, receive: Any) -> Any:

@@ -16,7 +16,7 @@ from twisted.protocols.policies import ProtocolWrapper, TimeoutMixin, WrappingFa
 from zope.interface import implementer
 
 from fleet.server import limits
-from fleet.server.incoming import IncomingRequest
+from fleet.server.incoming import Head, IncomingRequest
 from fleet.server.limits import Refusal, Refused
 from fleet.server.turns import Key
 
@@ -34,7 +34,9 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
     def __init__(self, factory: Any, protocol: Any) -> None:
         super().__init__(factory, protocol)
         self.body = b""  # of the request that is being answered
-        self.when_lost: Callable[[], object] | None = None  # called when the connection ends before the answer
+        self.when_lost: Callable[[], object] | None = (
+            None  # called when the connection ends before the answer
+        )
         self.writable = asyncio.Event()  # set while the client reads what is sent
         self.writable.set()
         self.is_accepted = False  # a WebSocket whose handshake is accepted
@@ -97,8 +99,8 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
             self._unhandled = self._feed(data)
         except Refused as error:
             self.refuse(error.refusal)
-        if self._incoming.is_whole and not self._leaving:
-            self._hand_on()
+        if self._incoming.is_whole and self._incoming.head is not None and not self._leaving:
+            self._hand_on(self._incoming, self._incoming.head)
         self.read_or_pause()
 
     def _feed(self, data: bytes) -> bytes:
@@ -124,10 +126,8 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
         self.server.bodies_bytes -= self._reserved
         self._reserved, self.body = 0, b""
 
-    def _hand_on(self) -> None:
+    def _hand_on(self, request: IncomingRequest, head: Head) -> None:
         """Let Daphne answer the request. It gets no body: the application takes it from here."""
-        request, head = self._incoming, self._incoming.head
-        assert head is not None
         self.setTimeout(None)
         self.body, self._is_cut = request.body, request.is_cut
         left_out = _NOT_PASSED if head.is_handshake else _NOT_PASSED | {b"upgrade"}

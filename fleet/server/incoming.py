@@ -1,4 +1,4 @@
-"""A request while it arrives: its head and its body, within the limits. Stops by HTTP get through with a bad head, too."""
+"""A request while it arrives, within the limits. A stop gets through although its head breaks a limit or a rule."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from fleet.server.limits import Refused
 # CONNECT is missing: after it, the bytes of a body would be those of another protocol.
 METHODS = {b"GET", b"HEAD", b"POST", b"PUT", b"PATCH", b"DELETE", b"OPTIONS", b"TRACE"}
 
-_LINE = re.compile(rb"([\w!#$%&'*+.^`|~-]+):[ \t]*([\x20-\x7e\x80-\xff\t]*?)[ \t]*")
 _END = b"\r\n\r\n"
-_MAY_FOLLOW = len(_END) + 1  # bytes of a head with the greatest allowed size, at most
+_LINE = re.compile(rb"([\w!#$%&'*+.^`|~-]+):[ \t]*([\x20-\x7e\x80-\xff\t]*?)[ \t]*")
 
 
 class Head(NamedTuple):
@@ -58,11 +57,12 @@ class IncomingRequest:
         self._session_cookie = session_cookie
         self._reserve = reserve
         self._raw = b""
+        self._target = b""
+        self._headers: list[tuple[bytes, bytes]] = []
         self._parts: list[bytes] = []
-        self._counted = 0  # bytes of the body
-        self._most = 0
+        self._counted = self._most = 0  # bytes of the body
         self._missing = 0  # bytes of a body whose length is known
-        self._chunks: HttpRequestParser | None = None
+        self._parser = HttpRequestParser(self)
 
     @property
     def is_begun(self) -> bool:
@@ -73,85 +73,51 @@ class IncomingRequest:
         """Take bytes; return those behind the request."""
         if self.head is None:
             data = self._feed_head(data)
-        if self.head is not None and not self.is_whole:
-            data = self._feed_body(data)
-        return data
+        if self.head is None or self.is_whole:
+            return data
+        if self.is_last:
+            self._parse(data)
+            return b""
+        part, rest = data[: self._missing], data[self._missing :]
+        self._missing -= len(part)
+        self._keep(part)
+        if not self._missing:
+            self._end()
+        return rest
 
     def _feed_head(self, data: bytes) -> bytes:
-        self._raw = raw = (self._raw + data).lstrip(b"\r\n")
-        end = raw.find(_END)
+        self._raw = (self._raw + data).lstrip(b"\r\n")
+        raw, end, rest = self._raw.partition(_END)
         try:
-            if end < 0:
-                _check_size(raw)
+            _check_size(raw + end[:2])  # so its last line ends, too
+            if not end:
                 return b""
-            raw, rest = raw[: end + len(_END)], raw[end + len(_END) :]
-            _check_size(raw)
-            self.head, self._chunks = self._parsed(raw)
+            self._parse(_with_short_target(raw) + end)
+            parser = self._parser
+            head = Head(parser.get_method(), self._target, parser.get_http_version(), self._headers)
+            if not _is_well_formed(head, raw):
+                raise Refused(limits.malformed())
         except Refused:
             self.head = _stop_in(raw)
             if self.head is None:
                 raise
             self.is_whole = self.is_last = self.is_cut = True
             return b""
-        self._begin_body(self.head)
+        self.head = head
+        self._begin_body(head)
         return rest
 
-    def _parsed(self, raw: bytes) -> tuple[Head, HttpRequestParser | None]:
-        found = _Found(self._keep)
-        parser = HttpRequestParser(found)
-        try:
-            parser.feed_data(_with_short_target(raw))
-        except HttpParserUpgrade:
-            pass
-        except HttpParserError as error:
-            raise Refused(limits.malformed()) from error
-        head = Head(parser.get_method(), found.target, parser.get_http_version(), found.headers)
-        if not _is_well_formed(head, raw):
-            raise Refused(limits.malformed())
-        return head, None if found.is_over else parser
-
     def _begin_body(self, head: Head) -> None:
-        in_chunks = bool(head.values(b"transfer-encoding"))
+        self.is_whole = False  # the parser is at the end of a head, and takes only bodies in chunks
         length = 0 if head.is_handshake else int((head.values(b"content-length") or [b"0"])[0])
-        if (length or in_chunks) and stop_addresses.needs_no_body(head.method, head.target, head.headers):
+        self.is_last = bool(head.values(b"transfer-encoding")) and not head.is_handshake
+        if (length or self.is_last) and stop_addresses.needs_no_body(head.method, head.target, head.headers):
             self.is_whole = self.is_last = self.is_cut = True
             return
         self._most = limits.most_body_bytes(session_cookie=has_cookie(head.headers, self._session_cookie))
         self._count(length)
         self._missing = length
-        self.is_last = in_chunks and not head.is_handshake
         self.is_whole = not (length or self.is_last)
-
-    def _feed_body(self, data: bytes) -> bytes:
-        if self.is_last:
-            self._feed_chunks(data)
-            return b""
-        self._keep_some(data[: self._missing])
-        rest = data[self._missing :]
-        self._missing = max(0, self._missing - len(data))
-        if not self._missing:
-            self._end()
-        return rest
-
-    def _feed_chunks(self, data: bytes) -> None:
-        assert self._chunks is not None
-        try:
-            self._chunks.feed_data(data)
-        except HttpParserError as error:
-            if isinstance(error.__context__, Refused):  # raised by `_keep`
-                raise error.__context__ from None
-            if not self.is_whole:
-                raise Refused(limits.malformed()) from error
-
-    def _keep(self, part: bytes | None) -> None:
-        """Keep a part of a body in chunks; None: it is over."""
-        if self.is_whole:  # what follows is not read
-            return
-        if part is None:
-            self._end()
-        else:
-            self._count(len(part))
-            self._keep_some(part)
 
     def _count(self, more: int) -> None:
         self._counted += more
@@ -160,7 +126,7 @@ class IncomingRequest:
         if not self._is_stop:  # strangers' bodies must not use up its memory
             self._reserve(more)
 
-    def _keep_some(self, part: bytes) -> None:
+    def _keep(self, part: bytes) -> None:
         """Keep a part of the body; of a stop's body only the beginning."""
         room = limits.STOP_BODY_BYTES - sum(map(len, self._parts)) if self._is_stop else len(part)
         self._parts.append(part[: max(0, room)])
@@ -170,40 +136,49 @@ class IncomingRequest:
         return self.head is not None and self.head.is_stop
 
     def _end(self) -> None:
-        self.body, self._parts, self.is_whole = b"".join(self._parts), [], True
+        if not self.is_whole:
+            self.body, self._parts, self.is_whole = b"".join(self._parts), [], True
 
+    def _parse(self, data: bytes) -> None:
+        try:
+            self._parser.feed_data(data)
+        except HttpParserUpgrade:
+            pass
+        except HttpParserError as error:
+            if isinstance(error.__context__, Refused):  # raised by `on_body`
+                raise error.__context__ from None
+            if not self.is_whole:
+                raise Refused(limits.malformed()) from error
 
-class _Found:
-    """The parts of a request that the parser has found (callbacks of httptools)."""
-
-    def __init__(self, keep: Callable[[bytes | None], None]) -> None:
-        self.target = b""
-        self.headers: list[tuple[bytes, bytes]] = []
-        self.is_over = False
-        self._keep = keep
+    # What the parser calls. Behind a body in chunks, which ends the connection, nothing is read.
 
     def on_url(self, part: bytes) -> None:
-        if not self.is_over:
-            self.target += part
+        """Take a part of the target."""
+        if not self.is_whole:
+            self._target += part
 
     def on_header(self, name: bytes, value: bytes) -> None:
-        self.headers.append((name.lower(), value.strip()))
+        """Take a header."""
+        if not self.is_whole:
+            self._headers.append((name.lower(), value.strip()))
 
     def on_body(self, part: bytes) -> None:
-        self._keep(part)
+        """Take a part of a body in chunks."""
+        if not self.is_whole:
+            self._count(len(part))
+            self._keep(part)
 
     def on_message_complete(self) -> None:
-        self.is_over = True
-        self._keep(None)
+        """Take the end of a request."""
+        self._end()
 
 
 def _check_size(raw: bytes) -> None:
     """Raise Refused if a head, which may be incomplete, is too large."""
     first, is_line, _ = raw.partition(b"\r\n")
-    if len(first) > (limits.URL_BYTES if is_line else limits.HEAD_BYTES):
-        if not is_line or len(stop_addresses.without_query(first)) > limits.URL_BYTES:
-            raise Refused(limits.url_too_long())
-    if len(raw) > limits.HEAD_BYTES + _MAY_FOLLOW or raw.count(b"\r\n") > limits.HEADERS + 2:
+    if len(stop_addresses.without_query(first)) > (limits.URL_BYTES if is_line else limits.HEAD_BYTES):
+        raise Refused(limits.url_too_long())
+    if len(raw) > limits.HEAD_BYTES or raw.count(b"\r\n") > limits.HEADERS + 1:
         raise Refused(limits.head_too_large())
 
 
@@ -218,8 +193,8 @@ def _is_well_formed(head: Head, raw: bytes) -> bool:
         head.method in METHODS
         and head.target.startswith(b"/")
         and head.version in ("1.0", "1.1")
-        and b"\r\n " not in raw
-        and b"\r\n\t" not in raw
+        and b"\n " not in raw
+        and b"\n\t" not in raw
         and (len(head.values(b"host")) <= 1 or head.is_stop)
     )
 
@@ -230,8 +205,11 @@ def _stop_in(raw: bytes) -> Head | None:
     kept = (stop_addresses.without_query(first) + end + rest)[: limits.HEAD_BYTES]
     first, *lines = kept.split(b"\r\n")
     method, _, rest = first.partition(b" ")
-    # The last line may be cut
-    headers = [(found[1].lower(), found[2]) for found in map(_LINE.fullmatch, lines[:-1][: limits.HEADERS]) if found]
+    if len(kept) == limits.HEAD_BYTES:
+        lines = lines[:-1]  # it may be cut
+    headers = [
+        (found[1].lower(), found[2]) for found in map(_LINE.fullmatch, lines[: limits.HEADERS]) if found
+    ]
     target = rest.rpartition(b" ")[0]
     if stop_addresses.needs_no_body(method, target, headers):
         return Head(method, target, "1.1", headers)

@@ -20,7 +20,9 @@ log = logging.getLogger(__name__)
 READY_S = 30.0  # the longest time that a request waits for a process that is just starting
 RETRY_S = 0.05
 MOST_KEPT = 50  # idle connections to the pages process
-KEPT_S = 5.0  # shorter than the pages process keeps idle connections, so that a request seldom gets a closing one
+KEPT_S = (
+    5.0  # shorter than the pages process keeps idle connections, so that a request seldom gets a closing one
+)
 PIECE_BYTES = 65536
 
 REPEATABLE = {"GET", "HEAD", "DELETE", "OPTIONS", "TRACE"}  # they do no harm if they come twice
@@ -49,7 +51,7 @@ class _Answer:
             self.headers.append((name, value))
 
     def on_headers_complete(self) -> None:
-        if self.parser.get_status_code() >= 200:  # type: ignore[no-untyped-call]
+        if self.parser.get_status_code() >= 200:
             self.is_begun = True
             self.is_whole = not self._has_body
 
@@ -65,7 +67,9 @@ class Pages:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._kept: deque[tuple[asyncio.StreamReader, asyncio.StreamWriter, float]] = deque()  # and since when
+        self._kept: deque[tuple[asyncio.StreamReader, asyncio.StreamWriter, float]] = (
+            deque()
+        )  # and since when
 
     async def answer(self, guard: Guard, scope: dict[str, Any], send: Any, *, behind_proxy: bool) -> None:
         """Send the answer to this request to its client, as fast as the client reads.
@@ -102,7 +106,7 @@ class Pages:
         except BaseException:  # also if this task is cancelled, because the client has left
             writer.transport.abort()
             raise
-        if answer.parser.should_keep_alive() and len(self._kept) < MOST_KEPT:  # type: ignore[no-untyped-call]
+        if answer.parser.should_keep_alive() and len(self._kept) < MOST_KEPT:
             self._kept.append((reader, writer, time.monotonic()))
         else:
             writer.close()
@@ -128,7 +132,7 @@ async def _pass_on(answer: _Answer, guard: Guard, send: Any) -> None:
     """Send what has come of an answer: its head together with the first bytes of its body."""
     if not answer.is_sent:
         answer.is_sent = True
-        status = answer.parser.get_status_code()  # type: ignore[no-untyped-call]
+        status = answer.parser.get_status_code()
         await send({"type": "http.response.start", "status": status, "headers": answer.headers})
     await guard.writable.wait()
     body, answer.body = answer.body, b""

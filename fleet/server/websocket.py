@@ -57,6 +57,6 @@ class WebSocket:
         elif event["type"] == "websocket.close":
             socket.sendClose(event.get("code") or 1000, event.get("reason") or None)
         else:
-            message, text = event.get("bytes"), event.get("text")
-            payload = message if message is not None else text.encode()
-            socket.sendPreparedMessage(socket.factory.prepareMessage(payload, message is not None))
+            is_binary = event.get("bytes") is not None
+            payload = event["bytes"] if is_binary else event["text"].encode()
+            socket.sendPreparedMessage(socket.factory.prepareMessage(payload, is_binary))

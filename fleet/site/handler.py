@@ -1,107 +1,86 @@
-"""Django's handler, changed so that each request changes threads only once."""
+"""Django behind ASGI: its own WSGI application, each request in one call on one thread.
+
+Signals, middleware and views are all synchronous here. Django's ASGI handler returns to the event loop between them,
+and makes a thread and a database connection for each request: `docs/decisions/public-interfaces.md` has the figures.
+"""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+import sys
+from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, ParamSpec, TypeVar
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, nullcontext
+from io import BytesIO
+from typing import Any
 
 from asgiref.sync import sync_to_async
-from django.core.exceptions import BadRequest, RequestAborted
-from django.core.handlers.asgi import ASGIHandler, ASGIRequest, get_script_prefix
-from django.core.signals import request_started
+from django.core.wsgi import get_wsgi_application
 from django.db import close_old_connections
 from django.http import FileResponse
-from django.urls import set_script_prefix
 
 from fleet.accounts.sign_in.hashing import MOST_WAITING
 from robots.shared.processes.scheduling import ask_for_stop_priority
 from teleop.api.v1.framework.long_poll import LongPoll
 
-P = ParamSpec("P")
-R = TypeVar("R")
+PIECE_BYTES = 65536  # of a file
 
 
-class FormRequest(ASGIRequest):
-    """A request whose form is refused once: the page that says so reads the form again."""
-
-    def _load_post_and_files(self) -> None:
-        try:
-            super()._load_post_and_files()
-        except BadRequest:  # a form in another encoding than UTF-8
-            self._mark_post_parse_error()  # type: ignore[attr-defined]  # not in the stubs
-            raise
-
-
-class OneThreadHandler(ASGIHandler):
-    """Run signals, middleware and view, which are all synchronous here, in one call on one thread.
-
-    Django's own handler returns to the event loop between them: a request waits there five times for drive
-    input and other requests. An answer to a stop took twice as long.
-    """
+class OneThreadHandler:
+    """ASGI application: the answers of Django's WSGI application."""
 
     THREADS = 3
-    request_class = FormRequest
 
-    def load_middleware(self, is_async: bool = False) -> None:
-        """Load the chain of middleware for a thread."""
-        super().load_middleware(is_async=False)
+    def __init__(self) -> None:
+        self._django: Any = get_wsgi_application()
+        # Not the thread of all other synchronous work, such as handshakes of WebSockets: an answer would wait for it.
+        # The threads of the web process answer stops; in the pages process the priority has no effect.
+        self._threads = ThreadPoolExecutor(self.THREADS, "answer", initializer=ask_for_stop_priority)
 
-    async def handle(self, scope: Any, receive: Any, send: Any) -> None:
+    async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
         """Answer the request.
 
         If the client leaves, drop a request that waits for its thread, and end a stream.
         """
-        try:
-            body = await self.read_body(receive)
-        except RequestAborted:
+        body = await _body(receive)
+        if body is None:
             return
-        with body:
-            answering = asyncio.ensure_future(self._respond(scope, body, send))
-            leaving = asyncio.ensure_future(self.listen_for_disconnect(receive))
-            try:
-                await asyncio.wait({answering, leaving}, return_when=asyncio.FIRST_COMPLETED)
-            finally:  # also when the server ends: an export records its end
-                answering.cancel()
-                leaving.cancel()
-                await asyncio.gather(answering, leaving, return_exceptions=True)
+        answering = asyncio.ensure_future(self._answer(_environ(scope, body), send))
+        leaving = asyncio.ensure_future(_left(receive))
+        try:
+            await asyncio.wait({answering, leaving}, return_when=asyncio.FIRST_COMPLETED)
+        finally:  # also when the server ends: an export records its end
+            answering.cancel()
+            leaving.cancel()
+            await asyncio.gather(answering, leaving, return_exceptions=True)
         if not answering.cancelled():
             answering.result()
 
-    async def _respond(self, scope: Any, body: Any, send: Any) -> None:
-        response = await self._on_a_thread(self._answer)(scope, body)
+    async def _answer(self, environ: dict[str, Any], send: Any) -> None:
+        response = await self.on_thread(self._respond, environ)
         if isinstance(response, LongPoll):
             await response.wait()
-            await self._on_a_thread(_renew)(response)
+            await self.on_thread(_renew, response)
         try:
-            await self.send_response(response, send)
+            await _send(response, send)
         finally:
             if response.streaming:
                 await sync_to_async(response.close)()
 
-    def __init__(self) -> None:
-        super().__init__()
-        # Not the thread of all other synchronous work, such as handshakes of WebSockets: an answer would wait for it.
-        self._threads = ThreadPoolExecutor(self.THREADS, thread_name_prefix="answer")
-
-    def _on_a_thread(self, call: Callable[P, R]) -> Callable[P, Coroutine[Any, Any, R]]:
-        """Return a coroutine function that makes the call on a thread."""
-        return sync_to_async(call, thread_sensitive=False, executor=self._threads)
-
-    def _answer(self, scope: Any, body: Any) -> Any:
+    def _respond(self, environ: dict[str, Any]) -> Any:
         """Return the response. It is closed, unless its content is still to be streamed."""
-        ask_for_stop_priority()  # this thread answers a stop; in the pages process this has no effect
-        set_script_prefix(get_script_prefix(scope))
-        request_started.send(sender=type(self), scope=scope)
-        request, malformed = self.create_request(scope, body)
-        response: Any = malformed if request is None else self.get_response(request)
-        response._handler_class = type(self)
-        if isinstance(response, FileResponse):
-            response.block_size = self.chunk_size
+        response: Any = self._django(environ, lambda *_: None)
         if not response.streaming:
             response.close()
         return response
+
+    async def on_thread(self, call: Callable[..., Any], *arguments: Any) -> Any:
+        """Make a call on a thread, and return its result."""
+        async with self._place():
+            return await sync_to_async(call, thread_sensitive=False, executor=self._threads)(*arguments)
+
+    def _place(self) -> AbstractAsyncContextManager[None]:
+        return nullcontext()
 
 
 class PagesHandler(OneThreadHandler):
@@ -120,32 +99,93 @@ class PagesHandler(OneThreadHandler):
         super().__init__()
         self._places = asyncio.Semaphore(self.AT_ONCE)
 
-    def _on_a_thread(self, call: Callable[P, R]) -> Callable[P, Coroutine[Any, Any, R]]:
-        run = super()._on_a_thread(call)
-
-        async def in_turn(*arguments: P.args, **options: P.kwargs) -> R:
-            await self._places.acquire()
-            release = _Once(self._places.release)
-            timer = asyncio.get_running_loop().call_later(self.SLOW_S, release)
-            try:
-                return await run(*arguments, **options)
-            finally:
-                timer.cancel()
-                release()
-
-        return in_turn
+    @asynccontextmanager
+    async def _place(self) -> AsyncIterator[None]:
+        await self._places.acquire()
+        slow = asyncio.get_running_loop().call_later(self.SLOW_S, self._places.release)
+        try:
+            yield
+        finally:
+            if asyncio.get_running_loop().time() < slow.when():
+                slow.cancel()
+                self._places.release()
 
 
-class _Once:
-    """A function that makes a call only once."""
+async def _body(receive: Any) -> bytes | None:
+    """Return the body of a request; None: the client has left before its end."""
+    parts = []
+    while (event := await receive())["type"] == "http.request":
+        parts.append(event.get("body", b""))
+        if not event.get("more_body"):
+            return b"".join(parts)
+    return None
 
-    def __init__(self, call: Callable[[], None]) -> None:
-        self._call: Callable[[], None] | None = call
 
-    def __call__(self) -> None:
-        if self._call is not None:
-            self._call()
-        self._call = None
+async def _left(receive: Any) -> None:
+    while (await receive())["type"] != "http.disconnect":
+        pass
+
+
+def _environ(scope: dict[str, Any], body: bytes) -> dict[str, Any]:
+    """Return a request as WSGI has it (PEP 3333). `environ` of the scope is added."""
+    host, port = scope.get("server") or ("unknown", 0)
+    environ = {
+        **scope.get("environ", {}),
+        "REQUEST_METHOD": scope["method"],
+        "SCRIPT_NAME": scope.get("root_path", "").encode().decode("latin-1"),
+        "PATH_INFO": scope["path"].encode().decode("latin-1"),
+        "QUERY_STRING": scope["query_string"].decode("latin-1"),
+        "SERVER_NAME": str(host),
+        "SERVER_PORT": str(port),
+        "SERVER_PROTOCOL": f"HTTP/{scope['http_version']}",
+        "CONTENT_LENGTH": str(len(body)),
+        "wsgi.version": (1, 0),
+        "wsgi.url_scheme": scope["scheme"],
+        "wsgi.input": BytesIO(body),
+        "wsgi.errors": sys.stderr,
+        "wsgi.multithread": True,
+        "wsgi.multiprocess": True,
+        "wsgi.run_once": False,
+    }
+    if scope.get("client"):
+        environ["REMOTE_ADDR"] = str(scope["client"][0])
+    for name, value in scope["headers"]:
+        key = name.decode("latin-1").upper().replace("-", "_")
+        if key == "CONTENT_TYPE":
+            environ[key] = value.decode("latin-1")
+        elif key != "CONTENT_LENGTH":
+            others = environ.get(f"HTTP_{key}")
+            separator = "; " if key == "COOKIE" else ","
+            text = value.decode("latin-1")
+            environ[f"HTTP_{key}"] = text if others is None else f"{others}{separator}{text}"
+    return environ
+
+
+async def _send(response: Any, send: Any) -> None:
+    headers = [(name.encode("ascii"), value.encode("latin-1")) for name, value in response.items()]
+    headers += [
+        (b"Set-Cookie", cookie.output(header="").strip().encode("ascii"))
+        for cookie in response.cookies.values()
+    ]
+    await send({"type": "http.response.start", "status": response.status_code, "headers": headers})
+    if response.streaming:
+        async for part in _parts(response):
+            await send({"type": "http.response.body", "body": part, "more_body": True})
+        await send({"type": "http.response.body"})
+    else:
+        await send({"type": "http.response.body", "body": response.content})
+
+
+async def _parts(response: Any) -> AsyncIterator[bytes]:
+    if response.is_async:
+        async for part in response:
+            yield part
+        return
+    if isinstance(response, FileResponse):
+        response.block_size = PIECE_BYTES
+    parts = iter(response)
+    while (part := await sync_to_async(lambda: next(parts, None))()) is not None:
+        yield part
 
 
 def _renew(response: LongPoll) -> None:

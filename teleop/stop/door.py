@@ -57,7 +57,9 @@ class StopDoor:
             if of_api and outcomes is not None:
                 await _send(send, views.rest_answer(outcomes))
             else:
-                await self._inner({**scope, views.OUTCOMES: outcomes}, _again(event, body, receive), send)
+                await self._inner(
+                    {**scope, "environ": {views.OUTCOMES: outcomes}}, _again(event, body, receive), send
+                )
             await asyncio.sleep(max(0.0, end_s - time.monotonic()))
 
 

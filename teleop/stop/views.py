@@ -40,7 +40,9 @@ SIGNED_OUT = Refusal("signed_out", "Not done: you are signed out. Sign in again.
 _NO_ROBOT = Refusal("not_found", "There is no such robot, or you may not see it.", "wire")
 _NOT_POST = Refusal("method_not_allowed", "Use POST to stop.", "wire")
 
-OUTCOMES = "fleet.stop_outcomes"  # in the scope of a request whose stop is already sent (`teleop.stop.door`)
+OUTCOMES = (
+    "fleet.stop_outcomes"  # in the environment of a request whose stop is already sent (`teleop.stop.door`)
+)
 
 View = Callable[..., HttpResponse]
 
@@ -193,7 +195,7 @@ def rest_answer(outcomes: emergency_stop.Outcomes) -> HttpResponse:
 
 def _pressed(request: HttpRequest, robots: Sequence[Robot], through: str) -> emergency_stop.Outcomes:
     """Stop robots, unless this request has stopped them already. Return the outcomes."""
-    sent: emergency_stop.Outcomes | None = getattr(request, "scope", {}).get(OUTCOMES)
+    sent: emergency_stop.Outcomes | None = request.META.get(OUTCOMES)
     if sent is not None:
         return sent
     return emergency_stop.press_once(robots, user=person_of(request), through=through)
