@@ -9,9 +9,7 @@ import re
 from collections.abc import Iterable
 from urllib.parse import unquote
 
-# Extensions of a scope, set by `fleet.server.front`
-RIGHT = "fleet.stop_right"  # of a stop: its person's right (`teleop.stop.rights`)
-OWN = "fleet.own"  # of a request that a pages process of this account sends
+RIGHT = "fleet.stop_right"  # the extension of a stop's scope with its person's right (`teleop.stop.rights`)
 
 _ADDRESSES = re.compile(rb"/(api/(v1/)?)?(robots/(?P<slug>[^/]+)/stop|stop|stop-all)/?")
 

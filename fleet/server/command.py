@@ -18,7 +18,7 @@ from twisted.internet.endpoints import serverFromString
 from fleet.server import guard, limits, pages_process
 from fleet.server.front import Front
 from fleet.server.pages_client import Pages
-from robots.processes.scheduling import Garbage, ask_for_priority
+from robots.shared.processes.scheduling import Garbage, ask_for_priority
 
 GARBAGE_S = 0.1  # between two collections, so that each one has only few new objects
 

@@ -6,11 +6,13 @@ Stops and WebSockets need no place among requests: many requests never block the
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from fleet.server import limits, stop_addresses
-from fleet.server.connections import Connections, Places, network_of
+from fleet.base import stop_addresses
+from fleet.base.network_addresses import network_of
+from fleet.server import limits
+from fleet.server.connections import Connections, Places
 from fleet.server.credentials import Credential, credentials_of, likely_credentials
 from fleet.server.guard import GUARD, Guard
 from fleet.server.pages_client import Pages
@@ -23,7 +25,11 @@ STOPPERS, OTHERS = "people who stop robots", "others"  # owners of work
 class Front:
     """ASGI application. `pages` answers requests; None: `console` answers all of them."""
 
-    rights: Any = None  # who may stop what: the application sets it (`teleop.stop.rights`)
+    # The application sets these
+    rights: Any = None  # who may stop what (`teleop.stop.rights`)
+    metrics: Callable[
+        [], bytes
+    ]  # of this process, for a pages process, which has checked the client's permission
 
     def __init__(self, console: Any, *, session_cookie: str, behind_proxy: bool = False) -> None:
         self.session_cookie = session_cookie
@@ -63,7 +69,7 @@ class Front:
     async def _request(self, guard: Guard, scope: dict[str, Any], receive: Any, send: Any) -> None:
         path = scope["raw_path"]
         if path == b"/metrics" and self._is_own(guard):
-            await self._console({**scope, "extensions": {stop_addresses.OWN: True}}, receive, send)
+            await _send_metrics(send, self.metrics())
         elif self.pages is not None and stop_addresses.is_stop(scope["method"].encode(), path):
             await self._stop(guard, scope, receive, send)
         else:
@@ -164,6 +170,12 @@ def _end_with(guard: Guard) -> None:
         guard.when_lost = task.cancel
         if guard.is_lost:
             task.cancel()
+
+
+async def _send_metrics(send: Any, text: bytes) -> None:
+    headers = [(b"content-type", b"text/plain; version=0.0.4; charset=utf-8")]
+    await send({"type": "http.response.start", "status": 200, "headers": headers})
+    await send({"type": "http.response.body", "body": text})
 
 
 def _address(scope: dict[str, Any]) -> str:

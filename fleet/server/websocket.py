@@ -5,22 +5,8 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-<<<<<<< HEAD
-from daphne import ws_protocol
-from twisted.internet.tcp import Connection
-
-from fleet.base.network_addresses import network_of
-from fleet.server import limits
-from fleet.server.text_frame import small_text_frame
-
-# Extensions of a connection's scope. To this one, a consumer passes a function that receives texts at once.
-DIRECT_RECEIVER = "fleet.direct_receiver"
-# To this one, a consumer passes bytes that are sent at once.
-DIRECT_SENDER = "fleet.direct_sender"
-=======
 from fleet.server import limits
 from fleet.server.guard import Guard
->>>>>>> 9690c941 (Stand before Daphne with public interfaces: guards, an ASGI front)
 
 
 class WebSocket:

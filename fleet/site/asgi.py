@@ -6,8 +6,6 @@
 import gc
 import os
 import sys
-import warnings
-from typing import Any
 
 import django
 from channels.routing import ProtocolTypeRouter, URLRouter
@@ -18,21 +16,11 @@ django.setup(set_prefix=False)
 from django.db import connections  # noqa: E402 - Django's apps are ready only now
 from django.urls import resolve  # noqa: E402
 
-<<<<<<< HEAD
 from fleet.base.environment import limit_queries  # noqa: E402
 from fleet.site.handler import OneThreadHandler, PagesHandler  # noqa: E402
 from fleet.site.websocket_handshake import guarded  # noqa: E402
 from fleet.site.websockets import websocket_urlpatterns  # noqa: E402
 from robots.shared.processes.shutdown import exit_within  # noqa: E402
-=======
-from fleet.environment import limit_queries  # noqa: E402
-from fleet.server.stop_addresses import OWN  # noqa: E402
-from fleet.site.handler import OneThreadHandler, PagesHandler  # noqa: E402
-from fleet.site.websocket_handshake import guarded  # noqa: E402
-from fleet.site.websockets import websocket_urlpatterns  # noqa: E402
-from robots.processes.shutdown import exit_within  # noqa: E402
-from teleop.live.metrics import own_metrics  # noqa: E402
->>>>>>> 9690c941 (Stand before Daphne with public interfaces: guards, an ASGI front)
 from teleop.stop.door import StopDoor  # noqa: E402
 
 limit_queries(connections.settings["default"])
@@ -45,11 +33,6 @@ else:
     # Drive input goes through the event loop. With Python's default, 5 ms, it would wait for database calls.
     sys.setswitchinterval(0.0005)
 
-# WhiteNoise serves files from threads, and Django would warn about that for each file.
-warnings.filterwarnings(
-    "ignore", message="StreamingHttpResponse must consume synchronous iterators", category=Warning
-)
-
 # At shutdown Daphne waits for every thread, and a thread may wait for a database that does not answer.
 END_S = 5.0
 if "daphne.server" in sys.modules:  # Daphne has chosen the reactor
@@ -57,39 +40,19 @@ if "daphne.server" in sys.modules:  # Daphne has chosen the reactor
 
     reactor.addSystemEventTrigger("before", "shutdown", exit_within, END_S)
 
-<<<<<<< HEAD
-    from fleet.server.command import Server
+    from fleet.server.front import Front
     from teleop.live.metrics import own_metrics
     from teleop.stop.rights import rights
 
-    Server.rights, Server.metrics = rights, staticmethod(own_metrics)
-=======
-    from fleet.server.front import Front
-    from teleop.stop.rights import rights
-
-    Front.rights = rights
->>>>>>> 9690c941 (Stand before Daphne with public interfaces: guards, an ASGI front)
+    Front.rights, Front.metrics = rights, staticmethod(own_metrics)
 
 # The loaded code's objects are never garbage: without this, each full collection checks them all, for 60 ms.
 gc.collect()
 gc.freeze()
 
-_stops = StopDoor(OneThreadHandler())
-
-
-async def _in_web_process(scope: dict[str, Any], receive: Any, send: Any) -> None:
-    """Answer stops, and send a pages process the metrics of this process (ASGI application)."""
-    if OWN not in scope.get("extensions", {}):
-        await _stops(scope, receive, send)
-        return
-    headers = [(b"content-type", b"text/plain; version=0.0.4; charset=utf-8")]
-    await send({"type": "http.response.start", "status": 200, "headers": headers})
-    await send({"type": "http.response.body", "body": own_metrics()})
-
-
 application = ProtocolTypeRouter(
     {
-        "http": PagesHandler() if PAGES else _in_web_process,
+        "http": PagesHandler() if PAGES else StopDoor(OneThreadHandler()),
         "websocket": guarded(URLRouter(websocket_urlpatterns)),
     }
 )

@@ -223,7 +223,7 @@ class BridgeLink:
     async def forward(self, raw: str) -> bool:
         """Send a page's drive input unchanged. Returns False if it is dropped: no link, or older bytes wait."""
         if self._lane is not None:
-            return self.forward_now(raw)
+            return self._lane.send(raw.encode())
         socket = self._socket
         if socket is None or self._is_behind:
             return False
@@ -232,15 +232,6 @@ class BridgeLink:
         except ConnectionClosed:
             return False
         return True
-
-    @property
-    def has_lane(self) -> bool:
-        """Return whether there is a lane, by which `forward_now` sends."""
-        return self._lane is not None
-
-    def forward_now(self, raw: str) -> bool:
-        """Send as `forward`, by the lane, without waiting."""
-        return self._lane is not None and self._lane.send(raw.encode())
 
     def send(self, message: Struct) -> bool:
         """Send a message that has no answer, such as Revoke.

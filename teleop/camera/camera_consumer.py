@@ -8,7 +8,7 @@ import time
 from fleet.accounts.tokens.models import Scope
 from robots.shared import wire
 from robots.shared.sentences import say
-from robots.shared.wire import CameraState, Refusal, WireError, camera_message, kind_of
+from robots.shared.wire import CameraState, Refusal, camera_message, kind_of
 from teleop.background.jobs import run_in_background
 from teleop.camera.feed import CameraFeed, CameraViewer, feed_of
 from teleop.control.scopes import scope_missing
@@ -19,7 +19,6 @@ from teleop.live.consumers.robot_socket import RobotSocket
 from teleop.records.camera_audit import TOO_MANY_CAMERAS, CameraAudit
 
 # Pages start an acknowledgement with this text; any other spelling is handled more slowly, by `on_message`.
-_ACK = '{"t":"camera_ack",'
 
 WATCHES_WITHIN_S = 10.0  # from opening this connection until a page that shows a camera requests it
 
@@ -70,19 +69,6 @@ class CameraConsumer(RobotSocket):
                 self._begin(viewer.watch)
 
     # --- messages ----------------------------------------------------------------------------------
-
-    def on_message_now(self, raw: str) -> bool:
-        """Handle an acknowledgement at once: there is one for each picture of each viewer."""
-        if not raw.startswith(_ACK) or not self.joined:
-            return False
-        try:
-            message = camera_message(raw)
-        except WireError:
-            return False
-        if not isinstance(message, wire.CameraAck) or not self.spend():
-            return False
-        self._acknowledge(message)
-        return True
 
     async def on_message(self, raw: str) -> None:
         """Act on one message."""

@@ -60,7 +60,6 @@ class MessageSocket(AsyncConsumer):
         self._budget = TokenBucket(FLOOD_PER_S, FLOOD_BURST)
         self._replies = TokenBucket(REPLIES_PER_S, REPLIES_BURST)
         self._closing = False
-        self._idle = False
         self.heard_s = time.monotonic()  # time of the last message
 
     async def on_open(self) -> None:
@@ -81,7 +80,7 @@ class MessageSocket(AsyncConsumer):
         await send({"type": "websocket.accept"})
         try:
             await self.on_open()
-            while (event := await self._next(receive))["type"] != "websocket.disconnect":
+            while (event := await receive())["type"] != "websocket.disconnect":
                 if not self._closing:
                     await self._received(event)
         finally:
@@ -90,25 +89,6 @@ class MessageSocket(AsyncConsumer):
                 log.info(
                     "%s: messages refused on this connection, by code: %s", scope["path"], dict(self.refused)
                 )
-
-    async def _next(self, receive: Any) -> Any:
-        self._idle = True
-        event = await receive()
-        self._idle = False
-        return event
-
-    def _receive_directly(self, raw: str) -> bool:
-        if not self._idle or self._closing or not self.on_message_now(raw):
-            return False
-        self.heard_s = time.monotonic()
-        return True
-
-    def on_message_now(self, raw: str) -> bool:
-        """Act at once on a text message that arrived while no other waits.
-
-        Return False if it was not handled: then `on_message` gets the message in its turn.
-        """
-        return False
 
     async def _received(self, event: dict[str, Any]) -> None:
         self.heard_s = time.monotonic()

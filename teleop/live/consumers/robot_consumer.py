@@ -10,7 +10,6 @@ from uuid import UUID
 
 from django.db import DatabaseError
 
-from fleet.accounts.tokens.models import Scope
 from robots.registry.models import Role
 from robots.shared import wire
 from robots.shared.wire import (
@@ -21,7 +20,6 @@ from robots.shared.wire import (
     Offers,
     Refusal,
     Refused,
-    WireError,
     browser_message,
     kind_of,
 )
@@ -42,7 +40,6 @@ from teleop.stop import emergency_stop
 log = logging.getLogger(__name__)
 
 # Pages start a drive message with this text; any other spelling is handled more slowly, by `on_message`.
-_DRIVE = '{"t":"drive",'
 
 _HELLO_FIRST = Refusal("hello_first", "The first message is hello.", "wire")
 
@@ -116,29 +113,6 @@ class RobotConsumer(RobotSocket):
             await self._refresh_offers(message)
         elif not self.requests.add(lambda: self._do(message)):
             await self.send_refusal(kind_of(message), BUSY)
-
-    def on_message_now(self, raw: str) -> bool:
-        """Forward the holder's drive input to a bridge on this computer at once."""
-        began_s = time.perf_counter()
-        fence = self.fence
-        if (
-            fence is None
-            or not self.opens(Scope.DRIVE)
-            or not raw.startswith(_DRIVE)
-            or not self.hub.link.has_lane
-        ):
-            return False
-        try:
-            drive = browser_message(raw)
-        except WireError:
-            return False
-        if not isinstance(drive, wire.Drive) or drive.fence != fence or not self.spend():
-            return False
-        if self.hub.link.forward_now(raw):
-            self.hub.forward_durations.add(time.perf_counter() - began_s)
-        else:
-            self.refused["link_busy"] += 1  # a newer drive input follows in a moment
-        return True
 
     async def _drive(self, drive: wire.Drive, raw: str) -> None:
         if drive.fence == self.fence:

@@ -7,10 +7,10 @@ from twisted.internet.error import ConnectionAborted
 from twisted.internet.testing import StringTransport
 from twisted.python.failure import Failure
 
+from fleet.base.stop_addresses import RIGHT
 from fleet.server.command import daphne_server  # first: it chooses Twisted's reactor
 from fleet.server.front import Front
 from fleet.server.guard import Factory
-from fleet.server.stop_addresses import RIGHT
 
 STOP = (
     b"POST /api/v1/stop HTTP/1.1\r\nHost: lab\r\nAuthorization: Bearer fleet_x\r\nContent-Length: 2\r\n\r\n{}"
