@@ -17,7 +17,7 @@ from tests.processes import REPOSITORY
 
 LIBRARIES = {"twisted", "autobahn", "daphne", "channels", "django", "uvicorn", "asgiref", "httptools"}
 TABLE = REPOSITORY / "docs" / "decisions" / "public-interfaces.md"
-PRIVATE = re.compile(r"_(?!meta$)[a-zA-Z]\w*")  # `_meta` of models is in Django's documentation
+PRIVATE = re.compile(r"_(?!meta$|state$)[a-zA-Z]\w*")  # `_meta` and `_state` of models are in Django's documentation
 
 
 def modules():
