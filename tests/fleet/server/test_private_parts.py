@@ -17,7 +17,9 @@ from tests.processes import REPOSITORY
 
 LIBRARIES = {"twisted", "autobahn", "daphne", "channels", "django", "uvicorn", "asgiref", "httptools"}
 TABLE = REPOSITORY / "docs" / "decisions" / "public-interfaces.md"
-PRIVATE = re.compile(r"_(?!meta$|state$)[a-zA-Z]\w*")  # `_meta` and `_state` of models are in Django's documentation
+PRIVATE = re.compile(
+    r"_(?!meta$|state$)[a-zA-Z]\w*"
+)  # `_meta` and `_state` of models are in Django's documentation
 
 
 def modules():
