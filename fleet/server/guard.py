@@ -128,7 +128,7 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
 
     def _hand_on(self, request: IncomingRequest, head: Head) -> None:
         """Let Daphne answer the request. It gets no body: the application takes it from here."""
-        self.setTimeout(None)
+        self.setTimeout(limits.HEAD_S)  # until the application begins: Daphne may refuse the request itself
         self.body, self._is_cut = request.body, request.is_cut
         left_out = _NOT_PASSED if head.is_handshake else _NOT_PASSED | {b"upgrade"}
         if request.is_last:
