@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from enum import Enum
 
 from django.db.models import TextChoices
 from django.utils.functional import Promise
 from django.utils.translation import gettext_lazy as _
 from msgspec import Struct
+
+from robots.shared.wire import TASK_KINDS
 
 
 class Kept(TextChoices):
@@ -49,25 +51,22 @@ def _refusal(label: str | Promise) -> Kind:
     return Kind(label, Kept.DRIVING, Listing.REFUSALS)
 
 
+# By the scope that a kind of task needs
+_TASKS: dict[str, Callable[[str | Promise], Kind]] = {
+    "speak": _speech,
+    "drive": _motion,
+    "motions": _motion,
+    "topics": lambda label: Kind(label, Kept.DRIVING),
+}
+
 KINDS: dict[str, Kind] = {
-    "speech.start": _speech(_("asked to say")),
-    "speech.end": _speech(_("end of speech")),
+    record: _TASKS[kind.scope](_(label)) for kind in TASK_KINDS for record, label in kind.records.items()
+} | {
     "speech.cancel": _speech(_("speech cancelled")),
     "drive.start": _motion(_("drive began")),
     "drive.end": _motion(_("drive ended")),
-    "drive.by": _motion(_("drive by a distance or angle")),
-    "go.start": _motion(_("drive to a place")),
-    "go.end": _motion(_("end of a drive to a place")),
     "go.hold": _motion(_("navigation held back after its goal")),
-    "limb.start": _motion(_("move of gripper or torso")),
-    "limb.end": _motion(_("end of a move of gripper or torso")),
-    "pose.set": _motion(_("pose on the map set")),
-    "motion.start": _motion(_("motion asked for")),
-    "motion.end": _motion(_("end of motion")),
     "motion.cancel": _motion(_("motion cancelled")),
-    "head.look_ahead": _motion(_("look ahead")),
-    "head.turn": _motion(_("turn the head")),
-    "memory.forget": _motion(_("asked to forget obstacles")),
     "gate.begin": _refusal(_("gate held back")),
     "gate.end": _refusal(_("gate let go")),
     "refusal": _refusal(_("refused")),
@@ -88,9 +87,6 @@ KINDS: dict[str, Kind] = {
     "fault": Kind(_("fault")),
     "health.worse": Kind(_("part of the robot got worse")),
     "health.better": Kind(_("part of the robot got better")),
-    "publish.start": Kind(_("message asked for"), Kept.DRIVING),
-    "publish.end": Kind(_("end of message"), Kept.DRIVING),
-    "topic.choose": Kind(_("topic chosen"), Kept.DRIVING),
     "service.call": Kind(_("service called")),
     "parameter.set": Kind(_("parameter set")),
     "camera.start": Kind(_("began to watch a camera")),
@@ -171,10 +167,11 @@ KINDS: dict[str, Kind] = {
 }
 
 
+_MOVING = [kind.record.split(".")[0] for kind in TASK_KINDS if kind.scope in ("drive", "motions")]
 # Groups of kinds in the filter, by the first part of a kind's name.
 _GROUPS: tuple[tuple[str | Promise, tuple[str, ...]], ...] = (
     (_("Speech"), ("speech",)),
-    (_("Driving and motions"), ("drive", "go", "limb", "pose", "motion", "head", "memory")),
+    (_("Driving and motions"), ("drive", *_MOVING)),
     (_("Gate and refusals"), ("gate", "refusal")),
     (_("Control"), ("control",)),
     (_("Stop"), ("stop",)),

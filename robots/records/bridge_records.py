@@ -57,7 +57,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 # For each kind of record: the kind of the record of its end, and the outcome if the bridge was killed before the end.
-ENDS = {kind.record: (kind.end_record, "unknown") for kind in wire.TASK_KINDS} | {
+ENDS = {kind.record: (kind.outcome, "unknown") for kind in wire.TASK_KINDS} | {
     "gate.begin": ("gate.end", "bridge_killed"),
     "drive.start": ("drive.end", "bridge_killed"),
     "motion.cancel": ("motion.cancel", "unknown"),

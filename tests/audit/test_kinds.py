@@ -65,7 +65,7 @@ def written_out(arguments: list[ast.expr]) -> set[str]:
 
 @pytest.fixture(scope="module")
 def recorded() -> set[str]:
-    of_tasks = {name for kind in TASK_KINDS for name in (kind.record, kind.end_record)}
+    of_tasks = {name for kind in TASK_KINDS for name in (kind.record, kind.outcome)}
     return of_tasks.union(*INDIRECT.values(), *(written_out(arguments) for _, _, arguments in calls()))
 
 

@@ -361,7 +361,7 @@ class DrivesBy(TaskPart):
         }
         said = {"because": because, "text": text}
         figures |= {name: words for name, words in said.items() if words}
-        self._records.outcome(request, wire.DRIVE_BY.end_record, outcome, figures, now_s)
+        self._records.outcome(request, wire.DRIVE_BY.outcome, outcome, figures, now_s)
 
 
 def _speed(order: DriveBy) -> float | None:

@@ -323,4 +323,4 @@ class LimbMove(Goals[Target]):
             figures = {**figures, "at_m": round(at_m, 3)}
         if text:
             figures = {**figures, "text": text}
-        self._records.outcome(goal, wire.LIMB.end_record, outcome, figures, now_s)
+        self._records.outcome(goal, wire.LIMB.outcome, outcome, figures, now_s)

@@ -604,7 +604,7 @@ class NavigationGoals(Goals[Target], TaskPart):
             "text": text,
         }
         told = {name: value for name, value in figures.items() if value is not None and value != ""}
-        self._records.outcome(goal, wire.GO.end_record, outcome, told, now_s)
+        self._records.outcome(goal, wire.GO.outcome, outcome, told, now_s)
 
 
 def _number(goal: Goal[Target]) -> int | None:

@@ -58,7 +58,7 @@ class Asked:
         """Answer the requester and record the result."""
         asked.requester.answer(refusal)
         outcome = refusal.code if refusal else "sent"
-        self._records.outcome(asked, self._kind.end_record, outcome, {}, now_s)
+        self._records.outcome(asked, self._kind.outcome, outcome, {}, now_s)
 
 
 class AtOnce(TaskPart):

@@ -265,7 +265,7 @@ class InputRouting(TaskPart):
     def _end(self, use: Use, outcome: str, now_s: float) -> None:
         made = self._made.pop(use)
         parameters = {"use": use, "from": made.topic, "to": self._defaults[use].name}
-        self._records.outcome(made, wire.CHOOSE.end_record, outcome, parameters, now_s)
+        self._records.outcome(made, wire.CHOOSE.outcome, outcome, parameters, now_s)
 
     def _send_to(self, use: Use, name: str, why: str, now_s: float) -> None:
         """Route input to `name`; a base gets its zero on the old topic first."""
@@ -298,7 +298,7 @@ class InputRouting(TaskPart):
         choice.requester.answer(refusal)
         outcome = refusal.code if refusal else "chosen"
         parameters = {"use": use, "to": choice.topic}
-        self._records.outcome(choice, wire.CHOOSE.end_record, outcome, parameters, now_s)
+        self._records.outcome(choice, wire.CHOOSE.outcome, outcome, parameters, now_s)
 
     def _why_no_listener(self, topic: Topic) -> Refusal | None:
         """Return a refusal if, by the last survey, no node subscribes to the topic with its type."""

@@ -408,4 +408,4 @@ class Motions(Goals[MotionGoal], TaskPart):
     def _record(self, goal: Goal[MotionGoal], outcome: str, text: str, now_s: float) -> None:
         duration_s = round(now_s - goal.since_s, 2)
         figures: Parameters = {"motion": goal.what.name, "duration_s": duration_s, "text": text}
-        self._records.outcome(goal, wire.MOTION.end_record, outcome, figures, now_s)
+        self._records.outcome(goal, wire.MOTION.outcome, outcome, figures, now_s)

@@ -202,4 +202,4 @@ class Publications(TaskPart):
             "topic": publishing.order.topic,
             "duration_s": round(now_s - publishing.since_s, 2),
         }
-        self._records.outcome(publishing, wire.PUBLISH.end_record, outcome, figures, now_s)
+        self._records.outcome(publishing, wire.PUBLISH.outcome, outcome, figures, now_s)

@@ -223,7 +223,7 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
 
     def _record(self, goal: Goal[_SpeechGoal], outcome: str, text: str, now_s: float) -> None:
         figures: Parameters = {"text": text, "duration_s": round(now_s - goal.since_s, 2)}
-        self._records.outcome(goal, wire.SPEECH.end_record, outcome, figures, now_s)
+        self._records.outcome(goal, wire.SPEECH.outcome, outcome, figures, now_s)
 
 
 def _short(text: str) -> str:

@@ -172,20 +172,42 @@ TaskRequest = (
 )
 
 
+def gettext_noop(text: str) -> str:
+    """Mark a text for translation, which only Django’s processes do."""
+    return text
+
+
 class TaskKind(NamedTuple):
-    """One kind of task, as every process knows it. `TASK_KINDS` lists them."""
+    """One kind of task, as every process knows it. `TASK_KINDS` lists them.
+
+    The door of messages, tokens, REST, the log and a person's own data read it; the bridge has a part for each.
+    """
 
     name: str  # of the kind in REST
     request: type[Struct]
-    record: str  # kind of the record of its request, see `fleet.audit.kinds`
-    end_record: str  # of its outcome
     scope: Literal["drive", "speak", "motions", "topics"]  # that the token of a program needs
+    record: str  # kind of the record of its request
+    label: str  # of this record in the log and in a person's own data
+    end_record: str = ""  # kind of the record of its outcome; empty: as of its request
+    end_label: str = ""
     cancel: type[Struct] | None = None
     cancelled_by_others: bool = False  # supervisors and staff may cancel it without control
     followed: bool = False  # REST gives each task an address, where a program reads its outcome
+    address: str = ""  # of its request in REST, below the robot; empty: its views have several
     # Actions, as fields of `Topics` (`robots.shared.configuration.bridge_config`), whose goals a stop cancels; the
     # watchdog does so without a bridge
     stopped_actions: tuple[str, ...] = ()
+
+    @property
+    def outcome(self) -> str:
+        """Kind of the record of its outcome."""
+        return self.end_record or self.record
+
+    @property
+    def records(self) -> dict[str, str]:
+        """Its kinds of records with their labels."""
+        ends = {self.end_record: self.end_label} if self.end_record else {}
+        return {self.record: self.label} | ends
 
     @property
     def requests(self) -> tuple[type[Struct], ...]:
@@ -194,70 +216,104 @@ class TaskKind(NamedTuple):
 
 
 SPEECH = TaskKind(
-    "speech",
-    Say,
-    "speech.start",
-    "speech.end",
-    "speak",
+    name="speech",
+    request=Say,
+    scope="speak",
+    record="speech.start",
+    label=gettext_noop("asked to say"),
+    end_record="speech.end",
+    end_label=gettext_noop("end of speech"),
     cancel=SayCancel,
     cancelled_by_others=True,
     followed=True,
+    address="speech",
 )
-MOTION = TaskKind(
-    "motion",
-    Play,
-    "motion.start",
-    "motion.end",
-    "motions",
-    cancel=PlayCancel,
-    cancelled_by_others=True,
+DRIVE_BY = TaskKind(
+    name="drive_by",
+    request=DriveBy,
+    scope="drive",
+    record="drive.by",
+    label=gettext_noop("drive by a distance or angle"),
+    cancel=DriveByCancel,
     followed=True,
+    address="drive-by",
 )
-DRIVE_BY = TaskKind("drive_by", DriveBy, "drive.by", "drive.by", "drive", cancel=DriveByCancel, followed=True)
 GO = TaskKind(
-    "go",
-    Go,
-    "go.start",
-    "go.end",
-    "drive",
+    name="go",
+    request=Go,
+    scope="drive",
+    record="go.start",
+    label=gettext_noop("drive to a place"),
+    end_record="go.end",
+    end_label=gettext_noop("end of a drive to a place"),
     cancel=GoCancel,
     followed=True,
+    address="go",
     stopped_actions=("navigation.action",),
 )
 LIMB = TaskKind(
-    "limb",
-    MoveLimb,
-    "limb.start",
-    "limb.end",
-    "drive",
+    name="limb",
+    request=MoveLimb,
+    scope="drive",
+    record="limb.start",
+    label=gettext_noop("move of gripper or torso"),
+    end_record="limb.end",
+    end_label=gettext_noop("end of a move of gripper or torso"),
     cancel=LimbCancel,
     followed=True,
     stopped_actions=("gripper.action", "torso.action"),
 )
+SET_POSE = TaskKind("set_pose", SetPose, "drive", "pose.set", gettext_noop("pose on the map set"))
+MOTION = TaskKind(
+    name="motion",
+    request=Play,
+    scope="motions",
+    record="motion.start",
+    label=gettext_noop("motion asked for"),
+    end_record="motion.end",
+    end_label=gettext_noop("end of motion"),
+    cancel=PlayCancel,
+    cancelled_by_others=True,
+    followed=True,
+)
 LOOK_AHEAD = TaskKind(
-    "look_ahead",
-    LookAhead,
-    "head.look_ahead",
-    "head.look_ahead",
-    "drive",
+    name="look_ahead",
+    request=LookAhead,
+    scope="drive",
+    record="head.look_ahead",
+    label=gettext_noop("look ahead"),
+    address="look-ahead",
     stopped_actions=("head.point_head",),
 )
-TURN_HEAD = TaskKind("turn_head", TurnHead, "head.turn", "head.turn", "drive")
-FORGET = TaskKind("forget", Forget, "memory.forget", "memory.forget", "drive")
-SET_POSE = TaskKind("set_pose", SetPose, "pose.set", "pose.set", "drive")
-CHOOSE = TaskKind("choose", Choose, "topic.choose", "topic.choose", "topics")
-PUBLISH = TaskKind("publish", Publish, "publish.start", "publish.end", "topics", cancel=PublishStop)
+TURN_HEAD = TaskKind(
+    "turn_head", TurnHead, "drive", "head.turn", gettext_noop("turn the head"), address="head"
+)
+FORGET = TaskKind(
+    "forget", Forget, "drive", "memory.forget", gettext_noop("asked to forget obstacles"), address="forget"
+)
+CHOOSE = TaskKind("choose", Choose, "topics", "topic.choose", gettext_noop("topic chosen"))
+PUBLISH = TaskKind(
+    name="publish",
+    request=Publish,
+    scope="topics",
+    record="publish.start",
+    label=gettext_noop("message asked for"),
+    end_record="publish.end",
+    end_label=gettext_noop("end of message"),
+    cancel=PublishStop,
+    address="topics/publish",
+)
 
 TASK_KINDS = (
     SPEECH,
-    MOTION,
     DRIVE_BY,
     GO,
     LIMB,
+    SET_POSE,
+    MOTION,
     LOOK_AHEAD,
     TURN_HEAD,
     FORGET,
-    SET_POSE,
     CHOOSE,
     PUBLISH,
 )

@@ -109,7 +109,7 @@ HAPPENS = {
 def outcomes(bench, what):
     """The recorded outcomes of this kind."""
     bench.recorded()
-    end = KINDS[what].end_record
+    end = KINDS[what].outcome
     return [record.outcome for kind, record in bench.sink.records if kind == end and type(record) is Outcome]
 
 

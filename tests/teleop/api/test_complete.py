@@ -19,7 +19,10 @@ from script.generate.messages import openapi
 
 DOCS = Path(__file__).parents[3] / "docs" / "api.md"
 ROBOT = "/robots/{slug}"
+_TASKS = [kind for kind in wire.TASK_KINDS if kind.address]
 OPERATIONS: dict[type, tuple[str, str]] = {
+    **{kind.request: ("post", f"{ROBOT}/{kind.address}") for kind in _TASKS},
+    **{kind.cancel: ("delete", f"{ROBOT}/{kind.address}") for kind in _TASKS if kind.cancel},
     wire.Take: ("post", f"{ROBOT}/control"),
     wire.TakeOver: ("post", f"{ROBOT}/control"),
     wire.Release: ("delete", f"{ROBOT}/control"),
@@ -28,23 +31,12 @@ OPERATIONS: dict[type, tuple[str, str]] = {
     wire.AskCancel: ("delete", f"{ROBOT}/control/line"),
     wire.HandOver: ("post", f"{ROBOT}/control/hand-over"),
     wire.Drive: ("post", f"{ROBOT}/velocity"),
-    wire.DriveBy: ("post", f"{ROBOT}/drive-by"),
-    wire.DriveByCancel: ("delete", f"{ROBOT}/drive-by"),
-    wire.Go: ("post", f"{ROBOT}/go"),
-    wire.GoCancel: ("delete", f"{ROBOT}/go"),
     wire.SetPose: ("put", f"{ROBOT}/pose"),
     wire.MoveLimb: ("post", f"{ROBOT}/gripper"),
     wire.LimbCancel: ("delete", f"{ROBOT}/gripper"),
-    wire.TurnHead: ("post", f"{ROBOT}/head"),
-    wire.LookAhead: ("post", f"{ROBOT}/look-ahead"),
-    wire.Forget: ("post", f"{ROBOT}/forget"),
     wire.Play: ("post", f"{ROBOT}/motions/{{name}}"),
     wire.PlayCancel: ("delete", f"{ROBOT}/motion"),
-    wire.Say: ("post", f"{ROBOT}/speech"),
-    wire.SayCancel: ("delete", f"{ROBOT}/speech"),
     wire.Choose: ("put", f"{ROBOT}/inputs/{{use}}"),
-    wire.Publish: ("post", f"{ROBOT}/topics/publish"),
-    wire.PublishStop: ("delete", f"{ROBOT}/topics/publish"),
     wire.Stop: ("post", f"{ROBOT}/stop"),
     wire.Clear: ("post", f"{ROBOT}/stop/clear"),
     wire.ListTopics: ("get", f"{ROBOT}/topics"),

@@ -341,7 +341,7 @@ class TaskView(ProgramView):
 
 def _entry(start: Record, robot: Robot) -> TaskEntry:
     kind = _FOLLOWED[start.kind]
-    end = Record.objects.filter(kind=kind.end_record, of=start).select_related("content").first()
+    end = Record.objects.filter(kind=kind.outcome, of=start).select_related("content").first()
     return TaskEntry(
         number=start.pk,
         kind=kind.name,
