@@ -44,9 +44,9 @@ def pytest_configure(config: pytest.Config) -> None:
     hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", usual))
 
 
-@pytest.hookimpl(trylast=True)
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what was not asked for; then shuffle."""
+    """Leave out what was not asked for; then shuffle. What tests/script sorts afterwards keeps its order of files."""
     if only := config.getoption("only"):
         kept, left_out = [], []
         for item in items:
