@@ -46,6 +46,7 @@ from robots.shared.processes.durations import Durations
 from robots.shared.processes.overload import LoopLateness
 from robots.shared.records.record_sink import TakenDescription
 from robots.shared.records.verdict import Verdict
+from robots.shared.sentences import catalogued, joined, say
 from robots.shared.wire import Drive, Ended, Grant, Refusal, StopState
 
 log = logging.getLogger(__name__)
@@ -80,6 +81,10 @@ class Base(Robot, Protocol):
     @property
     def listeners(self) -> int:
         """Number of nodes that subscribe to the drive topic."""
+
+
+BRIDGE_LATE = catalogued("this computer is overloaded: the bridge was {seconds:.1f} s late")
+CONSOLE_LATE = catalogued("this computer is overloaded: the console was {seconds:.1f} s late")
 
 
 class RosStatus(Struct, frozen=True):
@@ -185,7 +190,7 @@ class Core:
         """Put a checked grant in force. A new holder, or a page that came back, must send neutral first."""
         current = self.lease.current
         if current is None or grant.fence != current.fence:
-            self._end_control("Control was given to somebody else.", now_s)
+            self._end_control(say("Control was given to somebody else."), now_s)
             self._inputs.restart()
             self._inputs.require_neutral("control_taken", "you have just taken control")
             self._gate.observe_new_driver()
@@ -255,7 +260,7 @@ class Core:
         finally:  # also if this zero fails: the same press is not handled again
             self._cancel_all(now_s)
             self.tasks.stopped(by, now_s)
-        self._tell(Verdict(STILL, STILL, "stopped", f"Stopped by {by}."), now_s)
+        self._tell(Verdict(STILL, STILL, "stopped", say("Stopped by {by}.", by=by)), now_s)
         if is_first:
             grant, stop = self.lease.current, self.stop_state
             self._records.record_stop(
@@ -618,9 +623,9 @@ class Core:
         if self._asking and refusal and refusal.code in self._halting:
             self._stop_until_neutral(refusal.code, self._halting[refusal.code])
         if self._asking and awaited:
-            self._stop_until_neutral(awaited.code, awaited.text)
+            self._stop_until_neutral(awaited.code, awaited.sentence)
         if reason := refusal or self._unrecorded:
-            verdict = verdict._replace(asked=asked, code=reason.code, text=reason.text)
+            verdict = verdict._replace(asked=asked, code=reason.code, text=reason.sentence)
         if self.tasks.navigation.holds_for_sensor:
             verdict = self._verdict  # it gives the reason why the base is held
         if not self._latch.latched:
@@ -646,7 +651,7 @@ class Core:
             drives_by.forbidden(refusal, now_s)
             return refusal, STILL
         if awaited:
-            self._drives.halted(awaited.text)
+            self._drives.halted(awaited.sentence)
             drives_by.awaits(awaited, now_s)
         return refusal, drives_by.velocity(grant, self.lease.confirmed_s, self._sent, now_s)
 
@@ -658,7 +663,10 @@ class Core:
         navigation = self.tasks.navigation
         if refusal := self.why_not_begin(requester, now_s) or self.tasks.blocks(Activity.NAVIGATE, now_s):
             navigation.end(
-                "control_lost" if refusal.rule == "lease" else refusal.code, refusal.text, now_s, refusal.code
+                "control_lost" if refusal.rule == "lease" else refusal.code,
+                refusal.sentence,
+                now_s,
+                refusal.code,
             )
             return
         if not self._miss_sensors(now_s):
@@ -671,9 +679,9 @@ class Core:
         """Brake a robot that drives itself while a sensor is silent; return whether one is."""
         fault = self._gate.fault(now_s)
         if fault is not None:
-            text = f"stopped: {fault.text}"
+            text = say("stopped: {why}", why=fault.text)
             if overload := self._late.report(now_s):
-                text += f"; this computer is overloaded: the bridge was {overload.late_s:.1f} s late"
+                text = joined("; ", [text, say(BRIDGE_LATE, seconds=overload.late_s)])
             self._brake_navigation(Verdict(STILL, self._gate.velocity, fault.code, text, fault.sensor), now_s)
         return fault is not None
 
@@ -697,11 +705,11 @@ class Core:
 
         This computer is named only if its lateness explains the gap.
         """
-        for late, part in ((self._late, "the bridge"), (self._console_late, "the console")):
+        for late, key in ((self._late, BRIDGE_LATE), (self._console_late, CONSOLE_LATE)):
             late_s = late.since(now_s - READ_WITHIN_S)  # earlier messages have been read
             if late_s and now_s - stick.taken_s - late_s < COMMAND_LIFE_S:
-                return "overloaded", f"this computer is overloaded: {part} was {late_s:.1f} s late"
-        return "dead_man", f"no command came for {COMMAND_LIFE_S} s"
+                return "overloaded", say(key, seconds=late_s)
+        return "dead_man", say("no command came for {seconds} s", seconds=COMMAND_LIFE_S)
 
     def _tell(self, verdict: Verdict, now_s: float) -> None:
         """Take the newest verdict for pages."""
@@ -732,9 +740,9 @@ class Core:
         sensor is back.
         """
         if self._phase(now_s)[0] != "online":
-            return wire.NeutralNeeded("robot_offline", "the robot was offline")
+            return wire.NeutralNeeded("robot_offline", say("the robot was offline"))
         fault = self._gate.fault(now_s)
-        return wire.NeutralNeeded(fault.code, f"stopped: {fault.text}") if fault else None
+        return wire.NeutralNeeded(fault.code, say("stopped: {why}", why=fault.text)) if fault else None
 
     def _why_not(self, grant: Grant, stick: DriveInput | None, now_s: float) -> Refusal | None:
         """Return the first rule that forbids motion, by a stick or by a task. Lease and age are checked elsewhere."""
@@ -762,7 +770,7 @@ class Core:
     def _expire(self, now_s: float) -> None:
         """End an expired grant. Call this at each tick, and before waiting work may begin."""
         if self.lease.expired(now_s):
-            self._end_control("Control was not renewed in time.", now_s)
+            self._end_control(say("Control was not renewed in time."), now_s)
 
     def _end_control(self, reason: str, now_s: float) -> None:
         ended = self.lease.end_grant()
@@ -815,10 +823,14 @@ class Core:
         if self._ros.phase != "connecting":
             return self._ros.phase, self._ros.text
         if self._base.listeners == 0:
-            return "connecting", self._problem(f"No node on the robot subscribes to {topics.drive.name}.")
+            return "connecting", self._problem(
+                say("No node on the robot subscribes to {name}.", name=topics.drive.name)
+            )
         odometry = self._reported.odometry
         if odometry is None or now_s - odometry[0] > ODOMETRY_ONLINE_S:
-            return "connecting", self._problem(f"No odometry arrives on {topics.odometry.name}.")
+            return "connecting", self._problem(
+                say("No odometry arrives on {name}.", name=topics.odometry.name)
+            )
         return "online", self._ros.problems[0] if self._ros.problems else ""
 
     def _problem(self, otherwise: str) -> str:

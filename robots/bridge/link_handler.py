@@ -19,6 +19,7 @@ from robots.bridge.server.link_server import Link
 from robots.bridge.topics.inspector_client import InspectorClient
 from robots.shared import wire
 from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.sentences import say
 
 log = logging.getLogger(__name__)
 
@@ -31,7 +32,10 @@ OTHER_ROBOT = wire.Refusal(
     "other_robot", "This bridge belongs to another robot, which was not stopped.", "robot"
 )
 _FLOOD = wire.Refusal(
-    "flood", f"More than {DRIVES_PER_S:.0f} commands a second.", "wire", {"limit_per_s": DRIVES_PER_S}
+    "flood",
+    say("More than {most:.0f} commands a second.", most=DRIVES_PER_S),
+    "wire",
+    {"limit_per_s": DRIVES_PER_S},
 )
 _FAULT = wire.Refusal(
     "bridge_fault",
@@ -182,8 +186,10 @@ class LinkHandler:
     def _greet(self, link: Link, hello: wire.LinkHello, now_s: float) -> None:
         link.name = hello.web
         if hello.protocol != wire.PROTOCOL:
-            text = (
-                f"The web process uses protocol {hello.protocol}, this bridge {wire.PROTOCOL}: restart both."
+            text = say(
+                "The web process uses protocol {protocol}, this bridge {own}: restart both.",
+                protocol=hello.protocol,
+                own=wire.PROTOCOL,
             )
             link.report(wire.Refused("link_hello", wire.Refusal("protocol", text, "wire")))
             link.close_when_sent()

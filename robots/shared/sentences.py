@@ -32,6 +32,11 @@ class Sentence(str):
         return [self.key, figures, self.many] if self.many else [self.key, figures] if figures else [self.key]
 
 
+def catalogued(text: str) -> str:
+    """Return a key that several places say, so that the catalogue has it."""
+    return text
+
+
 def say(key: str, **figures: Any) -> Sentence:
     """Return a sentence. All its figures stand in the key."""
     return _sentence(key, figures)
@@ -46,6 +51,11 @@ def joined(between: str, sentences: Sequence[str]) -> Sentence:
     """Return sentences in a row as one."""
     figures = {f"part{number}": sentence for number, sentence in enumerate(sentences)}
     return _sentence(between.join(f"{{{name}}}" for name in figures), figures)
+
+
+def standing_alone(reason: str) -> Sentence:
+    """Return a reason as a sentence with a capital letter and a full stop."""
+    return _sentence("{reason:capital}" + "." * (not reason.endswith(".")), {"reason": reason})
 
 
 def of_parts(text: str, parts: list[Any]) -> Sentence:

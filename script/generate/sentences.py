@@ -22,6 +22,7 @@ FOLDERS = ("fleet", "robots", "teleop")
 # Calls whose argument at this place is a sentence, and the keyword of the same argument
 TOLD = {
     "say": (0, "key"),
+    "catalogued": (0, "text"),
     "counted": (0, "one"),
     "Refusal": (1, "text"),
     "Notice": (2, "text"),

@@ -19,6 +19,7 @@ from robots.shared.configuration.input_filters import COMMAND_LIFE_S
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.records.record_sink import Parameters
 from robots.shared.records.verdict import Verdict
+from robots.shared.sentences import Sentence, say, standing_alone
 from robots.shared.wire import DriveBy, Grant, Refusal
 
 DEFAULT_SHARE = 0.4  # of the robot's speed limit, if the request names no speed
@@ -73,9 +74,11 @@ class _Request(RecordedTask):
         return math.copysign(1.0, self.goal) * done
 
     @property
-    def words(self) -> str:
+    def words(self) -> Sentence:
         """The request in words."""
-        return f"turning by {math.degrees(self.goal):.0f}°" if self.turns else f"driving {self.goal:.2f} m"
+        if self.turns:
+            return say("turning by {angle:.0f}°", angle=math.degrees(self.goal))
+        return say("driving {distance:.2f} m", distance=self.goal)
 
 
 class DrivesBy(TaskPart):
@@ -135,13 +138,19 @@ class DrivesBy(TaskPart):
         """Return why this request is refused: another request is in progress, or the speed is too high."""
         if self._request is not None:
             who = self._request.requester.holder.holder
-            text = f"The robot is {self._request.words}, requested by {who}: cancel it or wait."
+            text = say(
+                "The robot is {words}, requested by {who}: cancel it or wait.",
+                words=self._request.words,
+                who=who,
+            )
             return Refusal("driving", text, "robot", {"who": who})
         most, asked = self._speed_limit(order, max_share), _speed(order)
         if asked is None or asked <= most:
             return None
         unit, name = ("m/s", "limit_mps") if order.angle_rad is None else ("rad/s", "limit_radps")
-        text = f"You may drive this robot with at most {most:.2f} {unit} in this direction."
+        text = say(
+            "You may drive this robot with at most {most:.2f} {unit} in this direction.", most=most, unit=unit
+        )
         return Refusal("too_fast", text, "robot", {name: round(most, 3)})
 
     def begin(self, order: DriveBy, max_share: float, requester: Requester, now_s: float) -> None:
@@ -205,10 +214,16 @@ class DrivesBy(TaskPart):
             return STILL
         passed_s, request.last_velocity_s = now_s - request.last_velocity_s, now_s
         if passed_s > COMMAND_LIFE_S:
-            self.end("late", f"This computer is overloaded: the bridge was {passed_s:.1f} s late.", now_s)
+            self.end(
+                "late",
+                say("This computer is overloaded: the bridge was {seconds:.1f} s late.", seconds=passed_s),
+                now_s,
+            )
             return STILL
         if now_s - confirmed_s > CONFIRMED_S:
-            text = f"Nothing came from the holder’s page or program for {CONFIRMED_S:.0f} s."
+            text = say(
+                "Nothing came from the holder’s page or program for {seconds:.0f} s.", seconds=CONFIRMED_S
+            )
             self.end("control_lost", text, now_s)
             return STILL
         left = abs(request.goal) - request.progress
@@ -243,9 +258,10 @@ class DrivesBy(TaskPart):
             request.last_progress, request.last_progress_s, request.held = request.progress, now_s, None
         elif now_s - request.last_progress_s > HELD_S:
             if request.held is not None:
-                self.end("held_back", _sentence(request.held.text), now_s, request.held.code)
+                self.end("held_back", standing_alone(request.held.text), now_s, request.held.code)
             else:
-                text = f"The robot did not move for {HELD_S:.0f} s, although the gate did not slow it down."
+                key = "The robot did not move for {seconds:.0f} s, although the gate did not slow it down."
+                text = say(key, seconds=HELD_S)
                 self.end("no_progress", text, now_s)
 
     def _arrive(self, request: _Request, now_s: float) -> None:
@@ -256,7 +272,8 @@ class DrivesBy(TaskPart):
         if waited_s >= SETTLED_S and self._gate.standstill(now_s):
             self.end("done", "", now_s)
         elif waited_s > STANDSTILL_TIMEOUT_S:
-            text = f"The robot still moves after {STANDSTILL_TIMEOUT_S:.0f} s of zero velocity."
+            key = "The robot still moves after {seconds:.0f} s of zero velocity."
+            text = say(key, seconds=STANDSTILL_TIMEOUT_S)
             self.end("no_progress", text, now_s)
 
     # --- end ----------------------------------------------------------------------------------------
@@ -265,16 +282,16 @@ class DrivesBy(TaskPart):
         """End the request: the robot or a sensor is silent (`needed`). At the goal only odometry counts."""
         request = self._request
         if request is not None and (request.zero_s is None or needed.code in _OUTCOMES):
-            self.halted(needed.code, needed.text, now_s)
+            self.halted(needed.code, needed.sentence, now_s)
 
     def forbidden(self, refusal: Refusal, now_s: float) -> None:
         """End the request: a rule forbids motion now."""
         outcome = "control_lost" if refusal.rule == "lease" else refusal.code
-        self.end(outcome, refusal.text, now_s, refusal.code)
+        self.end(outcome, refusal.sentence, now_s, refusal.code)
 
     def halted(self, code: str, reason: str, now_s: float) -> None:
         """End the request: the robot was halted, or a sensor that the gate needs is silent."""
-        self.end(_outcome(code), _sentence(reason), now_s, code)
+        self.end(_outcome(code), standing_alone(reason), now_s, code)
 
     def cancel_request(self, order: Any, why: str, now_s: float) -> Refusal | None:
         """End the request, running or not."""
@@ -291,7 +308,9 @@ class DrivesBy(TaskPart):
     def end_running(self, ending: Ending, now_s: float) -> None:
         """End the request that runs, if any."""
         code, outcome = ending.refusal.code, _outcome(ending.refusal.code)
-        self.end(outcome, _sentence(ending.refusal.text), now_s, code if ending.cause in _HALTS else None)
+        self.end(
+            outcome, standing_alone(ending.refusal.sentence), now_s, code if ending.cause in _HALTS else None
+        )
 
     def deny(self, outcome: str, refusal: Refusal, now_s: float) -> None:
         """Refuse a request that has not started."""
@@ -372,7 +391,3 @@ def _speed(order: DriveBy) -> float | None:
 def _outcome(code: str) -> str:
     """Return the outcome for the code of a halt or of a refusal."""
     return _OUTCOMES.get(code, "held_back" if code.startswith("scan_") else code)
-
-
-def _sentence(reason: str) -> str:
-    return f"{reason[:1].upper()}{reason[1:].rstrip('.')}."

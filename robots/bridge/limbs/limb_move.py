@@ -8,11 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from robots.bridge.audit.records import Records, Requester
+from robots.bridge.gate.words import LIMBS
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
 from robots.bridge.tasks.task import Cause, Ending, Robot
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import LimbSource
 from robots.shared.records.record_sink import Parameters
+from robots.shared.sentences import Sentence, say
 from robots.shared.wire import Limb, MoveLimb, Refusal
 
 TOP_TO_MEAN_SPEED = 1.5  # top speed / mean speed of a controller that begins and ends at rest
@@ -116,17 +118,27 @@ class LimbMove(Goals[Target]):
         """Return why this limb cannot move to `to_m` now."""
         limb, (low, high) = self._limb, self._range
         if not low - 1e-6 <= to_m <= high + 1e-6:  # also true for NaN
-            text = f"The {limb} goes from {low:g} to {high:g} m."
+            text = say(
+                "The {limb} goes from {low} to {high} m.", limb=LIMBS[limb], low=f"{low:g}", high=f"{high:g}"
+            )
             return Refusal("out_of_range", text, "robot", {"least_m": low, "most_m": high})
         mover = self._robot.part(LimbMover)
         if mover is None or not mover.limb_has_listener(limb):
-            text = f"No node on the robot takes goals for its {limb} ({self._source.action})."
+            text = say(
+                "No node on the robot takes goals for its {limb} ({action}).",
+                limb=LIMBS[limb],
+                action=self._source.action,
+            )
             return Refusal("no_listener", text, "robot", {"topic": self._source.action})
         if self.at_m is None:
-            text = f"The position of the {limb} is unknown: its joint states are missing."
+            text = say(
+                "The position of the {limb} is unknown: its joint states are missing.", limb=LIMBS[limb]
+            )
             return Refusal("limb_unknown", text, "robot")
         if self._busy(now_s):
-            return Refusal("limb_busy", f"Something else on the robot moves the {limb}.", "robot")
+            return Refusal(
+                "limb_busy", say("Something else on the robot moves the {limb}.", limb=LIMBS[limb]), "robot"
+            )
         return None
 
     def begin(self, order: MoveLimb, requester: Requester, now_s: float) -> None:
@@ -217,8 +229,8 @@ class LimbMove(Goals[Target]):
         at_m = self.at_m
         if at_m is None:
             if now_s - target.known_s > SILENT_S:
-                text = f"The position of the {self._limb} is unknown now: its joint states ended."
-                self.cancel("not_watched", text)
+                key = "The position of the {limb} is unknown now: its joint states ended."
+                self.cancel("not_watched", say(key, limb=LIMBS[self._limb]))
             return
         self._follow(target, now_s)
         if now_s - target.moved_s <= STILL_S or abs(at_m - target.order.to_m) <= THERE_M:
@@ -230,9 +242,9 @@ class LimbMove(Goals[Target]):
         else:
             self.cancel("no_progress", self._stuck(at_m))
 
-    def _stuck(self, at_m: float) -> str:
-        text = f"The {self._limb} stopped at {at_m:.3f} m."
-        return f"{text} Perhaps it holds something." if self._limb == "gripper" else text
+    def _stuck(self, at_m: float) -> Sentence:
+        text = say("The {limb} stopped at {position:.3f} m.", limb=LIMBS[self._limb], position=at_m)
+        return say("{stuck} Perhaps it holds something.", stuck=text) if self._limb == "gripper" else text
 
     def running(self, goals: Mapping[str, bool], now_s: float) -> None:
         """Take the controller's report: its goals, and whether each is active (begun and not cancelled).
@@ -288,11 +300,14 @@ class LimbMove(Goals[Target]):
         if outcome == "stalled" and at_m is not None:
             outcome, text = ("done", "") if there else ("stalled", self._stuck(at_m))
         elif outcome == "succeeded":
-            where = "nothing" if at_m is None else f"{at_m:.3f} m"
-            said = f"The controller reports success, but joint states report {where}."
+            where = say("nothing") if at_m is None else say("{position:.3f} m", position=at_m)
+            said = say("The controller reports success, but joint states report {where}.", where=where)
             outcome, text = ("done", "") if there else ("not_there", said)
         elif outcome == "cancelled" and goal.cancelled is None:
-            outcome, text = "taken_over", f"Something else on the robot took the {self._limb} over."
+            outcome, text = (
+                "taken_over",
+                say("Something else on the robot took the {limb} over.", limb=LIMBS[self._limb]),
+            )
         self._end(outcome, text, now_s)
 
     def view(self, now_s: float) -> wire.LimbState:
@@ -306,7 +321,7 @@ class LimbMove(Goals[Target]):
             to_m=goal.what.order.to_m,
             who=goal.requester.holder.holder,
             since_s=round(now_s - goal.since_s, 1),
-            ending=goal.cancelled.text if goal.cancelled else "",
+            ending=goal.cancelled.sentence if goal.cancelled else "",
             ended=self.last,
         )
 

@@ -14,9 +14,11 @@ from typing import Any
 
 from robots.bridge.audit.records import Requester
 from robots.bridge.gate.arm.discs import KNOWN_S
+from robots.bridge.gate.words import LIMBS
 from robots.bridge.limbs.limb_move import LimbMove
 from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
 from robots.shared import wire
+from robots.shared.sentences import say
 from robots.shared.wire import Grant, Limb, Refusal
 
 
@@ -60,7 +62,9 @@ class Limbs(TaskPart):
 
     def _why_not(self, limb: Limb, to_m: float, requester: Requester, now_s: float) -> Refusal | None:
         if limb not in self._moves:
-            return Refusal("no_limb", f"This robot has no {limb} that people can move.", "robot")
+            return Refusal(
+                "no_limb", say("This robot has no {limb} that people can move.", limb=LIMBS[limb]), "robot"
+            )
         rules = self._context.rules
         return (
             rules.why_not_begin(requester, now_s)
@@ -99,10 +103,13 @@ class Limbs(TaskPart):
             if activity is Activity.DRIVE and move.is_lost and not move.runs:
                 continue
             if move.runs:
-                text = f"The robot moves its {limb}: wait until it is there, or cancel the move."
+                text = say(
+                    "The robot moves its {limb}: wait until it is there, or cancel the move.",
+                    limb=LIMBS[limb],
+                )
                 return Refusal("limb_moving", text, "robot", {"limb": limb})
             if move.may_move:
-                text = f"The robot’s {limb} may still move: wait until it stands."
+                text = say("The robot’s {limb} may still move: wait until it stands.", limb=LIMBS[limb])
                 return Refusal("limb_moving", text, "robot", {"limb": limb})
         return None
 
@@ -110,7 +117,9 @@ class Limbs(TaskPart):
         """Cancel a move."""
         move = self._moves.get(order.limb)
         if move is None or not move.runs:
-            return Refusal("no_move", f"The {order.limb} is not moved by this console.", "robot")
+            return Refusal(
+                "no_move", say("The {limb} is not moved by this console.", limb=LIMBS[order.limb]), "robot"
+            )
         ending = Ending(Cause.CANCELLED, Refusal("cancelled", why, "robot"))
         move.drop(ending, now_s)
         move.end_running(ending, now_s)
@@ -132,7 +141,7 @@ class Limbs(TaskPart):
             move.start(now_s)
             move.tick(now_s)
         if self._arm_away(now_s) and (torso := self._moves.get("torso")) and torso.begun:
-            torso.cancel("arm_away", "The position of the robot’s arm is unknown now.")
+            torso.cancel("arm_away", say("The position of the robot’s arm is unknown now."))
         self._context.gate.observe_lost_limb(self._lost)
 
     def drop(self, ending: Ending, now_s: float) -> None:

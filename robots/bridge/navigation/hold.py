@@ -15,13 +15,14 @@ from concurrent.futures import Future
 
 from robots.bridge.audit.records import Records
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
+from robots.shared.sentences import say
 
 QUIET_S = 1.0  # the hold ends after this time at standstill without a velocity from navigation
 WATCHED_S = 300.0  # navigation is watched this long after a goal, or after its hold
 RUNS_ON_S = 30.0  # people are informed if navigation still reports a goal this long after its end
 GOES_ON_S = 1.5  # navigation that still drives this long after a cancel does not obey
-UNENDED = "The robot’s navigation still reports a goal that was ended: the bridge holds the base."
-UNHEARD = "The robot’s navigation still drives although its goal has ended: the bridge holds the base."
+UNENDED = say("The robot’s navigation still reports a goal that was ended: the bridge holds the base.")
+UNHEARD = say("The robot’s navigation still drives although its goal has ended: the bridge holds the base.")
 
 
 class Hold:
@@ -111,7 +112,7 @@ class Hold:
         is_told, self.why = bool(self.why), why
         if is_told:
             return
-        what = {"goal": goal_id, "text": why}
+        what = {"goal": goal_id, "text": str(why)}
         self._record = self._records.keep(lambda: self._records.sink.request(None, "go.hold", what), now_s)
 
     def _end(self, outcome: str, now_s: float) -> None:

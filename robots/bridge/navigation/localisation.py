@@ -15,6 +15,7 @@ from robots.bridge.gate.gate import BEYOND_REASON
 from robots.shared import wire
 from robots.shared.geometry.planar import ORIGIN, put, relative_to, wrapped
 from robots.shared.geometry.poses import Pose
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 
 OLD_S = 2.0  # while somebody has control, a transform is too old after this time
@@ -117,14 +118,19 @@ class Localisation:
         if silent_s > OLD_S:
             text = "The robot’s localisation is silent: it may not know where it is."
             if math.isfinite(silent_s):
-                text = f"The robot’s localisation has been silent for {silent_s:.0f} s: it may not know where it is."
+                text = say(
+                    "The robot’s localisation has been silent for {seconds:.0f} s: it may not know where it is.",
+                    seconds=silent_s,
+                )
             return Refusal("localisation_old", text, "robot")
         longer_m, _, _ = self._spread.ellipse
         if longer_m > UNCERTAIN_M or self._spread.sigma_rad > UNCERTAIN_RAD:
             turned = math.degrees(self._spread.sigma_rad)
-            text = (
-                f"The robot is not sure where it is (± {longer_m:.1f} m, ± {turned:.0f}°): "
-                "tell it where it is (“Robot is here”), or drive it a little."
+            text = say(
+                "The robot is not sure where it is (± {distance:.1f} m, ± {angle:.0f}°): "
+                "tell it where it is (“Robot is here”), or drive it a little.",
+                distance=longer_m,
+                angle=turned,
             )
             return Refusal(
                 "localisation_uncertain",

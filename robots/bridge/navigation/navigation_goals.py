@@ -28,6 +28,7 @@ from robots.shared.geometry.planar import NO_POINTS, Points
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.maps.goal_map import NO_MAP, UNKNOWN_NOW, GoalMap
 from robots.shared.records.verdict import Verdict
+from robots.shared.sentences import say, standing_alone
 from robots.shared.wire import Go, Grant, Refusal
 
 CONFIRMED_S = 2.0  # the goal ends after this time without a sign of the holder's client
@@ -222,22 +223,28 @@ class NavigationGoals(Goals[Target], TaskPart):
         if self.hold.is_disobeyed:
             return Refusal("navigation_goes_on", self.hold.why, "robot")
         if drive_topic == self._source.velocity:
-            text = f"The console drives by {drive_topic} itself: choose another topic for driving first."
+            text = say(
+                "The console drives by {topic} itself: choose another topic for driving first.",
+                topic=drive_topic,
+            )
             return Refusal("no_navigation", text, "robot")
         if self._busy(now_s):
             text = "The robot’s navigation drives to a place that another program requested."
             return Refusal("navigation_busy", text, "robot")
         if not navigator.navigates():
-            text = f"No node of the robot takes goals on {self._source.action}: its navigation does not run."
+            text = say(
+                "No node of the robot takes goals on {action}: its navigation does not run.",
+                action=self._source.action,
+            )
             return Refusal("no_listener", text, "robot", {"topic": self._source.action})
         if self._has_arm and now_s - self._at_home_s > KNOWN_S:
             text = "The robot’s arm is not at home, or its position is unknown: bring it home first."
             return Refusal("arm_away", text, "robot")
         if fault := self._gate.fault(now_s):
-            text = f"Obstacles around the robot are unknown: {fault.text}."
+            text = say("Obstacles around the robot are unknown: {why}.", why=fault.text)
             return Refusal("not_watched", text, "gate", {"sensor": fault.sensor})
         if (lost := navigation_watch.depth_lost(self._gate, now_s)) is not None:
-            return Refusal("depth_stale", f"The gate does not see table tops: {lost}.", "gate")
+            return Refusal("depth_stale", say("The gate does not see table tops: {why}.", why=lost), "gate")
         if (spare_m := navigation_watch.spare_m(self._gate, now_s)) < LEAST_SPARE_M:
             text = "Something is within 3 cm of the robot, or may be: drive it away from there by the stick first."
             return Refusal("too_close", text, "gate", {"gap_m": round(spare_m, 3), "limit_m": LEAST_SPARE_M})
@@ -265,7 +272,7 @@ class NavigationGoals(Goals[Target], TaskPart):
         if self._current is None:
             return None
         who = self._current.requester.holder.holder
-        text = f"The robot drives to a place, requested by {who}: cancel it or wait."
+        text = say("The robot drives to a place, requested by {who}: cancel it or wait.", who=who)
         return Refusal("going", text, "robot", {"who": who})
 
     def may_come(self, refusal: Refusal, now_s: float) -> bool:
@@ -337,7 +344,7 @@ class NavigationGoals(Goals[Target], TaskPart):
     @property
     def under_way(self) -> list[str]:
         """The goal in progress, in words."""
-        return ["the drive to a place"] if self._current is not None else []
+        return [say("the drive to a place")] if self._current is not None else []
 
     def end(self, outcome: str, text: str, now_s: float, because: str | None = None) -> None:
         """Cancel the goal, or refuse it if it is not sent. The bridge holds the base from now on."""
@@ -359,7 +366,7 @@ class NavigationGoals(Goals[Target], TaskPart):
             code = ending.refusal.code
             outcome = _OUTCOMES.get(code) or self._worded(ending).code
             because = code if ending.cause in _HALTS else None
-            self.end(outcome, _sentence(ending.refusal.text), now_s, because)
+            self.end(outcome, standing_alone(ending.refusal.sentence), now_s, because)
 
     def judge(self, now_s: float) -> Verdict:
         """Return the gate's verdict on how navigation drives the robot; "free": navigation may continue."""
@@ -390,7 +397,9 @@ class NavigationGoals(Goals[Target], TaskPart):
     def end_if_unconfirmed(self, confirmed_s: float, now_s: float) -> None:
         """End the goal if its holder's client has been silent for `CONFIRMED_S`."""
         if now_s - confirmed_s > CONFIRMED_S:
-            text = f"Nothing came from the holder’s page or program for {CONFIRMED_S:.0f} s."
+            text = say(
+                "Nothing came from the holder’s page or program for {seconds:.0f} s.", seconds=CONFIRMED_S
+            )
             self.end("control_lost", text, now_s, "dead_man")
 
     # --- events ---------------------------------------------------------------------------------------
@@ -408,16 +417,20 @@ class NavigationGoals(Goals[Target], TaskPart):
         navigator = self._navigator
         located = navigator.located() if navigator else None
         if located is not None and self.localisation.transformed(*located, now_s) and self.driving_requester:
-            text = f"The robot’s place on its map jumped by {self.localisation.jumped_m:.1f} m."
+            text = say("The robot’s place on its map jumped by {gap:.1f} m.", gap=self.localisation.jumped_m)
             self.end("location_jumped", text, now_s)
         if self.driving_requester and (refusal := self.localisation.refuse(now_s)):
-            self.end("location_lost", refusal.text, now_s, refusal.code)
+            self.end("location_lost", refusal.sentence, now_s, refusal.code)
         if self.driving_requester and now_s - self._doubted_s > DOUBT_S:
-            text = f"Another node publishes the robot’s map, and no map could be read for {DOUBT_S:.0f} s."
+            key = "Another node publishes the robot’s map, and no map could be read for {seconds:.0f} s."
+            text = say(key, seconds=DOUBT_S)
             self.end("map_gone", text, now_s)
         goal = self._current
         if goal is not None and self.driving_requester and now_s - goal.what.heard_s > ANSWERS_S:
-            text = f"Navigation reported nothing for {ANSWERS_S:.0f} s, and the robot stood still."
+            text = say(
+                "Navigation reported nothing for {seconds:.0f} s, and the robot stood still.",
+                seconds=ANSWERS_S,
+            )
             self.end("unheard", text, now_s)
         super().tick(now_s)
         if goal is not None and goal.cancel_sent_s is not None and now_s - goal.what.ending_s > OBEYS_S:
@@ -428,7 +441,7 @@ class NavigationGoals(Goals[Target], TaskPart):
             and self._has_arm
             and now_s - self._at_home_s > KNOWN_S
         ):
-            self.end("arm_away", "The position of the robot’s arm is unknown now.", now_s)
+            self.end("arm_away", say("The position of the robot’s arm is unknown now."), now_s)
         runs_on = self.hold.goal_id in self._strays and now_s - self._reported_s < REPORTS_S
         still = self._gate.standstill(now_s)
         self.hold.tick(still, bool(self._busy(now_s)) and fence is None, runs_on or self._ending, now_s)
@@ -491,9 +504,9 @@ class NavigationGoals(Goals[Target], TaskPart):
     def unmapped(self, why: str, now_s: float) -> None:
         """Note that the robot has no usable map now. End the drive."""
         text = f"The robot has no map that can be used: {why}"
-        self._map, self._map_problem = None, Refusal("no_map", _sentence(text), "robot")
+        self._map, self._map_problem = None, Refusal("no_map", standing_alone(text), "robot")
         self._doubted_s = math.inf
-        self.end("map_gone", self._map_problem.text, now_s)
+        self.end("map_gone", self._map_problem.sentence, now_s)
 
     def planned(self, places: Points) -> None:
         """Take the path that navigation plans."""
@@ -573,14 +586,14 @@ class NavigationGoals(Goals[Target], TaskPart):
             heading=order.heading,
             left_m=goal.what.left_m,
             since_s=round(now_s - goal.since_s, 1),
-            ending=goal.cancelled.text if goal.cancelled else "",
+            ending=goal.cancelled.sentence if goal.cancelled else "",
             place=order.place,
         )
 
     def location(self, now_s: float, in_control: bool) -> wire.Location | None:
         """Return the robot's pose on its map. Without control, `problem` is empty: then tf is not read."""
         problem = self.localisation.refuse(now_s) if in_control else None
-        return self.localisation.view(now_s, problem.text if problem else "")
+        return self.localisation.view(now_s, problem.sentence if problem else "")
 
     def _report_end(self, goal: Goal[Target], outcome: str, text: str) -> None:
         self.last = wire.GoEnd(
@@ -620,7 +633,3 @@ def _result(outcome: str, text: str) -> str:
         "Another program cancelled it, or the watchdog did, because the console’s computer hung for a second."
     )
     return f"{by_others} {said}" if outcome == "cancelled" else said
-
-
-def _sentence(reason: str) -> str:
-    return f"{reason[:1].upper()}{reason[1:].rstrip('.')}."

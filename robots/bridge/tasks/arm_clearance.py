@@ -19,6 +19,7 @@ from robots.bridge.gate.arm.discs import Disc
 from robots.bridge.gate.arm.sweep import intruder
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.values import Kind, Obstacles
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 
 WATCH: tuple[Kind, ...] = ("scan", "depth")  # kinds of sensors that must work before the arm moves
@@ -65,7 +66,7 @@ class ArmClearance:
         if not space:
             return None
         if problem and (not running or now_s - self._known_s > LATELY_S):
-            why = f"Obstacles around the arm are unknown: {problem}."
+            why = say("Obstacles around the arm are unknown: {problem}.", problem=problem)
             return Refusal("not_watched", why, "gate", {"sensor": "arm"})
         obstacles = self._gate.obstacles(now_s)
         if not running:
@@ -77,7 +78,7 @@ class ArmClearance:
         """Return a refusal for the first sensor of these kinds that does not work."""
         for name, kind, ok, _, text in self._gate.sensor_health(now_s):
             if kind in kinds and not ok:
-                why = f"Obstacles around the arm are unknown: {name}: {text}."
+                why = say("Obstacles around the arm are unknown: {sensor}: {why}.", sensor=name, why=text)
                 return Refusal("not_watched", why, "gate", {"sensor": name})
         return None
 
@@ -88,8 +89,10 @@ class ArmClearance:
         if found is None:
             return None
         sensor, side = obstacles.names[found.source], words.side(found.bearing_rad)
-        distance = words.fine(max(found.gap_m, 0.0))
-        text = f"An obstacle is in the arm’s way: {sensor}, {distance} m {side}."
+        text = say(
+            "An obstacle is in the arm’s way: {obstacle}.",
+            obstacle=words.obstacle(sensor, found.gap_m, found.bearing_rad, ""),
+        )
         gap_m = round(found.gap_m, 2)
         return Refusal("motion_blocked", text, "gate", {"sensor": sensor, "distance_m": gap_m, "side": side})
 

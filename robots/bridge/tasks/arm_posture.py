@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from typing import NamedTuple
 
-from robots.bridge.gate import words
 from robots.bridge.gate.arm.discs import AT_HOME, KNOWN_S, Disc, Posture, discs_along, is_home
 from robots.bridge.gate.arm.sweep import Motion, swept
 from robots.bridge.tasks.urdf import Tree
 from robots.shared.configuration.bridge_config import ArmSource
+from robots.shared.sentences import say
 from robots.shared.urdf.document import BadDescription
 
 log = logging.getLogger(__name__)
@@ -182,15 +182,15 @@ class ArmPosture:
     def problem(self, now_s: float) -> str:
         """Return in words why the arm's position is unknown although the robot reports joints; empty: it is known."""
         if self.awaits_description:
-            return "the robot’s description has not been read yet"
+            return say("the robot’s description has not been read yet")
         arrivals_s = [self._joints.get(name, (0.0, -math.inf))[1] for name in self._arm.home]
         age_s = now_s - min(arrivals_s, default=now_s)
         if age_s <= KNOWN_S:
             return ""
         return (
-            f"its joint states are {words.age(age_s)} old"
+            say("its joint states are {age:age} old", age=age_s)
             if math.isfinite(age_s)
-            else "no joint states have come yet"
+            else say("no joint states have come yet")
         )
 
     def _whole_reach(self, positions: Mapping[str, float]) -> Disc:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from robots.bridge.tasks.input_routing import InputRouting
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.sentences import say
 
 
 class Capabilities:
@@ -51,9 +52,9 @@ class Capabilities:
         """Return the present capabilities."""
         uses = self._routing.uses
         motions: Sequence[wire.MotionOffer] = ()
-        text = "This robot has no recorded motions."
+        text: str = say("This robot has no recorded motions.")
         if "motions" in uses:
-            not_read = ((), "The robot’s motions have not been read yet.")
+            not_read = ((), say("The robot’s motions have not been read yet."))
             motions, text = self._motions.get(self._routing.topic("motions"), not_read)
         return wire.Offers(
             list(motions), text, self._languages, uses, self._publishable, self._publishable_from

@@ -16,6 +16,7 @@ from msgspec import structs
 
 from robots.bridge.audit.records import RecordedTask, Records, Requester
 from robots.bridge.tasks.task import Cause, Ending
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 
 CANCEL_AGAIN_S = 0.5  # repeat a cancel: the first one may not have reached the robot
@@ -98,7 +99,7 @@ class Goals(ABC, Generic[What]):
             goal.requester.answer(refusal)
             self._record(goal, refusal.code, refusal.text, now_s)
         else:  # the answer was already sent
-            self._end(refusal.code, refusal.text, now_s)
+            self._end(refusal.code, refusal.sentence, now_s)
 
     def drop(self, ending: Ending, now_s: float) -> None:
         """Refuse a goal that is not sent yet."""
@@ -108,7 +109,7 @@ class Goals(ABC, Generic[What]):
         """Cancel a goal that was sent. It ends when the robot obeys."""
         if self.begun:
             refusal = self._worded(ending)
-            self.cancel(refusal.code, refusal.text)
+            self.cancel(refusal.code, refusal.sentence)
 
     def leave(self, ending: Ending, now_s: float) -> None:
         """Cancel a goal that was sent, and record its end now: the bridge ends."""
@@ -130,7 +131,7 @@ class Goals(ABC, Generic[What]):
         if goal is None:
             return
         if now_s - goal.heard_s > UNHEARD_S:
-            self.cancel("unheard", f"The robot did not report it for {UNHEARD_S:.0f} s.")
+            self.cancel("unheard", say("The robot did not report it for {seconds:.0f} s.", seconds=UNHEARD_S))
             self._end("cancelled", "", now_s)
             self._ended = None  # a later report means that the robot still performs this goal
         elif goal.cancelled is not None and goal.id is not None:
@@ -178,7 +179,7 @@ class Goals(ABC, Generic[What]):
         if goal is not None:
             self._ended = goal.id
             if outcome == "cancelled" and goal.cancelled is not None:
-                outcome, text = goal.cancelled.code, goal.cancelled.text
+                outcome, text = goal.cancelled.code, goal.cancelled.sentence
             self._report_end(goal, outcome, text)
             self._record(goal, outcome, text, now_s)
 

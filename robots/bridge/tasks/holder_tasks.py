@@ -29,12 +29,13 @@ from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.configuration.denylist import admissible
 from robots.shared.records.record_sink import Holder
+from robots.shared.sentences import say
 from robots.shared.wire import Grant, Refusal
 
 log = logging.getLogger(__name__)
 
 LINK_PATIENCE_S = 2.0  # a motion continues this long without the page of its requester
-_CANCELLED = "Its holder cancelled it."
+_CANCELLED = say("Its holder cancelled it.")
 _BRIDGE_ENDED = Ending(
     Cause.BRIDGE_ENDED,
     Refusal("bridge_ended", "It was not done: the robot’s bridge ended.", "robot"),
@@ -45,7 +46,11 @@ _PAGE_LEFT = Ending(
 )
 _LINK_LOST = Ending(
     Cause.LINK_LOST,
-    Refusal("link_lost", f"The requester’s page was not connected for {LINK_PATIENCE_S:.0f} s.", "lease"),
+    Refusal(
+        "link_lost",
+        say("The requester’s page was not connected for {seconds:.0f} s.", seconds=LINK_PATIENCE_S),
+        "lease",
+    ),
 )
 _SUPERSEDED = Ending(
     Cause.SUPERSEDED, Refusal("replaced", "The holder’s own drive input took over.", "robot")
@@ -116,7 +121,7 @@ class HolderTasks:
 
         `what`: the name of a kind that others may cancel.
         """
-        why = self._named.words(f"Cancelled by {by}.", "Another person cancelled it.")
+        why = self._named.words(say("Cancelled by {by}.", by=by), say("Another person cancelled it."))
         for part in self.parts:
             if any(kind.name == what and kind.cancelled_by_others for kind in part.kinds):
                 return part.cancel_request(None, why, now_s)
@@ -136,7 +141,7 @@ class HolderTasks:
         if player is not None:
             player.read_motions()
         else:
-            text = "The robot’s ROS master has not answered yet."
+            text = say("The robot’s ROS master has not answered yet.")
             self.capabilities.read(self.routing.topic("motions"), [], text)
 
     def blocks(self, activity: Activity, now_s: float, but: TaskPart | None = None) -> Refusal | None:
@@ -201,7 +206,7 @@ class HolderTasks:
 
     def stopped(self, by: str, now_s: float) -> None:
         """End tasks: stop was pressed."""
-        why = self._named.words(f"The robot was stopped by {by}.", "The robot was stopped.")
+        why = self._named.words(say("The robot was stopped by {by}.", by=by), say("The robot was stopped."))
         self._tell(Ending(Cause.STOPPED, Refusal("stopped", why, "stop")), now_s)
 
     def unrecorded(self, refusal: Refusal, now_s: float) -> None:
@@ -214,7 +219,7 @@ class HolderTasks:
 
     def control_ended(self, reason: str, now_s: float) -> None:
         """Cancel running tasks: their owner lost control. A text being spoken is spoken to its end."""
-        self._named.words(reason, "Its holder’s control ended.")
+        self._named.words(reason, say("Its holder’s control ended."))
         self._tell(Ending(Cause.CONTROL_ENDED, Refusal("control_ended", reason, "lease")), now_s)
 
     def close(self, now_s: float) -> None:

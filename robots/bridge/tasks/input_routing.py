@@ -19,9 +19,10 @@ from robots.bridge.audit.records import RecordedTask, Requester
 from robots.bridge.tasks.task import Cause, Context, Ending, Reaction, TaskPart
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic
+from robots.shared.sentences import say
 from robots.shared.wire import Grant, Refusal, Role, Use
 
-NAMES: dict[Use, str] = {"drive": "driving", "speech": "speech", "motions": "motions"}
+NAMES: dict[Use, str] = {"drive": say("driving"), "speech": say("speech"), "motions": say("motions")}
 PARTING_S = 1.0  # when its holder's control has ended, a chosen drive topic gets zeros for at most this time
 PATIENCE_S = 3.0  # time limit for connecting; then the person may ask again
 
@@ -127,10 +128,16 @@ class InputRouting(TaskPart):
         """
         default = self._defaults.get(use)
         if default is None:
-            return Refusal("not_offered", f"This robot takes no input for {NAMES[use]}.", "robot")
+            return Refusal(
+                "not_offered", say("This robot takes no input for {use}.", use=NAMES[use]), "robot"
+            )
         name = name or self.topic(use)
         if name not in {default.name, self.topic(use), *self._roles[use]}:
-            text = f"Input for {NAMES[use]} may not go to {name}: it is not on the allow-list."
+            text = say(
+                "Input for {use} may not go to {name}: it is not on the allow-list.",
+                use=NAMES[use],
+                name=name,
+            )
             return Refusal("not_allowed", text, "robot", {"use": use, "topic": name})
         return self._why_no_listener(Topic(name, default.type))
 
@@ -183,8 +190,12 @@ class InputRouting(TaskPart):
         for use, made in list(self._made.items()):
             default = self._defaults[use]
             if self._why_no_listener(Topic(made.topic, default.type)) is not None:
-                why = f"{made.topic} has no subscriber any more: input goes to {default.name} again"
-                self.gone[use] = wire.ChoiceEnd(made.number.result(), made.topic, default.name, f"{why}.")
+                why = say(
+                    "{topic} has no subscriber any more: input goes to {default} again.",
+                    topic=made.topic,
+                    default=default.name,
+                )
+                self.gone[use] = wire.ChoiceEnd(made.number.result(), made.topic, default.name, why)
                 self._go_back(use, "gone", why, now_s)
 
     def drop(self, ending: Ending, now_s: float) -> None:
@@ -311,14 +322,22 @@ class InputRouting(TaskPart):
         figures = {"topic": topic.name, "type": topic.type}
         if found is None:
             return Refusal(
-                "no_listener", f"No node on the robot subscribes to {heard.name}.", "robot", figures
+                "no_listener",
+                say("No node on the robot subscribes to {name}.", name=heard.name),
+                "robot",
+                figures,
             )
-        text = f"{heard.name} has type {found} on the robot, but {heard.type} is needed."
+        text = say(
+            "{name} has type {found} on the robot, but {type} is needed.",
+            name=heard.name,
+            found=found,
+            type=heard.type,
+        )
         return Refusal("wrong_type", text, "robot", {**figures, "found": found})
 
 
 def _silent(choice: _Route) -> Refusal:
-    text = f"{choice.topic} was not connected in time: ask again."
+    text = say("{topic} was not connected in time: ask again.", topic=choice.topic)
     return Refusal("robot_silent", text, "robot", {"topic": choice.topic, "limit_s": PATIENCE_S})
 
 

@@ -24,6 +24,7 @@ from robots.bridge.tasks.input_routing import InputRouting
 from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
 from robots.shared import wire
 from robots.shared.records.record_sink import Parameters
+from robots.shared.sentences import say
 from robots.shared.wire import Grant, Refusal
 
 FARTHEST = 100.0  # rad or m: no joint of an arm goes farther
@@ -34,7 +35,14 @@ NO_MOTIONS = Refusal("not_offered", "This robot takes no input for motions.", "r
 # Outcome of a motion, by the code of the refusal that ends it.
 _OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}
 # Reasons why a motion forbids other activities.
-_REASONS = {Activity.TURN_HEAD: "may move its head", Activity.FORGET: "needs the gate’s memory"}
+_REASONS = {
+    Activity.TURN_HEAD: Refusal(
+        "motion_running", "The robot performs a motion, which may move its head.", "robot"
+    ),
+    Activity.FORGET: Refusal(
+        "motion_running", "The robot performs a motion, which needs the gate’s memory.", "robot"
+    ),
+}
 
 
 class _Point(Struct):
@@ -251,9 +259,7 @@ class Motions(Goals[MotionGoal], TaskPart):
         """Return a refusal while a motion runs, also one of another program."""
         refusal = self.refuse(now_s)
         if refusal is not None and activity in _REASONS:
-            return Refusal(
-                "motion_running", f"The robot performs a motion, which {_REASONS[activity]}.", "robot"
-            )
+            return _REASONS[activity]
         return refusal
 
     def refuse(self, now_s: float) -> Refusal | None:
@@ -261,17 +267,21 @@ class Motions(Goals[MotionGoal], TaskPart):
         goal = self._current
         if goal is not None:
             who = goal.requester.holder.holder
-            does = "performs" if self.begun else "is about to perform"
-            text = f"The robot {does} “{goal.what.title}”, requested by {who}."
+            title = goal.what.title
+            text = (
+                say("The robot performs “{title}”, requested by {who}.", title=title, who=who)
+                if self.begun
+                else say("The robot is about to perform “{title}”, requested by {who}.", title=title, who=who)
+            )
             return Refusal("motion_running", text, "robot", {"motion": goal.what.name, "who": who})
         if busy := self._busy(now_s):
             is_ours = not busy.isdisjoint(self._unwatched_actions)
-            which = (
-                "this console no longer watches: it is being cancelled"
+            text = (
+                say("The robot performs a motion that this console no longer watches: it is being cancelled.")
                 if is_ours
-                else "another program requested"
+                else say("The robot performs a motion that another program requested.")
             )
-            return Refusal("motion_running", f"The robot performs a motion that {which}.", "robot")
+            return Refusal("motion_running", text, "robot")
         return None
 
     def _begin(
@@ -295,7 +305,7 @@ class Motions(Goals[MotionGoal], TaskPart):
         goal.what.space = space
         if space is None:
             name = goal.what.name
-            text = f"The robot has no motion “{name}”."
+            text = say("The robot has no motion “{name}”.", name=name)
             self.deny(why or Refusal("unknown_motion", text, "robot", {"motion": name}), now_s)
 
     @property
@@ -319,7 +329,9 @@ class Motions(Goals[MotionGoal], TaskPart):
     @property
     def under_way(self) -> list[str]:
         """The motion in progress, in words."""
-        return [f"the motion “{self._current.what.title}”"] if self._current is not None else []
+        return (
+            [say("the motion “{title}”", title=self._current.what.title)] if self._current is not None else []
+        )
 
     def _watch(self, now_s: float) -> None:
         """Start the motion that is due, if no rule forbids it; cancel a motion that must not continue."""
@@ -333,14 +345,14 @@ class Motions(Goals[MotionGoal], TaskPart):
             if goal is not None and player is not None:
                 player.play(goal.sent(now_s), goal.what.name, goal.topic)
         elif self.begun and (refusal := self._clearance.refuse(self._space, now_s, running=True)):
-            self.cancel(_OUTCOMES[refusal.code], refusal.text)
+            self.cancel(_OUTCOMES[refusal.code], refusal.sentence)
 
     def tick(self, now_s: float) -> None:
         """Start or check the motion. Give up a goal, or a request for points, that the robot does not answer."""
         self._watch(now_s)
         goal = self._current
         if goal is not None and goal.what.space is None and now_s - goal.since_s >= PATIENCE_S:
-            text = "The robot took too long to send the motion’s points: ask again."
+            text = say("The robot took too long to send the motion’s points: ask again.")
             self.deny(Refusal("robot_silent", text, "robot", {"limit_s": PATIENCE_S}), now_s)
         for goal_id, left in list(self._unwatched_goals.items()):
             if left.record.done() and now_s - left.heard_s > UNHEARD_S:
@@ -360,7 +372,7 @@ class Motions(Goals[MotionGoal], TaskPart):
 
     def leave(self, ending: Ending, now_s: float) -> None:
         """Cancel the motion: the bridge ends, and nobody else watches the arm."""
-        self.cancel("control_ended", "The bridge ended.")
+        self.cancel("control_ended", say("The bridge ended."))
         self._end("cancelled", "", now_s)
         for goal_id in list(self._unwatched_goals):
             self._record_unwatched_end(goal_id, ending.refusal.code, now_s)

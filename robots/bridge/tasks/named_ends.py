@@ -11,6 +11,8 @@ from typing import Any, Protocol
 
 from msgspec import structs
 
+from robots.shared.sentences import Sentence
+
 NAMED_S = 60.0  # a name is shown for this time
 
 
@@ -25,9 +27,9 @@ class NamedEnds:
 
     def __init__(self) -> None:
         # Words with a name: the same without it, and when they were first seen.
-        self._plain: dict[str, tuple[str, float | None]] = {}
+        self._plain: dict[str, tuple[Sentence, float | None]] = {}
 
-    def words(self, named: str, plain: str) -> str:
+    def words(self, named: str, plain: Sentence) -> str:
         """Return the words that name a person; later, pages have the `plain` ones."""
         self._plain[named] = plain, None
         return named
@@ -36,7 +38,7 @@ class NamedEnds:
         """Take the names out of ends that are no news any more."""
         if not self._plain:
             return
-        old: dict[str, str] = {}
+        old: dict[str, Sentence] = {}
         for named, (plain, since_s) in list(self._plain.items()):
             if since_s is None:
                 self._plain[named] = plain, now_s

@@ -14,6 +14,7 @@ from robots.shared import wire
 from robots.shared.configuration.input_filters import COMMAND_LIFE_S
 from robots.shared.messages import twists
 from robots.shared.records.record_sink import Parameters
+from robots.shared.sentences import say
 from robots.shared.wire import Grant, Refusal
 
 NOT_SENT = Refusal(
@@ -81,7 +82,9 @@ class Publications(TaskPart):
             (allowed.what, allowed.name, allowed.type) == wanted for allowed in self._context.config.allowed
         ):
             return None
-        text = f"The allow-list does not contain {order.topic} with type {order.type}."
+        text = say(
+            "The allow-list does not contain {topic} with type {type}.", topic=order.topic, type=order.type
+        )
         return Refusal("not_allowed", text, "robot", {"topic": order.topic, "type": order.type})
 
     def _twist(self, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
@@ -92,10 +95,17 @@ class Publications(TaskPart):
         topic = self._context.tasks.part(InputRouting).topic("drive")
         type_name = self._context.config.topics.drive.type
         if (order.topic, order.type) != (topic, type_name):
-            text = f"Publish velocities on {topic} as {type_name} only: they pass the gate there."
+            text = say(
+                "Publish velocities on {topic} as {type} only: they pass the gate there.",
+                topic=topic,
+                type=type_name,
+            )
             return Refusal("around_the_gate", text, "gate", {"topic": topic, "type": type_name})
         if order.rate_hz:
-            text = f"A velocity is valid for {COMMAND_LIFE_S} s: send it again yourself, without a rate."
+            text = say(
+                "A velocity is valid for {seconds} s: send it again yourself, without a rate.",
+                seconds=COMMAND_LIFE_S,
+            )
             return Refusal("dead_man", text, "dead-man")
         velocity = twists.velocity_from(order.fields, order.type)
         if isinstance(velocity, Refusal):
@@ -130,7 +140,9 @@ class Publications(TaskPart):
         """End the holder's publication on a topic."""
         topic = order.topic
         if topic not in self._running:
-            return Refusal("not_publishing", f"There is no publication at a rate on {topic}.", "robot")
+            return Refusal(
+                "not_publishing", say("There is no publication at a rate on {topic}.", topic=topic), "robot"
+            )
         self._end(topic, "cancelled", now_s)
         return None
 
@@ -162,7 +174,7 @@ class Publications(TaskPart):
     def under_way(self) -> list[str]:
         """Publications at a rate and waiting messages, in words."""
         topics = {*self._running, *(publishing.order.topic for publishing in self._waiting)}
-        return [f"publishing on {topic}" for topic in sorted(topics)]
+        return [say("publishing on {topic}", topic=topic) for topic in sorted(topics)]
 
     def state(self, now_s: float) -> dict[str, Any]:
         """Return publications at a rate."""

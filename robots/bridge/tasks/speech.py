@@ -21,6 +21,7 @@ from robots.bridge.tasks.task import Cause, Context, Ending, Reaction, TaskPart
 from robots.shared import wire
 from robots.shared.configuration.spoken_texts import why_not_speakable
 from robots.shared.records.record_sink import Parameters
+from robots.shared.sentences import say
 from robots.shared.wire import Grant, Refusal
 
 # Keep a topic that is no action connected this long: its text waits one second for new subscribers.
@@ -145,7 +146,11 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
         goal = self._current
         if goal is not None:
             who, text = goal.requester.holder.holder, goal.what.utterance.text
-            reason = f"The robot says “{_short(text)}”, requested by {who}: cancel it or wait."
+            reason = say(
+                "The robot says “{text}”, requested by {who}: cancel it or wait.",
+                text=_short(text),
+                who=who,
+            )
             return Refusal("speaking", reason, "robot", {"who": who, "text": text})
         if self._busy(now_s):
             return Refusal("speaking", "The robot speaks a text from another program: wait.", "robot")
@@ -161,7 +166,7 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
         """Speak a recorded text, unless a rule now forbids it."""
         requester = self.waiting
         if requester and (refusal := self._context.rules.why_not_begin(requester, now_s)):
-            self.cancel("cancelled", refusal.text)
+            self.cancel("cancelled", refusal.sentence)
         self._start(self._context.tasks.part(InputRouting).connected("speech"), now_s)
         super().tick(now_s)
 
@@ -176,7 +181,7 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
 
     def leave(self, ending: Ending, now_s: float) -> None:
         """End the task: the bridge ends. The robot may continue to speak, but nobody observes it."""
-        self._end("unheard", "The bridge ended while the robot spoke.", now_s)
+        self._end("unheard", say("The bridge ended while the robot spoke."), now_s)
 
     def state(self, now_s: float) -> dict[str, Any]:
         """Return the text being spoken, and how the last one ended."""

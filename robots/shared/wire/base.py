@@ -56,15 +56,18 @@ class Worded(Struct, frozen=True):
 
     def __post_init__(self) -> None:
         """Split sentences into plain texts and `said`."""
-        said: Said = {}
         for field in self.SENTENCES:
             sentence = getattr(self, field)
             if type(sentence) is Sentence:
                 structs.force_setattr(self, field, str(sentence))
+                said = {
+                    name: parts
+                    for name, parts in (getattr(self, "said", None) or {}).items()
+                    if name != field
+                }
                 if sentence.figures:
                     said[field] = sentence.parts
-        if said:
-            structs.force_setattr(self, "said", said)
+                structs.force_setattr(self, "said", said or UNSET)
 
     @property
     def sentence(self) -> Sentence:

@@ -29,7 +29,7 @@ class Scene:
             arm_discs=(),
         )
         self.room = ArmClearance(
-            gate, SimpleNamespace(arm=lambda: self.lies, arm_problem=lambda: self.problem)
+            gate, lambda: SimpleNamespace(arm=lambda: self.lies, arm_problem=lambda: self.problem)
         )
 
     def obstacles(self, _now_s):

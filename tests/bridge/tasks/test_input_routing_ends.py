@@ -4,6 +4,7 @@ import pytest
 
 from robots.shared import wire
 from robots.shared.geometry.poses import STILL
+from robots.shared.sentences import say
 from tests.bridge.support import Outcome
 from tests.bridge.tasks.test_input_routing import LISTENED, ask, bench, choose, chosen, connects, settled
 
@@ -38,8 +39,8 @@ def test_lost_chosen_topic_is_reported_and_recorded(bench, use, topic, heard, de
     choose(bench, use, topic)
     vanish(bench, heard)
     assert chosen(bench) == {}
-    text = f"{topic} has no subscriber any more: input goes to {default} again."
-    assert ended(bench) == {use: wire.ChoiceEnd(1, topic, default, text)}
+    key = "{topic} has no subscriber any more: input goes to {default} again."
+    assert ended(bench) == {use: wire.ChoiceEnd(1, topic, default, say(key, topic=topic, default=default))}
     expected = {"outcome": "gone", "use": use, "from": topic, "to": default}
     assert last_record(bench) == ("topic.choose", expected)
 
