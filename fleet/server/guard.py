@@ -11,9 +11,9 @@ from collections.abc import Callable
 from contextvars import ContextVar
 from typing import Any
 
-from twisted.internet.interfaces import IPushProducer
+from twisted.internet.interfaces import IPushProducer, ISSLTransport
 from twisted.protocols.policies import ProtocolWrapper, TimeoutMixin, WrappingFactory
-from zope.interface import implementer
+from zope.interface import implementer, noLongerProvides
 
 from fleet.server import limits
 from fleet.server.incoming import Head, IncomingRequest
@@ -142,6 +142,8 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
         if not head.is_stop:
             self.server.open.working(self)
         self._is_websocket, self._is_answering = head.is_handshake, not head.is_handshake
+        if head.is_handshake:  # else Autobahn would look for a TLS connection here
+            noLongerProvides(self, ISSLTransport)
         first = b"%s %s HTTP/%s\r\n" % (head.method, head.target, head.version.encode())
         current = GUARD.set(self)
         try:
@@ -209,7 +211,9 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
         self._free()
         self.read_or_pause()
         self.transport.unregisterProducer()
-        if hasattr(self.transport, "loseWriteConnection"):
+        if ISSLTransport.providedBy(self.transport):  # it still holds the last bytes
+            self.transport.loseConnection()
+        elif hasattr(self.transport, "loseWriteConnection"):
             self.transport.loseWriteConnection()
         # If the connection closed at once, the client might not get the response.
         self.setTimeout(REFUSAL_READ_WITHIN_S)

@@ -4,9 +4,13 @@ import asyncio
 from types import SimpleNamespace
 
 import pytest
+from twisted.internet.error import ConnectionAborted
+from twisted.internet.interfaces import ISSLTransport
 from twisted.internet.protocol import Factory as Wrapped
 from twisted.internet.protocol import Protocol
 from twisted.internet.testing import StringTransport
+from twisted.python.failure import Failure
+from zope.interface import directlyProvides
 
 from fleet.server import limits
 from fleet.server.command import daphne_server  # first: it chooses Twisted's reactor
@@ -43,6 +47,31 @@ async def test_a_client_sends_little_while_its_messages_wait(guard):
     assert guard.transport.producerState == "producing"
     messages.put_nowait("a message")
     assert await waits == "a message"
+
+
+async def test_a_websocket_opens_by_tls():
+    """Autobahn asks a connection that looks like TLS for its certificate."""
+
+    async def console(_scope, receive, send):
+        await receive()
+        await send({"type": "websocket.accept"})
+
+    front = Front(console, session_cookie="session")
+    daphne = daphne_server.Server(front, endpoints=["tcp:0"])
+    daphne.connections = {}
+    daphne.ws_factory = daphne_server.WebSocketFactory(daphne)
+    guard = Factory(daphne_server.HTTPFactory(daphne), front).buildProtocol(None)
+    transport = StringTransport()
+    transport.setTcpNoDelay = lambda _on: None
+    directlyProvides(transport, ISSLTransport)
+    guard.makeConnection(transport)
+    guard.dataReceived(
+        HANDSHAKE[:-2] + b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    )
+    for _ in range(10):
+        await asyncio.sleep(0)
+    assert transport.value().startswith(b"HTTP/1.1 101 ")
+    guard.connectionLost(Failure(ConnectionAborted()))
 
 
 def test_daphne_keeps_no_time():
