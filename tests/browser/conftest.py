@@ -1,7 +1,7 @@
 """The whole console with simulated robots, and people in front of real browsers.
 
 All browser tests of a test process use one stack (rosmasters, simulators, supervisor, bridges, web process).
-A test finds the robots where the test before left them.
+Each test finds the robots at their start.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import cache
-from pathlib import Path
 from typing import Any, NoReturn
 from uuid import uuid4
 
@@ -18,7 +17,8 @@ import pytest
 from playwright.sync_api import Browser, sync_playwright
 
 from script.stack.stack import PracticeRobot, Stack
-from tests.browser.people import Person, running_stack
+from tests.browser.people import Person, robot_side, running_stack
+from tests.processes import until
 
 CHROMIUM = "/usr/bin/chromium"
 ARGUMENTS = [
@@ -43,16 +43,8 @@ ROBOTS = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run the usability tasks first: they start separate robots, which then do not run together with all others.
-
-    Then sort by file name, not by folder: a file finds the robots where the file before left them.
-    """
-    folder = Path(__file__).parent
-
-    def place(item: pytest.Item) -> tuple[bool, str]:
-        return item.path.name != "test_usability.py", item.path.name if folder in item.path.parents else ""
-
-    items.sort(key=place)
+    """Run the usability tasks first: they start separate robots, which then do not run together with all others."""
+    items.sort(key=lambda item: item.path.name != "test_usability.py")
 
 
 @pytest.fixture(scope="package")
@@ -60,6 +52,37 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     """The running console on a free port."""
     with running_stack(tmp_path_factory.mktemp("stack"), ROBOTS) as stack:
         yield stack
+
+
+@pytest.fixture(scope="package")
+def robots_back(stack: Stack, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], None]]:
+    """`robots_back()`: put all robots to their start."""
+    folder, times = tmp_path_factory.mktemp("start"), 0
+    with ExitStack() as ending:
+        sides = {
+            robot: ending.enter_context(robot_side(robot, "start", folder / slug))
+            for slug, robot in stack.robots.items()
+        }
+
+        def put_back() -> None:
+            nonlocal times
+            times += 1
+            for robot, side in sides.items():
+                x, y, degrees = robot.plan.pose
+                assert side.stdin is not None
+                side.stdin.write(f"{x} {y} {degrees}\n")
+                side.stdin.flush()
+            for robot in sides:
+                said = folder / robot.plan.slug
+                until(lambda said=said: said.read_text().count("there") == times, f"{said.name} at its start")
+
+        yield put_back
+
+
+@pytest.fixture(autouse=True)
+def _robots_at_start(request: pytest.FixtureRequest) -> None:
+    if "stack" in request.fixturenames:  # the test uses the shared robots
+        request.getfixturevalue("robots_back")()
 
 
 @pytest.fixture(scope="package")

@@ -20,7 +20,6 @@ from tests.browser.test_pages import A_LONG_NAME, SIZES, found_by_axe
 Arrive = Callable[..., Person]
 
 SENTENCE = "The cat sat on the warm charger."
-STARTED = (2.0, 1.8)  # tiago-2's place on the map where its odometry is zero, in the office
 ROOMS = (10.0, 7.0)  # m, size of the map
 DRIFT_M = 0.5
 
@@ -57,8 +56,15 @@ def spoken(stack: Stack, browser: Browser) -> Iterator[Person]:
     operator.leave()
 
 
+@pytest.fixture(scope="module")
+def came_to(spoken: Person) -> dict[str, float]:
+    """Where the robot then believed to be, on the map."""
+    location: dict[str, float] = spoken.state["location"]
+    return location
+
+
 def test_staff_find_a_text_in_three_steps_and_its_path(
-    person: Arrive, spoken: Person, tmp_path: Path
+    person: Arrive, spoken: Person, came_to: dict[str, float], tmp_path: Path
 ) -> None:
     staff = person("staff")
     page = staff.page
@@ -88,7 +94,7 @@ def test_staff_find_a_text_in_three_steps_and_its_path(
     assert said.is_visible()
     assert found_by_axe(staff) == []
     scrub_the_path(staff)
-    the_robot_is_where_it_was_on_the_map(staff, spoken.place)
+    the_robot_is_where_it_was_on_the_map(staff, came_to)
     page.emulate_media(color_scheme="dark")
     assert found_by_axe(staff) == []
     assert staff.complaints == []
@@ -131,15 +137,13 @@ def scrub_the_path(staff: Person) -> None:
     assert entries.last.get_attribute("aria-current") is None
 
 
-def the_robot_is_where_it_was_on_the_map(staff: Person, stands: tuple[float, float]) -> None:
-    """Check that the map shows the robot at the place `stands` by odometry when the session ends."""
+def the_robot_is_where_it_was_on_the_map(staff: Person, location: dict[str, float]) -> None:
+    """Check that the map shows the robot where it believed to be (`location`) when the session ended."""
     image, marker = staff.page.locator(".path-plot image"), staff.part("marker")
     assert image.evaluate(SIZE_OF_THE_MAP) == [20 * metres for metres in ROOMS]  # cells of 5 cm
     staff.part("moment").press("End")
     right, down = marker.evaluate(MARKER_ON_THE_MAP)
-    on_the_map = right, ROOMS[1] - down
-    by_odometry = STARTED[0] + stands[0], STARTED[1] + stands[1]
-    assert math.dist(on_the_map, by_odometry) < DRIFT_M
+    assert math.dist((right, ROOMS[1] - down), (location["x"], location["y"])) < DRIFT_M
 
 
 def test_a_person_finds_their_session_and_exports_their_data(
