@@ -229,7 +229,7 @@ class NavigationGoals(Goals[Target], TaskPart):
             )
             return Refusal("no_navigation", text, "robot")
         if self._busy(now_s):
-            text = "The robot’s navigation drives to a place that another program requested."
+            text = say("The robot’s navigation drives to a place that another program requested.")
             return Refusal("navigation_busy", text, "robot")
         if not navigator.navigates():
             text = say(
@@ -238,7 +238,7 @@ class NavigationGoals(Goals[Target], TaskPart):
             )
             return Refusal("no_listener", text, "robot", {"topic": self._source.action})
         if self._has_arm and now_s - self._at_home_s > KNOWN_S:
-            text = "The robot’s arm is not at home, or its position is unknown: bring it home first."
+            text = say("The robot’s arm is not at home, or its position is unknown: bring it home first.")
             return Refusal("arm_away", text, "robot")
         if fault := self._gate.fault(now_s):
             text = say("Obstacles around the robot are unknown: {why}.", why=fault.text)
@@ -246,7 +246,9 @@ class NavigationGoals(Goals[Target], TaskPart):
         if (lost := navigation_watch.depth_lost(self._gate, now_s)) is not None:
             return Refusal("depth_stale", say("The gate does not see table tops: {why}.", why=lost), "gate")
         if (spare_m := navigation_watch.spare_m(self._gate, now_s)) < LEAST_SPARE_M:
-            text = "Something is within 3 cm of the robot, or may be: drive it away from there by the stick first."
+            text = say(
+                "Something is within 3 cm of the robot, or may be: drive it away from there by the stick first."
+            )
             return Refusal("too_close", text, "gate", {"gap_m": round(spare_m, 3), "limit_m": LEAST_SPARE_M})
         refusal = self.refuse_pose(now_s) or self._refuse_goal(goal)
         if refusal is not None or self._gate.looks_ahead(now_s):

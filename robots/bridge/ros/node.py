@@ -56,6 +56,7 @@ from robots.shared.processes.probe_findings import BRIDGE, watchdog_name
 from robots.shared.ros.master import Master, MasterError, SystemState, is_own, why_silent
 from robots.shared.ros.message_types.classes import message_class
 from robots.shared.ros.texts import SENTENCE, cut, named
+from robots.shared.sentences import say
 from robots.shared.wire import Use
 
 log = logging.getLogger(__name__)
@@ -414,10 +415,10 @@ class RosBase(InputSwitch):
         problems = BOARD.texts()
         if system.is_cut:
             problems.append(
-                "The robot has too many topics or services: the console does not know all of them."
+                say("The robot has too many topics or services: the console does not know all of them.")
             )
         if self._tf is not None and self._tf.frames.is_full:
-            problems.append("The robot’s tf has too many frames: the console does not keep all of them.")
+            problems.append(say("The robot’s tf has too many frames: the console does not keep all of them."))
         problems += [_wrong_type(topic, system.types) for topic in wanted]
         problems += self._unresolved(system.publishers.get(topics.odometry.name, []))
         problems.append(self._unconnected(drive, system.subscribers.get(drive.name, [])))
@@ -429,9 +430,14 @@ class RosBase(InputSwitch):
         """Return a sentence for each host name of the robot that this computer cannot resolve."""
         uris = [uri for node in list(nodes)[:MOST_LOOKED_UP] if (uri := self.master.node_uri(node))]
         return [
-            f"The robot calls itself {host}, which cannot be resolved here: give it a host alias."
+            say(
+                "The robot calls itself {host}, which cannot be resolved here: give it a host alias.",
+                host=host,
+            )
             if host
-            else "A node of the robot has an address that cannot be read: check ROS_IP and ROS_HOSTNAME on the robot."
+            else say(
+                "A node of the robot has an address that cannot be read: check ROS_IP and ROS_HOSTNAME on the robot."
+            )
             for host in sorted(self._names.unknown({_host(uri) for uri in uris}))
         ]
 
@@ -448,10 +454,13 @@ class RosBase(InputSwitch):
         uri = self.master.node_uri(node)
         why = uri and why_silent(uri)
         if why:
-            return f"{node} should listen to {drive.name}, but {why}."
-        return (
-            f"{node} listens to {drive.name} and does not connect: it takes no {drive.type}, "
-            "or cannot reach this computer at its advertised address."
+            return say("{node} should listen to {topic}, but {why}.", node=node, topic=drive.name, why=why)
+        return say(
+            "{node} listens to {topic} and does not connect: it takes no {type}, or cannot reach this computer at its "
+            "advertised address.",
+            node=node,
+            topic=drive.name,
+            type=drive.type,
         )
 
     # --- topics --------------------------------------------------------------------------------------
@@ -543,4 +552,5 @@ def _wrong_type(topic: Topic, types: dict[str, str]) -> str:
     found = types.get(topic.name)
     if found in (None, "*", topic.type):
         return ""
-    return f"{topic.name} is {found} on the robot, {topic.type} in the registry."
+    key = "{topic} is {found} on the robot, {type} in the registry."
+    return say(key, topic=topic.name, found=found, type=topic.type)
