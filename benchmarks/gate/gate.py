@@ -17,7 +17,7 @@ from benchmarks.harness import Figure, progress, quantile
 from benchmarks.world.cases import clutter
 from benchmarks.world.play import loop_of, recorded
 from robots.bridge.audit.records import Records
-from robots.bridge.core import Core, RosStatus
+from robots.bridge.core import Core
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.arm.sweep import Motion, swept
 from robots.bridge.gate.gate import Gate
@@ -28,6 +28,7 @@ from robots.bridge.gate.sensing.depth import DepthImage, Lens, picture_of_image
 from robots.bridge.gate.values import LaserScan
 from robots.bridge.gate_trace import replay
 from robots.bridge.lease.state_store import SavedState
+from robots.bridge.robot_reports import RosStatus
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig, LinkAddress, Topic, Topics
 from robots.shared.configuration.gate_profile import DepthView, GateProfile, Limits

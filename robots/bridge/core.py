@@ -10,10 +10,7 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import Literal, Protocol
 from uuid import UUID
-
-from msgspec import Struct
 
 from robots.bridge import state_view
 from robots.bridge.audit.records import Records, Requester, unrecorded
@@ -25,18 +22,16 @@ from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.obstacles.depth_camera import Frame
 from robots.bridge.gate.values import BRIDGE_STARTED, Forgotten, LaserScan
 from robots.bridge.gate.words import forgotten
-from robots.bridge.health.battery_time import BatteryTime
-from robots.bridge.health.diagnostics import Diagnostics, Status
-from robots.bridge.health.health_log import HealthLog
+from robots.bridge.lease.goal_cancels import GoalCancels
 from robots.bridge.lease.lease_guard import LeaseGuard
 from robots.bridge.lease.motion_after_stop import MotionAfterStop
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.lease.stop_latch import StopLatch
 from robots.bridge.robot_clock import RobotClock
+from robots.bridge.robot_reports import Base, RobotReports, RosStatus
 from robots.bridge.steady_view import SteadyLimits, SteadyVerdict
-from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.tasks.holder_tasks import HolderTasks, holder_of
-from robots.bridge.tasks.task import Activity, Publisher, Robot
+from robots.bridge.tasks.task import Activity, Publisher
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.configuration.input_filters import COMMAND_LIFE_S
@@ -53,57 +48,14 @@ log = logging.getLogger(__name__)
 
 # zeros are repeated for this time after control has ended; then the topic is free for other nodes
 QUIET_AFTER_S = 1.0
-ODOMETRY_ONLINE_S = 1.0
 READ_WITHIN_S = 0.05  # a message is read within this time after its arrival
-REACHED_S = 1.0  # after joining the master: subscribers of cancel topics are connected by then
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
 # A refusal with one of these codes, or of a task in progress, while the stick is out, requires neutral: the robot must
 # not start to move by itself when the cause ends.
 _HALTING = {"not_recorded": "the robot’s actions could not be recorded"}
-
-
-class Base(Robot, Protocol):
-    """The core's actions on the robot."""
-
-    def publish(self, velocity: Velocity) -> None:
-        """Send a twist on the drive topic."""
-
-    def cancel_all(self) -> None:
-        """Cancel every goal of every action in `Topics.cancelled`, from any sender."""
-
-    def acknowledged_s(self, now_s: float) -> float | None:
-        """Return the time until the robot's computer acknowledged a twist (s); None: no new measurement."""
-
-    def joint(self, name: str) -> float | None:
-        """Return the position of a joint (rad or m); None if it was not reported lately."""
-
-    @property
-    def listeners(self) -> int:
-        """Number of nodes that subscribe to the drive topic."""
-
-
 BRIDGE_LATE = catalogued("this computer is overloaded: the bridge was {seconds:.1f} s late")
 CONSOLE_LATE = catalogued("this computer is overloaded: the console was {seconds:.1f} s late")
-
-
-class RosStatus(Struct, frozen=True):
-    """State of the connection to the robot's ROS master, from the master monitor."""
-
-    phase: Literal["waiting", "refused", "connecting"]
-    text: str
-    foreign: list[str] = []  # other nodes that publish to the drive topic
-    problems: list[str] = []
-    velocities: dict[str, list[str]] = {}  # nodes that publish velocities for the base, by topic
-
-
-class Reported(Struct):
-    """The robot's latest report of its own state."""
-
-    odometry: tuple[float, Pose, Velocity] | None = None  # arrival time, pose and velocity
-    battery_percent: float | None = None
-    charging: bool | None = None
-    skew_s: float | None = None  # robot's clock minus ours, smoothed
 
 
 class Core:
@@ -141,9 +93,7 @@ class Core:
         self._on_scan = on_scan
         self._on_news = on_news
         self._inputs = HolderInputs(config)
-        self._diagnostics = Diagnostics()
-        self._health_log = HealthLog(self._diagnostics, records)
-        self._battery_time = BatteryTime()
+        self.reports = RobotReports(config, base, records)
         self._after_stop = MotionAfterStop(config, records, base.joint)
         self._page_gone_s: float | None = None
         self._unrecorded: Refusal | None = None  # set while records cannot be written: nothing may move
@@ -151,9 +101,7 @@ class Core:
         self._passed = STILL  # the requested twist that was passed to the gate
         self._sent = STILL
         self._publish_until_s = float("-inf")
-        self._cancelling = saved.latched  # repeat the cancel of all goals
-        self._cancelled_s = float("-inf")
-        self._joined_s = float("inf")  # when the robot's master was joined
+        self._cancels = GoalCancels(base.cancel_all, saved.latched)
         self._late = LoopLateness("bridge")
         self._console_late = LoopLateness("console")
         self.watchdog_missing = False
@@ -161,8 +109,6 @@ class Core:
         self._silent: tuple[DriveInput, float] | None = None
         self._verdict = _IDLE
         self._steady_verdict, self._steady_limits = SteadyVerdict(), SteadyLimits()
-        self._ros = RosStatus("waiting", "The bridge is starting.")
-        self._reported = Reported()
         self._run = 0  # number of the robot's run
         # the last time at which memory was dropped, and when this was noticed: a new bridge knows nothing
         self._forgotten: tuple[Forgotten, float | None] = BRIDGE_STARTED, None
@@ -182,7 +128,7 @@ class Core:
 
     def moves_although_stopped(self, now_s: float) -> wire.MovesAlthoughStopped | None:
         """Return how the stopped robot moves; None: it obeys, or is not stopped."""
-        return self._after_stop.view(self._ros.velocities, now_s)
+        return self._after_stop.view(self.reports.ros.velocities, now_s)
 
     # --- control ---------------------------------------------------------------------------------
 
@@ -254,11 +200,11 @@ class Core:
         is_first = not self._latch.latched
         stands = is_first and self._passed == self._sent == STILL and self._gate.standstill(now_s) is True
         self._latch.press(by, reason, now_s, press, stands=stands, waited=waited)
-        self._cancelling = True
+        self._cancels.repeat()
         try:
             self._zero("stopped", "the robot was stopped", now_s)
         finally:  # also if this zero fails: the same press is not handled again
-            self._cancel_all(now_s)
+            self._cancels.send(now_s)
             self.tasks.stopped(by, now_s)
         self._tell(Verdict(STILL, STILL, "stopped", say("Stopped by {by}.", by=by)), now_s)
         if is_first:
@@ -293,7 +239,7 @@ class Core:
             return refusal
         self.halt("stop_cleared", "the stop was cleared", now_s)
         self._watch_stopped(now_s)
-        self._cancel_all(now_s)
+        self._cancels.send(now_s)
         self._tell(_IDLE, now_s)
         return None
 
@@ -318,11 +264,11 @@ class Core:
         self._watch_records(now_s)
         self._decide(now_s)
         self.tasks.tick(self._page_gone_s, now_s)
-        if self._reported.odometry:
-            self._latch.observe(still, self._reported.odometry[0])
+        if self.reports.odometry:
+            self._latch.observe(still, self.reports.odometry[0])
         self._watch_stopped(now_s)
-        self._repeat_cancel(now_s)
-        self._health_log.tick(self._phase(now_s)[0] == "online", now_s)
+        self._cancels.tick(self._latch.latched, now_s)
+        self.reports.tick(now_s)
 
     def console_was_late(self, late_s: float, now_s: float) -> None:
         """Note that a web process's loop was late: silence in this time is not the operator's fault."""
@@ -349,13 +295,13 @@ class Core:
     @property
     def ros_text(self) -> str:
         """Return in words why the robot is not joined."""
-        return self._ros.text
+        return self.reports.ros.text
 
     @property
     def robot_clock(self) -> RobotClock:
         """Return the robot's clock, compared with ours by its odometry."""
         simulated = self._gate.latency.clock_is_simulated
-        return RobotClock(None if simulated else self._reported.skew_s, simulated)
+        return RobotClock(None if simulated else self.reports.skew_s, simulated)
 
     @property
     def needs_fresh_sensors(self) -> bool:
@@ -377,14 +323,12 @@ class Core:
 
     def ros_status(self, status: RosStatus, now_s: float) -> None:
         """Take a new state of the ROS connection: master joined or lost, or topics surveyed again."""
-        if status.phase != self._ros.phase:
-            log.info("ROS: %s: %s", status.phase, status.text)
-        joined, was_joined = status.phase == "connecting", self._ros.phase == "connecting"
-        self._ros = status
-        if joined and not was_joined:
-            self._joined_s = now_s
-        elif was_joined and not joined:
-            self._joined_s = float("inf")
+        was_joined = self.reports.is_joined
+        self.reports.take_status(status)
+        if self.reports.is_joined and not was_joined:
+            self._cancels.joined(now_s)
+        elif was_joined and not self.reports.is_joined:
+            self._cancels.lost()
             self.halt("robot_offline", "the robot’s ROS master was lost", now_s)
 
     def follow_clock(self, *, simulated: bool) -> None:
@@ -411,9 +355,7 @@ class Core:
             self._miss_sensors(arrival_s)
         if not self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity):
             return  # repeated or out of order: ignore it
-        self._reported.odometry = (arrival_s, pose, velocity)
-        skew_s, steadied_s = stamp_s - wall_s, self._reported.skew_s
-        self._reported.skew_s = skew_s if steadied_s is None else steadied_s + 0.1 * (skew_s - steadied_s)
+        self.reports.moved(pose, velocity, arrival_s, stamp_s - wall_s)
         self._drives.moved(pose, velocity, arrival_s)
         self.tasks.drives_by.moved(pose)
         self.tasks.navigation.moved(pose, velocity, arrival_s)
@@ -460,23 +402,9 @@ class Core:
         """Take the robot's description and store it for pages. `failed` is called if this is impossible."""
         self._records.keep_description(taken, failed)
 
-    def battery(self, percent: float, now_s: float) -> None:
-        """Take the battery's charge in percent."""
-        if math.isfinite(percent):
-            self._reported.battery_percent = min(max(percent, 0.0), 100.0)
-            self._battery_time.observe(self._reported.battery_percent, self._reported.charging, now_s)
-
-    def charging(self, charging: bool) -> None:
-        """Note whether the robot is on its charger."""
-        self._reported.charging = charging
-
-    def diagnosed(self, statuses: Sequence[Status], now_s: float) -> None:
-        """Take a report of one of the robot's nodes on the health of its parts."""
-        self._diagnostics.observe(statuses, now_s)
-
     def restarted(self, now_s: float) -> None:
         """Note that the robot's master, and maybe the robot, was restarted."""
-        self._diagnostics.restarted(now_s)
+        self.reports.diagnostics.restarted(now_s)
         self.tasks.navigation.map_doubted(now_s, restarted=True)
         self.tasks.refresh()
 
@@ -511,7 +439,7 @@ class Core:
         """Return the part of the state whose changes are reported at once."""
         grant = self.lease.current
         return (
-            *self._phase(now_s),
+            *self.reports.phase(now_s),
             self.stop_state,
             grant and (grant.fence, self._neutral_needed),
             *self._after_stop.headline,
@@ -525,8 +453,8 @@ class Core:
 
     def state(self, now_s: float, watchers: list[str], watchers_more: int = 0) -> wire.State:
         """Return the robot's present state."""
-        phase, text = self._phase(now_s)
-        report = self._reported
+        phase, text = self.reports.phase(now_s)
+        report = self.reports
         inputs = state_view.StateInputs(
             phase=phase,
             text=text,
@@ -534,7 +462,7 @@ class Core:
             grant=self.lease.current,
             seq=self._inputs.stick.seq,
             neutral_needed=self._neutral_needed,
-            foreign=self._ros.foreign,
+            foreign=report.ros.foreign,
             verdict=self._steady_verdict.shown or self._verdict,
             # Speed limits concern the driver only; some sensors are subscribed only while somebody drives.
             limits=self._steady_limits.of(self._gate.limits(now_s), now_s) if self.lease.current else (),
@@ -542,8 +470,8 @@ class Core:
             odometry=report.odometry,
             battery_percent=report.battery_percent,
             charging=report.charging,
-            battery_left_min=self._battery_time.left_min(),
-            health=self._diagnostics.view(now_s),
+            battery_left_min=report.battery_left_min,
+            health=report.diagnostics.view(now_s),
             skew_s=self.robot_clock.skew_s,
             overload=self._late.report(now_s) or self._console_late.report(now_s),
             watchdog_missing=self.watchdog_missing,
@@ -559,7 +487,7 @@ class Core:
         """Return why the robot takes no request from anybody: stopped, offline, or records cannot be written."""
         if self._latch.latched:
             return Refusal("stopped", "The robot is stopped: clear the stop first.", "stop")
-        phase, text = self._phase(now_s)
+        phase, text = self.reports.phase(now_s)
         if phase != "online":
             return Refusal("robot_offline", text, "robot")
         return self._unrecorded
@@ -739,7 +667,7 @@ class Core:
         Otherwise, if the stick is pushed while a sensor is silent, the robot would move by itself when the
         sensor is back.
         """
-        if self._phase(now_s)[0] != "online":
+        if self.reports.phase(now_s)[0] != "online":
             return wire.NeutralNeeded("robot_offline", say("the robot was offline"))
         fault = self._gate.fault(now_s)
         return wire.NeutralNeeded(fault.code, say("stopped: {why}", why=fault.text)) if fault else None
@@ -782,56 +710,15 @@ class Core:
 
     def _watch_stopped(self, now_s: float) -> None:
         """Notice a robot that moves although it is stopped."""
-        stands, odometry = self._stands(now_s), self._reported.odometry
+        stands, odometry = self._stands(now_s), self.reports.odometry
         _, pose, velocity = odometry if odometry and stands is not None else (None, None, None)
         latency_s = self._gate.latency.in_force_s(now_s)
         place = None if pose is None else (self._gate.restarts, pose)
         self._after_stop.tick(
-            self.stop_state, stands, place, velocity, latency_s, self._ros.velocities, now_s
+            self.stop_state, stands, place, velocity, latency_s, self.reports.ros.velocities, now_s
         )
 
     def _stands(self, now_s: float) -> bool | None:
         """Return whether the robot stands by its last odometry; None if that is too old."""
-        odometry = self._reported.odometry
-        if odometry is None or now_s - odometry[0] > ODOMETRY_ONLINE_S:
-            return None
-        return self._gate.standstill(odometry[0])
-
-    def _repeat_cancel(self, now_s: float) -> None:
-        """Repeat the cancel of all goals while the stop is latched.
-
-        One cancel may be lost: the master is away, a subscriber is not connected yet, other nodes send new goals. If
-        the stop is cleared before the robot is reached, repeat until it is reached.
-        """
-        if not self._cancelling:
-            return
-        if now_s - self._cancelled_s >= CANCEL_AGAIN_S:
-            self._cancel_all(now_s)
-        self._cancelling = self._latch.latched or now_s - self._joined_s < REACHED_S
-
-    def _cancel_all(self, now_s: float) -> None:
-        """Cancel the goals of all nodes. A failed cancel must not block the stop."""
-        self._cancelled_s = now_s
-        try:
-            self._base.cancel_all()
-        except Exception:
-            log.exception("cancelling all goals failed")
-
-    def _phase(self, now_s: float) -> tuple[wire.Phase, str]:
-        """Return the robot's phase ("online": ready to drive) and what is missing."""
-        topics = self.config.topics
-        if self._ros.phase != "connecting":
-            return self._ros.phase, self._ros.text
-        if self._base.listeners == 0:
-            return "connecting", self._problem(
-                say("No node on the robot subscribes to {name}.", name=topics.drive.name)
-            )
-        odometry = self._reported.odometry
-        if odometry is None or now_s - odometry[0] > ODOMETRY_ONLINE_S:
-            return "connecting", self._problem(
-                say("No odometry arrives on {name}.", name=topics.odometry.name)
-            )
-        return "online", self._ros.problems[0] if self._ros.problems else ""
-
-    def _problem(self, otherwise: str) -> str:
-        return self._ros.problems[0] if self._ros.problems else otherwise
+        odometry = self.reports.recent_odometry(now_s)
+        return None if odometry is None else self._gate.standstill(odometry[0])

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from robots.bridge.audit.records import Records
-from robots.bridge.core import Core, RosStatus
+from robots.bridge.core import Core
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.arm.discs import Disc
 from robots.bridge.gate.gate import Gate
@@ -21,6 +21,7 @@ from robots.bridge.gate.timing.latency import Latency
 from robots.bridge.gate.values import ForgetCode, Forgotten, Obstacles, SensorHealth
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.navigation.localisation import Spread
+from robots.bridge.robot_reports import RosStatus
 from robots.bridge.tasks.head import Aim
 from robots.bridge.tasks.motions import Swept
 from robots.bridge.tasks.speech import Utterance

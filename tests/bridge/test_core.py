@@ -6,10 +6,10 @@ from uuid import uuid4
 import msgspec
 import pytest
 
-from robots.bridge.core import ODOMETRY_ONLINE_S, RosStatus
 from robots.bridge.gate.sensor_limits import Fault
 from robots.bridge.gate.values import LaserScan
 from robots.bridge.lease.state_store import SavedState
+from robots.bridge.robot_reports import ODOMETRY_ONLINE_S, RosStatus
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.records.verdict import SpeedLimit, Verdict
 from robots.shared.wire import Grant

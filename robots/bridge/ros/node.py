@@ -22,9 +22,10 @@ from geometry_msgs.msg import Twist, TwistStamped
 from msgspec import structs
 
 from robots.bridge.audit.description import taken_description
-from robots.bridge.core import Core, RosStatus
+from robots.bridge.core import Core
 from robots.bridge.gate.arm.discs import Posture
 from robots.bridge.health.battery_charge import BatteryCharge
+from robots.bridge.robot_reports import RosStatus
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.bounds.listening import pause, speaker
@@ -503,15 +504,18 @@ class RosBase(InputSwitch):
     def _on_battery(self, message: Any) -> None:
         percent, arrival_s = self._charge.percent(message), time.monotonic()
         if percent is not None:
-            self.mail.post("battery", lambda: self._core.battery(percent, arrival_s), can_wait=True)
+            self.mail.post("battery", lambda: self._core.reports.battery(percent, arrival_s), can_wait=True)
 
     def _on_charging(self, message: Any) -> None:
-        self.mail.post("charging", lambda: self._core.charging(bool(message.data)), can_wait=True)
+        self.mail.post("charging", lambda: self._core.reports.charger(bool(message.data)), can_wait=True)
 
     def _on_diagnostics(self, message: Any) -> None:
         arrival_s, read = time.monotonic(), statuses(message)
         self.mail.post(
-            "diagnostics", lambda: self._core.diagnosed(read, arrival_s), DIAGNOSTICS_WAIT, can_wait=True
+            "diagnostics",
+            lambda: self._core.reports.diagnosed(read, arrival_s),
+            DIAGNOSTICS_WAIT,
+            can_wait=True,
         )
 
     def post(self, call: Callable[[], None]) -> None:

@@ -6,9 +6,9 @@ import math
 import msgspec
 import pytest
 
-from robots.bridge.core import RosStatus
 from robots.bridge.drive.drive_by import CONFIRMED_S, HELD_S
 from robots.bridge.gate.sensor_limits import Fault
+from robots.bridge.robot_reports import RosStatus
 from robots.shared import wire
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.records.verdict import Verdict

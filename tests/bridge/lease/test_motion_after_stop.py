@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
-from robots.bridge.core import RosStatus
 from robots.bridge.lease.motion_after_stop import CREEPS_S, STANDS_S
 from robots.bridge.lease.state_store import SavedState
+from robots.bridge.robot_reports import RosStatus
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import ArmSource, HeadSource, LimbSource, Topic
 from robots.shared.geometry.poses import STILL, Velocity

@@ -6,11 +6,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from robots.bridge.core import RosStatus
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.values import LaserScan
 from robots.bridge.navigation.localisation import Spread
 from robots.bridge.navigation.sensor_grace import SETTLES_S, WAITS_S, WELL_S, SensorGrace
+from robots.bridge.robot_reports import RosStatus
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import NavigationSource, Topic
 from robots.shared.geometry.poses import STILL, Pose, Velocity

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from robots.bridge.core import RosStatus
+from robots.bridge.robot_reports import RosStatus
 from robots.bridge.tasks.parts import PARTS
 from robots.bridge.tasks.task import Cause, Reaction, TaskPart
 from robots.shared import wire

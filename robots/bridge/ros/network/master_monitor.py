@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 import rospy
 
-from robots.bridge.core import RosStatus
+from robots.bridge.robot_reports import RosStatus
 from robots.shared.processes.probe_findings import BRIDGE
 from robots.shared.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive, require_ipv4
 from robots.shared.ros.registration import register_again
