@@ -119,6 +119,7 @@ FORMATS: Mapping[str, Callable[[Any], str]] = {
     "fine": fine,
     "age": age,
     "capital": capitalised,
+    "bare": lambda text: text.rstrip("."),
     # Moments in the reader's zone
     "clock": lambda moment: f"{moment:%H:%M}",
     "day": lambda moment: f"{moment:%d %b %Y}",

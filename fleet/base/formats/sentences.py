@@ -76,6 +76,7 @@ _FORMATS: Mapping[str, Callable[[Any], str]] = {
     "fine": lambda value: _number(value, 1 if value >= 0.095 else 2),
     "age": _age,
     "capital": capitalised,
+    "bare": lambda text: text.rstrip("."),
     "clock": _moment("H:i"),
     "day": _moment("d M Y"),
     "when": _moment("D d M Y, H:i"),

@@ -152,5 +152,5 @@ def _axis(speed: float, full: float) -> float:
 def _bare(reason: str) -> str:
     """Return a reason as part of another sentence."""
     if isinstance(reason, Sentence):
-        return say(reason.key.removeprefix("stopped: ").rstrip("."), **reason.figures)
+        return say("{reason:bare}", reason=say(reason.key.removeprefix("stopped: "), **reason.figures))
     return reason.removeprefix("stopped: ").rstrip(".")

@@ -37,6 +37,7 @@ const FORMATS = {
     if (seconds >= 120) return `${number(seconds / 60, 0)} min`;
     return `${number(seconds, seconds < 60 ? 1 : 0)} s`;
   },
+  bare: (text) => text.replace(/\.+$/, ""),
   capital: (text) => text.charAt(0).toLocaleUpperCase(pageLanguage()) + text.slice(1),
   clock: moment(CLOCK),
   // A day has no zone
