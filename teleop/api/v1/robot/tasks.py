@@ -352,3 +352,12 @@ def _entry(start: Record, robot: Robot) -> TaskEntry:
         ended_at=end.at if end else None,
         text=end.details.get("words", "") if end else "",
     )
+
+
+# Views of kinds of tasks with one address each
+VIEWS: dict[wire.TaskKind, type[TasksBase]] = {
+    wire.SPEECH: SpeechView,
+    wire.DRIVE_BY: DriveByView,
+    wire.LOOK_AHEAD: LookAheadView,
+    wire.TURN_HEAD: HeadView,
+}
