@@ -34,6 +34,10 @@ TOLD = {
     "Namesake": (0, "text"),
     "NodeLost": (0, "text"),
     "RosStatus": (1, "text"),
+    "Declined": (1, "text"),
+    "Malformed": (0, "text"),
+    "PoseUnknown": (0, "text"),
+    "complain": (1, "words"),
 }
 HEAD = r"""msgid ""
 msgstr ""

@@ -15,8 +15,8 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from robots.bridge.gate.words import age
 from robots.shared import wire
+from robots.shared.sentences import say
 from robots.shared.wire import HealthLevel
 
 MOST_PARTS = 200
@@ -96,7 +96,11 @@ class Part:
         """Return the part for people."""
         text = self.text
         if self.level != self.shown:
-            text = f"{text or 'no reason given'}; silent for {age(now_s - self.since_s)}"
+            text = say(
+                "{reason}; silent for {age:age}",
+                reason=text or say("no reason given"),
+                age=now_s - self.since_s,
+            )
         return wire.HealthPart(name, self.shown, text, max(0, int(now_s - self.shown_since_s)))
 
 

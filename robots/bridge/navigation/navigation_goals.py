@@ -223,7 +223,7 @@ class NavigationGoals(Goals[Target], TaskPart):
         if self.hold.is_disobeyed:
             return Refusal("navigation_goes_on", self.hold.why, "robot")
         if drive_topic == self._source.velocity:
-            text = say(
+            text: str = say(
                 "The console drives by {topic} itself: choose another topic for driving first.",
                 topic=drive_topic,
             )

@@ -297,7 +297,7 @@ def why_silent(uri: str) -> str:
     except MasterError as error:
         why = error.__cause__
         if isinstance(why, ConnectionRefusedError):
-            return "its process has ended: start it again (the master still has its name)"
+            return say("its process has ended: start it again (the master still has its name)")
         if isinstance(why, OSError) and not isinstance(why, socket.gaierror):
-            return f"it does not answer at {uri}: it hangs, or this computer cannot reach it"
+            return say("it does not answer at {uri}: it hangs, or this computer cannot reach it", uri=uri)
     return ""

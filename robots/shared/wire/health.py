@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import Literal
 
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
+
+from robots.shared.wire.base import Said, Worded
 
 # Levels of ROS diagnostics. silent: the part's report is marked as stale, or no report came for 10 s.
 HealthLevel = Literal["ok", "silent", "warning", "error"]
 
 
-class HealthPart(Struct, frozen=True):
+class HealthPart(Worded, frozen=True):
     """A part that is not well, in the words of the node that reports it.
 
     A part that was not well and then sends no reports keeps its level, and `text` says so: silence is no improvement.
@@ -20,6 +22,7 @@ class HealthPart(Struct, frozen=True):
     level: HealthLevel
     text: str
     since_s: int  # time at this level
+    said: Said | UnsetType = UNSET
 
 
 class Temperature(Struct, frozen=True):

@@ -318,8 +318,10 @@ class UseOffer(Struct, frozen=True):
     refusal: Refusal | None = None  # reason why the topic cannot be used now: no node on the robot reads it
 
 
-class Offers(Struct, frozen=True, tag_field="t", tag="offers"):
+class Offers(Worded, frozen=True, tag_field="t", tag="offers"):
     """The robot's capabilities. Sent at the start of a connection and on change."""
+
+    SENTENCES = ("motions_text",)
 
     motions: list[MotionOffer] = []
     motions_text: str = ""  # reason why there is no motion
@@ -327,6 +329,7 @@ class Offers(Struct, frozen=True, tag_field="t", tag="offers"):
     uses: dict[Use, UseOffer] = {}  # a robot that does not speak has no "speech"
     publishable: dict[str, str] = {}  # topics of the allow-list, with their types
     publishable_from: dict[str, Role] = {}  # the same topics, each with the lowest role that may publish
+    said: Said | UnsetType = UNSET
 
 
 class Scan(Struct, frozen=True):

@@ -73,7 +73,7 @@ class Laser:
                 message.range_max_m,
             )
         except scan.Malformed as error:
-            self._complaint = str(error)
+            self._complaint = error.args[0]
             return False
         if not self.freshness.advances(message.stamp_s, message.arrival_s):
             return False
@@ -164,7 +164,7 @@ class Sonar:
             check_times(stamp_s, arrival_s)
             arc = scan.cone_points(range_m, max_range_m, self._pose, self._fov)
         except scan.Malformed as error:
-            self._complaint = str(error)
+            self._complaint = error.args[0]
             return
         if not self.freshness.advances(stamp_s, arrival_s):
             return
@@ -245,4 +245,4 @@ class Carried:
 def check_times(stamp_s: float, arrival_s: float) -> None:
     """Raise Malformed unless both are finite."""
     if not (math.isfinite(stamp_s) and math.isfinite(arrival_s)):
-        raise scan.Malformed("its stamps are not numbers")
+        raise scan.Malformed(say("its stamps are not numbers"))

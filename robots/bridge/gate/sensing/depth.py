@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from robots.bridge.gate.sensing.scan import Malformed
 from robots.shared.geometry.planar import Points, from_columns
+from robots.shared.sentences import say
 
 Floats = NDArray[np.float32]
 Levels = NDArray[np.uint16]
@@ -130,15 +131,19 @@ def picture_of_image(image: DepthImage, lens: Lens) -> Picture:
     """Return a thinned depth image. Raises Malformed."""
     kinds = {"32FC1": "f4", "16UC1": "u2"}
     if image.encoding not in kinds:
-        raise Malformed(f"its pictures are {image.encoding[:20]!r}, only 32FC1 and 16UC1 are understood")
+        text = say(
+            "its pictures are {encoding}, only 32FC1 and 16UC1 are understood",
+            encoding=repr(image.encoding[:20]),
+        )
+        raise Malformed(text)
     _check_size(image.width, image.height)
     if not lens.makes_sense:
-        raise Malformed("its camera calibration is not valid")
+        raise Malformed(say("its camera calibration is not valid"))
     kind = np.dtype((">" if image.big_endian else "<") + kinds[image.encoding])
     if image.step < image.width * kind.itemsize:
-        raise Malformed("the rows of its pictures are too short")
+        raise Malformed(say("the rows of its pictures are too short"))
     if (image.height - 1) * image.step + image.width * kind.itemsize > len(image.data):
-        raise Malformed("its pictures are shorter than their headers state")
+        raise Malformed(say("its pictures are shorter than their headers state"))
     thin = _thinning(image.width, image.height)
     rows, columns = image.height // thin, image.width // thin
     first = thin // 2  # the middle of each square represents it
@@ -176,11 +181,11 @@ def picture_of_cloud(cloud: Cloud, fov: float) -> Picture:
 def _coordinates(cloud: Cloud) -> tuple[Floats, Floats, Floats]:
     """Return x, y, z of a thinned cloud, flat."""
     if cloud.width < 1 or cloud.height < 1 or cloud.width * cloud.height > MOST_PIXELS**2:
-        raise Malformed("its clouds have no points, or far too many")
+        raise Malformed(say("its clouds have no points, or far too many"))
     if not all(0 <= cloud.offsets.get(axis, -1) <= cloud.point_step - 4 for axis in "xyz"):
-        raise Malformed("its clouds have no x, y and z")
+        raise Malformed(say("its clouds have no x, y and z"))
     if cloud.row_step < cloud.width * cloud.point_step:
-        raise Malformed("the rows of its clouds are too short")
+        raise Malformed(say("the rows of its clouds are too short"))
     if cloud.height > 1:
         thin = thin_rows = _thinning(cloud.width, cloud.height)
     else:
@@ -200,14 +205,14 @@ def _view(
 ) -> NDArray[np.generic]:
     last = start + (shape[0] - 1) * strides[0] + (shape[1] - 1) * strides[1] + kind.itemsize
     if last > len(data):
-        raise Malformed("its pictures are shorter than their headers state")
+        raise Malformed(say("its pictures are shorter than their headers state"))
     view: NDArray[np.generic] = np.ndarray(shape, kind, data, start, strides)
     return view
 
 
 def _check_size(width: int, height: int) -> None:
     if not (LEAST_WIDE <= width <= MOST_PIXELS and LEAST_HIGH <= height <= MOST_PIXELS):
-        raise Malformed(f"its pictures have {width} x {height} pixels")
+        raise Malformed(say("its pictures have {width} x {height} pixels", width=width, height=height))
 
 
 def _thinning(width: int, height: int) -> int:
@@ -241,7 +246,7 @@ def check_shown(picture: Picture, to_base: Transform) -> None:
         shown = floor & (picture.ahead > NEAREST_M) & (depth_below < _floor_error(picture.ahead))
     expected = np.count_nonzero(floor)
     if expected > LEAST_FLOOR_SHARE * floor.size and np.count_nonzero(shown) < LEAST_SHOWN_SHARE * expected:
-        raise Malformed("its pictures show neither the floor nor objects on it")
+        raise Malformed(say("its pictures show neither the floor nor objects on it"))
 
 
 def columns_of(picture: Picture, to_base: Transform, highest_m: float) -> Columns:

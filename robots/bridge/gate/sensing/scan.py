@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from robots.shared.geometry.footprint import Footprint
 from robots.shared.geometry.planar import NO_POINTS, Points, from_columns, placed, wrapped
 from robots.shared.geometry.poses import Pose
+from robots.shared.sentences import say
 
 NEIGHBOUR_BEAMS = 2
 NEIGHBOUR_M = 0.10
@@ -38,21 +39,21 @@ class Sweep:
             self.ranges = np.asarray(ranges, dtype=np.float64)
             numbers = [float(number) for number in (angle_min, increment, range_min_m, range_max_m)]
         except (TypeError, ValueError, OverflowError) as error:
-            raise Malformed("its scans are not numbers") from error
+            raise Malformed(say("its scans are not numbers")) from error
         self.angle_min, self.increment, self.range_min_m, self.range_max_m = numbers
         self._check()
 
     def _check(self) -> None:
         if self.ranges.ndim != 1 or not 2 <= len(self.ranges) <= MOST_BEAMS:
-            raise Malformed("its scans have no beams, or far too many")
+            raise Malformed(say("its scans have no beams, or far too many"))
         if not (abs(self.angle_min) <= math.tau and FINEST_RAD <= abs(self.increment) <= math.pi / 2.0):
-            raise Malformed("the angles of its scans are not valid")
+            raise Malformed(say("the angles of its scans are not valid"))
         if self.span > math.tau + 2.0 * abs(self.increment):
-            raise Malformed("its scans cover more than a full circle")
+            raise Malformed(say("its scans cover more than a full circle"))
         if not 0.0 <= self.range_min_m < self.range_max_m:
-            raise Malformed("the range limits of its scans are not valid")
+            raise Malformed(say("the range limits of its scans are not valid"))
         if self.known.mean() < LEAST_KNOWN_SHARE:
-            raise Malformed("most of its beams measure nothing")
+            raise Malformed(say("most of its beams measure nothing"))
 
     @property
     def span(self) -> float:
@@ -222,7 +223,7 @@ def cone_points(range_m: float, max_range_m: float, pose: Pose, fov: float) -> P
     valid.
     """
     if math.isnan(range_m) or (range_m < 0.0 and not math.isinf(range_m)):
-        raise Malformed("its ranges are not valid")
+        raise Malformed(say("its ranges are not valid"))
     if range_m >= max_range_m or range_m == math.inf:
         return NO_POINTS
     angles = np.linspace(-fov / 2.0, fov / 2.0, CONE_POINTS)

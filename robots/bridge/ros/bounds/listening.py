@@ -32,6 +32,7 @@ from robots.bridge.ros.bounds.sizes import Kind, kind_of, size_text
 from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.ros.master import Master, MasterError
 from robots.shared.ros.texts import NAME, cut
+from robots.shared.sentences import say
 
 log = logging.getLogger(__name__)
 
@@ -71,13 +72,15 @@ class Reading:
         `largest`: size of the largest message (bytes). `messages`: their number. `worked_s`: processor time.
         """
         if largest > self._kind.most_bytes:
-            return (
-                f"sends messages of {size_text(largest)}, at most {size_text(self._kind.most_bytes)} is taken"
+            return say(
+                "sends messages of {size}, at most {most} is taken",
+                size=size_text(largest),
+                most=size_text(self._kind.most_bytes),
             )
         if not self._messages.spend(now_s, messages):
-            return f"sends more than {self._kind.most_hz:.0f} messages a second"
+            return say("sends more than {most:.0f} messages a second", most=self._kind.most_hz)
         if not self._time.spend(now_s, worked_s):
-            return f"takes more than {self._kind.share:.0%} of a processor"
+            return say("takes more than {percent:.0f}% of a processor", percent=100.0 * self._kind.share)
         return ""
 
 
@@ -123,7 +126,7 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
             try:
                 super().read_messages(b, msg_queue, sock)
             except genpy.DeserializationError:
-                why = "sends messages that cannot be read"
+                why = say("sends messages that cannot be read")
         if why:
             self._cut_off(why)
 
@@ -136,7 +139,14 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
         node = cut(str(self.transport.callerid_pub), NAME)
         BOARD.bar(self.topic, self.transport.endpoint_id, time.monotonic() + DROPPED_S)
         BOARD.complain(
-            self.topic, f"{self.topic}: {node} {why}. The console ignores it for {DROPPED_S:.0f} s."
+            self.topic,
+            say(
+                "{topic}: {node} {why}. The console ignores it for {seconds:.0f} s.",
+                topic=self.topic,
+                node=node,
+                why=why,
+                seconds=DROPPED_S,
+            ),
         )
         raise TransportTerminated(why)
 
@@ -198,7 +208,10 @@ def connect(manager: Any, topic: str, uri: str) -> None:
         return
     most = kind_of(topic, subscriber.type).publishers
     if len(subscriber.connections) >= most:
-        BOARD.complain(topic, f"{topic}: more than {most} nodes publish; the console ignores the others.")
+        text = say(
+            "{topic}: more than {most} nodes publish; the console ignores the others.", topic=topic, most=most
+        )
+        BOARD.complain(topic, text)
         BOARD.bar(topic, uri, time.monotonic() + DROPPED_S)
         return
     with _lock:

@@ -16,6 +16,7 @@ from collections.abc import Callable, Hashable
 from typing import Protocol
 
 from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.sentences import say
 
 # Share of the loop's time for one source. Scans of 700 beams at 15 Hz take 0.02, of 1081 beams at 40 Hz 0.06;
 # a slow computer needs three times as much.
@@ -97,4 +98,6 @@ class Mailboxes:
             finally:
                 took_s = self._worked() - began_s
                 if not budget.spend(self._clock(), took_s) and speaker is not None:
-                    speaker.drop(f"takes more than {LOOP_SHARE:.0%} of the bridge’s time")
+                    speaker.drop(
+                        say("takes more than {percent:.0f}% of the bridge’s time", percent=100.0 * LOOP_SHARE)
+                    )

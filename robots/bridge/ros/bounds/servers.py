@@ -23,6 +23,7 @@ from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.network.tcpros import LARGEST_HEADER, Conversation
 from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.ros.texts import NAME, SENTENCE, cut
+from robots.shared.sentences import say
 
 log = logging.getLogger(__name__)
 
@@ -219,7 +220,8 @@ def _why_full(header: dict[str, str]) -> str:
     if publisher is None or len(publisher.connections) < MOST_LISTENERS:
         return ""
     BOARD.complain(
-        f"listeners of {topic}", f"{topic}: more than {MOST_LISTENERS} nodes listen; others are refused."
+        f"listeners of {topic}",
+        say("{topic}: more than {most} nodes listen; others are refused.", topic=topic, most=MOST_LISTENERS),
     )
     return f"more than {MOST_LISTENERS} listen already"
 

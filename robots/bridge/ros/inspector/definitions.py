@@ -25,6 +25,8 @@ from robots.bridge.ros.inspector.declined import Declined
 from robots.shared.messages.fields import FLOATS, INTEGERS
 from robots.shared.messages.packing import HEADER, Layout
 from robots.shared.ros.message_types.classes import UnknownTypeError, message_class
+from robots.shared.ros.texts import cut
+from robots.shared.sentences import Sentence, say
 from robots.shared.wire import Field
 
 # Before each type that a text embeds; some publishers break by dashes, or not at all.
@@ -72,7 +74,7 @@ class Definition:
 def parsed(type_name: str, text: str, known: bool = False) -> Definition:
     """Parse a definition's text and compute its md5 sum. Raises Declined."""
     if len(text) > LARGEST_TEXT or not _TYPE.fullmatch(type_name):
-        raise _bad(type_name, "it is too long, or its type has no proper name")
+        raise _bad(type_name, say("it is too long, or its type has no proper name"))
     try:
         context, spec = _loaded(type_name, text)
         # First the fields: `compute_md5` does not limit nesting.
@@ -199,7 +201,7 @@ class Definitions:
 
     def _find(self, type_name: str, md5: str, text: str) -> Definition:
         if not (_TYPE.fullmatch(type_name) and _MD5.fullmatch(md5)):
-            raise _bad(type_name, "its publisher names no proper type and md5 sum")
+            raise _bad(type_name, say("its publisher names no proper type and md5 sum"))
         here = installed(type_name)
         if here is not None and here.md5 == md5:
             return here
@@ -217,11 +219,9 @@ class Definitions:
         whole, added = self._completed(type_name, _unix(text))
         definition = parsed(type_name, whole)
         if definition.md5 != md5:
-            with_ours = f", with the console’s own {', '.join(added[:MOST_NAMED])}," if added else ""
             raise Declined(
                 "definition_differs",
-                f"The publisher’s definition of {type_name}{with_ours} is not the one of its md5 sum: "
-                "the console cannot decode its messages.",
+                _differs(type_name, added),
                 type=type_name,
                 claimed_md5=md5,
                 definition_md5=definition.md5,
@@ -252,7 +252,11 @@ class Definitions:
             found = self.of_type(type_name)
         except Declined as error:
             name = type_name[:LONGEST_WORDS]
-            why = f"The console does not know {name}, which {user} uses, and its publisher does not describe it."
+            why = say(
+                "The console does not know {name}, which {user} uses, and its publisher does not describe it.",
+                name=name,
+                user=user,
+            )
             raise Declined("type_unknown", why, type=name) from error
         return EMBEDDED.split(found.text)[0]
 
@@ -287,12 +291,28 @@ def _unix(text: str) -> str:
     return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
 
 
+def _differs(type_name: str, added: list[str]) -> Sentence:
+    """Return the words of a definition that has another md5 sum, with the types that the console added."""
+    if not added:
+        return say(
+            "The publisher’s definition of {type} is not the one of its md5 sum: "
+            "the console cannot decode its messages.",
+            type=type_name,
+        )
+    return say(
+        "The publisher’s definition of {type}, with the console’s own {added}, is not the one of its md5 sum: "
+        "the console cannot decode its messages.",
+        type=type_name,
+        added=", ".join(added[:MOST_NAMED]),
+    )
+
+
 def _unknown(type_name: str, md5: str = "") -> Declined:
-    text = f"The console does not know {type_name}, and its publisher sends no definition."
+    text = say("The console does not know {type}, and its publisher sends no definition.", type=type_name)
     return Declined("type_unknown", text, type=type_name, md5=md5)
 
 
 def _bad(type_name: str, why: str) -> Declined:
     name = type_name[:LONGEST_WORDS]
-    text = f"The definition of {name} cannot be read: {why[:LONGEST_WORDS]}."
+    text = say("The definition of {name} cannot be read: {why}.", name=name, why=cut(why, LONGEST_WORDS))
     return Declined("bad_definition", text, type=name)

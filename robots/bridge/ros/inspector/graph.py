@@ -14,6 +14,7 @@ from robots.shared import wire
 from robots.shared.messages.fields import BadField
 from robots.shared.ros.master import INSPECTOR, Master
 from robots.shared.ros.texts import MOST_TOPICS, NAME, cut
+from robots.shared.sentences import say
 
 PARTS = ("goal", "cancel", "status", "feedback", "result")  # topics of an action
 LARGEST_VALUE = 48 * 1024  # bytes of a parameter's JSON
@@ -72,11 +73,13 @@ def parameter_names(master: Master, seq: int) -> wire.Parameters:
 def parameter(master: Master, name: str, seq: int) -> wire.Parameter:
     """Return a value, or the tree below `name`. Raises MasterError or Declined."""
     if not master.call("hasParam", name):
-        raise Declined("no_parameter", f"The robot has no parameter {name}.", name=name)
+        raise Declined("no_parameter", say("The robot has no parameter {name}.", name=name), name=name)
     value = _plain(master.parameter(name))
     size = len(msgspec.json.encode(value))
     if size > LARGEST_VALUE:
-        text = f"{name} is too large to be shown ({size} bytes): ask for a branch of it."
+        text = say(
+            "{name} is too large to be shown ({size} bytes): ask for a branch of it.", name=name, size=size
+        )
         raise Declined("too_large", text, bytes=size, limit_bytes=LARGEST_VALUE)
     return wire.Parameter(name, value, seq)
 

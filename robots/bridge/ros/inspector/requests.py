@@ -187,7 +187,7 @@ class Inspector:
         try:
             answer = wire.encode(self._answered(question))
             if len(answer) > LARGEST_ANSWER:
-                text = f"The answer has {len(answer)} bytes: too many to be shown."
+                text = say("The answer has {size} bytes: too many to be shown.", size=len(answer))
                 raise Declined("too_large", text, bytes=len(answer), limit_bytes=LARGEST_ANSWER)
         except Exception as error:  # noqa: BLE001  (every query gets an answer)
             answer = wire.encode(wire.Refused(wire.kind_of(ask), _refusal(error), ask.seq))
@@ -220,15 +220,30 @@ class Inspector:
         """Refuse names that are not on the allow-list. Web process and bridge have checked the person."""
         wanted = (what, name, type_name)
         if not any((allowed.what, allowed.name, allowed.type) == wanted for allowed in self._allowed):
-            as_type = f" as {type_name}" if type_name else ""
-            text = f"It is not allowed to {what} {name}{as_type}: it is not on the allow-list."
+            text = {
+                "set": say("It is not allowed to set {name}: it is not on the allow-list.", name=name),
+                "call": say(
+                    "It is not allowed to call {name} as {type}: it is not on the allow-list.",
+                    name=name,
+                    type=type_name,
+                ),
+                "publish": say(
+                    "It is not allowed to publish {name} as {type}: it is not on the allow-list.",
+                    name=name,
+                    type=type_name,
+                ),
+            }[what]
             raise Declined("not_allowed", text, name=name, type=type_name)
 
     def _require_admissible(self, name: str, value: object) -> None:
         """Refuse to set or overwrite a branch that contains an inadmissible parameter."""
         for inner in names_set(name, value, self._master.parameter(name)):
             if why := why_denied("set", inner, "", self._config.topics):
-                raise Declined("not_allowed", f"It is not allowed to set {inner}: {why}.", name=inner)
+                raise Declined(
+                    "not_allowed",
+                    say("It is not allowed to set {name}: {why}.", name=inner, why=why),
+                    name=inner,
+                )
 
     def _definition(self, type_name: str, topic: str | None) -> Definition:
         """Return the definition of a publisher of this type on the topic, else the known definition."""
@@ -273,7 +288,9 @@ def _refusal(error: Exception) -> wire.Refusal:
             return wire.Refusal("too_old", "The request is too old: nothing was done.", "robot")
         case TooLarge():
             return wire.Refusal("too_large", str(error), "robot")
-        case MasterError() | OSError():
+        case MasterError():
+            return wire.Refusal("robot_offline", error.args[0], "robot")
+        case OSError():
             return wire.Refusal("robot_offline", str(error), "robot")
         case Broken():
             return wire.Refusal("broken", str(error), "robot")
@@ -288,7 +305,7 @@ def _require_harmless(definition: Definition) -> None:
     if twin := next((name for name in COUNTERFEITED if message_class(name)._md5sum in definition.sums), None):
         why = why_fields_denied(twin, ())
     if why:
-        text = f"It is not allowed to publish {definition.type}: {why}."
+        text = say("It is not allowed to publish {type}: {why}.", type=definition.type, why=why)
         raise Declined("not_allowed", text, type=definition.type)
 
 

@@ -15,6 +15,7 @@ from robots.shared.messages.fields import fit_fields
 from robots.shared.messages.packing import Detail
 from robots.shared.ros.master import INSPECTOR, Master, NotThere
 from robots.shared.ros.message_types.classes import UnknownTypeError, service_class
+from robots.shared.sentences import say
 
 CALL_S = 1.5  # until a service must have answered
 LARGEST_ANSWER = 16 * 1024 * 1024  # bytes
@@ -38,18 +39,24 @@ def find(master: Master, name: str) -> Service:
     try:
         uri = urlsplit(master.call("lookupService", name))
     except NotThere:
-        raise Declined("no_service", f"The robot has no service {name}.", service=name) from None
+        raise Declined(
+            "no_service", say("The robot has no service {name}.", name=name), service=name
+        ) from None
     address = (uri.hostname or "", uri.port or 0)
     said = _ask(name, address, {"md5sum": "*", "probe": "1"})
     type_name, md5 = said.get("type", ""), said.get("md5sum", "")
     try:
         here = service_class(type_name)
     except UnknownTypeError:
-        text = f"The console does not know the service type {type_name}, and services do not send their definition."
+        text = say(
+            "The console does not know the service type {type}, and services do not send their definition.",
+            type=type_name,
+        )
         raise Declined("type_unknown", text, type=type_name) from None
     if here._md5sum != md5:
-        text = (
-            f"The robot has another version of {type_name} than the console: it cannot be called from here."
+        text = say(
+            "The robot has another version of {type} than the console: it cannot be called from here.",
+            type=type_name,
         )
         raise Declined("definition_differs", text, type=type_name, robot_md5=md5, console_md5=here._md5sum)
     parts = [
@@ -82,14 +89,23 @@ def call(
             conversation.send(request)
             succeeded, answer = conversation.read(1), _answer(conversation, largest)
     except TimeoutError:
-        text = f"{service.name} did not answer within {CALL_S} s: whether it was carried out is not known."
+        text = say(
+            "{service} did not answer within {seconds} s: whether it was carried out is not known.",
+            service=service.name,
+            seconds=CALL_S,
+        )
         raise Declined("service_silent", text, service=service.name) from None
     except OSError as error:
-        raise Declined("service_lost", f"{service.name}: {error}", service=service.name) from error
+        text = say("{service}: {error}", service=service.name, error=error)
+        raise Declined("service_lost", text, service=service.name) from error
     if succeeded != b"\x01":
         reason = answer.decode(errors="replace")[:300]
-        text = f"reported a failure: {reason}" if reason else "reported a failure and gave no reason."
-        raise Declined("service_failed", f"{service.name} {text}", service=service.name)
+        text = (
+            say("{service} reported a failure: {reason}", service=service.name, reason=reason)
+            if reason
+            else say("{service} reported a failure and gave no reason.", service=service.name)
+        )
+        raise Declined("service_failed", text, service=service.name)
     return service.response.layout.read(answer, detail)
 
 
@@ -105,9 +121,11 @@ def _ask(name: str, address: tuple[str, int], wanted: dict[str, str]) -> dict[st
         with _connected(address, name, wanted) as conversation:
             said = conversation.read_header()
     except (OSError, ValueError) as error:
-        raise Declined("service_lost", f"{name} cannot be reached: {error}", service=name) from error
+        text = say("{service} cannot be reached: {error}", service=name, error=error)
+        raise Declined("service_lost", text, service=name) from error
     if "error" in said:
-        raise Declined("service_failed", f"{name}: {said['error']}", service=name)
+        text = say("{service}: {error}", service=name, error=said["error"])
+        raise Declined("service_failed", text, service=name)
     return said
 
 

@@ -30,6 +30,7 @@ from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
 from robots.shared.configuration.bridge_config import DepthSource
 from robots.shared.configuration.gate_profile import DepthView
 from robots.shared.ros.texts import SENTENCE, cut
+from robots.shared.sentences import say
 
 EARLY_SHARE = 0.8  # of the time between two pictures: a picture may arrive a little early
 
@@ -81,9 +82,9 @@ class DepthTopics:
             frame = frame_of(picture, to_base, self._view)
             self._mail.post("depth", lambda: self._core.depth(frame, stamp_s, arrival_s))
         except (Malformed, PoseUnknown) as error:
-            self._cannot_use(str(error))
+            self._cannot_use(error.args[0])
         except genpy.DeserializationError as error:
-            self._cannot_use(f"its messages cannot be read ({error})")
+            self._cannot_use(say("its messages cannot be read ({error})", error=error))
 
     def _cannot_use(self, why: str) -> None:
         self._mail.post("bad depth", lambda: self._core.bad_depth(cut(why, SENTENCE)))

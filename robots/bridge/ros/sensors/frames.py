@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from robots.shared.geometry.poses import Pose
 from robots.shared.geometry.quaternions import LEAST, rotation
 from robots.shared.ros.texts import NAME
+from robots.shared.sentences import say
 
 MAP, ODOM = "map", "odom"  # frames by their usual names (REP 105)
 KEPT = 100  # transforms of each frame: 2 s at 50 Hz
@@ -161,7 +162,7 @@ class Frames:
             self._want(frame)
             pose = self._newest(frame)
             if pose is None or len(way) == LONGEST_WAY:
-                raise PoseUnknown(f"tf has no pose of {frame} on {self._base}")
+                raise PoseUnknown(say("tf has no pose of {frame} on {base}", frame=frame, base=self._base))
             way.append(frame)
             frame = pose.parent
         return way
@@ -186,12 +187,12 @@ class Frames:
         later = bisect_left(history, stamp_s, key=lambda pose: pose.stamp_s)
         if later == len(history):
             if stamp_s - history[-1].stamp_s > late_s:
-                raise PoseUnknown(f"tf’s pose of {child} came too late")
+                raise PoseUnknown(say("tf’s pose of {frame} came too late", frame=child))
             later, stamp_s = later - 1, history[-1].stamp_s
         if later > 0:
             return _between(child, history[later - 1], history[later], stamp_s)
         if history[0].stamp_s > stamp_s:
-            raise PoseUnknown(f"tf has no pose of {child} for that time")
+            raise PoseUnknown(say("tf has no pose of {frame} for that time", frame=child))
         return _matrix(*_parts(history[0].packed))
 
 
@@ -229,7 +230,7 @@ def _parts(packed: bytes) -> tuple[Matrix, Matrix]:
     *translation, x, y, z, w = _TRANSFORM.unpack(packed)
     turn = rotation(x, y, z, w)
     if turn is None or math.hypot(x, y, z, w) < LEAST or not all(map(math.isfinite, translation)):
-        raise PoseUnknown("tf has invalid numbers")
+        raise PoseUnknown(say("tf has invalid numbers"))
     return np.array(translation), np.array(turn)
 
 
@@ -241,14 +242,14 @@ def _cached_matrix(packed: bytes) -> Matrix:
 def _between(child: str, before: FramePose, after: FramePose, stamp_s: float) -> Matrix:
     hole_s = after.stamp_s - before.stamp_s
     if hole_s > LARGEST_HOLE_S:
-        raise PoseUnknown(f"tf had no pose of {child} for {hole_s:.1f} s")
+        raise PoseUnknown(say("tf had no pose of {frame} for {seconds:.1f} s", frame=child, seconds=hole_s))
     if before.packed == after.packed:  # the frame rests
         return _cached_matrix(after.packed)
     (start, first), (end, second) = _parts(before.packed), _parts(after.packed)
     if first @ second < 0.0:
         second = -second
     if 2.0 * math.acos(min(float(first @ second), 1.0)) > TURNING_RADPS * hole_s:
-        raise PoseUnknown("the head is turning")
+        raise PoseUnknown(say("the head is turning"))
     share = (stamp_s - before.stamp_s) / hole_s
     turn = first + share * (second - first)
     return _matrix(start + share * (end - start), turn / math.sqrt(float(turn @ turn)))

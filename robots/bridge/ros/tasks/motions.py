@@ -20,19 +20,20 @@ from robots.shared.messages.packing import Detail
 from robots.shared.ros.master import Master, MasterError
 from robots.shared.ros.message_types.classes import message_class
 from robots.shared.ros.texts import MOST_MOTIONS, PARAGRAPH, SENTENCE, TITLE, cut
+from robots.shared.sentences import joined, say
 from robots.shared.wire import MotionOffer
 
 WHOLE = Detail(whole=10_000, first=10_000, text=1000)  # motions, and characters of a name
 LARGEST_LIST = 1024 * 1024  # bytes of the list of motions
 ERRORS = {  # PlayMotionResult's codes in words
-    "MOTION_NOT_FOUND": "the robot does not know this motion",
-    "CONTROLLER_BUSY": "something else moves these joints",
-    "MISSING_CONTROLLER": "the controller of these joints does not run",
-    "TRAJECTORY_ERROR": "the controller does not take this motion",
-    "GOAL_NOT_REACHED": "the joints did not get to where they should",
-    "PLANNER_OFFLINE": "the robot’s motion planner does not run",
-    "NO_PLAN_FOUND": "the robot found no way to its first posture without a collision",
-    "OTHER_ERROR": "the robot does not say why",
+    "MOTION_NOT_FOUND": say("the robot does not know this motion"),
+    "CONTROLLER_BUSY": say("something else moves these joints"),
+    "MISSING_CONTROLLER": say("the controller of these joints does not run"),
+    "TRAJECTORY_ERROR": say("the controller does not take this motion"),
+    "GOAL_NOT_REACHED": say("the joints did not get to where they should"),
+    "PLANNER_OFFLINE": say("the robot’s motion planner does not run"),
+    "NO_PLAN_FOUND": say("the robot found no way to its first posture without a collision"),
+    "OTHER_ERROR": say("the robot does not say why"),
 }
 
 
@@ -75,13 +76,18 @@ class MotionTopics:
             try:
                 parameters, listed = self._parameters(action), self._listed(f"{action}/list_motions")
             except MasterError as error:  # the known motions stay
-                self._offers.setdefault(action, ([], str(error)))
+                self._offers.setdefault(action, ([], error.args[0]))
             else:
                 self.repertoire[action] = recorded(parameters, listed)
                 offers = offered(parameters, listed)
-                words = "" if offers else f"{action} offers no motions."
+                words = "" if offers else say("{action} offers no motions.", action=action)
                 if len(offers) > MOST_MOTIONS:
-                    words = f"{action} offers {len(offers)} motions; {MOST_MOTIONS} are shown."
+                    words = say(
+                        "{action} offers {count} motions; {most} are shown.",
+                        action=action,
+                        count=len(offers),
+                        most=MOST_MOTIONS,
+                    )
                 self._offers[action] = [_cut(offer) for offer in offers[:MOST_MOTIONS]], words
             tell(action, *self._offers[action])
 
@@ -156,7 +162,7 @@ class MotionTopics:
 
     def _code_words(self, code: int) -> str:
         """Return the words of an error code; unknown codes keep their number."""
-        return self._errors.get(code) or (f"error code {code}" if code else "")
+        return self._errors.get(code) or (say("error code {code}", code=code) if code else "")
 
 
 def _errors(result: type[Any]) -> dict[int, str]:
@@ -175,5 +181,4 @@ def _cut(offer: MotionOffer) -> MotionOffer:
 
 
 def _sentence(parts: list[str]) -> str:
-    text = ": ".join(parts)
-    return f"{text[:1].upper()}{text[1:]}"
+    return say("{text:capital}", text=joined(": ", parts)) if parts else ""
