@@ -17,6 +17,7 @@ from msgspec import structs
 
 from robots.link.client import LinkRefused
 from robots.registry.models import Role
+from robots.shared.sentences import say
 from robots.shared.wire import Control, Notice, Refusal
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
@@ -146,7 +147,7 @@ class ControlHolder:
 
     async def release(self) -> None:
         """Release control. The robot stops first; then the end is stored."""
-        if not self._give_up(EndReason.RELEASED, "You released control.", by=self._user_id):
+        if not self._give_up(EndReason.RELEASED, say("You released control."), by=self._user_id):
             raise ControlRefused(NO_LEASE)
         # Store the end before the report: a program may read the robot's state as soon as it gets the report.
         try:
@@ -207,7 +208,7 @@ class ControlHolder:
 
     def revoke(self, refusal: Refusal) -> None:
         """End control without a notice, because the person may not see the robot any more."""
-        self._give_up(EndReason.RIGHT, refusal.text, refusal=refusal)
+        self._give_up(EndReason.RIGHT, refusal.sentence, refusal=refusal)
 
     async def leave(self) -> None:
         """Stop the robot at once, but keep the lease for a while: the connection is gone, but the client may return."""
@@ -288,7 +289,7 @@ class ControlHolder:
             renewer.renew_soon()
 
     async def _end(self, reason: EndReason, refusal: Refusal) -> None:
-        if self._give_up(reason, refusal.text, refusal=refusal):
+        if self._give_up(reason, refusal.sentence, refusal=refusal):
             await self._report(notices.control_ended_here(reason, refusal))
 
     def _give_up(

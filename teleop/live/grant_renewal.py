@@ -11,6 +11,7 @@ from contextlib import suppress
 from django.utils import timezone
 
 from robots.link.client import LinkRefused
+from robots.shared.sentences import say
 from robots.shared.wire import Grant, Pause, Refusal, Revoke
 from teleop.control.lease_checks import LeaseState
 from teleop.control.rules import Permit
@@ -18,6 +19,7 @@ from teleop.live.robot_hub import RobotHub
 
 log = logging.getLogger(__name__)
 
+LONGEST_REASON = 200  # characters; a longer one is cut, and stays English
 GRANT_S = 3.0  # how long one grant lasts at the bridge
 RENEW_S = 1.0
 CONFIRMED_S = 2.0  # without confirmation by the database for this time, control is not renewed
@@ -58,7 +60,7 @@ class GrantRenewer:
         self._soon = asyncio.Event()
         self._ended = False
         # Another connection may have had this lease: its drive input ends now, sequence numbers start again.
-        hub.link.send(Pause(self.fence, "The page was opened again."))
+        hub.link.send(Pause(self.fence, say("The page was opened again.")))
         self._task = asyncio.create_task(self._keep_renewing())
 
     def follow(self, lease: LeaseState) -> None:
@@ -75,12 +77,13 @@ class GrantRenewer:
     def revoke(self, reason: str) -> None:
         """End control: stop renewing, and inform the bridge."""
         self._end()
-        self._hub.link.send(Revoke(self.fence, reason[:200]))
+        words = reason if len(reason) <= LONGEST_REASON else reason[:LONGEST_REASON]
+        self._hub.link.send(Revoke(self.fence, words))
 
     def leave(self) -> None:
         """Pause control: the page is gone and may come back."""
         self._end()
-        self._hub.link.send(Pause(self.fence, "The page is gone."))
+        self._hub.link.send(Pause(self.fence, say("The page is gone.")))
 
     def stop_silently(self) -> None:
         """Stop renewing, but send the bridge nothing: another connection of the same tab continues with this grant."""

@@ -15,7 +15,7 @@ from robots.shared.configuration.input_filters import (
     apply_filters,
 )
 from robots.shared.geometry.poses import STILL, Velocity
-from robots.shared.sentences import Sentence, say
+from robots.shared.sentences import Sentence, of_parts, say
 from robots.shared.wire import Drive, NeutralNeeded, Refusal
 
 _WINDOW_S = 30.0
@@ -151,6 +151,9 @@ def _axis(speed: float, full: float) -> float:
 
 def _bare(reason: str) -> str:
     """Return a reason as part of another sentence."""
-    if isinstance(reason, Sentence):
-        return say("{reason:bare}", reason=say(reason.key.removeprefix("stopped: "), **reason.figures))
-    return reason.removeprefix("stopped: ").rstrip(".")
+    if not isinstance(reason, Sentence):
+        return reason.removeprefix("stopped: ").rstrip(".")
+    key = reason.key.removeprefix("stopped: ")
+    # Without figures, the key is a text that may have any braces.
+    whole = say(key, **reason.figures) if reason.figures else of_parts(key, [key])
+    return say("{reason:bare}", reason=whole)

@@ -92,9 +92,9 @@ class LeaseOrders:
                 self._core.grant(message, link.number, now_s)
                 link.report(Granted(message.fence))
             case Revoke():
-                self._core.revoke(message.fence, message.reason, now_s)
+                self._core.revoke(message.fence, message.sentence_of("reason"), now_s)
             case Pause():
-                self._core.pause(message.fence, message.reason, link.number, now_s)
+                self._core.pause(message.fence, message.sentence_of("reason"), link.number, now_s)
 
     def _write_number(self) -> None:
         self._writing = True

@@ -72,8 +72,12 @@ class Worded(Struct, frozen=True):
     @property
     def sentence(self) -> Sentence:
         """The text with its key and figures, to be a figure of another sentence."""
-        text = getattr(self, "text")  # noqa: B009 - not every message has one
-        return of_parts(text, (getattr(self, "said", None) or {}).get("text", [text]))
+        return self.sentence_of("text")
+
+    def sentence_of(self, field: str) -> Sentence:
+        """Return the text of a field with its key and figures."""
+        text = getattr(self, field)
+        return of_parts(text, (getattr(self, "said", None) or {}).get(field, [text]))
 
 
 class Refusal(Worded, frozen=True, omit_defaults=True):

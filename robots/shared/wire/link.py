@@ -6,9 +6,19 @@ from typing import Annotated
 from uuid import UUID
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType
 
-from robots.shared.wire.base import Fence, Refusal, SampleRate, Seq, Share, ShortText, TopicName
+from robots.shared.wire.base import (
+    Fence,
+    Refusal,
+    Said,
+    SampleRate,
+    Seq,
+    Share,
+    ShortText,
+    TopicName,
+    Worded,
+)
 from robots.shared.wire.page import Drive, Refresh
 from robots.shared.wire.state import MovesAlthoughStopped, State, StopState
 from robots.shared.wire.tasks import TaskRequest
@@ -43,18 +53,24 @@ class Grant(Struct, frozen=True, tag_field="t", tag="grant"):
     camera_s: Annotated[float, Meta(ge=0.0)] | None = None
 
 
-class Revoke(Struct, frozen=True, tag_field="t", tag="revoke"):
+class Revoke(Worded, frozen=True, tag_field="t", tag="revoke"):
     """Control under `fence` ends now."""
 
+    SENTENCES = ("reason",)
+
     fence: Fence
     reason: ShortText
+    said: Said | UnsetType = UNSET
 
 
-class Pause(Struct, frozen=True, tag_field="t", tag="pause"):
+class Pause(Worded, frozen=True, tag_field="t", tag="pause"):
     """The holder's page is gone: the bridge sends zero at once, and needs neutral before the robot moves again."""
 
+    SENTENCES = ("reason",)
+
     fence: Fence
     reason: ShortText
+    said: Said | UnsetType = UNSET
 
 
 class LinkStop(Struct, frozen=True, tag_field="t", tag="link_stop", omit_defaults=True):
