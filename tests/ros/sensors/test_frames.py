@@ -61,7 +61,7 @@ def test_the_way_is_put_together_at_the_stamp(frames):
 
 def test_a_picture_waits_for_the_frames_of_its_stamp(frames):
     late = raw(stamped("base", "head", 10.24, (0.0, 0.0, 1.0), yaw=0.05))
-    timer = threading.Timer(0.05, frames.take, (late, False))
+    timer = threading.Timer(0.05, frames.read, (late, False))
     timer.start()
     assert frames.pose_at("camera", 10.23, patience_s=5.0)[2, 3] == 1.0
     timer.join()
