@@ -12,8 +12,6 @@ from typing import IO
 import msgspec
 from msgspec import Struct
 
-from robots.shared import wire
-
 log = logging.getLogger(__name__)
 
 
@@ -83,7 +81,7 @@ class StateStore:
         fresh = self._path.with_suffix(".new")
         try:
             with fresh.open("wb") as file:
-                file.write(wire.encode(state))
+                file.write(msgspec.json.encode(state))
                 file.flush()
                 os.fsync(file.fileno())
             fresh.replace(self._path)
