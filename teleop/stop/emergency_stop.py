@@ -15,7 +15,6 @@ from concurrent.futures import Future
 from typing import Any, NamedTuple
 from uuid import UUID, uuid4
 
-import msgspec
 from django.db import DatabaseError, close_old_connections
 from django.utils import timezone
 from msgspec import structs
@@ -25,6 +24,7 @@ from robots.link.client import BridgeLink, LinkRefused, links
 from robots.link.stop_delivery import stop_message
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
+from robots.shared import wire
 from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.wire import LinkClear, Refusal, Stopped
 from teleop.background.database import in_database, in_database_background
@@ -283,5 +283,5 @@ def http_answer(outcomes: Outcomes) -> tuple[dict[str, Any], int]:
 
 def _as_json(result: Result) -> dict[str, Any]:
     pending = isinstance(result, Pending)
-    answer: dict[str, Any] = msgspec.to_builtins(result.refusal if isinstance(result, Pending) else result)
+    answer: dict[str, Any] = wire.to_builtins(result.refusal if isinstance(result, Pending) else result)
     return {**answer, "pending": True} if pending else answer

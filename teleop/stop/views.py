@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from http import HTTPStatus
 from typing import Any
 
-import msgspec
 from django.contrib.auth.decorators import login_not_required
 from django.core.exceptions import BadRequest, SuspiciousOperation
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse, QueryDict, UnreadablePostError
@@ -29,6 +28,7 @@ from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid, token_of
 from robots.access.selectors import robot_visible_to, robots_visible_to
 from robots.registry.models import Robot
+from robots.shared import wire
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal, Stopped
 from teleop.records import refusals
@@ -241,7 +241,7 @@ def _names(outcomes: emergency_stop.Outcomes, kind: type) -> str:
 
 def _refused(refusal: Refusal, status: int, **headers: str) -> HttpResponse:
     """Return a problem document (RFC 9457), as the API does. Pages read its field `text`."""
-    refused = {"figures": {}, **msgspec.to_builtins(refusal)}
+    refused = {"figures": {}, **wire.to_builtins(refusal)}
     title = HTTPStatus(status).phrase
     problem = {"type": "about:blank", "title": title, "status": status, "detail": refusal.text, **refused}
     kind = "application/problem+json"

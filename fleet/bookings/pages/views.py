@@ -18,8 +18,6 @@ from django.utils.http import url_has_allowed_host_and_scheme, urlencode
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
-from msgspec import to_builtins
-from msgspec.json import encode
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of, wants_json
@@ -61,6 +59,7 @@ from robots.access.selectors import (
 )
 from robots.access.who_sees import reader_of
 from robots.registry.models import Robot, Role
+from robots.shared import wire
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 
@@ -112,7 +111,7 @@ def feed(request: HttpRequest) -> HttpResponse:
     if only := _text(request.GET, "robot"):
         robots = robots.filter(slug=only)
     found = calendar(person_of(request), robots, first, last, timezone.now())
-    return HttpResponse(encode(found), content_type="application/json")
+    return HttpResponse(wire.encode(found), content_type="application/json")
 
 
 @never_cache
@@ -423,7 +422,7 @@ def _refused(
 def _refusals_json(refusals: list[Refusal], alternatives: list[tuple[Robot, Slot]]) -> dict[str, Any]:
     zone = viewers()
     return {
-        "refusals": [{"figures": {}, **to_builtins(one)} for one in refusals],
+        "refusals": [{"figures": {}, **wire.to_builtins(one)} for one in refusals],
         "alternatives": [
             {
                 "robot": robot.slug,

@@ -12,6 +12,8 @@ from typing import IO
 import msgspec
 from msgspec import Struct
 
+from robots.shared import wire
+
 log = logging.getLogger(__name__)
 
 
@@ -81,7 +83,7 @@ class StateStore:
         fresh = self._path.with_suffix(".new")
         try:
             with fresh.open("wb") as file:
-                file.write(msgspec.json.encode(state))
+                file.write(wire.encode(state))
                 file.flush()
                 os.fsync(file.fileno())
             fresh.replace(self._path)

@@ -12,6 +12,7 @@ import msgspec
 
 from robots.bridge.lease.state_store import StateStore
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
+from robots.shared import wire
 
 log = logging.getLogger(__name__)
 
@@ -68,7 +69,7 @@ class StopFile:
         self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         fresh = self._path.with_suffix(".new-press")
         with fresh.open("wb") as file:
-            file.write(msgspec.json.encode(press))
+            file.write(wire.encode(press))
             file.flush()
             os.fsync(file.fileno())
         fresh.replace(self._path)

@@ -18,6 +18,7 @@ from uuid import UUID
 import msgspec
 from msgspec import Struct
 
+from robots.shared import wire
 from robots.shared.wire import LinkStop, PendingStop, Refusal, Stopped
 
 log = logging.getLogger(__name__)
@@ -137,7 +138,7 @@ class PendingStops:
         try:
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             with os.fdopen(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
-                file.write(msgspec.json.encode(stop))
+                file.write(wire.encode(stop))
                 file.flush()
                 os.fsync(file.fileno())
             fresh.replace(path)

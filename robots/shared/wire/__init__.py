@@ -60,6 +60,7 @@ from robots.shared.wire.codec import encode as encode
 from robots.shared.wire.codec import encode_report as encode_report
 from robots.shared.wire.codec import heading as heading
 from robots.shared.wire.codec import kind_of as kind_of
+from robots.shared.wire.codec import to_builtins as to_builtins
 from robots.shared.wire.decoders import BookingsReport as BookingsReport
 from robots.shared.wire.decoders import BrowserMessage as BrowserMessage
 from robots.shared.wire.decoders import BrowserReport as BrowserReport

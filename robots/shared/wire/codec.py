@@ -21,6 +21,7 @@ def _plain(value: Any) -> str:
     raise NotImplementedError(f"a {type(value).__name__} cannot be sent")
 
 
+# Others know no subclass of `str`: a sentence must not keep a stop from its file, nor an answer from a program
 _encoder = msgspec.json.Encoder(enc_hook=_plain)
 
 
@@ -79,9 +80,14 @@ def kind_of(message: Struct) -> str:
     return str(type(message).__struct_config__.tag)
 
 
-def encode(message: Struct) -> bytes:
-    """Return the message as JSON."""
+def encode(message: Any) -> bytes:
+    """Return the message as JSON, sentences as English texts."""
     return _encoder.encode(message)
+
+
+def to_builtins(value: Any) -> Any:
+    """Return a value as dictionaries, lists, texts and numbers, sentences as English texts."""
+    return msgspec.to_builtins(value, enc_hook=_plain)
 
 
 # The largest report of a bridge; the link itself allows eight times as much

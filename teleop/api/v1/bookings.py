@@ -12,7 +12,6 @@ from functools import partial
 from typing import Annotated, Any, Literal, get_args
 from uuid import UUID
 
-import msgspec
 from django.db.models import Q, QuerySet
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiExample, OpenApiParameter
@@ -33,6 +32,7 @@ from robots.access.models import Course
 from robots.access.selectors import courses_managed_by, robots_bookable_by
 from robots.access.who_sees import reader_of
 from robots.registry.models import Robot
+from robots.shared import wire
 from teleop.api.v1.framework.cursors import page_by_time
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc
@@ -259,7 +259,7 @@ class BookingsBase(ApiView):
         headers = {"ETag": etag_of(booking.version)}
         if status == 201:
             headers["Location"] = f"/api/v1/bookings/{booking.pk}"
-        return Response(msgspec.to_builtins(entry), status, headers=headers)
+        return Response(wire.to_builtins(entry), status, headers=headers)
 
     def change(self, request: Request, booking_id: UUID, step: Callable[..., Any], **facts: Any) -> Response:
         """Change a booking if the client has seen its newest version (If-Match)."""
@@ -437,7 +437,7 @@ class WaitingView(BookingsBase):
         slot = _slot(body.starts_at, body.ends_at)
         made = waiting_join(robot=self.robot(body.robot), person=self.person, slot=slot, now=timezone.now())
         headers = {"Location": f"/api/v1/waiting/{made.pk}"}
-        return Response(msgspec.to_builtins(_waiting(made)), 201, headers=headers)
+        return Response(wire.to_builtins(_waiting(made)), 201, headers=headers)
 
     def waiting(self) -> QuerySet[Waiting]:
         """Return the slots for which the person waits. The line for control now is at the robot's address."""

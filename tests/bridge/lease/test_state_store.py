@@ -8,6 +8,7 @@ from unittest.mock import patch
 import pytest
 
 from robots.bridge.lease.state_store import AlreadyRunning, SavedState, StateStore
+from robots.shared.sentences import say
 
 
 @pytest.fixture
@@ -16,8 +17,8 @@ def store(tmp_path):
 
 
 def test_latch_and_number_come_back(store):
-    store.save(SavedState(True, "Ann", "why", 7))
-    assert store.load(0) == SavedState(True, "Ann", "why", 7)
+    store.save(SavedState(True, "Ann", say("{reason}.", reason="why"), 7))
+    assert store.load(0) == SavedState(True, "Ann", "why.", 7)
 
 
 def test_a_robot_that_was_never_driven_starts_clear(store):

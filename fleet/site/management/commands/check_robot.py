@@ -5,11 +5,11 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-import msgspec
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
 from robots.check.robot_check import FAIL, OK, Check, run_checks
 from robots.registry.models import Robot
+from robots.shared import wire
 
 
 class Command(BaseCommand):
@@ -29,7 +29,7 @@ class Command(BaseCommand):
             raise CommandError(f"There is no robot {options['slug']!r}.")
         checks = run_checks(robot)
         if options["json"]:
-            self.stdout.write(msgspec.json.encode(checks).decode())
+            self.stdout.write(wire.encode(checks).decode())
         else:
             for check in checks:
                 self._print(check)

@@ -25,6 +25,7 @@ from rosgraph.network import get_host_name
 
 from robots.bridge.ros.network.tcpros import Conversation, first_response
 from robots.bridge.tasks.urdf import Tree
+from robots.shared import wire
 from robots.shared.configuration.bridge_config import ArmSource
 from robots.shared.processes.probe_findings import (
     CALLER,
@@ -258,6 +259,4 @@ def _range(head: bytes, frame: str) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    sys.stdout.buffer.write(
-        msgspec.json.encode(probe(msgspec.json.decode(sys.stdin.buffer.read(), type=Plan)))
-    )
+    sys.stdout.buffer.write(wire.encode(probe(msgspec.json.decode(sys.stdin.buffer.read(), type=Plan))))

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-import msgspec
 from django.http import HttpResponse
+
+from robots.shared import wire
 
 
 class LongPoll(HttpResponse):
@@ -17,11 +18,11 @@ class LongPoll(HttpResponse):
     """
 
     def __init__(self, now: Any, wait: Callable[[], Awaitable[None]], read: Callable[[], Any]) -> None:
-        super().__init__(msgspec.json.encode(now), content_type="application/json")
+        super().__init__(wire.encode(now), content_type="application/json")
         self.wait = wait
         self._read = read
 
     def renew(self) -> None:
         """Replace the content by the answer of now."""
-        self.content = msgspec.json.encode(self._read())
+        self.content = wire.encode(self._read())
         self["Content-Length"] = str(len(self.content))

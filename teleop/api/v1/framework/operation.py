@@ -9,7 +9,6 @@ from dataclasses import KW_ONLY, dataclass
 from typing import Any, TypeVar
 from uuid import UUID
 
-import msgspec
 from django.db.models import QuerySet
 from django.http import HttpRequest, HttpResponseBase
 from drf_spectacular.types import OpenApiTypes
@@ -28,6 +27,7 @@ from fleet.accounts.tokens.services import key_of
 from robots.access.selectors import robots_visible_to, role_on
 from robots.registry.known_robots import KnownRobot, known_robot_at
 from robots.registry.models import Robot, Role
+from robots.shared import wire
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.authentication import TokenAuthentication
 from teleop.api.v1.framework.idempotency import KEY_PARAMETER, Requester, once
@@ -89,7 +89,7 @@ class ApiView(APIView):
 
     def accepted(self, entry: Struct, address: str) -> Response:
         """Return the answer 202: the work goes on, and its status is at this address."""
-        return Response(msgspec.to_builtins(entry), status=202, headers={"Location": address})
+        return Response(wire.to_builtins(entry), status=202, headers={"Location": address})
 
     seen_by: Callable[[User], QuerySet[Robot]] = staticmethod(robots_visible_to)
 
@@ -219,7 +219,7 @@ class Operation:
     def _response(self, result: Any) -> HttpResponseBase:
         if isinstance(result, HttpResponseBase):
             return result
-        return Response(None if self.answer is None else msgspec.to_builtins(result), status=self._status)
+        return Response(None if self.answer is None else wire.to_builtins(result), status=self._status)
 
     def _schema(self, method: Callable[..., Any]) -> Callable[..., Any]:
         """Return the decorator that adds the schema."""

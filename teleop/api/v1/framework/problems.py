@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import msgspec
 from django.core.exceptions import NON_FIELD_ERRORS, PermissionDenied, ValidationError
 from django.http import Http404
 from msgspec import UNSET, Struct, UnsetType
@@ -20,6 +19,7 @@ from rest_framework.exceptions import (
 from rest_framework.response import Response
 from rest_framework.views import set_rollback
 
+from robots.shared import wire
 from robots.shared.wire import NotDone, Refusal, Rule, Said
 
 CONTENT_TYPE = "application/problem+json"
@@ -177,7 +177,7 @@ def body_of(problem: Problem) -> Any:
         refusals=problem.others or [refusal],
         said={"detail": refusal.said["text"]} if refusal.said else UNSET,
     )
-    return msgspec.to_builtins(details) | msgspec.to_builtins(problem.extensions)
+    return wire.to_builtins(details) | wire.to_builtins(problem.extensions)
 
 
 _TITLES = {

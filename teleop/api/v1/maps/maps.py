@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-import msgspec
 from django.db import transaction
 from django.http import HttpResponse
 from django.utils.cache import patch_cache_control
@@ -19,6 +18,7 @@ from robots.places.entries import LONGEST_NAME
 from robots.places.models import Place
 from robots.places.selectors import MapOfRobots, maps_of
 from robots.registry.models import Robot, RobotMap, Role
+from robots.shared import wire
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
@@ -137,7 +137,7 @@ class MapsBase(SetupView):
         Its ETag depends on the name only: here people change only the name.
         """
         [detail] = self.described([found])
-        return Response(msgspec.to_builtins(detail), headers={"ETag": etag_of(mark_of(MapName(detail.name)))})
+        return Response(wire.to_builtins(detail), headers={"ETag": etag_of(mark_of(MapName(detail.name)))})
 
 
 class MapsView(MapsBase):

@@ -7,7 +7,6 @@ import zlib
 from functools import lru_cache
 from urllib.parse import quote
 
-import msgspec
 from django.conf import settings
 from django.http import HttpResponse, HttpResponseBase
 from drf_spectacular.utils import OpenApiParameter
@@ -19,6 +18,7 @@ from fleet.accounts.tokens.models import Scope
 from robots.description.drawable import Drawable, drawable
 from robots.description.meshes import Mesh, NoMesh, mesh_at
 from robots.registry.models import Robot, RobotDescription
+from robots.shared import wire
 from robots.shared.sentences import say
 from robots.shared.urdf.document import BadDescription
 from robots.shared.wire import Refusal
@@ -82,8 +82,8 @@ class DescriptionView(ProgramView):
             meshes=[_entry(robot, filename) for filename in found.meshes],
             problems=found.problems,
         )
-        tag = f'"{hashlib.sha256(msgspec.json.encode(entry)).hexdigest()[:16]}"'
-        response = unchanged(request, tag) or Response(msgspec.to_builtins(entry))
+        tag = f'"{hashlib.sha256(wire.encode(entry)).hexdigest()[:16]}"'
+        response = unchanged(request, tag) or Response(wire.to_builtins(entry))
         response["Cache-Control"] = "private, no-cache"
         response["ETag"] = tag
         return response

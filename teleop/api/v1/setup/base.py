@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any, TypeVar
 
-import msgspec
 from django.core.exceptions import ValidationError
 from django.db.models import Model
 from drf_spectacular.utils import OpenApiParameter
@@ -20,6 +19,7 @@ from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
 from robots.access.models import RobotGroup
 from robots.registry.models import Robot
+from robots.shared import wire
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem, fault_refusal
@@ -59,12 +59,12 @@ class SetupView(ApiView):
     def tagged(self, entry: Struct, status: int = 200, location: str = "") -> Response:
         """Return the response with an entry and its ETag."""
         headers = {"ETag": etag_of(mark_of(entry))} | ({"Location": location} if location else {})
-        return Response(msgspec.to_builtins(entry), status, headers=headers)
+        return Response(wire.to_builtins(entry), status, headers=headers)
 
     def shown_once(self, entry: Struct, location: str = "") -> Response:
         """Return the response with a new entry and its secret. Caches must not store this response."""
         headers = {"Cache-Control": "no-store"} | ({"Location": location} if location else {})
-        return Response(msgspec.to_builtins(entry), 201, headers=headers)
+        return Response(wire.to_builtins(entry), 201, headers=headers)
 
     def group(self, slug: str) -> RobotGroup:
         """Return a robot group, for staff whose token serves all its robots. Raises `Problem`."""
@@ -89,7 +89,7 @@ def named_groups(slugs: Collection[str]) -> list[RobotGroup]:
 
 def mark_of(entry: Struct) -> int:
     """Return a number that differs after each change of the entry."""
-    return zlib.crc32(msgspec.json.encode(entry)) % 10**9
+    return zlib.crc32(wire.encode(entry)) % 10**9
 
 
 def require_unchanged(request: Request, entry: Struct) -> None:

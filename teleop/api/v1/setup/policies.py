@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
-import msgspec
 from django.db import transaction
 from django.db.models import Q
 from django.utils import timezone
@@ -21,6 +20,7 @@ from fleet.bookings.selectors import policies_of
 from robots.access.models import RobotGroup
 from robots.access.selectors import robots_managed_by
 from robots.registry.models import Robot
+from robots.shared import wire
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Moment, Time, utc
@@ -129,7 +129,7 @@ class PoliciesBase(SetupView):
 
     def changed(self, request: Request, body: Rules, **of: Any) -> Response:
         """Set a policy, if nobody changed it after the client read it. Raises `Problem`."""
-        values = msgspec.to_builtins(body)
+        values = wire.to_builtins(body)
         with transaction.atomic():
             place = Policy.objects.filter(robot=of.get("robot"), group=of.get("group"))
             place.select_for_update(of=("self",)).first()  # locked between check and change
