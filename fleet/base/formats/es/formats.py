@@ -1,5 +1,5 @@
-"""Times have 24 hours and show their zone, in the admin and on every page."""
+"""Times have 24 hours and show their zone; months are written small."""
 
-DATETIME_FORMAT = "j M Y, H:i T"
+DATETIME_FORMAT = "j b Y, H:i T"
 SHORT_DATETIME_FORMAT = DATETIME_FORMAT
 TIME_FORMAT = "H:i"
