@@ -53,6 +53,13 @@ export function languageChoices(own, locale = pageLanguage()) {
   return [...first, ...others];
 }
 
+const OPPOSITE = { ArrowLeft: "ArrowRight", ArrowRight: "ArrowLeft" };
+
+/** Return a key as on a page from left to right: there, the right arrow goes on in the reading direction. */
+export function readingKey(key) {
+  return document.dir === "rtl" ? (OPPOSITE[key] ?? key) : key;
+}
+
 /** Isolate a text in a sentence of another language: its writing direction does not change the sentence. */
 export function isolated(text) {
   return `\u2068${text}\u2069`;

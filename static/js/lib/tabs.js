@@ -1,6 +1,7 @@
 /** The tabs of the control page. The address names the tab, so that back and reload work. */
 
 import { mark } from "./dom.js";
+import { readingKey } from "./languages.js";
 
 /** The tab that an address names: null if it names none. */
 export function tabIn(hash, tabs) {
@@ -10,14 +11,15 @@ export function tabIn(hash, tabs) {
 
 /**
  * Return the tab to which a key moves from another tab; null: the key does not change tabs.
- * @param {string} [onwards] the arrow key in the reading direction
+ * @param {string} key as `readingKey` returns it
  */
-export function tabByKey(key, from, tabs, onwards = "ArrowRight") {
+export function tabByKey(key, from, tabs) {
   const at = tabs.indexOf(from);
   switch (key) {
     case "ArrowRight":
+      return tabs[(at + 1) % tabs.length];
     case "ArrowLeft":
-      return key === onwards ? tabs[(at + 1) % tabs.length] : tabs.at(at - 1);
+      return tabs.at(at - 1);
     case "Home":
       return tabs[0];
     case "End":
@@ -94,8 +96,7 @@ export class Tabs extends EventTarget {
   #key(event) {
     const link = event.target.closest("[role=tab]");
     if (!link || event.ctrlKey || event.altKey || event.metaKey) return;
-    const onwards = document.dir === "rtl" ? "ArrowLeft" : "ArrowRight";
-    const tab = tabByKey(event.key, link.hash.slice(1), this.#names, onwards);
+    const tab = tabByKey(readingKey(event.key), link.hash.slice(1), this.#names);
     if (tab === null) return;
     event.preventDefault();
     event.stopPropagation();

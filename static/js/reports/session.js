@@ -4,6 +4,7 @@
  */
 
 import { parts, setText, show } from "../lib/dom.js";
+import { readingKey } from "../lib/languages.js";
 import { clockText } from "../lib/times.js";
 import { lastAt, placeAt } from "./replay.js";
 
@@ -81,7 +82,7 @@ page.moment.addEventListener("keydown", (event) => {
     PageUp: 10,
     PageDown: -10,
   };
-  const seconds = way[event.key];
+  const seconds = way[readingKey(event.key)];
   if (!seconds || event.altKey || event.ctrlKey || event.metaKey) return;
   event.preventDefault();
   go(Number(page.moment.value) + seconds);

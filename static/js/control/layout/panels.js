@@ -4,6 +4,7 @@
  */
 
 import { mark } from "../../lib/dom.js";
+import { readingKey } from "../../lib/languages.js";
 
 const PLACES = ["left", "top", "bottom"]; // beside the stick; at the other side, above and below
 const STANDARD = { chart: "left", motions: "top", phrases: "bottom" };
@@ -79,7 +80,7 @@ export class Panels {
 
   /** Arrow keys on a handle move the panel: they do not drive. */
   #pressed(event, handle) {
-    const step = STEPS[event.key];
+    const step = STEPS[readingKey(event.key)];
     if (!step || event.ctrlKey || event.altKey || event.metaKey) return;
     event.preventDefault();
     event.stopPropagation();
