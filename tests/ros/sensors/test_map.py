@@ -20,7 +20,7 @@ from fleet.site.management.commands.seed_demo import seed_map
 from robots.bridge.maps.map_fetch import MapWanted, NoMap
 from robots.bridge.ros.on_demand_topics import OnDemandTopics
 from robots.bridge.ros.ros_worker import RosWorker
-from robots.bridge.ros.sensors.map import take
+from robots.bridge.ros.sensors.map import read_map
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.places.selectors import place_of_robot
 from robots.records.bridge_records import AuditSink
@@ -53,7 +53,7 @@ def opacity(shown: TakenMap | RobotMap, x: float, y: float) -> int:
 
 @pytest.mark.django_db(transaction=True)
 def test_the_simulated_map_is_stored_with_its_walls(rosmaster, robot):
-    taken = take(MapWanted(rosmaster.uri, MAP))
+    taken = read_map(MapWanted(rosmaster.uri, MAP))
     assert isinstance(taken, TakenMap)
     sink = AuditSink(robot.pk, robot.name)
     sink.keep_map(taken)
@@ -122,7 +122,7 @@ def test_the_simulated_pose_is_right_within_centimetres(ros, simulated):
     ],
 )
 def test_a_missing_map_is_explained(rosmaster, topic, why):
-    found = take(MapWanted(rosmaster.uri, topic))
+    found = read_map(MapWanted(rosmaster.uri, topic))
     assert isinstance(found, NoMap)
     assert why in found.why
 
@@ -132,7 +132,7 @@ def test_a_bad_map_and_a_missing_map_are_refused(ros, rosmaster, monkeypatch):
     wanted = MapWanted(rosmaster.uri, Topic("/hostile_map", MAP.type))
     hostile = rospy.Publisher("/hostile_map", OccupancyGrid, queue_size=1, latch=True)
     try:
-        silent = take(wanted)
+        silent = read_map(wanted)
         assert isinstance(silent, NoMap)
         assert "has published no map yet" in silent.why
         grid = OccupancyGrid()
@@ -141,7 +141,7 @@ def test_a_bad_map_and_a_missing_map_are_refused(ros, rosmaster, monkeypatch):
         grid.info.origin.orientation.w = 1.0
         grid.data = [0] * 4
         hostile.publish(grid)
-        refused = take(wanted)
+        refused = read_map(wanted)
         assert isinstance(refused, NoMap)
         assert "nan m wide" in refused.why
     finally:
@@ -161,7 +161,7 @@ def registered(rosmaster, uri: str):
 
 def test_a_publisher_that_has_ended_hides_no_map(rosmaster):
     with registered(rosmaster, "http://127.0.0.1:9/"):
-        assert isinstance(take(MapWanted(rosmaster.uri, MAP)), TakenMap)
+        assert isinstance(read_map(MapWanted(rosmaster.uri, MAP)), TakenMap)
 
 
 def test_a_publisher_that_hangs_makes_the_map_unknown(rosmaster):
@@ -169,7 +169,7 @@ def test_a_publisher_that_hangs_makes_the_map_unknown(rosmaster):
         socket.create_server(("127.0.0.1", 0)) as hangs,
         registered(rosmaster, f"http://127.0.0.1:{hangs.getsockname()[1]}/"),
     ):
-        found = take(MapWanted(rosmaster.uri, MAP))
+        found = read_map(MapWanted(rosmaster.uri, MAP))
     assert isinstance(found, NoMap)
     assert "/second: it does not answer at http://127.0.0.1" in found.why
     assert "rosnode cleanup" in found.why
@@ -180,12 +180,12 @@ def test_a_latched_topic_without_a_map_hides_none(ros, rosmaster, monkeypatch, l
     monkeypatch.setattr("robots.bridge.ros.sensors.map.MESSAGE_S", 0.5)
     silent = rospy.Publisher(MAP.name, OccupancyGrid, queue_size=1, latch=latched)
     try:
-        assert isinstance(take(MapWanted(rosmaster.uri, MAP)), TakenMap if latched else NoMap)
+        assert isinstance(read_map(MapWanted(rosmaster.uri, MAP)), TakenMap if latched else NoMap)
     finally:
         silent.unregister()
 
 
 def test_without_a_master_it_says_so(tmp_path):
-    found = take(MapWanted(Master(tmp_path).uri, MAP))
+    found = read_map(MapWanted(Master(tmp_path).uri, MAP))
     assert isinstance(found, NoMap)
     assert "No ROS master answers" in found.why

@@ -41,7 +41,7 @@ class Robot:
             arm=lambda: self.posture.arm(self.looker.now_s),
             arm_problem=lambda: self.posture.problem(self.looker.now_s),
         )
-        self.room = ArmClearance(self.looker.gate, arm)
+        self.room = ArmClearance(self.looker.gate, lambda: arm)
         self.at = FOLDED
 
     def stay(self, seconds):
