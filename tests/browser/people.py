@@ -25,6 +25,7 @@ PATIENCE_S = 30.0
 expect.set_options(timeout=1000.0 * PATIENCE_S)
 POLL_MS = 50
 SIGN_S = 1.0  # a held key repeats; much slower than real keys, so that a test may keep one down for seconds
+MADE_UP_LANGUAGE = (Path(__file__).parent / "made_up_language.js").read_text()
 # Mark the hints for newcomers as read: this person has used the console before.
 HINTS_SEEN = """if (location.protocol.startsWith("http")) {
   const kept = JSON.parse(localStorage.getItem("fleet-console") ?? "{}");

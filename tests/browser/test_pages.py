@@ -12,7 +12,7 @@ from uuid import uuid4
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from tests.browser.people import Person
+from tests.browser.people import MADE_UP_LANGUAGE, Person
 
 Arrive = Callable[..., Person]
 
@@ -244,11 +244,13 @@ def test_joystick_and_stop_are_visible_in_every_window(person: Arrive, width: in
     stick, stop = places_of_stick_and_stop(operator)
     assert stick["x"] > stop["x"] or width < height
     assert operator.part("zone").evaluate("zone => getComputedStyle(zone).touchAction") == "none"
-    operator.page.evaluate("document.dir = 'rtl'")  # the layout of a right-to-left language
-    everything_is_in_sight(operator, width, height)
+    for language in ("longer", "mirrored"):
+        operator.page.evaluate(MADE_UP_LANGUAGE, language)
+        everything_is_in_sight(operator, width, height)
     stick, stop = places_of_stick_and_stop(operator)
     assert stick["x"] < stop["x"] or width < height
-    operator.release()
+    operator.page.locator("[data-action=release]").click()
+    operator.until(lambda: operator.control["state"] == "free", "control to be free")
 
 
 def test_controls_fit_a_finger_and_do_not_jump(person: Arrive) -> None:
