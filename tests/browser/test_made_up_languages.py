@@ -20,7 +20,8 @@ UNREADABLE = """() => {
     for (let box = element; box !== document.body; box = box.parentElement) {
       const style = getComputedStyle(box);
       if (/auto|scroll/.test(style.overflow) || style.textOverflow === "ellipsis") return false;
-      if (style.webkitLineClamp !== "none" || style.clipPath !== "none") return false;
+      if (style.webkitLineClamp !== "none") return false;
+      if (style.clipPath !== "none" || style.clip !== "auto") return false; // only for screen readers
       const holds = style.overflow === "hidden" || box.matches(BOXES);
       if (holds && reachesOut(place, box.getBoundingClientRect())) return true;
     }
@@ -40,7 +41,7 @@ UNREADABLE = """() => {
 }"""
 
 
-@pytest.mark.parametrize("language", ["mirrored"])
+@pytest.mark.parametrize("language", ["longer", "mirrored"])
 def test_every_page_has_room_for_a_made_up_language(person: Callable[..., Person], language: str) -> None:
     page = (staff := person("staff", apart=True)).page
     page.add_init_script(
