@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextvars import ContextVar
 from typing import Any
 
-from twisted.internet.interfaces import IPushProducer, ISSLTransport
+from twisted.internet.interfaces import IProtocolNegotiationFactory, IPushProducer, ISSLTransport
 from twisted.protocols.policies import ProtocolWrapper, TimeoutMixin, WrappingFactory
 from zope.interface import implementer, noLongerProvides
 
@@ -272,6 +272,7 @@ class _Flow:
         pass
 
 
+@implementer(IProtocolNegotiationFactory)
 class Factory(WrappingFactory):  # type: ignore[misc]
     """Makes guards. `front` has the state that they share."""
 
@@ -281,3 +282,7 @@ class Factory(WrappingFactory):  # type: ignore[misc]
         super().__init__(daphne_factory)
         self.front = front
         self.noisy = False  # Twisted writes no line when it starts and ends
+
+    def acceptableProtocols(self) -> list[bytes]:
+        """Return the protocols that a browser may choose over TLS. Without them, Twisted refuses every browser."""
+        return [b"http/1.1"]

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 from twisted.internet.error import ConnectionAborted
-from twisted.internet.interfaces import ISSLTransport
+from twisted.internet.interfaces import IProtocolNegotiationFactory, ISSLTransport
 from twisted.internet.protocol import Factory as Wrapped
 from twisted.internet.protocol import Protocol
 from twisted.internet.testing import StringTransport
@@ -47,6 +47,12 @@ async def test_a_client_sends_little_while_its_messages_wait(guard):
     assert guard.transport.producerState == "producing"
     messages.put_nowait("a message")
     assert await waits == "a message"
+
+
+def test_browsers_may_choose_http_over_tls():
+    """A browser offers protocols, a program seldom does. `test_demo.py` drives in a real browser over TLS."""
+    factory = Factory(Wrapped.forProtocol(Protocol), Front(None, session_cookie="session"))
+    assert IProtocolNegotiationFactory(factory).acceptableProtocols() == [b"http/1.1"]
 
 
 async def test_a_websocket_opens_by_tls():
