@@ -124,7 +124,7 @@ class Front:
         else:
             await self.pages.answer(guard, scope, send, behind_proxy=self._behind_proxy)
 
-    # What guards ask
+    # For guards
 
     def owner_of(self, credential: Credential | None, address: str) -> Key:
         """Return for whom work is done: people who are known to stop robots have turns between all other work."""

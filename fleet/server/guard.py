@@ -218,7 +218,7 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
         # If the connection closed at once, the client might not get the response.
         self.setTimeout(REFUSAL_READ_WITHIN_S)
 
-    # What Daphne's protocols see as their connection
+    # The connection, as Daphne's protocols see it
 
     def loseConnection(self) -> None:
         """Close the connection once everything is sent."""

@@ -151,7 +151,7 @@ class IncomingRequest:
             if not self.is_whole:
                 raise Refused(limits.malformed()) from error
 
-    # What the parser calls. Behind a body in chunks, which ends the connection, nothing is read.
+    # Called by the parser. Behind a body in chunks, which ends the connection, nothing is read.
 
     def on_url(self, part: bytes) -> None:
         """Take a part of the target."""

@@ -1,1 +1,1 @@
-"""What the console and a robot’s processes both know. No Django; rospy only in `ros/`."""
+"""Shared by the console and a robot’s processes. No Django; rospy only in `ros/`."""

@@ -1,4 +1,4 @@
-"""What bridge and simulator share of ROS. This package makes the distribution's ROS importable.
+"""The parts of ROS that bridge and simulator share. This package makes the distribution's ROS importable.
 
 ROS 1 is installed in the distribution's package folder, which a virtual environment does not include. A finder
 at the end of the import system searches that folder, so that Python takes from it only packages that the environment
