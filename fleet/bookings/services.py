@@ -517,9 +517,8 @@ def _check(
         wish = structs.replace(wish, start_kept=True)
     found = refusals(wish, BINDING if override else rules) + ([also] if also else [])
     if actor.pk != person.pk:
-        words = _("For %(name)s: %(text)s")
         found = [
-            structs.replace(one, text=words % {"name": person.display_name, "text": one.text})
+            structs.replace(one, text=say("For {name}: {text}", name=person.display_name, text=one.sentence))
             for one in found
         ]
     if found:

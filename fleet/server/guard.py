@@ -17,7 +17,7 @@ from zope.interface import implementer, noLongerProvides
 
 from fleet.server import limits
 from fleet.server.incoming import Head, IncomingRequest
-from fleet.server.limits import Refusal, Refused
+from fleet.server.limits import HttpRefusal, Refused
 from fleet.server.turns import Key
 
 GUARD: ContextVar[Guard] = ContextVar("guard")  # of the request whose application runs
@@ -200,7 +200,7 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
             body_comes = self._incoming.head is not None
             self.refuse(limits.too_slow(limits.BODY_S if body_comes else limits.HEAD_S))
 
-    def refuse(self, refusal: Refusal) -> None:
+    def refuse(self, refusal: HttpRefusal) -> None:
         """Send the refusal, read nothing more, and close the connection soon after."""
         if not self._leaving:
             self.transport.write(refusal.response())

@@ -48,7 +48,7 @@ UNREAD_BYTES = 256 * 1024  # of one WebSocket, while the console handles older o
 
 
 @dataclass(frozen=True)
-class Refusal:
+class HttpRefusal:
     """The answer to a request that is not accepted: HTTP status and refusal, like those of other interfaces.
 
     The response is a problem document (RFC 9457), like those of the API.
@@ -77,51 +77,51 @@ class Refusal:
 class Refused(Exception):
     """A request exceeded a limit while it arrived."""
 
-    def __init__(self, refusal: Refusal) -> None:
+    def __init__(self, refusal: HttpRefusal) -> None:
         super().__init__(refusal.text)
         self.refusal = refusal
 
 
-def url_too_long() -> Refusal:
+def url_too_long() -> HttpRefusal:
     """Return the refusal of a request line with more than `URL_BYTES`."""
     text = f"Not done: the address is longer than {URL_BYTES} bytes."
-    return Refusal(414, "URI Too Long", "url_too_long", text, (("most_bytes", URL_BYTES),))
+    return HttpRefusal(414, "URI Too Long", "url_too_long", text, (("most_bytes", URL_BYTES),))
 
 
-def head_too_large() -> Refusal:
+def head_too_large() -> HttpRefusal:
     """Return the refusal of more than `HEADERS` headers, or more than `HEAD_BYTES` of headers."""
     text = f"Not done: the request has more than {HEADERS} headers or {HEAD_BYTES} bytes of them."
     figures = (("most_bytes", HEAD_BYTES), ("most_headers", HEADERS))
-    return Refusal(431, "Request Header Fields Too Large", "headers_too_large", text, figures)
+    return HttpRefusal(431, "Request Header Fields Too Large", "headers_too_large", text, figures)
 
 
-def body_too_large(most_bytes: int) -> Refusal:
+def body_too_large(most_bytes: int) -> HttpRefusal:
     """Return the refusal of a body with more than `most_bytes`."""
     text = f"Not done: the request's body is larger than {most_bytes} bytes."
-    return Refusal(413, "Content Too Large", "body_too_large", text, (("most_bytes", most_bytes),))
+    return HttpRefusal(413, "Content Too Large", "body_too_large", text, (("most_bytes", most_bytes),))
 
 
-def too_slow(seconds: float) -> Refusal:
+def too_slow(seconds: float) -> HttpRefusal:
     """Return the refusal of a request that did not arrive in time."""
     text = f"Not done: the request did not arrive within {seconds:g} s."
-    return Refusal(408, "Request Timeout", "request_too_slow", text, (("most_s", seconds),))
+    return HttpRefusal(408, "Request Timeout", "request_too_slow", text, (("most_s", seconds),))
 
 
-def malformed() -> Refusal:
+def malformed() -> HttpRefusal:
     """Return the refusal of a request that is not valid HTTP."""
-    return Refusal(400, "Bad Request", "malformed", "Not done: this is not a well-formed HTTP request.")
+    return HttpRefusal(400, "Bad Request", "malformed", "Not done: this is not a well-formed HTTP request.")
 
 
-def busy() -> Refusal:
+def busy() -> HttpRefusal:
     """Return the refusal because of too many connections or requests at once."""
     text = "Not done: the console is busy. Try again in a moment."
-    return Refusal(503, "Service Unavailable", "busy", text, retry_after_s=2)
+    return HttpRefusal(503, "Service Unavailable", "busy", text, retry_after_s=2)
 
 
-def no_answer() -> Refusal:
+def no_answer() -> HttpRefusal:
     """Return the refusal if the pages process has died, or does not start."""
     text = "The console did not answer this. Look whether it was done, and try again in a moment."
-    return Refusal(503, "Service Unavailable", "no_answer", text, retry_after_s=2)
+    return HttpRefusal(503, "Service Unavailable", "no_answer", text, retry_after_s=2)
 
 
 def most_body_bytes(*, session_cookie: bool) -> int:

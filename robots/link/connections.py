@@ -86,7 +86,9 @@ def down(address: LinkAddress) -> Refusal:
     if not address.unix_path:
         return _DOWN_ELSEWHERE
     why = last_words.read(address.unix_path, last_words.WHY)
-    return structs.replace(_DOWN, text=f"The robot’s bridge is not running: {why}") if why else _DOWN
+    if not why:
+        return _DOWN
+    return structs.replace(_DOWN, text=say("The robot’s bridge is not running: {why}", why=why))
 
 
 def why_down(error: Exception, address: LinkAddress) -> Refusal:

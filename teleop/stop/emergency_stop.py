@@ -26,6 +26,7 @@ from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.shared import wire
 from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.sentences import say
 from robots.shared.wire import LinkClear, Refusal, Stopped
 from teleop.background.database import in_database, in_database_background
 from teleop.background.jobs import run_in_background
@@ -178,7 +179,7 @@ class StopButton:
         if isinstance(result, Pending):
             await self._failed(result.refusal)
         elif isinstance(result, Refusal):
-            text = f"{result.text} Use the red button on the robot."
+            text = say("{why} Use the red button on the robot.", why=result.sentence)
             await self._failed(structs.replace(result, text=text))
 
 

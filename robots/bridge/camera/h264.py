@@ -13,9 +13,9 @@ import numpy as np
 import PIL.Image
 from av.video.codeccontext import VideoCodecContext
 
+from robots.bridge.camera.encoding import VIDEO_BITS_PER_S, VIDEO_HZ, VIDEO_KEY_EVERY, VIDEO_WIDTH
 from robots.bridge.camera.image_header import Damaged
 from robots.bridge.camera.jpeg import narrowed
-from robots.bridge.camera.sizes import VIDEO_BITS_PER_S, VIDEO_HZ, VIDEO_KEY_EVERY, VIDEO_WIDTH
 
 
 class H264Encoder:

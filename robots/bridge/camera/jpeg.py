@@ -14,8 +14,8 @@ import zlib
 import numpy as np
 import PIL.Image
 
+from robots.bridge.camera.encoding import QUALITY, SMALL_QUALITY, SMALL_WIDTH
 from robots.bridge.camera.image_header import JPEG_END, LARGEST_SIDE, Damaged, require_size
-from robots.bridge.camera.sizes import QUALITY, SMALL_QUALITY, SMALL_WIDTH
 
 PIL.Image.MAX_IMAGE_PIXELS = LARGEST_SIDE * LARGEST_SIDE  # Pillow refuses to decode more than twice as many
 

@@ -163,7 +163,7 @@ class LimbMove(Goals[Target]):
 
     def start(self, now_s: float) -> None:
         """Send the goal whose record is written. Drop it if its record failed or if it was cancelled."""
-        goal, at_m, mover = self._recorded(now_s), self.at_m, self._robot.part(LimbMover)
+        goal, at_m, mover = self._once_recorded(now_s), self.at_m, self._robot.part(LimbMover)
         if goal is None or mover is None:
             return
         target = goal.what

@@ -316,7 +316,7 @@ class NavigationGoals(Goals[Target], TaskPart):
                 return
             if refusal is not None:
                 self.deny(refusal, now_s)
-        goal, navigator = self._recorded(now_s), self._navigator
+        goal, navigator = self._once_recorded(now_s), self._navigator
         if goal is None or navigator is None:
             return
         goal.what.heard_s = now_s

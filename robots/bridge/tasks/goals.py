@@ -145,7 +145,7 @@ class Goals(ABC, Generic[What]):
         """Return topics on which the robot performs goals of other nodes."""
         return {topic for topic, heard_s in self._others.items() if now_s - heard_s <= UNHEARD_S}
 
-    def _recorded(self, now_s: float) -> Goal[What] | None:
+    def _once_recorded(self, now_s: float) -> Goal[What] | None:
         """Return a recorded goal that waits to be sent.
 
         If its record failed or if it was cancelled, end it and return None.

@@ -341,7 +341,7 @@ class Motions(Goals[MotionGoal], TaskPart):
                 refusal = refusal or self._clearance.refuse(self._space, now_s)
                 if refusal is not None:
                     self.deny(refusal, now_s)
-            goal, player = self._recorded(now_s), self._context.robot.part(MotionPlayer)
+            goal, player = self._once_recorded(now_s), self._context.robot.part(MotionPlayer)
             if goal is not None and player is not None:
                 player.play(goal.sent(now_s), goal.what.name, goal.topic)
         elif self.begun and (refusal := self._clearance.refuse(self._space, now_s, running=True)):

@@ -172,7 +172,7 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
 
     def _start(self, connected: Collection[str], now_s: float) -> None:
         """Send a recorded text that was not cancelled, if its topic is among the `connected` topics."""
-        goal, voice = self._recorded(now_s), self._context.robot.part(SpeechOutput)
+        goal, voice = self._once_recorded(now_s), self._context.robot.part(SpeechOutput)
         if goal is not None and goal.topic in connected and voice is not None:
             tells = voice.say(goal.sent(now_s), goal.what.utterance)
             if not tells:

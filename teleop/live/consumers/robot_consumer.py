@@ -39,8 +39,6 @@ from teleop.stop import emergency_stop
 
 log = logging.getLogger(__name__)
 
-# Pages start a drive message with this text; any other spelling is handled more slowly, by `on_message`.
-
 _HELLO_FIRST = Refusal("hello_first", "The first message is hello.", "wire")
 
 

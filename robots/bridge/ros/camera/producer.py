@@ -12,9 +12,9 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from robots.bridge.camera.encoding import VIDEO_HZ, VIDEO_WIDTH
 from robots.bridge.camera.image_header import Damaged
 from robots.bridge.camera.picture_server import Wants
-from robots.bridge.camera.sizes import VIDEO_HZ, VIDEO_WIDTH
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.camera.camera_topics import (

@@ -15,7 +15,7 @@ from typing import Any
 from uuid import UUID
 
 import msgspec
-from msgspec import Struct, structs
+from msgspec import UNSET, Struct, structs
 from websockets.asyncio.client import ClientConnection, unix_connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
@@ -340,7 +340,7 @@ def _without_stick(refusal: Refusal) -> Refusal:
     why = str(refusal.figures.get("why", ""))
     if refusal.code != "neutral_needed" or not why:
         return refusal
-    return structs.replace(refusal, text=f"{why[0].upper()}{why[1:]}.")
+    return structs.replace(refusal, text=f"{why[0].upper()}{why[1:]}.", said=UNSET)
 
 
 def _left(seconds: float | None, age_s: float) -> float | None:

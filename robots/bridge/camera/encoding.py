@@ -1,4 +1,4 @@
-"""Sizes and rates of the pictures that the camera process encodes. Pure."""
+"""Quality, sizes and rates of the pictures that the camera process encodes. Pure."""
 
 QUALITY = 80  # of JPEG from raw images
 SMALL_WIDTH = 320  # pixels
