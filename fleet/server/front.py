@@ -47,7 +47,7 @@ class Front:
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
         """Run the ASGI application."""
         guard = GUARD.get()
-        guard.setTimeout(None)
+        guard.begin()
         if scope["type"] == "websocket":
             await self._websocket(guard, scope, receive, send)
             return

@@ -47,6 +47,7 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
         self._reserved = 0  # bytes of the body, as they count for the limit of all bodies
         self._is_between = False  # between two requests
         self._is_answering = False
+        self._is_begun = False  # the application answers, and says when it is over
         self._is_cut = False  # the client may still send a body that nobody reads
         self._is_websocket = False
         self._leaving = False  # the connection closes, and nothing more is read
@@ -124,7 +125,7 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
 
     def _free(self) -> None:
         self.server.bodies_bytes -= self._reserved
-        self._reserved, self.body = 0, b""
+        self._reserved = 0
 
     def _hand_on(self, request: IncomingRequest, head: Head) -> None:
         """Let Daphne answer the request. It gets no body: the application takes it from here."""
@@ -155,9 +156,13 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
             self._pass_on(data)
 
     @property
-    def idle_s(self) -> float | None:
-        """The longest time without a byte of the client; None: without limit."""
-        return limits.IDLE_S if self._is_between else None
+    def patience_s(self) -> float | None:
+        """The longest time until the client must have sent what is missing; None: without limit."""
+        if self._is_between:
+            return limits.IDLE_S
+        if self._is_answering or self._is_websocket:
+            return None
+        return limits.HEAD_S if self._incoming.head is None else limits.BODY_S
 
     def _pass_on(self, data: bytes) -> None:
         """Let Daphne handle bytes of a WebSocket. Until it is accepted, a page may send only its handshake."""
@@ -179,11 +184,16 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
             self._reads = reads
             (self.transport.resumeProducing if reads else self.transport.pauseProducing)()
 
+    def begin(self) -> None:
+        """Note that the application begins to answer. It calls `over` at the end."""
+        self._is_begun = True
+        self.setTimeout(None)
+
     def over(self) -> None:
         """Handle the end of an answer, or of the work for it: the next request may come."""
-        self.when_lost = None
+        self.when_lost, self.body = None, b""
         self._free()
-        self._is_answering = False
+        self._is_answering = self._is_begun = False
         if self._leaving or self.is_lost:
             return
         self.server.open.waiting(self)
@@ -244,7 +254,7 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
         self._leaving = True
         self._unhandled = b""
         self.server.open.left(self)
-        if not self._is_answering:
+        if not self._is_begun:  # Daphne may have refused the request itself
             self._free()
         super().connectionLost(reason)
         if self.when_lost is not None:
@@ -264,7 +274,7 @@ class _Flow:
         self._guard.read_or_pause()
 
     def resumeProducing(self) -> None:
-        self._guard.setTimeout(self._guard.idle_s)
+        self._guard.setTimeout(self._guard.patience_s)
         self._guard.writable.set()
         self._guard.read_or_pause()
 

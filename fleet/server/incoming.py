@@ -17,7 +17,8 @@ from fleet.server.limits import Refused
 METHODS = {b"GET", b"HEAD", b"POST", b"PUT", b"PATCH", b"DELETE", b"OPTIONS", b"TRACE"}
 
 _END = b"\r\n\r\n"
-_LINE = re.compile(rb"([\w!#$%&'*+.^`|~-]+):[ \t]*([\x20-\x7e\x80-\xff\t]*?)[ \t]*")
+_NEXT_LINE = b"\x85"  # Daphne itself would refuse a header with it, also that of a stop
+_LINE = re.compile(rb"([\w!#$%&'*+.^`|~-]+):[ \t]*([\x20-\x7e\x80-\x84\x86-\xff\t]*?)[ \t]*")
 
 
 class Head(NamedTuple):
@@ -160,7 +161,7 @@ class IncomingRequest:
 
     def on_header(self, name: bytes, value: bytes) -> None:
         """Take a header."""
-        if not self.is_whole:
+        if not self.is_whole and _NEXT_LINE not in value:
             self._headers.append((name.lower(), value.strip()))
 
     def on_body(self, part: bytes) -> None:
@@ -196,7 +197,7 @@ def _is_well_formed(head: Head, raw: bytes) -> bool:
         and head.version in ("1.0", "1.1")
         and b"\n " not in raw
         and b"\n\t" not in raw
-        and (len(head.values(b"host")) <= 1 or head.is_stop)
+        and (head.is_stop or (len(head.values(b"host")) <= 1 and _NEXT_LINE not in raw))
     )
 
 

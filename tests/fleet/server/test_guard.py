@@ -55,6 +55,54 @@ def test_browsers_may_choose_http_over_tls():
     assert IProtocolNegotiationFactory(factory).acceptableProtocols() == [b"http/1.1"]
 
 
+async def test_a_body_that_no_application_gets_is_freed(guard):
+    """Daphne refuses some requests itself."""
+    guard.dataReceived(b"POST / HTTP/1.1\r\nHost: lab\r\nContent-Length: 4\r\n\r\nbody")
+    await asyncio.sleep(0)
+    assert guard.server.bodies_bytes == 4
+    guard.connectionLost(Failure(ConnectionAborted()))
+    assert guard.server.bodies_bytes == 0
+
+
+async def test_reading_an_answer_does_not_extend_the_next_request(guard):
+    guard.begin()
+    guard.over()
+    guard.dataReceived(b"GET / HTT")
+    await asyncio.sleep(0)
+    guard.transport.producer.pauseProducing()
+    guard.transport.producer.resumeProducing()
+    assert guard.timeOut == limits.HEAD_S
+
+
+async def test_a_stop_reaches_the_console_with_any_header():
+    """By a form, whose token is in its body."""
+    paths = []
+
+    async def console(scope, _receive, _send):
+        paths.append(scope["path"])
+
+    guard = by_daphne(console)
+    guard.makeConnection(StringTransport())
+    guard.dataReceived(
+        b"POST /stop-all/ HTTP/1.1\r\nHost: lab\r\nX-Name: \xc3\x85se\r\nContent-Length: 4\r\n\r\nbody"
+    )
+    for _ in range(10):
+        await asyncio.sleep(0)
+    assert paths == ["/stop-all/"]
+    guard.connectionLost(Failure(ConnectionAborted()))
+
+
+def by_daphne(console):
+    """A guard before Daphne's protocol."""
+    front = Front(console, session_cookie="session")
+    daphne = daphne_server.Server(front, endpoints=["tcp:0"])
+    daphne.connections = {}
+    daphne.ws_factory = daphne_server.WebSocketFactory(daphne)
+    guard = Factory(daphne_server.HTTPFactory(daphne), front).buildProtocol(None)
+    guard.callLater = lambda *_: SimpleNamespace(cancel=lambda: None, reset=lambda _s: None)
+    return guard
+
+
 async def test_a_websocket_opens_by_tls():
     """Autobahn asks a connection that looks like TLS for its certificate."""
 
@@ -62,11 +110,7 @@ async def test_a_websocket_opens_by_tls():
         await receive()
         await send({"type": "websocket.accept"})
 
-    front = Front(console, session_cookie="session")
-    daphne = daphne_server.Server(front, endpoints=["tcp:0"])
-    daphne.connections = {}
-    daphne.ws_factory = daphne_server.WebSocketFactory(daphne)
-    guard = Factory(daphne_server.HTTPFactory(daphne), front).buildProtocol(None)
+    guard = by_daphne(console)
     transport = StringTransport()
     transport.setTcpNoDelay = lambda _on: None
     directlyProvides(transport, ISSLTransport)
