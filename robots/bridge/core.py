@@ -704,9 +704,11 @@ class Core:
         ended = self.lease.end_grant()
         if ended is None:
             return
-        self._zero("control_ended", reason, now_s)
-        self.tasks.control_ended(reason, now_s)
-        self._announce(Ended(ended.fence))
+        try:
+            self._zero("control_ended", reason, now_s)
+        finally:  # also if this zero fails: without a grant, nothing else ends them
+            self.tasks.control_ended(reason, now_s)
+            self._announce(Ended(ended.fence))
 
     def _watch_stopped(self, now_s: float) -> None:
         """Notice a robot that moves although it is stopped."""

@@ -1,6 +1,7 @@
 """The core's chain: lease, dead-man, stop, neutral stick, audit."""
 
 import itertools
+from datetime import UTC, datetime
 from uuid import uuid4
 
 import msgspec
@@ -12,7 +13,8 @@ from robots.bridge.lease.state_store import SavedState
 from robots.bridge.robot_reports import ODOMETRY_ONLINE_S, RosStatus
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.records.verdict import SpeedLimit, Verdict
-from robots.shared.wire import Grant
+from robots.shared.sentences import say
+from robots.shared.wire import Grant, Revoke, encode, link_request
 from tests.bridge.support import ORDERS, Bench, ObedientBench
 
 FORWARD = Velocity(0.5, 0.0, 0.0)
@@ -62,6 +64,19 @@ def test_after_silence_the_stick_must_return_to_the_middle(bench):
     assert refusal.figures == {"because": "dead_man", "why": "no command came for 0.3 s"}
     assert bench.stick(0.0) is None
     bench.driving()
+
+
+def test_control_ends_whatever_the_consoles_reason_says(bench):
+    """Its moments and the sentences in it come as texts and lists."""
+    at = datetime(2026, 3, 2, 15, tzinfo=UTC)
+    reason = say("Nobody drives from {time:clock} ({why}).", time=at, why=say("until {time:clock}", time=at))
+    revoke = link_request(encode(Revoke(1, reason)))
+    bench.granted().driving()
+    bench.core.revoke(1, revoke.sentence_of("reason"), bench.now_s)
+    assert bench.last == STILL
+    needed = bench.core.state(bench.now_s, []).neutral_needed
+    assert needed.text == "Nobody drives from 15:00 (until 15:00)"
+    assert needed.said == {"text": ["{reason:bare}", {"reason": reason.parts}]}
 
 
 def test_the_reason_for_neutral_continues_its_sentence(bench):

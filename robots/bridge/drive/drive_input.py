@@ -151,9 +151,8 @@ def _axis(speed: float, full: float) -> float:
 
 def _bare(reason: str) -> str:
     """Return a reason as part of another sentence."""
+    text = reason.removeprefix("stopped: ")
     if not isinstance(reason, Sentence):
-        return reason.removeprefix("stopped: ").rstrip(".")
-    key = reason.key.removeprefix("stopped: ")
-    # Without figures, the key is a text that may have any braces.
-    whole = say(key, **reason.figures) if reason.figures else of_parts(key, [key])
-    return say("{reason:bare}", reason=whole)
+        return text.rstrip(".")
+    key, *rest = reason.parts
+    return say("{reason:bare}", reason=of_parts(text, [key.removeprefix("stopped: "), *rest]))

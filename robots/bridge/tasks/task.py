@@ -210,10 +210,10 @@ class TaskPart(ABC):
     def tell(self, ending: Ending, now_s: float) -> None:
         """React to what may end tasks."""
         reaction = self.reactions[ending.cause]
+        if reaction in (Reaction.HALT, Reaction.END):  # first, so that a failed answer keeps nothing running
+            self.end_running(ending, now_s)
         if reaction in (Reaction.DROP, Reaction.END, Reaction.LEAVE):
             self.drop(ending, now_s)
-        if reaction in (Reaction.HALT, Reaction.END):
-            self.end_running(ending, now_s)
         if reaction is Reaction.LEAVE:
             self.leave(ending, now_s)
 

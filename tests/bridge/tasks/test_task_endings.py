@@ -1,6 +1,7 @@
 """Every kind of task ends once, for every cause, with its outcome recorded."""
 
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
@@ -119,6 +120,26 @@ def test_every_kind_has_a_part_and_is_in_these_tables():
     assert len(described) == len(TASK_KINDS)
     assert HAPPENS.keys() == GO_ON.keys() == set(Cause)
     assert {kind.name for kind in TASK_KINDS if kind.cancel} == CANCELS.keys()
+
+
+def test_a_zero_that_fails_keeps_no_task_running(bench, monkeypatch):
+    bench.ask(ORDERS["motion"])
+    bench.obeys()
+    with monkeypatch.context() as patched, pytest.raises(OSError, match="no network"):
+        patched.setattr(bench.base, "publish", Mock(side_effect=OSError("no network")))
+        control_ended(bench, "motion")
+    bench.reports()
+    assert outcomes(bench, "motion") == ["control_ended"]
+
+
+def test_an_answer_that_fails_keeps_no_task_running(bench, monkeypatch):
+    bench.ask(ORDERS["publish"])
+    bench.obeys()
+    publications = bench.core.tasks.publications
+    monkeypatch.setattr(publications, "drop", Mock(side_effect=OSError("no answer")))
+    with pytest.raises(OSError, match="no answer"):
+        stopped(bench, "publish")
+    assert outcomes(bench, "publish") == ["stopped"]
 
 
 @pytest.mark.parametrize("cause", Cause)
