@@ -94,7 +94,7 @@ def _on_wire(value: Any) -> Any:
     if isinstance(value, date):
         return value.isoformat()
     if isinstance(value, float):
-        return round(value, DIGITS)
+        return round(float(value), DIGITS)  # a number of numpy cannot be sent
     return value if isinstance(value, int | list) else str(value)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from zoneinfo import ZoneInfo
 
 import msgspec
+import numpy as np
 import pytest
 from django.utils import timezone, translation
 
@@ -46,6 +47,13 @@ def test_a_sentence_is_an_english_text_with_key_and_figures() -> None:
     )
 
 
+def test_a_number_of_numpy_can_be_sent() -> None:
+    sent = msgspec.json.decode(
+        wire.encode(wire.Refusal("x", say("{gap:fine} m", gap=np.float64(0.5)), "gate"))
+    )
+    assert sent["said"] == {"text": ["{gap:fine} m", {"gap": 0.5}]}
+
+
 def test_sentences_are_said_in_the_readers_language(tmp_path: Path, settings, monkeypatch) -> None:  # type: ignore[no-untyped-def]
     folder = tmp_path / "es" / "LC_MESSAGES"
     folder.mkdir(parents=True)
@@ -61,6 +69,9 @@ def test_sentences_are_said_in_the_readers_language(tmp_path: Path, settings, mo
     assert robots == "2 robots until 15:00"
     with translation.override("es"), timezone.override("Europe/Madrid"):
         assert in_words(old) == "0,05 m, láser: hace 0,6 s"
+        assert in_words(say("{gap:.2f} m, {age:age}, {angle:.0f}°", gap=0.699, age=0.58, angle=89.6)) == (
+            "0,70 m, 0,6 s, 90°"
+        )
         assert in_words("") == ""
         assert words_of(wire.Refusal("x", robots, "gate")) == "2 robots hasta las 15:00"
     assert say("{day:day}", day=date(2026, 12, 3)) == "03 Dec 2026"

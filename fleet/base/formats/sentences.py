@@ -54,7 +54,8 @@ def _shown(value: Any, form: str) -> str:
 
 
 def _number(value: float, digits: int | None) -> str:
-    return str(number_format(value, digits, use_l10n=True, force_grouping=False))
+    rounded = value if digits is None else f"{value:.{digits}f}"  # Django would cut the digits off
+    return str(number_format(rounded, digits, use_l10n=True, force_grouping=False))
 
 
 def _age(age_s: float) -> str:

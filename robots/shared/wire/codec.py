@@ -6,10 +6,10 @@ from itertools import islice
 from typing import Any, Generic, TypeVar
 
 import msgspec
-from msgspec import Struct, structs
+from msgspec import UNSET, Struct, structs
 
 from robots.shared.sentences import Sentence, say
-from robots.shared.wire.base import LARGEST_MESSAGE_BYTES, Refusal, Seq, ShortText, WireError
+from robots.shared.wire.base import LARGEST_MESSAGE_BYTES, Refusal, Seq, ShortText, WireError, Worded
 
 T = TypeVar("T")
 
@@ -117,9 +117,10 @@ def _cut(value: Any, longest: int, most: int) -> Any:
             return f"{value[: longest - 20]}… ({len(value)} long)"
         case Struct():
             fields = value.__struct_fields__
-            return structs.replace(
-                value, **{name: _cut(getattr(value, name), longest, most) for name in fields}
-            )
+            cut = {name: _cut(getattr(value, name), longest, most) for name in fields}
+            if isinstance(value, Worded):  # a cut key is none, and the figures are of the whole text
+                cut["said"] = UNSET
+            return structs.replace(value, **cut)
         case tuple():
             return tuple(_cut(part, longest, most) for part in value)
         case list():
