@@ -82,17 +82,17 @@ class Places:
     taken: int = 0
     _of_address: Counter[str] = field(default_factory=Counter)
 
-    def take(self, address: str) -> bool:
-        """Take a place. Return False if there is none."""
-        if self.taken >= self.most or self._of_address[address] >= self.most_of_address:
+    def take(self, address: str, number: int = 1) -> bool:
+        """Take places. Return False if there are not so many."""
+        if self.taken + number > self.most or self._of_address[address] + number > self.most_of_address:
             return False
-        self.taken += 1
-        self._of_address[address] += 1
+        self.taken += number
+        self._of_address[address] += number
         return True
 
-    def give_back(self, address: str) -> None:
-        """Give back a place that was taken."""
-        self.taken -= 1
-        self._of_address[address] -= 1
+    def give_back(self, address: str, number: int = 1) -> None:
+        """Give back places that were taken."""
+        self.taken -= number
+        self._of_address[address] -= number
         if not self._of_address[address]:
             del self._of_address[address]

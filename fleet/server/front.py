@@ -40,7 +40,9 @@ class Front:
         self.websockets = Places(limits.WEBSOCKETS, limits.WEBSOCKETS_OF_ADDRESS)
         self.strangers = Turns(limits.STRANGERS_AT_ONCE)
         self.work = WorkQueue(lambda work: asyncio.get_running_loop().call_soon(work))
-        self.bodies_bytes = 0  # size of the bodies of all requests that arrive or wait for their responses
+        # Bytes of the bodies of all requests that arrive or wait for their responses. A proxy has one address.
+        of_address = limits.BODIES_BYTES if behind_proxy else limits.BODIES_OF_ADDRESS_BYTES
+        self.bodies = Places(limits.BODIES_BYTES, of_address)
         self._console = console
         self._behind_proxy = behind_proxy
 

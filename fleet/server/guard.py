@@ -44,6 +44,7 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
         self.unread_bytes = 0  # of a WebSocket, since its application last waited
         self._unhandled = b""  # received bytes that wait for their turn
         self._owner: Key = ()  # for whom they are handled
+        self._address = ""  # for which the connection counts
         self._reserved = 0  # bytes of the body, as they count for the limit of all bodies
         self._is_between = False  # between two requests
         self._is_answering = False
@@ -68,7 +69,8 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
         """Handle a new connection: take a place, or refuse it."""
         super().makeConnection(transport)
         transport.registerProducer(_Flow(self), True)
-        self._owner = self.server.owner_of(None, self.server.address_of(transport))
+        self._address = self.server.address_of(transport)
+        self._owner = self.server.owner_of(None, self._address)
         self.setTimeout(limits.HEAD_S)
         if not self.server.entered(self):
             self.refuse(limits.busy())
@@ -118,13 +120,12 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
         return IncomingRequest(self.server.session_cookie, self._reserve)
 
     def _reserve(self, more_bytes: int) -> None:
-        if self.server.bodies_bytes + more_bytes > limits.BODIES_BYTES:
+        if not self.server.bodies.take(self._address, more_bytes):
             raise Refused(limits.busy())
         self._reserved += more_bytes
-        self.server.bodies_bytes += more_bytes
 
     def _free(self) -> None:
-        self.server.bodies_bytes -= self._reserved
+        self.server.bodies.give_back(self._address, self._reserved)
         self._reserved = 0
 
     def _hand_on(self, request: IncomingRequest, head: Head) -> None:

@@ -17,6 +17,7 @@ BODY_BYTES = 64 * 1024  # without session cookie: a sign-in form has less than 1
 SIGNED_IN_BODY_BYTES = 4 * 1024 * 1024  # for an admin form: Django itself accepts 2.5 MB
 STOP_BODY_BYTES = 16 * 1024  # what is kept of a stop's body: a form's CSRF token stands at its beginning
 BODIES_BYTES = 64 * 1024 * 1024  # all bodies in memory together
+BODIES_OF_ADDRESS_BYTES = BODIES_BYTES // 2  # one stranger must not keep all others from signing in
 
 UNHANDLED_BYTES = 64 * 1024  # received bytes of one connection that wait for their turn; then reading pauses
 

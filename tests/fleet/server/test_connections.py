@@ -54,6 +54,10 @@ def test_a_place_is_given_back(connections):
     assert not places.take("a third")
     places.give_back("one")
     assert places.take("a third")
+    places.give_back("one")
+    places.give_back("another")
+    assert not places.take("a third", 2)
+    assert places.take("one", 2)
 
 
 @pytest.mark.parametrize(

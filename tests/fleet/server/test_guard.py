@@ -59,9 +59,17 @@ async def test_a_body_that_no_application_gets_is_freed(guard):
     """Daphne refuses some requests itself."""
     guard.dataReceived(b"POST / HTTP/1.1\r\nHost: lab\r\nContent-Length: 4\r\n\r\nbody")
     await asyncio.sleep(0)
-    assert guard.server.bodies_bytes == 4
+    assert guard.server.bodies.taken == 4
     guard.connectionLost(Failure(ConnectionAborted()))
-    assert guard.server.bodies_bytes == 0
+    assert guard.server.bodies.taken == 0
+
+
+async def test_bodies_of_one_address_leave_room_for_others(guard):
+    guard.server.bodies.take(guard.server.address_of(guard), limits.BODIES_OF_ADDRESS_BYTES)
+    guard.dataReceived(b"POST / HTTP/1.1\r\nHost: lab\r\nContent-Length: 4\r\n\r\n")
+    await asyncio.sleep(0)
+    assert guard.transport.value().startswith(b"HTTP/1.1 503 ")
+    assert guard.server.bodies.take("another", limits.BODIES_OF_ADDRESS_BYTES)
 
 
 async def test_reading_an_answer_does_not_extend_the_next_request(guard):
