@@ -70,13 +70,15 @@ def test_control_ends_whatever_the_consoles_reason_says(bench):
     """Its moments and the sentences in it come as texts and lists."""
     at = datetime(2026, 3, 2, 15, tzinfo=UTC)
     reason = say("Nobody drives from {time:clock} ({why}).", time=at, why=say("until {time:clock}", time=at))
-    revoke = link_request(encode(Revoke(1, reason)))
+    sent = link_request(encode(Revoke(1, reason))).sentence_of("reason")
     bench.granted().driving()
-    bench.core.revoke(1, revoke.sentence_of("reason"), bench.now_s)
+    bench.core.pause(1, sent, 1, bench.now_s)
     assert bench.last == STILL
     needed = bench.core.state(bench.now_s, []).neutral_needed
     assert needed.text == "Nobody drives from 15:00 (until 15:00)"
     assert needed.said == {"text": ["{reason:bare}", {"reason": reason.parts}]}
+    bench.core.revoke(1, sent, bench.now_s)
+    assert bench.core.lease.current is None
 
 
 def test_the_reason_for_neutral_continues_its_sentence(bench):

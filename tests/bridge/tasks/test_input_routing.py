@@ -128,7 +128,7 @@ def test_old_drive_topic_gets_zero_before_the_new_one_is_used(bench):
     assert topic == "/phone_vel"
     assert bench.base.sent[sent - 1] == STILL
     needed = bench.core.state(bench.now_s, []).neutral_needed
-    assert needed == wire.NeutralNeeded("input_moved", "input goes to /phone_vel now")
+    assert (needed.code, needed.text) == ("input_moved", "input goes to /phone_vel now")
     assert bench.stick(0.5).code == "neutral_needed"
     bench.stick(0.0)
     bench.driving()
