@@ -293,7 +293,7 @@ def booking_move(
         booking.overridden = bool(override) or None  # None: every rule allows it now
         save_booking(booking)
         record_booking("booking.move", booking, actor, text=override, parameters={"before": before})
-        changed_by_another(booking, actor, _("moved"), override, now)
+        changed_by_another(booking, actor, lambda: _("moved"), now, lambda: override)
     return booking
 
 
@@ -313,7 +313,7 @@ def booking_cancel(
         booking.held_until = now if begun else booking.starts_at
         save_booking(booking)
         record_booking("booking.cancel", booking, actor, outcome=booking.state, text=reason)
-        changed_by_another(booking, actor, _("cancelled"), reason, now)
+        changed_by_another(booking, actor, lambda: _("cancelled"), now, lambda: reason)
     return booking
 
 
@@ -327,17 +327,21 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
         if to == booking.person:
             text = say("This is the booking of {name} already.", name=to.display_name)
             raise BookingRefused([Refusal("invalid", text, "booking")])
+
+        def handed() -> str:
+            return _("handed to %(name)s") % {"name": to.display_name}
+
         if booking.state == State.BOOKED and now > booking.starts_at:
-            changed_by_another(booking, actor, _("handed to %(name)s") % {"name": to.display_name}, "", now)
+            changed_by_another(booking, actor, handed, now)
             booking = _hand_rest(booking, to, actor, now)
-            changed_by_another(booking, actor, _("handed to you"), "", now)
+            changed_by_another(booking, actor, lambda: _("handed to you"), now)
             return booking
         slot = Slot(booking.starts_at, booking.ends_at)
         quotas_locked(booking.robot, to, slot)
         lesson = _is_lesson_of(to, booking)
         course = _check(booking.robot, to, slot, now, actor=actor, moved=booking, lesson=lesson)
         before = booking.person
-        changed_by_another(booking, actor, _("handed to %(name)s") % {"name": to.display_name}, "", now)
+        changed_by_another(booking, actor, handed, now)
         booking.person, booking.overridden = to, None
         if not lesson:  # a student's slot is no lesson: it counts for quotas
             booking.course, booking.series = course, None
@@ -348,7 +352,7 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
         record_booking(
             "booking.hand", booking, actor, parameters=parameters, private={"before": before.display_name}
         )
-        changed_by_another(booking, actor, _("handed to you"), "", now)
+        changed_by_another(booking, actor, lambda: _("handed to you"), now)
     return booking
 
 
@@ -361,7 +365,7 @@ def booking_approve(*, booking_id: UUID, version: int, actor: User, now: datetim
             booking.state, booking.made_at = State.BOOKED, now  # others could take control until now
             save_booking(booking)
             record_booking("booking.approve", booking, actor)
-            changed_by_another(booking, actor, _("approved"), "", now)
+            changed_by_another(booking, actor, lambda: _("approved"), now)
     return booking
 
 

@@ -70,6 +70,7 @@ def test_words_about_another_person_name_them(signed_in, robot, operator, observ
     answer = signed_in(supervisor).post(reverse("booking", args=[booking.pk]), posted, **JSON)
     [refusal] = answer.json()["refusals"]
     assert refusal["text"].startswith(f"For {observer.display_name}: You may not drive TIAGo 1")
+    assert refusal["said"]["text"][0] == "For {name}: {text}"
 
 
 def test_handing_over_tells_nobody_who_has_an_account(signed_in, robot, operator, observer, stranger):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection
 from datetime import datetime
+from functools import partial
 from typing import Any
 from uuid import UUID
 
@@ -19,6 +20,7 @@ from msgspec import structs
 from fleet.accounts.models import User
 from fleet.accounts.services import erased
 from fleet.audit.errors import AuditUnavailable
+from fleet.base.formats.sentences import words_of
 from fleet.bookings.messages.notifications import changed_by_another
 from fleet.bookings.models import Booking, State
 from fleet.bookings.rules import Slot, Wish, lost_right, qualified
@@ -110,7 +112,9 @@ def _end(booking: Booking, lost: Refusal, now: datetime) -> None:
     booking.held_until = now if begun else booking.starts_at
     save_booking(booking)
     record_booking("booking.cancel", booking, None, outcome=booking.state, parameters={"why": lost.code})
-    changed_by_another(booking, None, _("ended") if begun else _("cancelled"), lost.text, now)
+    changed_by_another(
+        booking, None, lambda: _("ended") if begun else _("cancelled"), now, partial(words_of, lost)
+    )
 
 
 def _shorten(booking: Booking, wish: Wish, now: datetime) -> None:
@@ -121,7 +125,7 @@ def _shorten(booking: Booking, wish: Wish, now: datetime) -> None:
     booking.ends_at = booking.held_until = wish.qualified_until
     save_booking(booking)
     record_booking("booking.move", booking, None, parameters={"before": before, "why": "unqualified"})
-    changed_by_another(booking, None, _("shortened"), why.text if why else "", now)
+    changed_by_another(booking, None, lambda: _("shortened"), now, partial(words_of, why) if why else str)
 
 
 @receiver(access_changed)

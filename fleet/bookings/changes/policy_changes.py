@@ -111,8 +111,13 @@ def out_of_service_add(
     _tell(robot)
     affected = list(held_between([robot], max(starts_at, now), ends_at or FAR))
     for booking in affected:
-        reason = f"{period.get_why_display()} {note}".strip()
-        changed_by_another(booking, actor, _("the robot is out of service"), reason, now)
+        changed_by_another(
+            booking,
+            actor,
+            lambda: _("the robot is out of service"),
+            now,
+            lambda: f"{period.get_why_display()} {note}",
+        )
     return period, affected
 
 
@@ -137,7 +142,7 @@ def _out_of_service_end(period_id: UUID, actor: User, now: datetime) -> None:
     parameters = {"period": str(period_id)}
     record("robot.back_in_service", actor=actor, **_named(period.robot), parameters=parameters)
     for booking in held_between([period.robot], starts_at, ends_at):
-        changed_by_another(booking, actor, _("the robot is back in service"), "", now)
+        changed_by_another(booking, actor, lambda: _("the robot is back in service"), now)
 
 
 @receiver(post_save, sender=Robot)
@@ -150,7 +155,9 @@ def _robot_changed(*, instance: Robot, created: bool, update_fields: Any, **_opt
         return
     now = timezone.now()
     for booking in held_between([instance], now, FAR) if not instance.enabled else ():
-        changed_by_another(booking, None, _("the robot is out of service"), str(SWITCHED_OFF), now)
+        changed_by_another(
+            booking, None, lambda: _("the robot is out of service"), now, lambda: str(SWITCHED_OFF)
+        )
     settling.send(sender=Booking, robot=instance, now=now)  # this change has locked the robot's row
     _tell(instance)
 

@@ -9,11 +9,13 @@ from typing import Any
 
 from django.db import transaction
 from django.db.models import QuerySet
+from django.utils.translation import get_language, override
 from django.utils.translation import gettext as _
 from icalendar import Calendar, Event
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
+from fleet.base.languages import chosen
 from fleet.bookings.models import Booking, FeedAddress, State
 from fleet.bookings.permissions import shows_person
 from fleet.bookings.selectors import NOT_YET, grace_of, policies_of, stage_of
@@ -48,11 +50,12 @@ def feed_of(token: str, now: datetime) -> bytes | None:
         return None
     bookings = Booking.objects.filter(held_until__gt=now - PAST).exclude(state=State.CANCELLED)
     reader = reader_of(address.person)
-    if address.robot is None:
-        return _calendar(address.person.display_name, bookings.filter(person=address.person), reader, now)
-    if not robots_bookable_by(address.person).filter(pk=address.robot.pk).exists():
-        return None
-    return _calendar(address.robot.name, bookings.filter(robot=address.robot), reader, now)
+    with override(chosen(address.person.language) or get_language()):
+        if address.robot is None:
+            return _calendar(address.person.display_name, bookings.filter(person=address.person), reader, now)
+        if not robots_bookable_by(address.person).filter(pk=address.robot.pk).exists():
+            return None
+        return _calendar(address.robot.name, bookings.filter(robot=address.robot), reader, now)
 
 
 def _calendar(name: str, bookings: QuerySet[Booking], reader: Reader, now: datetime) -> bytes:

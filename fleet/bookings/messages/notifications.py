@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime, timedelta
 from typing import Any
@@ -18,6 +19,7 @@ from django.core.mail import EmailMessage, get_connection
 from django.db import transaction
 from django.db.models import F, Q, QuerySet
 from django.dispatch import receiver
+from django.utils import timezone
 from django.utils.formats import date_format
 from django.utils.translation import gettext as _
 from django.utils.translation import override
@@ -30,6 +32,8 @@ from fleet.base.zones import zone_of
 from fleet.bookings.models import Booking, FeedAddress, Notification, State, Waiting
 
 log = logging.getLogger(__name__)
+
+Words = Callable[[], str]
 
 AHEAD = timedelta(hours=1)  # how long before its slot a reminder is sent
 AGAIN = timedelta(minutes=5)
@@ -73,18 +77,25 @@ def _forget(*, user: User, **_options: Any) -> None:
     Booking.objects.filter(person=user).update(purpose="")
 
 
-def changed_by_another(booking: Booking, actor: User | None, what: str, reason: str, now: datetime) -> None:
-    """Notify the owner of a booking that another person, or the console, changed it."""
+def changed_by_another(
+    booking: Booking, actor: User | None, what: Words, now: datetime, reason: Words = str
+) -> None:
+    """Notify the owner of a booking that another person, or the console, changed it.
+
+    `what` and `reason` are called in the owner's language and time zone.
+    """
     if actor is not None and actor.pk == booking.person_id:
         return
-    with override(of_person(booking.person.language)):
+    zone = zone_of(booking.person.time_zone)
+    with override(of_person(booking.person.language)), timezone.override(zone):
         by = actor.display_name if actor else _("the console")
-        subject = _("Your booking of %(robot)s: %(what)s") % {"robot": booking.robot.name, "what": what}
+        subject = _("Your booking of %(robot)s: %(what)s") % {"robot": booking.robot.name, "what": what()}
         lines = [
-            in_words(booking, zone_of(booking.person.time_zone)),
+            in_words(booking, zone),
             _("Changed by %(name)s.") % {"name": by},
+            reason(),
         ]
-    notification_write(to=booking.person, subject=subject, text="\n".join([*lines, reason]).strip(), now=now)
+    notification_write(to=booking.person, subject=subject, text="\n".join(lines).strip(), now=now)
 
 
 def in_words(booking: Booking, zone: ZoneInfo) -> str:

@@ -8,6 +8,7 @@ import pytest
 from django.core.mail.backends.locmem import EmailBackend
 from django.urls import reverse
 from django.utils import timezone as django_timezone
+from django.utils.translation import get_language, override
 from icalendar import Calendar
 
 from fleet.accounts.models import User
@@ -67,6 +68,18 @@ def test_a_slot_booked_a_moment_before_needs_no_reminder(robot, olga):
     book(robot, olga, 0.5)
     notifications.write_reminders(at(0.1))
     assert Notification.objects.count() == 0
+
+
+def test_words_about_a_change_are_in_its_owners_language(robot, olga, supervisor, settings):
+    settings.LANGUAGES = [("en-gb", "English"), ("es", "español")]
+    olga.language, olga.time_zone = "es", "Asia/Tokyo"
+    booking = book(robot, olga)
+    with override("en-gb"):
+        zone = django_timezone.get_current_timezone_name
+        notifications.changed_by_another(booking, supervisor, get_language, NOW, zone)
+    [told] = Notification.objects.all()
+    assert told.subject.endswith(": es")
+    assert told.text.endswith("\nAsia/Tokyo")
 
 
 def test_a_notification_says_why_others_changed_a_booking(robot, olga, supervisor, mailoutbox):
