@@ -38,6 +38,7 @@ TOLD = {
     "Malformed": (0, "text"),
     "PoseUnknown": (0, "text"),
     "complain": (1, "words"),
+    "replace": (9, "text"),  # of a struct, which keeps the figures of its former text beside a plain text
 }
 HEAD = r"""msgid ""
 msgstr ""

@@ -1,1 +1,1 @@
-"""The emergency stop and its clear, for pages, forms and programs. `robots.stop` delivers stops to the robots."""
+"""The emergency stop and its clear, for pages, forms and programs. `robots.link` delivers stops to the robots."""

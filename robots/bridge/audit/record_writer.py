@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeVar
 
 from robots.shared.records.record_sink import BadRecord, RecordError
+from robots.shared.sentences import say
 
 log = logging.getLogger(__name__)
 
@@ -88,7 +89,7 @@ class RecordWriter:
             return trouble.why
         waiting = next((job for job in self._open if not job.done.done()), None)
         if waiting and now_s - waiting.asked_s > PATIENCE_S:
-            return f"no answer from the audit log for {PATIENCE_S:.0f} s"
+            return say("no answer from the audit log for {seconds:.0f} s", seconds=PATIENCE_S)
         return None
 
     def close(self) -> None:

@@ -265,7 +265,9 @@ def _chosen(voices: dict[Voice, Part], now_s: float) -> Part:
     if len(heard) == 1:
         return part
     distinct = [word for word, *others in zip(voice, *heard, strict=True) if word and len(set(others)) > 1]
-    return replace(part, text=f"{part.text} ({', '.join(distinct)})") if distinct else part
+    if not distinct:
+        return part
+    return replace(part, text=say("{text} ({names})", text=part.text, names=", ".join(distinct)))
 
 
 def _order(part: Part) -> tuple[int, float]:

@@ -112,7 +112,7 @@ class LimbMove(Goals[Target]):
     @property
     def under_way(self) -> list[str]:
         """The move, in words."""
-        return [f"the move of the {self._limb}"] if self.runs else []
+        return [say("the move of the {limb}", limb=LIMBS[self._limb])] if self.runs else []
 
     def refuse(self, to_m: float, now_s: float) -> Refusal | None:
         """Return why this limb cannot move to `to_m` now."""

@@ -28,7 +28,7 @@ from robots.shared.geometry.planar import NO_POINTS, Points
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.maps.goal_map import NO_MAP, UNKNOWN_NOW, GoalMap
 from robots.shared.records.verdict import Verdict
-from robots.shared.sentences import say, standing_alone
+from robots.shared.sentences import joined, say, standing_alone
 from robots.shared.wire import Go, Grant, Refusal
 
 CONFIRMED_S = 2.0  # the goal ends after this time without a sign of the holder's client
@@ -505,7 +505,7 @@ class NavigationGoals(Goals[Target], TaskPart):
 
     def unmapped(self, why: str, now_s: float) -> None:
         """Note that the robot has no usable map now. End the drive."""
-        text = f"The robot has no map that can be used: {why}"
+        text = say("The robot has no map that can be used: {why}", why=why)
         self._map, self._map_problem = None, Refusal("no_map", standing_alone(text), "robot")
         self._doubted_s = math.inf
         self.end("map_gone", self._map_problem.sentence, now_s)
@@ -630,8 +630,8 @@ def _result(outcome: str, text: str) -> str:
     """Return navigation's text about its result as a sentence."""
     if outcome == "succeeded":
         return ""
-    said = f"Navigation said: {text}" if text else "Navigation did not say why."
-    by_others = (
+    said = say("Navigation said: {text}", text=text) if text else say("Navigation did not say why.")
+    by_others = say(
         "Another program cancelled it, or the watchdog did, because the console’s computer hung for a second."
     )
-    return f"{by_others} {said}" if outcome == "cancelled" else said
+    return joined(" ", [by_others, said]) if outcome == "cancelled" else said

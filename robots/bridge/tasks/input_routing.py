@@ -253,7 +253,7 @@ class InputRouting(TaskPart):
         del self._asked[use]
         refusal = self._why_not_now(use, choice.requester, now_s)
         if refusal is None:
-            self._make(use, choice, f"input goes to {choice.topic} now", now_s)
+            self._make(use, choice, say("input goes to {topic} now", topic=choice.topic), now_s)
         self._answer(use, choice, refusal, now_s)
 
     def _why_not_now(self, use: Use, requester: Requester, now_s: float) -> Refusal | None:

@@ -15,12 +15,12 @@ from typing import Any
 from uuid import UUID
 
 import msgspec
-from msgspec import UNSET, Struct, structs
+from msgspec import Struct, structs
 from websockets.asyncio.client import ClientConnection, unix_connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from robots.shared import wire
-from robots.shared.sentences import say
+from robots.shared.sentences import say, standing_alone
 from robots.shared.wire import Accepted, Booked, Control, NotDone, Offers, Refusal, Refused, Welcome, kind_of
 
 log = logging.getLogger(__name__)
@@ -340,7 +340,7 @@ def _without_stick(refusal: Refusal) -> Refusal:
     why = str(refusal.figures.get("why", ""))
     if refusal.code != "neutral_needed" or not why:
         return refusal
-    return structs.replace(refusal, text=f"{why[0].upper()}{why[1:]}.", said=UNSET)
+    return structs.replace(refusal, text=standing_alone(why))
 
 
 def _left(seconds: float | None, age_s: float) -> float | None:
