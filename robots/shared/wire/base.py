@@ -46,7 +46,7 @@ TabToken = Annotated[str, Meta(min_length=16, max_length=64, pattern=r"^[A-Za-z0
 Said = dict[str, list[Any]]
 
 
-class Worded(Struct, frozen=True):
+class Worded(Struct, frozen=True, kw_only=True):
     """A message with sentences for people, in English.
 
     `said` has key and figures of those with figures, for a page in another language. Any other is its own key.
@@ -54,17 +54,15 @@ class Worded(Struct, frozen=True):
 
     SENTENCES: ClassVar[tuple[str, ...]] = ("text",)  # fields
 
+    said: Said | UnsetType = UNSET
+
     def __post_init__(self) -> None:
         """Split sentences into plain texts and `said`."""
         for field in self.SENTENCES:
             sentence = getattr(self, field)
             if type(sentence) is Sentence:
                 structs.force_setattr(self, field, str(sentence))
-                said = {
-                    name: parts
-                    for name, parts in (getattr(self, "said", None) or {}).items()
-                    if name != field
-                }
+                said = {name: parts for name, parts in (self.said or {}).items() if name != field}
                 if sentence.figures:
                     said[field] = sentence.parts
                 structs.force_setattr(self, "said", said or UNSET)
@@ -77,7 +75,7 @@ class Worded(Struct, frozen=True):
     def sentence_of(self, field: str) -> Sentence:
         """Return the text of a field with its key and figures."""
         text = getattr(self, field)
-        return of_parts(text, (getattr(self, "said", None) or {}).get(field, [text]))
+        return of_parts(text, (self.said or {}).get(field, [text]))
 
 
 class Refusal(Worded, frozen=True, omit_defaults=True):
@@ -91,7 +89,6 @@ class Refusal(Worded, frozen=True, omit_defaults=True):
     text: str
     rule: Rule
     figures: Mapping[str, float | int | str | None] = msgspec.field(default_factory=dict)
-    said: Said | UnsetType = UNSET
 
 
 class NotDone(Exception):
@@ -136,7 +133,6 @@ class Notice(Worded, frozen=True, tag_field="t", tag="notice"):
     level: Level
     code: str
     text: str
-    said: Said | UnsetType = UNSET
 
 
 class Refused(Struct, frozen=True, tag_field="t", tag="refused", omit_defaults=True):

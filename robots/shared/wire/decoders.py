@@ -9,7 +9,6 @@ import msgspec
 from robots.shared.wire.base import Accepted, Ack, BridgeGone, Notice, Ping, Pong, Refused
 from robots.shared.wire.camera import CameraMessage, CameraPong, CameraRequest, Cameras, CameraState
 from robots.shared.wire.codec import MessageDecoder
-from robots.shared.wire.limbs import LimbCancel, MoveLimb
 from robots.shared.wire.link import (
     BridgeHello,
     CameraAt,
@@ -22,7 +21,7 @@ from robots.shared.wire.link import (
     Status,
     Stopped,
 )
-from robots.shared.wire.navigation import Go, GoCancel, GoPath, SetPose
+from robots.shared.wire.navigation import GoPath
 from robots.shared.wire.page import (
     Ask,
     AskCancel,
@@ -47,20 +46,7 @@ from robots.shared.wire.page import (
     Welcome,
 )
 from robots.shared.wire.state import Offers, View
-from robots.shared.wire.tasks import (
-    Choose,
-    DriveBy,
-    DriveByCancel,
-    Forget,
-    LookAhead,
-    Play,
-    PlayCancel,
-    Publish,
-    PublishStop,
-    Say,
-    SayCancel,
-    TurnHead,
-)
+from robots.shared.wire.tasks import TaskRequest
 from robots.shared.wire.topics import Sample, TopicAnswer, TopicsMessage
 
 BrowserMessage = (
@@ -75,23 +61,7 @@ BrowserMessage = (
     | Drive
     | CameraView
     | ShowJoints
-    | LookAhead
-    | TurnHead
-    | Forget
-    | Play
-    | PlayCancel
-    | Say
-    | SayCancel
-    | DriveBy
-    | DriveByCancel
-    | Go
-    | GoCancel
-    | SetPose
-    | MoveLimb
-    | LimbCancel
-    | Choose
-    | Publish
-    | PublishStop
+    | TaskRequest
     | Refresh
     | Stop
     | Clear

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from msgspec import UNSET, Struct, UnsetType
+from msgspec import Struct
 
-from robots.shared.wire.base import Said, Worded
+from robots.shared.wire.base import Worded
 
 # Levels of ROS diagnostics. silent: the part's report is marked as stale, or no report came for 10 s.
 HealthLevel = Literal["ok", "silent", "warning", "error"]
@@ -22,7 +22,6 @@ class HealthPart(Worded, frozen=True):
     level: HealthLevel
     text: str
     since_s: int  # time at this level
-    said: Said | UnsetType = UNSET
 
 
 class Temperature(Struct, frozen=True):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from msgspec import UNSET, Meta, Struct, UnsetType
+from msgspec import Meta, Struct
 
-from robots.shared.wire.base import Fence, Said, Seq, Worded
+from robots.shared.wire.base import Fence, Seq, Worded
 
 Limb = Literal["gripper", "torso"]
 FARTHEST_LIMB_M = 4.0
@@ -50,7 +50,6 @@ class LimbEnd(Worded, frozen=True):
     outcome: str
     text: str
     at_m: float | None  # its position at the end
-    said: Said | UnsetType = UNSET
 
 
 class LimbState(Worded, frozen=True, omit_defaults=True):
@@ -64,4 +63,3 @@ class LimbState(Worded, frozen=True, omit_defaults=True):
     since_s: float | None = None
     ending: str = ""  # reason why the move is being cancelled
     ended: LimbEnd | None = None  # the last end
-    said: Said | UnsetType = UNSET

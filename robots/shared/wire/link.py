@@ -6,12 +6,11 @@ from typing import Annotated
 from uuid import UUID
 
 import msgspec
-from msgspec import UNSET, Meta, Struct, UnsetType
+from msgspec import Meta, Struct
 
 from robots.shared.wire.base import (
     Fence,
     Refusal,
-    Said,
     SampleRate,
     Seq,
     Share,
@@ -60,7 +59,6 @@ class Revoke(Worded, frozen=True, tag_field="t", tag="revoke"):
 
     fence: Fence
     reason: ShortText
-    said: Said | UnsetType = UNSET
 
 
 class Pause(Worded, frozen=True, tag_field="t", tag="pause"):
@@ -70,7 +68,6 @@ class Pause(Worded, frozen=True, tag_field="t", tag="pause"):
 
     fence: Fence
     reason: ShortText
-    said: Said | UnsetType = UNSET
 
 
 class LinkStop(Struct, frozen=True, tag_field="t", tag="link_stop", omit_defaults=True):

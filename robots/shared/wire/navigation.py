@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from msgspec import UNSET, Meta, Struct, UnsetType
+from msgspec import Meta, Struct
 
-from robots.shared.wire.base import Fence, Said, Seq, Worded
+from robots.shared.wire.base import Fence, Seq, Worded
 
 FARTHEST_PLACE_M = 10_000.0
 MOST_PATH = 200  # points of a path
@@ -69,7 +69,6 @@ class Location(Worded, frozen=True):
     sigma_rad: float  # of the heading
     age_s: float  # since the last message of localisation
     problem: str = ""
-    said: Said | UnsetType = UNSET
 
 
 class GoProgress(Worded, frozen=True):
@@ -86,7 +85,6 @@ class GoProgress(Worded, frozen=True):
     since_s: float
     ending: str = ""  # reason why the drive is being cancelled
     place: str = ""
-    said: Said | UnsetType = UNSET
 
 
 class GoEnd(Worded, frozen=True):
@@ -99,7 +97,6 @@ class GoEnd(Worded, frozen=True):
     text: str
     because: str | None  # the code of the verdict, refusal or halt that ended it
     left_m: float | None
-    said: Said | UnsetType = UNSET
 
 
 class GoPath(Struct, frozen=True, tag_field="t", tag="go_path"):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from msgspec import UNSET, Struct, UnsetType
+from msgspec import Struct
 
-from robots.shared.wire.base import Refusal, Role, Said, Use, Worded
+from robots.shared.wire.base import Refusal, Role, Use, Worded
 from robots.shared.wire.health import Health
 from robots.shared.wire.limbs import Limb, LimbState
 from robots.shared.wire.navigation import GoEnd, GoProgress, Location
@@ -24,7 +24,6 @@ class SpeedLimit(Worded, frozen=True, omit_defaults=True):
     text: str  # "at most 0.3 m/s: no picture of the depth camera has come yet"
     mps: float
     way: Way | None = None  # direction of the limit; None: all directions
-    said: Said | UnsetType = UNSET
 
 
 class Verdict(Worded, frozen=True, omit_defaults=True):
@@ -41,7 +40,6 @@ class Verdict(Worded, frozen=True, omit_defaults=True):
     point: tuple[float, float] | None = None
     limits: list[SpeedLimit] = []
     way: Way | None = None  # direction of the speed limit that holds the robot back, if one does
-    said: Said | UnsetType = UNSET
 
 
 class Sensor(Worded, frozen=True):
@@ -52,7 +50,6 @@ class Sensor(Worded, frozen=True):
     ok: bool
     age_s: float | None
     text: str = ""
-    said: Said | UnsetType = UNSET
 
 
 class Odometry(Struct, frozen=True):
@@ -98,7 +95,6 @@ class MovesAlthoughStopped(Worded, frozen=True):
     # Nodes that publish velocities for the base, without the console's, by topic
     publishers: dict[str, list[str]]
     text: str  # the motion and its possible cause, in words
-    said: Said | UnsetType = UNSET
 
 
 class Motion(Struct, frozen=True):
@@ -120,7 +116,6 @@ class MotionEnd(Worded, frozen=True):
     name: str
     outcome: str
     text: str
-    said: Said | UnsetType = UNSET
 
 
 SpeechStatus = Literal["sent", "accepted", "speaking"]
@@ -154,7 +149,6 @@ class SpeechEnd(Worded, frozen=True):
     number: int  # of its record, as in `Speech`
     outcome: str
     text: str  # the reason, or the robot's own words
-    said: Said | UnsetType = UNSET
 
 
 class DriveByProgress(Struct, frozen=True):
@@ -185,7 +179,6 @@ class DriveByEnd(Worded, frozen=True):
     because: str | None  # the code of the verdict, refusal or halt that ended it
     distance_m: float  # as in `DriveByProgress`, at the end
     angle_rad: float
-    said: Said | UnsetType = UNSET
 
 
 class ChoiceEnd(Worded, frozen=True):
@@ -195,7 +188,6 @@ class ChoiceEnd(Worded, frozen=True):
     topic: str
     to: str
     text: str
-    said: Said | UnsetType = UNSET
 
 
 class Publishing(Struct, frozen=True):
@@ -217,7 +209,6 @@ class Forgotten(Worded, frozen=True):
     code: str
     text: str
     ago_s: float
-    said: Said | UnsetType = UNSET
 
 
 # waiting: no master. connecting: a master, but no odometry or drive topic yet. online: all is there. refused: the
@@ -230,7 +221,6 @@ class NeutralNeeded(Worded, frozen=True):
 
     code: str  # see docs/protocol.md
     text: str
-    said: Said | UnsetType = UNSET
 
 
 OverloadedPart = Literal["bridge", "console"]
@@ -296,7 +286,6 @@ class State(Worded, frozen=True):
         None  # at the consumption of the last half hour; None: not known, or on the charger
     )
     forgotten: Forgotten | None = None
-    said: Said | UnsetType = UNSET
 
 
 class MotionOffer(Struct, frozen=True):
@@ -329,7 +318,6 @@ class Offers(Worded, frozen=True, tag_field="t", tag="offers"):
     uses: dict[Use, UseOffer] = {}  # a robot that does not speak has no "speech"
     publishable: dict[str, str] = {}  # topics of the allow-list, with their types
     publishable_from: dict[str, Role] = {}  # the same topics, each with the lowest role that may publish
-    said: Said | UnsetType = UNSET
 
 
 class Scan(Struct, frozen=True):
