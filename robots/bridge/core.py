@@ -33,7 +33,7 @@ from robots.bridge.steady_view import SteadyLimits, SteadyVerdict
 from robots.bridge.tasks.holder_tasks import HolderTasks, holder_of
 from robots.bridge.tasks.task import Activity, Publisher
 from robots.shared import wire
-from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.configuration.bridge_config import CLOCK_SKEW_S, BridgeConfig
 from robots.shared.configuration.input_filters import COMMAND_LIFE_S
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.maps.goal_map import GoalMap
@@ -453,33 +453,29 @@ class Core:
 
     def state(self, now_s: float, watchers: list[str], watchers_more: int = 0) -> wire.State:
         """Return the robot's present state."""
-        phase, text = self.reports.phase(now_s)
-        report = self.reports
-        inputs = state_view.StateInputs(
-            phase=phase,
-            text=text,
+        grant, skew_s = self.lease.current, self.robot_clock.skew_s
+        # Speed limits concern the driver only; some sensors are subscribed only while somebody drives.
+        limits = self._steady_limits.of(self._gate.limits(now_s), now_s) if grant else ()
+        return wire.State(
             stop=self.stop_state,
-            grant=self.lease.current,
+            verdict=state_view.verdict(self._steady_verdict.shown or self._verdict, limits),
+            holder=grant.holder if grant else None,
+            fence=grant.fence if grant else None,
             seq=self._inputs.stick.seq,
-            neutral_needed=self._neutral_needed,
-            foreign=report.ros.foreign,
-            verdict=self._steady_verdict.shown or self._verdict,
-            # Speed limits concern the driver only; some sensors are subscribed only while somebody drives.
-            limits=self._steady_limits.of(self._gate.limits(now_s), now_s) if self.lease.current else (),
-            refused=self.refused,
-            odometry=report.odometry,
-            battery_percent=report.battery_percent,
-            charging=report.charging,
-            battery_left_min=report.battery_left_min,
-            health=report.diagnostics.view(now_s),
-            skew_s=self.robot_clock.skew_s,
+            neutral_needed=self._neutral_needed if grant else None,
+            watchers=watchers,
+            watchers_more=watchers_more,
+            clock_skew_s=skew_s if skew_s and abs(skew_s) > CLOCK_SKEW_S else None,
+            refused=dict(self.refused),
             overload=self._late.report(now_s) or self._console_late.report(now_s),
             watchdog_missing=self.watchdog_missing,
-            forgotten=self._forgotten,
+            forgotten=state_view.forgotten(*self._forgotten, now_s),
             stands=self._stands(now_s),
             moves_although_stopped=self.moves_although_stopped(now_s),
+            **self.reports.state(now_s),
+            **state_view.gate_state(self._gate, now_s),
+            **self.tasks.state(now_s),
         )
-        return state_view.state(inputs, self._gate, self.tasks, now_s, watchers, watchers_more)
 
     # --- rules for tasks (tasks.Rules) ------------------------------------------------------------
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 from msgspec import Struct
 
@@ -114,11 +114,6 @@ class RobotReports:
             self.battery_percent = min(max(percent, 0.0), 100.0)
             self._battery_time.observe(self.battery_percent, self.charging, now_s)
 
-    @property
-    def battery_left_min(self) -> int | None:
-        """Minutes until the battery is empty; None: unknown, or on the charger."""
-        return self._battery_time.left_min()
-
     def charger(self, charging: bool) -> None:
         """Note whether the robot is on its charger."""
         self.charging = charging
@@ -126,6 +121,26 @@ class RobotReports:
     def diagnosed(self, statuses: Sequence[Status], now_s: float) -> None:
         """Take a report of one of the robot's nodes on the health of its parts."""
         self.diagnostics.observe(statuses, now_s)
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return the fields of `wire.State` that these reports tell."""
+        phase, text = self.phase(now_s)
+        odometry, unseen_s = None, None
+        if self.odometry is not None:
+            arrival_s, pose, velocity = self.odometry
+            odometry = wire.Odometry(*(round(value, 4) for value in (*pose, *velocity)))
+            unseen_s = round(now_s - arrival_s, 1)
+        return {
+            "phase": phase,
+            "text": text,
+            "foreign": self.ros.foreign,
+            "odometry": odometry,
+            "unseen_s": unseen_s,
+            "battery_percent": self.battery_percent,
+            "charging": self.charging,
+            "battery_left_min": self._battery_time.left_min(),
+            "health": self.diagnostics.view(now_s),
+        }
 
     def tick(self, now_s: float) -> None:
         """Record changes of the robot's health."""

@@ -1,10 +1,9 @@
-"""Build the reports about the robot: its state, and a view of its surroundings. Change nothing."""
+"""Parts of the reports about the robot: what the gate knows, and a view of the surroundings. Change nothing."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Sequence
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,79 +11,23 @@ from numpy.typing import NDArray
 from robots.bridge.gate import words
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.values import Forgotten, Kind, Obstacles
-from robots.bridge.tasks.holder_tasks import HolderTasks
 from robots.shared import wire
-from robots.shared.configuration.bridge_config import CLOCK_SKEW_S, SonarSource
-from robots.shared.geometry.poses import Pose, Velocity
+from robots.shared.configuration.bridge_config import SonarSource
+from robots.shared.geometry.poses import Velocity
 from robots.shared.records.verdict import SpeedLimit, Verdict
-from robots.shared.wire import Grant, StopState
 
 VIEW_RADIUS_M = 8.0
 DRAWN_GRAIN_CM = 6  # one point is drawn for each cell of this size: a view for fifty viewers must be small
 
 
-class StateInputs(NamedTuple):
-    """The core's part of the state."""
-
-    phase: wire.Phase
-    text: str
-    stop: StopState
-    grant: Grant | None
-    seq: int | None
-    neutral_needed: wire.NeutralNeeded | None
-    foreign: list[str]  # other nodes that publish to the drive topic
-    verdict: Verdict
-    limits: Sequence[SpeedLimit]
-    refused: Counter[str]
-    odometry: tuple[float, Pose, Velocity] | None  # arrival time, pose, velocity
-    battery_percent: float | None
-    charging: bool | None
-    battery_left_min: int | None
-    health: wire.Health | None
-    skew_s: float | None  # robot's clock minus ours
-    overload: wire.Overload | None
-    watchdog_missing: bool
-    forgotten: tuple[Forgotten, float | None]  # when it was noticed; None: not yet
-    stands: bool | None
-    moves_although_stopped: wire.MovesAlthoughStopped | None
-
-
-def state(
-    inputs: StateInputs, gate: Gate, tasks: HolderTasks, now_s: float, watchers: list[str], watchers_more: int
-) -> wire.State:
-    """Return the robot's present state."""
-    grant, skew_s = inputs.grant, inputs.skew_s
-    return wire.State(
-        phase=inputs.phase,
-        text=inputs.text,
-        stop=inputs.stop,
-        verdict=_verdict(inputs.verdict, inputs.limits),
-        odometry=_odometry(*inputs.odometry[1:]) if inputs.odometry else None,
-        unseen_s=round(now_s - inputs.odometry[0], 1) if inputs.odometry else None,
-        sensors=[wire.Sensor(*health) for health in gate.sensor_health(now_s)],
-        battery_percent=inputs.battery_percent,
-        charging=inputs.charging,
-        holder=grant.holder if grant else None,
-        fence=grant.fence if grant else None,
-        seq=inputs.seq,
-        neutral_needed=inputs.neutral_needed if grant else None,
-        foreign=inputs.foreign,
-        watchers=watchers,
-        clock_skew_s=skew_s if skew_s and abs(skew_s) > CLOCK_SKEW_S else None,
-        refused=dict(inputs.refused),
-        latency_s=round(gate.latency.in_force_s(now_s), 2),
-        latency_measured=gate.latency.measured_s is not None,
-        arm=[(round(x, 2), round(y, 2), round(r, 2)) for x, y, r in gate.arm_discs],
-        watchers_more=watchers_more,
-        overload=inputs.overload,
-        watchdog_missing=inputs.watchdog_missing,
-        health=inputs.health,
-        battery_left_min=inputs.battery_left_min,
-        forgotten=_forgotten(*inputs.forgotten, now_s),
-        stands=inputs.stands,
-        moves_although_stopped=inputs.moves_although_stopped,
-        **tasks.state(now_s),
-    )
+def gate_state(gate: Gate, now_s: float) -> dict[str, Any]:
+    """Return the fields of `wire.State` that the gate knows."""
+    return {
+        "sensors": [wire.Sensor(*health) for health in gate.sensor_health(now_s)],
+        "latency_s": round(gate.latency.in_force_s(now_s), 2),
+        "latency_measured": gate.latency.measured_s is not None,
+        "arm": [(round(x, 2), round(y, 2), round(r, 2)) for x, y, r in gate.arm_discs],
+    }
 
 
 def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float, with_heights: bool = False) -> wire.Scan:
@@ -141,17 +84,16 @@ def _range_cm(gate: Gate, sonar: SonarSource, now_s: float) -> int | None:
     return None if range_m is None else round(range_m * 100)
 
 
-def _forgotten(event: Forgotten, noticed_s: float | None, now_s: float) -> wire.Forgotten | None:
+def forgotten(event: Forgotten, noticed_s: float | None, now_s: float) -> wire.Forgotten | None:
+    """Return the last time at which memory was dropped. `noticed_s` None: not noticed yet."""
     if noticed_s is None:
         return None
     return wire.Forgotten(event.number, event.code, words.forgotten(event.code), round(now_s - noticed_s, 1))
 
 
-def _odometry(pose: Pose, velocity: Velocity) -> wire.Odometry:
-    return wire.Odometry(*(round(value, 4) for value in (*pose, *velocity)))
+def verdict(verdict: Verdict, limits: Sequence[SpeedLimit]) -> wire.Verdict:
+    """Return a verdict for people, with the speed limits that are shown next to it."""
 
-
-def _verdict(verdict: Verdict, limits: Sequence[SpeedLimit]) -> wire.Verdict:
     def rounded(velocity: Velocity) -> tuple[float, float, float]:
         return (round(velocity.vx, 3), round(velocity.vy, 3), round(velocity.w, 3))
 

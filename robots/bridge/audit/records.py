@@ -80,16 +80,15 @@ class Records(RecordWriter):
             lambda: self.sink.outcome(number.result(), holder, kind, outcome, parameters), now_s, of=number
         )
 
-    def record_cancel(self, topic: str, goal: str, now_s: float) -> Future[int]:
-        """Record that the bridge itself cancels a motion's goal. The record follows the cancel: safety comes first."""
-        what = {"topic": topic, "goal": goal}
-        return self.keep(lambda: self.sink.request(None, "motion.cancel", what), now_s)
+    def own(self, kind: str, what: Parameters, now_s: float) -> Future[int]:
+        """Record what the bridge itself does or notices. The record follows it: safety comes first."""
+        return self.keep(lambda: self.sink.request(None, kind, what), now_s)
 
-    def record_cancel_outcome(self, cancel: Future[int], outcome: str, now_s: float) -> None:
-        """Record the outcome of that cancel."""
-        self.keep(
-            lambda: self.sink.outcome(cancel.result(), None, "motion.cancel", outcome, {}), now_s, of=cancel
-        )
+    def own_outcome(
+        self, own: Future[int], kind: str, outcome: str, parameters: Parameters, now_s: float
+    ) -> None:
+        """Record the outcome of that."""
+        self.keep(lambda: self.sink.outcome(own.result(), None, kind, outcome, parameters), now_s, of=own)
 
     def record_stop(self, holder: Holder | None, number: int, was_standing: bool, now_s: float) -> None:
         """Record that the robot was stopped. The record follows the stop: a stop waits for nothing."""

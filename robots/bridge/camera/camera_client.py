@@ -9,12 +9,11 @@ import asyncio
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
 
 import msgspec
-from msgspec import Struct
 
 from robots.bridge.robot_clock import RobotClock
+from robots.bridge.server.link_server import Link
 from robots.bridge.topics.line_process import LineProcess
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.wire import CameraAt, Refusal
@@ -28,13 +27,6 @@ ENDED = Refusal("camera_ended", "The camera’s process ended by itself. It is s
 HUNG = Refusal("camera_hung", "The camera’s process hung. It is started again.", "robot")
 
 _camera_at = msgspec.json.Decoder(CameraAt)
-
-
-class CameraWatcher(Protocol):
-    """A web process with people who watch: a `Link`."""
-
-    def report(self, message: Struct) -> None:
-        """Queue a message."""
 
 
 def socket_path(link_path: str) -> str:
@@ -52,7 +44,7 @@ class CameraClient:
         self._child = LineProcess(command, msgspec.json.encode(config), self)
         self.clock = RobotClock()
         self._linger_s = linger_s
-        self._watchers: set[CameraWatcher] = set()
+        self._watchers: set[Link] = set()  # of web processes with people who watch
         self._at = CameraAt()
         self._idle: asyncio.TimerHandle | None = None
         self._silence: asyncio.TimerHandle | None = None  # ends a process that hangs
@@ -64,7 +56,7 @@ class CameraClient:
             self._idle.cancel()
         await self._child.close()
 
-    def set_wanted(self, watcher: CameraWatcher, wanted: bool) -> None:
+    def set_wanted(self, watcher: Link, wanted: bool) -> None:
         """Start the process for this watcher, or note that the watcher no longer watches."""
         if not wanted:
             self.forget(watcher)
@@ -74,7 +66,7 @@ class CameraClient:
         self._child.need()
         watcher.report(self._at)
 
-    def forget(self, watcher: CameraWatcher) -> None:
+    def forget(self, watcher: Link) -> None:
         """Forget a watcher; the process ends a while after the last watcher left."""
         if watcher not in self._watchers:
             return  # the end of a link that does not watch must not keep a process that is ending

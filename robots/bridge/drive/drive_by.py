@@ -98,6 +98,7 @@ class DrivesBy(TaskPart):
         Cause.UNRECORDED: Reaction.END,
         Cause.BRIDGE_ENDED: Reaction.END,
     }
+    no_task = Refusal("no_drive", "No drive by a distance or angle is in progress.", "robot")
 
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -197,6 +198,11 @@ class DrivesBy(TaskPart):
         return request.requester if request is not None and request.travelled is not None else None
 
     @property
+    def in_progress(self) -> bool:
+        """Return whether a request waits or runs."""
+        return self._request is not None
+
+    @property
     def under_way(self) -> list[str]:
         """The request in progress, in words."""
         return [self._request.words] if self._request is not None else []
@@ -292,13 +298,6 @@ class DrivesBy(TaskPart):
     def halted(self, code: str, reason: str, now_s: float) -> None:
         """End the request: the robot was halted, or a sensor that the gate needs is silent."""
         self.end(_outcome(code), standing_alone(reason), now_s, code)
-
-    def cancel_request(self, order: Any, why: str, now_s: float) -> Refusal | None:
-        """End the request, running or not."""
-        if self._request is None:
-            return Refusal("no_drive", "No drive by a distance or angle is in progress.", "robot")
-        self.tell(Ending(Cause.CANCELLED, Refusal("cancelled", why, "robot")), now_s)
-        return None
 
     def drop(self, ending: Ending, now_s: float) -> None:
         """Refuse a request that has not started."""

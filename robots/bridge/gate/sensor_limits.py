@@ -84,9 +84,8 @@ class SensorLimits:
         self._depth = depth
         self._posture = arm_discs.UNKNOWN
         self._posture_s = -math.inf
-        self._arm_moved: tuple[arm_discs.Disc, float] | None = (
-            None  # its reach, and the time of the last motion
-        )
+        # its reach, and the time of the last motion
+        self._arm_moved: tuple[arm_discs.Disc, float] | None = None
 
     def observe_posture(self, arm: arm_discs.Posture, arrival_s: float) -> None:
         """Take the arm's posture."""

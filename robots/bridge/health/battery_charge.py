@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-FULL_SHARE = (
-    2.0  # a gauge that is not calibrated reports up to 1.1; below 2 percent, a battery is empty anyway
-)
+# a gauge that is not calibrated reports up to 1.1; below 2 percent, a battery is empty anyway
+FULL_SHARE = 2.0
 
 
 class BatteryCharge:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from concurrent.futures import Future
 from dataclasses import dataclass, field
-from functools import partial
 
 from robots.bridge.audit.records import Records
 from robots.bridge.health.diagnostics import BADNESS, MOST_PARTS, Diagnostics, Part, plain_names
@@ -124,7 +123,7 @@ class HealthLog:
         if noted.times > 1:
             facts["times"] = noted.times
         facts["text"] = words
-        self._records.keep(partial(self._records.sink.request, None, kind, facts), now_s)
+        self._records.own(kind, facts, now_s)
         noted.level, noted.worst, noted.times = to, noted.now, 0
 
     def _forget(self, now_s: float) -> None:

@@ -12,10 +12,9 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Protocol
 
 from robots.bridge.core import Core
-from robots.bridge.lease.state_store import SavedState
+from robots.bridge.lease.state_store import StateStore
 from robots.bridge.server.link_server import Link
 from robots.shared.sentences import say
 from robots.shared.wire import Grant, Granted, Pause, Refusal, Refused, Revoke
@@ -28,13 +27,6 @@ Message = Grant | Revoke | Pause
 _Waiting = deque[tuple[Link, Message]]
 
 
-class StateWriter(Protocol):
-    """Writer of the state file (`robots.bridge.lease.state_store.StateStore`)."""
-
-    def save(self, state: SavedState) -> None:
-        """Write the state so that it survives a power cut. Raises OSError."""
-
-
 class LeaseOrders:
     """Apply grants, revokes and pauses of one robot in order. Runs on the event loop; one thread writes the state file.
 
@@ -42,7 +34,7 @@ class LeaseOrders:
     """
 
     def __init__(
-        self, core: Core, store: StateWriter, fence_on_disk: int, on_latch: Callable[[], None] = lambda: None
+        self, core: Core, store: StateStore, fence_on_disk: int, on_latch: Callable[[], None] = lambda: None
     ) -> None:
         self._on_latch = on_latch
         self._core = core

@@ -203,7 +203,8 @@ class MotionAfterStop:
             self._top = Velocity(*(max(abs(now), top) for now, top in zip(velocity, self._top, strict=True)))
         if self._began_s is None:
             self._began_s = now_s
-            self._begin(stop.number, now_s)
+            facts = {"number": stop.number, **self._facts()}
+            self._record = self._records.own("stop.moves", facts, now_s)
 
     def view(self, publishers: Mapping[str, list[str]], now_s: float) -> MovesAlthoughStopped | None:
         """Return what pages show; None: the robot is not stopped, or obeys."""
@@ -231,12 +232,6 @@ class MotionAfterStop:
         creeping = self._creeping.moves
         return [name for name, part in self._parts.items() if part.moves or (creeping and name == "base")]
 
-    def _begin(self, stop_number: int, now_s: float) -> None:
-        facts: dict[str, str | float | None] = {"number": stop_number, **self._facts()}
-        self._record = self._records.keep(
-            lambda: self._records.sink.request(None, "stop.moves", facts), now_s
-        )
-
     def _end(self, outcome: str, now_s: float) -> None:
         record, began_s = self._record, self._began_s
         self._record = self._began_s = None
@@ -244,11 +239,7 @@ class MotionAfterStop:
             return
         facts = {"duration_s": round(now_s - began_s, 1), **self._facts()}
         self._seen, self._top, self._publishers = set(), STILL, {}
-        self._records.keep(
-            lambda: self._records.sink.outcome(record.result(), None, "stop.moves", outcome, facts),
-            now_s,
-            of=record,
-        )
+        self._records.own_outcome(record, "stop.moves", outcome, facts, now_s)
 
     def _facts(self) -> dict[str, str | float | None]:
         return {

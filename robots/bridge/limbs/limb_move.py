@@ -95,11 +95,6 @@ class LimbMove(Goals[Target]):
             mover.cancel_limb(self._limb, goal_id)
 
     @property
-    def runs(self) -> bool:
-        """Return whether a move is requested or in progress."""
-        return self._current is not None
-
-    @property
     def may_move(self) -> bool:
         """Return whether the limb may move although no move is in progress."""
         return self._settling is not None or bool(self._strays)
@@ -112,7 +107,7 @@ class LimbMove(Goals[Target]):
     @property
     def under_way(self) -> list[str]:
         """The move, in words."""
-        return [say("the move of the {limb}", limb=LIMBS[self._limb])] if self.runs else []
+        return [say("the move of the {limb}", limb=LIMBS[self._limb])] if self.in_progress else []
 
     def refuse(self, to_m: float, now_s: float) -> Refusal | None:
         """Return why this limb cannot move to `to_m` now."""

@@ -92,7 +92,9 @@ class Limbs(TaskPart):
     @property
     def _lost(self) -> Limb | None:
         """A limb that may still move, but its joint states have ended; None: there is no such limb."""
-        return next((limb for limb, move in self._moves.items() if move.is_lost and not move.runs), None)
+        return next(
+            (limb for limb, move in self._moves.items() if move.is_lost and not move.in_progress), None
+        )
 
     def blocks(self, activity: Activity, now_s: float) -> Refusal | None:
         """Return a refusal while a limb moves.
@@ -100,9 +102,9 @@ class Limbs(TaskPart):
         The base may drive with a lost limb: the gate limits it to a crawl.
         """
         for limb, move in self._moves.items():
-            if activity is Activity.DRIVE and move.is_lost and not move.runs:
+            if activity is Activity.DRIVE and move.is_lost and not move.in_progress:
                 continue
-            if move.runs:
+            if move.in_progress:
                 text = say(
                     "The robot moves its {limb}: wait until it is there, or cancel the move.",
                     limb=LIMBS[limb],
@@ -116,7 +118,7 @@ class Limbs(TaskPart):
     def cancel_request(self, order: wire.LimbCancel, why: str, now_s: float) -> Refusal | None:
         """Cancel a move."""
         move = self._moves.get(order.limb)
-        if move is None or not move.runs:
+        if move is None or not move.in_progress:
             return Refusal(
                 "no_move", say("The {limb} is not moved by this console.", limb=LIMBS[order.limb]), "robot"
             )
@@ -174,4 +176,4 @@ class Limbs(TaskPart):
 
     def headline(self, now_s: float) -> tuple[object, ...]:
         """Return what is reported at once: begin and end of each move."""
-        return tuple((move.to_m, move.runs, move.last) for move in self._moves.values())
+        return tuple((move.to_m, move.in_progress, move.last) for move in self._moves.values())

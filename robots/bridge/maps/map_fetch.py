@@ -27,9 +27,8 @@ END_S = 15.0  # time limit for the process
 FRESH_S = 300.0  # age at which a map is fetched again
 AGAIN_S = 60.0  # the same after a failure
 WATCHED_S = 10.0  # the same while the robot drives to a place of the map
-DOUBTED_S = (
-    2.0  # the same after the first failure during such a drive, and while a restarted robot has no map yet
-)
+# the same after the first failure during such a drive, and while a restarted robot has no map yet
+DOUBTED_S = 2.0
 RESTARTS_S = 60.0  # a robot needs less for that
 LARGEST_ANSWER = 2 * 1024 * 1024  # bytes
 

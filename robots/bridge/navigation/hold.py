@@ -113,14 +113,10 @@ class Hold:
         if is_told:
             return
         what = {"goal": goal_id, "text": str(why)}
-        self._record = self._records.keep(lambda: self._records.sink.request(None, "go.hold", what), now_s)
+        self._record = self._records.own("go.hold", what, now_s)
 
     def _end(self, outcome: str, now_s: float) -> None:
         record, self._record = self._record, None
         self.goal_id, self.why = None, ""
         if record is not None:
-            self._records.keep(
-                lambda: self._records.sink.outcome(record.result(), None, "go.hold", outcome, {}),
-                now_s,
-                of=record,
-            )
+            self._records.own_outcome(record, "go.hold", outcome, {}, now_s)

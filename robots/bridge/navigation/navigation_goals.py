@@ -39,9 +39,8 @@ REPORTS_S = 2.0  # a report of running goals is valid for this long
 OBEYS_S = 3.0  # after a cancel, navigation has this long to end the goal
 STANDS_S = 2.0  # from the end of a drive until the robot stands
 LOOKS_S = 4.0  # from the request until the depth camera looks ahead: the head turns, then a picture arrives
-DOUBT_S = (
-    10.0  # a drive ends after this time without a reading of the map that another node may have replaced
-)
+# a drive ends after this time without a reading of the map that another node may have replaced
+DOUBT_S = 10.0
 BEGIN_TIMEOUT_S = 5.0  # after control begins, map and localisation may arrive within this time
 MOVES_MPS, MOVES_RADPS = 0.02, 0.05
 # Refusals whose cause may end by itself in the first seconds of control.
@@ -142,6 +141,7 @@ class NavigationGoals(Goals[Target], TaskPart):
     }
     outcomes = {Cause.CONTROL_ENDED: "control_lost", Cause.GATE: "held_back"}
     excludes = frozenset({Activity.TURN_HEAD})
+    no_task = Refusal("no_goal", "No drive to a place is in progress.", "robot")
 
     def __init__(self, context: Context) -> None:
         config, gate, records = context.config, context.gate, context.records
@@ -187,13 +187,6 @@ class NavigationGoals(Goals[Target], TaskPart):
             requester.answer(refusal)
             return
         self._begin(order, requester, now_s)
-
-    def cancel_request(self, order: Any, why: str, now_s: float) -> Refusal | None:
-        """Cancel the goal."""
-        if self._current is None:
-            return Refusal("no_goal", "No drive to a place is in progress.", "robot")
-        self.tell(Ending(Cause.CANCELLED, Refusal("cancelled", why, "robot")), now_s)
-        return None
 
     def blocks(self, activity: Activity, now_s: float) -> Refusal | None:
         """Return a refusal while a goal is in progress: the head looks where the robot drives."""

@@ -57,7 +57,7 @@ class WatchdogNode:
             leaving.start()
             leaving.join(1.0)
 
-    # --- called by the watchdog (watchdog.process.RobotOutput) -----------------------------------------
+    # --- called by the watchdog (watchdog.process.Watchdog) --------------------------------------------
 
     def zero(self) -> int:
         """Publish a zero velocity on every drive topic; returns the number of nodes that it was written to."""

@@ -50,9 +50,8 @@ class Goals(ABC, Generic[What]):
     `send_cancel(goal_id, topic)` cancels a goal on the robot.
     """
 
-    outcomes: ClassVar[
-        Mapping[Cause, str]
-    ] = {}  # this kind's words for a cause, in place of the refusal's code
+    # this kind's words for a cause, in place of the refusal's code
+    outcomes: ClassVar[Mapping[Cause, str]] = {}
 
     def __init__(self, records: Records, send_cancel: Callable[[str, str], None]) -> None:
         self._records = records
@@ -76,6 +75,11 @@ class Goals(ABC, Generic[What]):
             if goal.id is not None:
                 self._send_cancel(goal.id, goal.topic)
         return True
+
+    @property
+    def in_progress(self) -> bool:
+        """Return whether this console's goal is requested or sent, and has not ended."""
+        return self._current is not None
 
     @property
     def begun(self) -> bool:

@@ -196,6 +196,7 @@ class Motions(Goals[MotionGoal], TaskPart):
         Cause.BRIDGE_ENDED: Reaction.LEAVE,
     }
     excludes = frozenset(Activity)
+    no_task = Refusal("no_motion", "No motion of this console runs.", "robot")
     neutral_words = {"motion_running": "nothing drives during a motion"}
 
     def __init__(self, context: Context) -> None:
@@ -237,13 +238,6 @@ class Motions(Goals[MotionGoal], TaskPart):
             self._watch(now_s)
 
         player.sweep(order.motion, action, swept)
-
-    def cancel_request(self, order: Any, why: str, now_s: float) -> Refusal | None:
-        """Cancel the motion."""
-        if self._current is None:
-            return Refusal("no_motion", "No motion of this console runs.", "robot")
-        self.tell(Ending(Cause.CANCELLED, Refusal("cancelled", why, "robot")), now_s)
-        return None
 
     def _why_not(self, requester: Requester, action: str | None, now_s: float) -> Refusal | None:
         """Return the first rule that forbids a motion. Other motions and the arm's space are checked elsewhere."""
@@ -400,9 +394,9 @@ class Motions(Goals[MotionGoal], TaskPart):
             if goal_id in self._unwatched_goals:
                 self._unwatched_goals[goal_id].heard_s = now_s
             elif len(self._unwatched_goals) < MOST_LEFT:
-                self._unwatched_goals[goal_id] = _UnwatchedGoal(
-                    self._records.record_cancel(action, goal_id, now_s), now_s
-                )
+                what = {"topic": action, "goal": goal_id}
+                record = self._records.own("motion.cancel", what, now_s)
+                self._unwatched_goals[goal_id] = _UnwatchedGoal(record, now_s)
         if not strays:
             self._unwatched_actions.pop(action, None)
         elif now_s - self._unwatched_actions.get(action, -math.inf) >= CANCEL_AGAIN_S:
@@ -412,7 +406,8 @@ class Motions(Goals[MotionGoal], TaskPart):
 
     def _record_unwatched_end(self, goal_id: str, outcome: str, now_s: float) -> None:
         """Record the result of this cancel."""
-        self._records.record_cancel_outcome(self._unwatched_goals.pop(goal_id).record, outcome, now_s)
+        record = self._unwatched_goals.pop(goal_id).record
+        self._records.own_outcome(record, "motion.cancel", outcome, {}, now_s)
 
     def _report_end(self, goal: Goal[MotionGoal], outcome: str, text: str) -> None:
         self.last = wire.MotionEnd(goal.number.result(), goal.what.name, outcome, text)

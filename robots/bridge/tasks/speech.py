@@ -105,6 +105,7 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
         Cause.BRIDGE_ENDED: Reaction.LEAVE,
     }
     outcomes = {Cause.CONTROL_ENDED: "cancelled"}
+    no_task = Refusal("no_speech", "The robot speaks no text of this console.", "robot")
 
     def __init__(self, context: Context) -> None:
         super().__init__(context.records, self._cancel_on_robot)
@@ -126,13 +127,6 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
             return
         language = robot_language(order.language, self._context.config.topics.languages)
         self._begin(Utterance(order.text, language, order.topic or routing.topic("speech")), requester, now_s)
-
-    def cancel_request(self, order: Any, why: str, now_s: float) -> Refusal | None:
-        """Cancel the text."""
-        if self._current is None:
-            return Refusal("no_speech", "The robot speaks no text of this console.", "robot")
-        self.tell(Ending(Cause.CANCELLED, Refusal("cancelled", why, "robot")), now_s)
-        return None
 
     def topics_in_use(self, use: wire.Use, now_s: float) -> set[str]:
         """Return topics on which a text is being spoken or is about to be."""

@@ -59,9 +59,8 @@ class Ending(NamedTuple):
     """An event that may end tasks."""
 
     cause: Cause
-    refusal: (
-        Refusal  # its code is the outcome, unless a part has another word for the cause; its text the reason
-    )
+    # its code is the outcome, unless a part has another word for the cause; its text the reason
+    refusal: Refusal
 
     @property
     def of_unbegun(self) -> Refusal:
@@ -183,6 +182,7 @@ class TaskPart(ABC):
     excludes: ClassVar[frozenset[Activity]] = frozenset()  # a task in progress forbids these
     # By the code of such a refusal: why the stick must return to neutral, if it was out meanwhile.
     neutral_words: ClassVar[Mapping[str, str]] = {}
+    no_task: ClassVar[Refusal | None] = None  # the answer to a cancel if no task is in progress
     last: Any = None  # how the last task ended, for pages
 
     def __init_subclass__(cls) -> None:
@@ -193,7 +193,8 @@ class TaskPart(ABC):
         if missing:
             names = ", ".join(sorted(cause.name for cause in missing))
             raise TypeError(f"{cls.__name__} has no reaction to {names}")
-        if any(kind.cancel for kind in kinds) and cls.cancel_request is TaskPart.cancel_request:
+        can_cancel = cls.no_task is not None or cls.cancel_request is not TaskPart.cancel_request
+        if any(kind.cancel for kind in kinds) and not can_cancel:
             raise TypeError(f"{cls.__name__} cannot cancel its tasks")
 
     def __init__(self, context: Context) -> None:
@@ -205,7 +206,15 @@ class TaskPart(ABC):
 
     def cancel_request(self, order: Any, why: str, now_s: float) -> Refusal | None:
         """Cancel the task that this request names. Return a refusal if there is none."""
-        raise NotImplementedError  # for kinds without a cancel
+        if not self.in_progress:
+            return self.no_task
+        self.tell(Ending(Cause.CANCELLED, Refusal("cancelled", why, "robot")), now_s)
+        return None
+
+    @property
+    def in_progress(self) -> bool:
+        """Return whether a task that can be cancelled is requested or runs."""
+        return False
 
     def tell(self, ending: Ending, now_s: float) -> None:
         """React to what may end tasks."""

@@ -12,13 +12,14 @@ import logging
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
-from msgspec import Struct
 
 from robots.bridge.robot_clock import RobotClock
+from robots.bridge.server.link_server import Link
 from robots.bridge.topics.inspector_messages import (
     Check,
     Done,
@@ -58,30 +59,14 @@ _NOT_KNOWN = Refusal(
 )
 
 
-class InspectorViewer(Protocol):
-    """A subscriber of samples: a `Link`."""
-
-    def report(self, message: Struct) -> None:
-        """Queue an answer."""
-
-    def show_sample(self, topic: str, sample: bytes) -> None:
-        """Make this the topic's next sample; it replaces an older one that is not sent yet."""
-
-
+@dataclass(frozen=True)
 class _Waiting:
-    """A request to the inspector and its callback."""
+    """A request to the inspector."""
 
-    def __init__(
-        self,
-        viewer: InspectorViewer | None,
-        answer: Callable[[Any], None],
-        timer: asyncio.TimerHandle,
-        unanswered: Refusal,
-    ) -> None:
-        self.viewer = viewer
-        self.answer = answer  # called with a `Refusal`, or with the report's content
-        self.timer = timer
-        self.unanswered = unanswered  # passed to `answer` if no answer arrives in time
+    viewer: Link | None
+    answer: Callable[[Any], None]  # called with a `Refusal`, or with the report's content
+    timer: asyncio.TimerHandle
+    unanswered: Refusal  # passed to `answer` if no answer arrives in time
 
 
 class InspectorClient:
@@ -97,7 +82,7 @@ class InspectorClient:
         self._child = LineProcess(command, msgspec.json.encode(config), self)
         self._lost = lost
         self._linger_s = linger_s
-        self._subscriptions: dict[InspectorViewer, Mapping[str, float]] = {}
+        self._subscriptions: dict[Link, Mapping[str, float]] = {}
         self._at_rate: set[str] = set()  # topics published at a rate
         self._has_published = False  # since the last halt: messages may still wait in the inspector
         self._waiting: dict[int, _Waiting] = {}
@@ -117,7 +102,7 @@ class InspectorClient:
 
     # --- subscriptions and queries ----------------------------------------------------------------
 
-    def ask(self, viewer: InspectorViewer, inspect: wire.LinkQuery) -> None:
+    def ask(self, viewer: Link, inspect: wire.LinkQuery) -> None:
         """Send a query; its answer is reported to the viewer within `ANSWER_S`."""
 
         def answer(given: msgspec.Raw | Refusal) -> None:
@@ -135,7 +120,7 @@ class InspectorClient:
         number = self._expect(viewer, answer, within_s, _NOT_KNOWN if acts else _SILENT)
         self._ask(number, InspectorQuery(number, inspect.ask, time.monotonic() + within_s))
 
-    def set_subscriptions(self, viewer: InspectorViewer, topics: Mapping[str, float]) -> None:
+    def set_subscriptions(self, viewer: Link, topics: Mapping[str, float]) -> None:
         """Set this viewer's subscriptions to exactly these topics, each with its rate in messages a second."""
         before = self._wanted()
         self._subscriptions[viewer] = topics
@@ -143,7 +128,7 @@ class InspectorClient:
         for topic in topics.keys() - self._wanted().keys():
             viewer.show_sample(topic, _not_shown(topic))
 
-    def forget(self, viewer: InspectorViewer) -> None:
+    def forget(self, viewer: Link) -> None:
         """Forget a viewer that is gone."""
         before = self._wanted()
         self._subscriptions.pop(viewer, None)
@@ -255,7 +240,7 @@ class InspectorClient:
 
     def _expect(
         self,
-        viewer: InspectorViewer | None,
+        viewer: Link | None,
         answer: Callable[[Any], None],
         within_s: float,
         unanswered: Refusal = _SILENT,

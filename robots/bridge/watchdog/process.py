@@ -7,7 +7,6 @@ import signal
 import socket
 import sys
 import time
-from typing import Protocol
 
 import msgspec
 
@@ -35,19 +34,6 @@ _OTHER = Refusal("other_robot", "This is the watchdog of another robot.", "wire"
 _decoder: msgspec.json.Decoder[LinkStop | Heartbeat] = msgspec.json.Decoder(LinkStop | Heartbeat)
 
 
-class RobotOutput(Protocol):
-    """The watchdog's actions on the robot."""
-
-    def zero(self) -> int:
-        """Publish a zero velocity on all drive topics; return the number of nodes that got it."""
-
-    def cancel(self) -> None:
-        """Cancel the goals of all nodes."""
-
-    def drive_to(self, topic: str) -> None:
-        """Publish zeros on this drive topic too, in addition to the default topic. Returns at once."""
-
-
 class Watchdog:
     """One robot's watchdog; everything here runs on one thread."""
 
@@ -57,7 +43,7 @@ class Watchdog:
         rules: StopRules,
         stop_file: StopFile,
         lane: WatchdogSocket,
-        robot: RobotOutput,
+        robot: WatchdogNode,
     ) -> None:
         self._config = config
         self._rules = rules

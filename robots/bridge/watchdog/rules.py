@@ -14,9 +14,8 @@ from msgspec import Struct, structs
 from robots.shared.wire import MovesAlthoughStopped
 
 SILENT_S = 0.15  # s, three heartbeats: the bridge is dead, frozen, or its loop is blocked
-LOST_S = (
-    1.0  # s: a bridge that hangs for this time cannot watch navigation; zeros are sent from `SILENT_S` on
-)
+# s: a bridge that hangs for this time cannot watch navigation; zeros are sent from `SILENT_S` on
+LOST_S = 1.0
 QUIET_AFTER_S = 1.0  # s: zeros are repeated for this time if the robot was driven and is not stopped
 
 

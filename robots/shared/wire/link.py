@@ -45,9 +45,8 @@ class Grant(Struct, frozen=True, tag_field="t", tag="grant"):
     holder_id: ShortText
     max_share: Share
     delay_s: Annotated[float, Meta(ge=0.0)] | None = None  # round trip to the holder's page
-    silent_s: Annotated[float, Meta(ge=0.0)] | None = (
-        None  # since the holder's last message; None: no stream of messages
-    )
+    # since the holder's last message; None: no stream of messages
+    silent_s: Annotated[float, Meta(ge=0.0)] | None = None
     # age of the camera picture by which the holder drives; None: drives without a camera
     camera_s: Annotated[float, Meta(ge=0.0)] | None = None
 

@@ -221,9 +221,8 @@ class Control(Struct, frozen=True, tag_field="t", tag="control"):
     refusal: Refusal | None = None  # reason why this person may not take control now; None: allowed
     booked: Booked | None = None  # the present booking
     next_booked: Booked | None = None  # the next booking within a day
-    out_s: float | None = (
-        None  # until the robot goes out of service and this person's control ends; None: not soon
-    )
+    # until the robot goes out of service and this person's control ends; None: not soon
+    out_s: float | None = None
 
 
 class FleetCard(Struct, frozen=True):

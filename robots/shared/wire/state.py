@@ -72,9 +72,8 @@ class StopState(Struct, frozen=True):
     state: Literal["clear", "stopping", "stopped"]
     by: str | None = None
     reason: str = ""
-    standstill_ms: float | None = (
-        None  # from press to standstill by odometry; None also if the robot already stood
-    )
+    # from press to standstill by odometry; None also if the robot already stood
+    standstill_ms: float | None = None
     number: int = 0
     was_standing: bool = False  # the robot stood at the press, and until standstill was confirmed
 
@@ -134,9 +133,8 @@ class Speech(Struct, frozen=True):
     who: str
     status: SpeechStatus
     since_s: float
-    word: tuple[int, int] | None = (
-        None  # the word being spoken, if reported: its first character, last + 1 (code points)
-    )
+    # the word being spoken, if reported: its first character, last + 1 (code points)
+    word: tuple[int, int] | None = None
 
 
 class SpeechEnd(Worded, frozen=True):
@@ -256,9 +254,8 @@ class State(Worded, frozen=True):
     refused: dict[str, int]  # refused messages so far, by code
     latency_s: float = 0.0  # from a command to its effect in odometry, as the gate assumes
     latency_measured: bool = False  # False: it is the value of the profile
-    arm: list[
-        tuple[float, float, float]
-    ] = []  # parts of the arm beyond the base: discs x, y, radius (base frame)
+    # parts of the arm beyond the base: discs x, y, radius (base frame)
+    arm: list[tuple[float, float, float]] = []
     watchers_more: int = 0
     motion: Motion | None = None
     motion_ended: MotionEnd | None = None  # the last one
@@ -276,15 +273,13 @@ class State(Worded, frozen=True):
     publishing: list[Publishing] = []
     overload: Overload | None = None
     unseen_s: float | None = None  # since the last odometry; None: none ever came
-    watchdog_missing: bool = (
-        False  # the watchdog is missing for 5 s or more: only the bridge can stop the robot
-    )
+    # the watchdog is missing for 5 s or more: only the bridge can stop the robot
+    watchdog_missing: bool = False
     health: Health | None = None  # None: no node of the robot reports its health
     stands: bool | None = None  # by odometry; None: odometry is silent, and nobody knows
     moves_although_stopped: MovesAlthoughStopped | None = None
-    battery_left_min: int | None = (
-        None  # at the consumption of the last half hour; None: not known, or on the charger
-    )
+    # at the consumption of the last half hour; None: not known, or on the charger
+    battery_left_min: int | None = None
     forgotten: Forgotten | None = None
 
 
@@ -336,6 +331,5 @@ class View(Struct, frozen=True, omit_defaults=True, tag_field="t", tag="view"):
 
     state: State
     scan: Scan | None  # None: nothing to draw
-    joints: dict[
-        str, float
-    ] = {}  # positions (rad, m) of the description's joints, while a page draws the robot in 3D
+    # positions (rad, m) of the description's joints, while a page draws the robot in 3D
+    joints: dict[str, float] = {}

@@ -152,7 +152,7 @@ def test_the_torso_of_a_robot_without_an_arm_waits_for_none():
         bench.recorded()
         bench.pass_time(1.0)
         assert len(bench.base.moves) == (refused is None)
-        assert refused or bench.core.tasks.limbs.move("torso").runs
+        assert refused or bench.core.tasks.limbs.move("torso").in_progress
         bench.close()
 
 

@@ -142,9 +142,8 @@ class Sonar:
         self._close_m = math.inf  # the least range since all echoes are close
         self._close_at: Pose | None = None  # pose of the robot at the first close echo
         self._resets = 0  # identifies the odometry frame of that pose
-        self.own_echo = (
-            ""  # why its echo is probably no obstacle, and the remedy; it still counts as an obstacle
-        )
+        # why its echo is probably no obstacle, and the remedy; it still counts as an obstacle
+        self.own_echo = ""
 
     def observe(
         self,

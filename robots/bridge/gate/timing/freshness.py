@@ -18,9 +18,8 @@ SONAR_STALE_S = 0.5
 DEPTH_STALE_S = 0.5
 SONAR_STALE_MPS = 0.1
 CLOCK_SET_BACK_S = 1.0  # a stamp that is older by this much means that the clock was set back
-SET_BACK_MESSAGES = (
-    3  # so many older stamps in a row that advance mean the same: a time server set it back by less
-)
+# so many older stamps in a row that advance mean the same: a time server set it back by less
+SET_BACK_MESSAGES = 3
 
 
 class Freshness:

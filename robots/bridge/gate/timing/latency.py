@@ -87,9 +87,8 @@ class Latency:
             _Axis(self._limits.angular_radps2, _CHANGE[1], _RESPONSE[1]),
         )
         self._measured: deque[Sample] = deque(maxlen=KEPT)  # time of each measurement, and the latency
-        self._median_s = self._slowest_s = (
-            0.0  # of these; the slowest without its fading by time, which is subtracted later
-        )
+        # of these; the slowest without its fading by time, which is subtracted later
+        self._median_s = self._slowest_s = 0.0
         self._answered = False
         self._answer_s = 0.0  # delay of the last late answer, until it is measured
         self._doubtful_until_s = -math.inf
@@ -288,9 +287,8 @@ class _Axis:
         self._since_s: float | None = None  # time at which the change began
         self._steady: float | None = None  # the speed that the base has kept since it last changed
         self._asked = 0.0
-        self._asked_s: float | None = (
-            None  # time since which the command differs from the base's speed, without an answer
-        )
+        # time since which the command differs from the base's speed, without an answer
+        self._asked_s: float | None = None
         self._last_differing_s = -math.inf  # last time at which the command differed from the steady speed
         self._is_exact = False
         self._held: Sample = (math.inf, 0.0)  # time since which this command, or nearly this, is sent

@@ -36,9 +36,8 @@ LARGEST_TEXT = 256 * 1024  # characters of a definition
 MOST_FIELDS = 3000  # of a definition; a nested message counts at each place of its use
 MOST_WORDS = 512 * 1024  # characters of the fields' names, types and constants, counted in the same way
 DEEPEST = 20
-LONGEST_ARRAY = (
-    100_000  # elements of an array of fixed length, times the lengths of the arrays that contain it
-)
+# elements of an array of fixed length, times the lengths of the arrays that contain it
+LONGEST_ARRAY = 100_000
 LONGEST_WORDS = 300  # characters of a publisher's text within a sentence of ours
 MOST_NAMED = 3  # types within a sentence
 MOST_KEPT = 1000  # definitions on disk

@@ -25,9 +25,8 @@ WAITING = 20  # the most messages that wait on one topic
 # A topic stays advertised for this time after its last message: the next message need not wait for listeners.
 LINGER_S = 10.0
 LIFE_S = 0.5  # publishing at a rate needs a sign of life from the bridge within this time
-SEND_PATIENCE_S = (
-    0.3  # a subscriber that does not read for this time is disconnected, so that it delays no other
-)
+# a subscriber that does not read for this time is disconnected, so that it delays no other
+SEND_PATIENCE_S = 0.3
 
 Bytes = Callable[[], bytes]
 

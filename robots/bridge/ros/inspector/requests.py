@@ -74,9 +74,8 @@ class Inspector:
         self._node: Node | None = None
         self._clock = RobotClock()
         self._permit = PublishPermit()  # to publish, until the next halt
-        self._checked: dict[
-            tuple[str, str], Definition
-        ] = {}  # by topic and type: the definition at the last check
+        # by topic and type: the definition at the last check
+        self._checked: dict[tuple[str, str], Definition] = {}
 
     def handle_line(self, line: bytes) -> None:
         """Handle one request. Returns at once, so that a halt and the end of stdin are read without delay."""

@@ -29,9 +29,8 @@ KEPT = 100  # transforms of each frame: 2 s at 50 Hz
 PATIENCE_S = 0.15  # longest wait of a picture for the transforms of its stamp
 LARGEST_HOLE_S = 0.3  # between two transforms that are interpolated
 SET_BACK_S = 1.0
-TURNING_RADPS = (
-    0.5  # during faster turns, a small error of a stamp would make the floor look like an obstacle
-)
+# during faster turns, a small error of a stamp would make the floor look like an obstacle
+TURNING_RADPS = 0.5
 LONGEST_WAY = 30
 MOST_MOVING = 500  # frames in memory; a robot publishes about fifty
 MOST_FIXED = 2000

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
@@ -24,15 +25,17 @@ OUTCOMES = {  # others: "failed"
 }
 
 
-class GoalListener(Protocol):
-    """Receiver of the action's feedback. Called on rospy's threads."""
+class GoalListener(ABC):
+    """Receiver of an action's reports, on rospy's threads."""
 
+    @abstractmethod
     def running(self, action: str, goals: dict[str, int]) -> None:
         """Take the running goals of all senders, and their status."""
 
-    def feedback(self, goal_id: str, feedback: Any) -> None:
+    def feedback(self, goal_id: str, feedback: Any) -> None:  # noqa: B027  (not every action's is of use)
         """Take feedback of the action."""
 
+    @abstractmethod
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         """Take the end of a goal: one of `OUTCOMES`, or "failed"."""
 

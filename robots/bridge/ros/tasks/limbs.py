@@ -12,7 +12,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.limbs.limb_move import LimbMove, LimbMover
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
-from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
+from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.shared.configuration.bridge_config import GRIPPER_COMMAND, LimbSource, Topic
 from robots.shared.ros.texts import SENTENCE, cut
@@ -42,7 +42,7 @@ class LimbsTopics(LimbMover, RobotPart):
 
     def limb_has_listener(self, limb: Limb) -> bool:
         """Return whether a node of the robot takes goals for this limb."""
-        return self._limbs[limb].heard
+        return self._limbs[limb].action.heard
 
     def move_limb(self, limb: Limb, goal_id: str, to_m: float, seconds: float) -> None:
         """Send a goal."""
@@ -50,31 +50,26 @@ class LimbsTopics(LimbMover, RobotPart):
 
     def cancel_limb(self, limb: Limb, goal_id: str) -> None:
         """Cancel this goal and no other."""
-        self._limbs[limb].cancel(goal_id)
+        self._limbs[limb].action.cancel(goal_id)
 
     @property
     def cancels(self) -> list[Callable[[], None]]:
         """For the emergency stop: cancel the goals of all senders."""
-        return [limb.cancel_all for limb in self._limbs.values()]
+        return [limb.action.cancel_all for limb in self._limbs.values()]
 
 
-class LimbTopics:
+class LimbTopics(GoalListener):
     """The action of one limb. Its reports go to `move` through `mail`, on the event loop."""
 
     def __init__(self, source: LimbSource, mail: Mailboxes, move: LimbMove) -> None:
         self._source = source
         self._mail = mail
         self._move = move
-        self._action = ActionTopics(Topic(source.action, source.type), self)
-
-    @property
-    def heard(self) -> bool:
-        """Return whether a node of the robot takes goals."""
-        return self._action.heard
+        self.action = ActionTopics(Topic(source.action, source.type), self)
 
     def move(self, goal_id: str, to_m: float, seconds: float) -> None:
         """Send a goal: all joints move equally. The goal of a gripper's own controller has no duration."""
-        message = self._action.goal_class()
+        message = self.action.goal_class()
         message.goal_id.id = goal_id
         message.header.stamp = message.goal_id.stamp = rospy.Time.from_sec(time.time())
         if self._source.type == GRIPPER_COMMAND:
@@ -82,7 +77,7 @@ class LimbTopics:
             command.position, command.max_effort = to_m, self._source.effort_n or 0.0
         else:
             message.goal.trajectory = self._trajectory(to_m, seconds)
-        self._action.send(message)
+        self.action.send(message)
 
     def _trajectory(self, to_m: float, seconds: float) -> JointTrajectory:
         joints = self._source.joints
@@ -92,23 +87,12 @@ class LimbTopics:
         # The stamp is zero: the trajectory begins when it arrives. The base's own clock may be ahead.
         return JointTrajectory(joint_names=joints, points=[point])
 
-    def cancel(self, goal_id: str) -> None:
-        """Cancel this goal and no other."""
-        self._action.cancel(goal_id)
-
-    def cancel_all(self) -> None:
-        """Cancel the goals of all senders."""
-        self._action.cancel_all()
-
     # --- on rospy's threads ---------------------------------------------------------------------------
 
     def running(self, action: str, goals: dict[str, int]) -> None:
         """Report the running goals of all senders."""
         active = {goal_id: status == GoalStatus.ACTIVE for goal_id, status in goals.items()}
         self._mail.post((action, "goals"), lambda: self._move.running(active, time.monotonic()))
-
-    def feedback(self, goal_id: str, feedback: Any) -> None:
-        """Do nothing: the limb's position comes from joint states."""
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         """Report the end of a goal, with the controller's text. A gripper may have stalled, also if it succeeded."""

@@ -12,7 +12,7 @@ from robots.bridge.gate.arm.sweep import Motion
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.inspector import services
 from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
+from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
 from robots.bridge.tasks.goals import OURS
 from robots.bridge.tasks.motions import Motions, offered, recorded
 from robots.shared.configuration.bridge_config import Topic
@@ -37,7 +37,7 @@ ERRORS = {  # PlayMotionResult's codes in words
 }
 
 
-class MotionTopics:
+class MotionTopics(GoalListener):
     """The motion actions of one robot: the default, and those that people may choose instead, of one type.
 
     Changes of goals are reported to `tasks` through `mail`, on the event loop. `joined` is called whenever a
@@ -144,9 +144,6 @@ class MotionTopics:
         self._mail.post(
             ("motions", action), lambda: self._tasks.running(action, goals.keys(), time.monotonic())
         )
-
-    def feedback(self, goal_id: str, feedback: Any) -> None:
-        """Do nothing: the feedback is empty."""
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         """Report the end of one of our goals, with the robot's text and its error code in words."""

@@ -15,7 +15,7 @@ from robots.bridge.navigation.localisation import Spread
 from robots.bridge.navigation.navigation_goals import NavigationGoals, Navigator
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.sensors.convert import planar_pose
-from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
+from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
 from robots.bridge.ros.tasks.publishing import Sender
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.shared.configuration.bridge_config import NavigationSource, Topic
@@ -28,7 +28,7 @@ MOST_POINTS = 10_000  # of a path; a longer one is thinned before it is read
 PLANS_S = 1.0  # between two paths that are taken; if more arrive in this time, the last is taken at its end
 
 
-class NavigationTopics(Navigator, RobotPart):
+class NavigationTopics(Navigator, RobotPart, GoalListener):
     """The topics of one robot's navigation. Their messages go to `goals` through `mail`, on the event loop."""
 
     def __init__(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection
-from typing import Any, Protocol
+from typing import Any
 
 from actionlib_msgs.msg import GoalStatus
 
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
-from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
+from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
 from robots.bridge.ros.tasks.publishing import Sender
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.bridge.tasks.goals import OURS
@@ -22,22 +22,6 @@ from robots.shared.wire import SpeechStatus
 STATUSES: dict[int, SpeechStatus] = {GoalStatus.PENDING: "accepted", GoalStatus.RECALLING: "accepted"}
 
 
-class _Voice(Protocol):
-    """One topic that takes texts."""
-
-    def say(self, goal_id: str, utterance: Utterance) -> bool:
-        """Send the text. Returns whether the robot reports progress."""
-
-    def cancel_speech(self, goal_id: str) -> None:
-        """Cancel this goal and no other."""
-
-    def cancel_all(self) -> None:
-        """Cancel the speech of all senders."""
-
-    def close(self) -> None:
-        """Unregister the topic."""
-
-
 class SpeechTopics(SpeechOutput, RobotPart):
     """The topics of one robot's voice: the default and chosen ones, all of one type.
 
@@ -48,7 +32,7 @@ class SpeechTopics(SpeechOutput, RobotPart):
         self._type = default.type
         self._mail = mail
         self._tasks = tasks
-        self._voices: dict[str, _Voice] = {}
+        self._voices: dict[str, _ActionVoice | _PlainVoice] = {}
         self.attend({default.name})
 
     @classmethod
@@ -79,7 +63,7 @@ class SpeechTopics(SpeechOutput, RobotPart):
         return [voice.cancel_all for voice in list(self._voices.values())]
 
 
-class _ActionVoice:
+class _ActionVoice(GoalListener):
     """pal_interaction_msgs/TtsAction, or an action with the same fields."""
 
     def __init__(self, action: Topic, mail: Mailboxes, tasks: SpeechTasks) -> None:
@@ -165,7 +149,7 @@ class _SoundVoice(_PlainVoice):
         self._sender.send(kind(sound=kind.ALL, command=kind.PLAY_STOP))
 
 
-_KINDS: dict[str, Callable[[Topic, Mailboxes, SpeechTasks], _Voice]] = {
+_KINDS: dict[str, type[_ActionVoice | _PlainVoice]] = {
     "pal_interaction_msgs/TtsAction": _ActionVoice,
     "std_msgs/String": _PlainVoice,
     "sound_play/SoundRequest": _SoundVoice,
