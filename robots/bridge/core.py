@@ -36,7 +36,6 @@ from robots.shared import wire
 from robots.shared.configuration.bridge_config import CLOCK_SKEW_S, BridgeConfig
 from robots.shared.configuration.input_filters import COMMAND_LIFE_S
 from robots.shared.geometry.poses import STILL, Pose, Velocity
-from robots.shared.maps.goal_map import GoalMap
 from robots.shared.processes.durations import Durations
 from robots.shared.processes.overload import LoopLateness
 from robots.shared.records.record_sink import TakenDescription
@@ -82,7 +81,7 @@ class Core:
     ) -> None:
         self.config = config
         self.lease = LeaseGuard(saved.fence)
-        self._latch = StopLatch(saved, stops_before)
+        self.latch = StopLatch(saved, stops_before)
         self.refused: Counter[str] = Counter()
         self.decisions = Durations()  # from reading a drive message to its twist
         self._base = base
@@ -99,7 +98,7 @@ class Core:
         self._unrecorded: Refusal | None = None  # set while records cannot be written: nothing may move
         self._asking: DriveInput | None = None  # the input that asks for motion
         self._passed = STILL  # the requested twist that was passed to the gate
-        self._sent = STILL
+        self.sent = STILL  # the last twist to the base
         self._publish_until_s = float("-inf")
         self._cancels = GoalCancels(base.cancel_all, saved.latched)
         self._late = LoopLateness("bridge")
@@ -117,14 +116,9 @@ class Core:
         self._halting = _HALTING | self.tasks.neutral_words
 
     @property
-    def sent(self) -> Velocity:
-        """The last twist to the base."""
-        return self._sent
-
-    @property
     def stop_state(self) -> StopState:
         """The present stop."""
-        return self._latch.state
+        return self.latch.state
 
     def moves_although_stopped(self, now_s: float) -> wire.MovesAlthoughStopped | None:
         """Return how the stopped robot moves; None: it obeys, or is not stopped."""
@@ -195,11 +189,11 @@ class Core:
         If a press arrives again (late or by another way), it is ignored: the stop may already have been
         cleared.
         """
-        if self._latch.was_handled(press):
+        if self.latch.was_handled(press):
             return
-        is_first = not self._latch.latched
-        stands = is_first and self._passed == self._sent == STILL and self._gate.standstill(now_s) is True
-        self._latch.press(by, reason, now_s, press, stands=stands, waited=waited)
+        is_first = not self.latch.latched
+        stands = is_first and self._passed == self.sent == STILL and self._gate.standstill(now_s) is True
+        self.latch.press(by, reason, now_s, press, stands=stands, waited=waited)
         self._cancels.repeat()
         try:
             self._zero("stopped", "the robot was stopped", now_s)
@@ -221,21 +215,17 @@ class Core:
         The watchdog received the press at `pressed_s`. Since then, this process was perhaps blocked or not
         yet started.
         """
-        if press is None and self._latch.is_stopped_by(by, reason):
+        if press is None and self.latch.is_stopped_by(by, reason):
             return  # this stop was already in the state file
         self.stop(by, reason, now_s, press)
-        self._latch.correct_time(press, pressed_s, now_s)
-
-    def ignore_presses(self, presses: Sequence[UUID]) -> None:
-        """Ignore these presses when they arrive."""
-        self._latch.ignore(presses)
+        self.latch.correct_time(press, pressed_s, now_s)
 
     def clear(self, number: int, now_s: float, presses: Sequence[UUID] = ()) -> Refusal | None:
         """Clear stop `number`; this moves nothing. Return a refusal if somebody has pressed stop again.
 
         `presses` are older than this clear. They may arrive later and are then ignored.
         """
-        if refusal := self._latch.clear(number, presses):
+        if refusal := self.latch.clear(number, presses):
             return refusal
         self.halt("stop_cleared", "the stop was cleared", now_s)
         self._watch_stopped(now_s)
@@ -265,9 +255,9 @@ class Core:
         self._decide(now_s)
         self.tasks.tick(self._page_gone_s, now_s)
         if self.reports.odometry:
-            self._latch.observe(still, self.reports.odometry[0])
+            self.latch.observe(still, self.reports.odometry[0])
         self._watch_stopped(now_s)
-        self._cancels.tick(self._latch.latched, now_s)
+        self._cancels.tick(self.latch.latched, now_s)
         self.reports.tick(now_s)
 
     def console_was_late(self, late_s: float, now_s: float) -> None:
@@ -291,11 +281,6 @@ class Core:
         Then the watchdog must stop the robot if this process ends.
         """
         return self.tasks.navigation.driving_requester is not None or self.tasks.navigation.hold.holds
-
-    @property
-    def ros_text(self) -> str:
-        """Return in words why the robot is not joined."""
-        return self.reports.ros.text
 
     @property
     def robot_clock(self) -> RobotClock:
@@ -390,14 +375,6 @@ class Core:
         """Note why a frame of the depth camera cannot be used."""
         self._gate.observe_bad_depth(why)
 
-    def mapped(self, goal_map: GoalMap, now_s: float) -> None:
-        """Take the robot's map."""
-        self.tasks.navigation.mapped(goal_map, now_s)
-
-    def unmapped(self, why: str, now_s: float) -> None:
-        """Note that the robot's map cannot be fetched."""
-        self.tasks.navigation.unmapped(why, now_s)
-
     def described(self, taken: TakenDescription, failed: Callable[[], object]) -> None:
         """Take the robot's description and store it for pages. `failed` is called if this is impossible."""
         self._records.keep_description(taken, failed)
@@ -407,14 +384,6 @@ class Core:
         self.reports.diagnostics.restarted(now_s)
         self.tasks.navigation.map_doubted(now_s, restarted=True)
         self.tasks.refresh()
-
-    def map_server_replaced(self, now_s: float) -> None:
-        """Note that another node, or another run of it, publishes the robot's map."""
-        self.tasks.navigation.map_doubted(now_s, restarted=False)
-
-    def prepare(self, now_s: float) -> None:
-        """Let the gate compute now, so that the next command does not wait for it."""
-        self._gate.prepare(now_s)
 
     def _report_changes(self) -> None:
         if self.lease.current:
@@ -481,7 +450,7 @@ class Core:
 
     def why_closed(self, now_s: float) -> Refusal | None:
         """Return why the robot takes no request from anybody: stopped, offline, or records cannot be written."""
-        if self._latch.latched:
+        if self.latch.latched:
             return Refusal("stopped", "The robot is stopped: clear the stop first.", "stop")
         phase, text = self.reports.phase(now_s)
         if phase != "online":
@@ -537,7 +506,7 @@ class Core:
         elif grant and (requester := self.tasks.navigation.driving_requester):
             self._check_navigation(grant, requester, now_s)
         self._passed = asked if refusal is None else STILL
-        verdict = self._gate.decide(self._passed, self._sent, now_s)
+        verdict = self._gate.decide(self._passed, self.sent, now_s)
         if self._passed != STILL:
             self._drives.decided(verdict, now_s)
             if verdict.neutral:
@@ -552,7 +521,7 @@ class Core:
             verdict = verdict._replace(asked=asked, code=reason.code, text=reason.sentence)
         if self.tasks.navigation.holds_for_sensor:
             verdict = self._verdict  # it gives the reason why the base is held
-        if not self._latch.latched:
+        if not self.latch.latched:
             self._tell(verdict, now_s)
         if (
             self._passed == STILL
@@ -560,7 +529,7 @@ class Core:
             and not self.tasks.navigation.holds_for_sensor
         ):
             self._drives.decided(verdict, now_s)  # an intervention may end
-            self._sent = STILL  # send nothing: zeros on the drive topic have priority over navigation
+            self.sent = STILL  # send nothing: zeros on the drive topic have priority over navigation
         else:
             self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
         return None if refusal is WAITING or self._asking is None else refusal
@@ -577,7 +546,7 @@ class Core:
         if awaited:
             self._drives.halted(awaited.sentence)
             drives_by.awaits(awaited, now_s)
-        return refusal, drives_by.velocity(grant, self.lease.confirmed_s, self._sent, now_s)
+        return refusal, drives_by.velocity(grant, self.lease.confirmed_s, self.sent, now_s)
 
     def _check_navigation(self, grant: Grant, requester: Requester, now_s: float) -> None:
         """End the drive to a place if a rule forbids it. Brake if a sensor is silent.
@@ -680,11 +649,11 @@ class Core:
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
         """Publish during control, a stop or a hold, and shortly after. Then other nodes may use the topic."""
-        if self.lease.current or self._latch.latched or self.tasks.navigation.hold.holds:
+        if self.lease.current or self.latch.latched or self.tasks.navigation.hold.holds:
             self._publish_until_s = now_s + QUIET_AFTER_S
         if now_s < self._publish_until_s:
             self._base.publish(velocity)
-        self._sent = velocity
+        self.sent = velocity
 
     def _stop_until_neutral(self, code: str, reason: str) -> None:
         """Require neutral before the robot moves again: it was stopped by a cause other than the operator."""

@@ -88,9 +88,11 @@ class Bridge:
             on_scan=lambda: self._soon(self._view_scan),
             on_news=lambda: self._soon(self._prepare),
         )
-        self._core.ignore_presses(presses)
+        self._core.latch.ignore(presses)
         self._maps = MapFetcher(
-            config, self._keep_map, gone=lambda why: self._core.unmapped(why, time.monotonic())
+            config,
+            self._keep_map,
+            gone=lambda why: self._core.tasks.navigation.unmapped(why, time.monotonic()),
         )
         self._lease_orders = LeaseOrders(self._core, store, saved.fence, lambda: self._beat(time.monotonic()))
         handler = LinkHandler(self._core, self._lease_orders, self._inspector, self._cameras)
@@ -158,7 +160,7 @@ class Bridge:
             piece()
 
     def _prepare(self) -> None:
-        self._core.prepare(time.monotonic())
+        self._gate.prepare(time.monotonic())
 
     def _view_scan(self) -> None:
         self._view(_VIEW_GAP_S)
@@ -172,7 +174,7 @@ class Bridge:
             now_s = time.monotonic()
             if self._ticks(now_s, now_s - due_s):
                 # read sensors and commands before the dead-man is checked: they wait after a stall
-                self._soon(self._base.take_waiting)
+                self._soon(self._base.mail.take_waiting)
                 await asyncio.sleep(0.0)
                 now_s = time.monotonic()
                 self._tick(now_s, now_s - due_s)
@@ -240,7 +242,7 @@ class Bridge:
 
     def _keep_map(self, taken: TakenMap) -> None:
         self._records.keep_map(taken)
-        self._core.mapped(GoalMap(taken), time.monotonic())
+        self._core.tasks.navigation.mapped(GoalMap(taken), time.monotonic())
 
     def _collect(self) -> None:
         self._garbage.collect(time.monotonic(), waits=self._core.lease.current is not None)
@@ -319,7 +321,7 @@ class Bridge:
     def _node_lost(self, name_taken: bool) -> None:
         self._exit_code = EXIT_NAME_LOST if name_taken else EXIT_NOT_JOINED
         if self._socket:
-            last_words.write(self._socket, last_words.LAST, self._core.ros_text)
+            last_words.write(self._socket, last_words.LAST, self._core.reports.ros.text)
         self._end()
 
     def _failed(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:

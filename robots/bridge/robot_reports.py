@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
 from typing import Any, Literal, Protocol
 
 from msgspec import Struct
 
 from robots.bridge.audit.records import Records
 from robots.bridge.health.battery_time import BatteryTime
-from robots.bridge.health.diagnostics import Diagnostics, Status
+from robots.bridge.health.diagnostics import Diagnostics
 from robots.bridge.health.health_log import HealthLog
 from robots.bridge.tasks.task import Robot
 from robots.shared import wire
@@ -117,10 +116,6 @@ class RobotReports:
     def charger(self, charging: bool) -> None:
         """Note whether the robot is on its charger."""
         self.charging = charging
-
-    def diagnosed(self, statuses: Sequence[Status], now_s: float) -> None:
-        """Take a report of one of the robot's nodes on the health of its parts."""
-        self.diagnostics.observe(statuses, now_s)
 
     def state(self, now_s: float) -> dict[str, Any]:
         """Return the fields of `wire.State` that these reports tell."""

@@ -537,8 +537,10 @@ class ObedientBench(Bench):
         super().__init__(config=msgspec.structs.replace(CONFIG, topics=topics, allowed=allowed))
         self.base.limbs = {"gripper": 0.04}
         self.online().base.sweeps = {"wave": ()}
-        self.core.mapped(FreeMap(), self.now_s)
-        self.core.tasks.navigation.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), self.now_s)
+        self.core.tasks.navigation.mapped(FreeMap(), self.now_s)
+        self.core.tasks.navigation.localisation.posed(
+            Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), self.now_s
+        )
         self.granted().pass_time(0.3)
 
     def frozen_odometry(self) -> None:

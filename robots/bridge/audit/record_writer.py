@@ -51,7 +51,7 @@ class RecordWriter:
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="records")
         self._open: list[_Job] = []  # jobs that were not done at the last tick
         self._unwritten: deque[_Job] = deque()  # used by the worker only, in order
-        self._trouble: Trouble | None = None  # set by the worker
+        self.trouble: Trouble | None = None  # of the last write; set by the worker
 
     def ask(self, call: Callable[[], _T], now_s: float) -> Future[_T]:
         """Write a request before it is carried out. If writing fails, it is dropped."""
@@ -73,18 +73,13 @@ class RecordWriter:
         last = self._last_test
         if last and (now_s - last.asked_s < PULSE_S or not last.done.done()):
             return
-        if watched or self._trouble:
+        if watched or self.trouble:
             self._last_test = _Job(self._test_writable, now_s, kept=False)
             self._submit(self._last_test)
 
-    @property
-    def trouble(self) -> Trouble | None:
-        """The failure of the last write; None: it succeeded."""
-        return self._trouble
-
     def overdue(self, now_s: float) -> str | None:
         """Return why nothing could be written for `PATIENCE_S`; None: writing works."""
-        trouble = self._trouble
+        trouble = self.trouble
         if trouble and now_s - trouble.since_s > PATIENCE_S:
             return trouble.why
         waiting = next((job for job in self._open if not job.done.done()), None)
@@ -132,7 +127,7 @@ class RecordWriter:
             log.exception("a record failed")
             self._fail(job, error)
         else:
-            self._trouble = None
+            self.trouble = None
             job.done.set_result(result)
 
     def _put_off(self, newest: _Job, error: RecordError) -> None:
@@ -148,8 +143,8 @@ class RecordWriter:
         job.done.set_exception(error)
 
     def _note(self, job: _Job, error: Exception) -> None:
-        since_s = self._trouble.since_s if self._trouble else job.asked_s
-        self._trouble = Trouble(since_s, str(error))
+        since_s = self.trouble.since_s if self.trouble else job.asked_s
+        self.trouble = Trouble(since_s, str(error))
 
 
 def _logged(call: Callable[[], object]) -> None:

@@ -112,7 +112,6 @@ class DrivesBy(TaskPart):
     # --- rules --------------------------------------------------------------------------------------
 
     def take(self, order: DriveBy, grant: Grant, requester: Requester, now_s: float) -> None:
-        """Record the request, if no rule forbids it."""
         refusal = self.refuse(order, grant.max_share) or self._why_not(requester, now_s)
         if refusal is not None:
             requester.answer(refusal)
@@ -129,7 +128,6 @@ class DrivesBy(TaskPart):
         )
 
     def tick(self, now_s: float) -> None:
-        """Start a request that is recorded, if no rule forbids it now."""
         if requester := self.waiting:
             self.start(self._why_not(requester, now_s), now_s)
 
@@ -199,12 +197,10 @@ class DrivesBy(TaskPart):
 
     @property
     def in_progress(self) -> bool:
-        """Return whether a request waits or runs."""
         return self._request is not None
 
     @property
     def under_way(self) -> list[str]:
-        """The request in progress, in words."""
         return [self._request.words] if self._request is not None else []
 
     def moved(self, pose: Pose) -> None:
@@ -300,12 +296,10 @@ class DrivesBy(TaskPart):
         self.end(_outcome(code), standing_alone(reason), now_s, code)
 
     def drop(self, ending: Ending, now_s: float) -> None:
-        """Refuse a request that has not started."""
         outcome = "control_lost" if ending.cause is Cause.CONTROL_ENDED else ending.refusal.code
         self.deny(outcome, ending.of_unbegun, now_s)
 
     def end_running(self, ending: Ending, now_s: float) -> None:
-        """End the request that runs, if any."""
         code, outcome = ending.refusal.code, _outcome(ending.refusal.code)
         self.end(
             outcome, standing_alone(ending.refusal.sentence), now_s, code if ending.cause in _HALTS else None
@@ -338,11 +332,9 @@ class DrivesBy(TaskPart):
         self._record(request, outcome, text, now_s, because)
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return the request that runs, and how the last one ended."""
         return {"drive_by": self.view(now_s), "drive_by_ended": self.last}
 
     def headline(self, now_s: float) -> tuple[object, ...]:
-        """Return what is reported at once: begin and end."""
         return (self.running_requester, self.last)
 
     def view(self, now_s: float) -> wire.DriveByProgress | None:

@@ -54,17 +54,12 @@ class DriveInput:
     def __init__(self, steps: Sequence[StickStep] = ()) -> None:
         self._steps = steps
         self._memory: Memory | None = None
-        self._taken_s = float("-inf")
+        self.taken_s = float("-inf")  # time of the last accepted command
         self._age = AgeEstimator()
         self._drive: Drive | None = None
         self._dies_s = float("-inf")
         self.neutral_needed: NeutralNeeded | None = None
         self.is_out = False  # the last command asked for motion; kept after the command has expired
-
-    @property
-    def taken_s(self) -> float:
-        """Time of the last accepted command."""
-        return self._taken_s
 
     @property
     def seq(self) -> int | None:
@@ -115,8 +110,8 @@ class DriveInput:
         Each command passes the filters once, however often the core ticks.
         """
         position = StickPosition(drive.x, drive.y, drive.w)
-        position, self._memory = apply_filters(self._steps, self._memory, position, now_s - self._taken_s)
-        self._taken_s = now_s
+        position, self._memory = apply_filters(self._steps, self._memory, position, now_s - self.taken_s)
+        self.taken_s = now_s
         return replace(drive, x=position.x, y=position.y, w=position.w)
 
 

@@ -21,6 +21,7 @@ class LeaseGuard:
     def refuse_grant(self, grant: Grant) -> Refusal | None:
         """Return why `grant` is refused; None if it may be taken."""
         if grant.fence < self.highest:
+            holder = self.current.holder if self.current else None
             return Refusal(
                 "old_fence",
                 say(
@@ -29,7 +30,7 @@ class LeaseGuard:
                     highest=self.highest,
                 ),
                 "lease",
-                {"fence": grant.fence, "highest": self.highest, "holder": self._holder},
+                {"fence": grant.fence, "highest": self.highest, "holder": holder},
             )
         last = self.last
         if last and grant.fence == last.fence and grant.session != last.session:
@@ -86,7 +87,3 @@ class LeaseGuard:
                 "other_link", "You hold control through another connection.", "lease", {"fence": fence}
             )
         return None
-
-    @property
-    def _holder(self) -> str | None:
-        return self.current.holder if self.current else None

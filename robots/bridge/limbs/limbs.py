@@ -53,7 +53,6 @@ class Limbs(TaskPart):
         self._at_home_s = -math.inf
 
     def take(self, order: wire.MoveLimb, grant: Grant, requester: Requester, now_s: float) -> None:
-        """Begin a move, or answer with a refusal."""
         refusal = self._why_not(order.limb, order.to_m, requester, now_s)
         if refusal is not None:
             requester.answer(refusal)
@@ -116,7 +115,6 @@ class Limbs(TaskPart):
         return None
 
     def cancel_request(self, order: wire.LimbCancel, why: str, now_s: float) -> Refusal | None:
-        """Cancel a move."""
         move = self._moves.get(order.limb)
         if move is None or not move.in_progress:
             return Refusal(
@@ -129,11 +127,9 @@ class Limbs(TaskPart):
 
     @property
     def under_way(self) -> list[str]:
-        """Moves in progress, in words."""
         return [words for move in self._moves.values() for words in move.under_way]
 
     def tick(self, now_s: float) -> None:
-        """Send moves whose record is written; check moves in progress."""
         for limb, move in self._moves.items():
             requester, to_m = move.due, move.to_m
             if requester is not None and to_m is not None:
@@ -147,23 +143,19 @@ class Limbs(TaskPart):
         self._context.gate.observe_lost_limb(self._lost)
 
     def drop(self, ending: Ending, now_s: float) -> None:
-        """Refuse moves that have not begun."""
         for move in self._moves.values():
             move.drop(ending, now_s)
 
     def end_running(self, ending: Ending, now_s: float) -> None:
-        """Cancel moves that run."""
         for move in self._moves.values():
             move.end_running(ending, now_s)
 
     def leave(self, ending: Ending, now_s: float) -> None:
-        """End all moves: the bridge ends, and nobody else watches the limbs."""
         for move in self._moves.values():
             move.leave(ending, now_s)
 
     @property
     def ends(self) -> Iterable[LimbMove]:
-        """The moves of all limbs show their ends."""
         return self._moves.values()
 
     def move(self, limb: Limb) -> LimbMove:
@@ -171,9 +163,7 @@ class Limbs(TaskPart):
         return self._moves[limb]
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return the limbs."""
         return {"limbs": {limb: move.view(now_s) for limb, move in self._moves.items()}}
 
     def headline(self, now_s: float) -> tuple[object, ...]:
-        """Return what is reported at once: begin and end of each move."""
         return tuple((move.to_m, move.in_progress, move.last) for move in self._moves.values())

@@ -17,14 +17,14 @@ from robots.bridge.audit.records import Requester
 from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.arm.discs import KNOWN_S
 from robots.bridge.navigation.hold import Hold
-from robots.bridge.navigation.localisation import Localisation, Spread
+from robots.bridge.navigation.localisation import Localisation
 from robots.bridge.navigation.path import PlannedPath
 from robots.bridge.navigation.sensor_grace import MAY_PASS, SensorGrace
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, Goal, Goals
 from robots.bridge.tasks.input_routing import InputRouting
 from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
 from robots.shared import wire
-from robots.shared.geometry.planar import NO_POINTS, Points
+from robots.shared.geometry.planar import NO_POINTS
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.maps.goal_map import NO_MAP, UNKNOWN_NOW, GoalMap
 from robots.shared.records.verdict import Verdict
@@ -243,15 +243,11 @@ class NavigationGoals(Goals[Target], TaskPart):
                 "Something is within 3 cm of the robot, or may be: drive it away from there by the stick first."
             )
             return Refusal("too_close", text, "gate", {"gap_m": round(spare_m, 3), "limit_m": LEAST_SPARE_M})
-        refusal = self.refuse_pose(now_s) or self._refuse_goal(goal)
+        refusal = self.localisation.refuse(now_s) or self._refuse_goal(goal)
         if refusal is not None or self._gate.looks_ahead(now_s):
             return refusal
         # Check this last: the head turns only if no other rule forbids the drive.
         return HEAD_AWAY if self._has_head else CAMERA_AWAY
-
-    def refuse_pose(self, now_s: float) -> Refusal | None:
-        """Return why the robot's pose on the map is unknown or not good enough."""
-        return self.localisation.refuse(now_s)
 
     def _refuse_goal(self, goal: Pose) -> Refusal | None:
         return self._map_problem if self._map is None else self._map.refuse(goal, self._gate.footprint)
@@ -338,7 +334,6 @@ class NavigationGoals(Goals[Target], TaskPart):
 
     @property
     def under_way(self) -> list[str]:
-        """The goal in progress, in words."""
         return [say("the drive to a place")] if self._current is not None else []
 
     def end(self, outcome: str, text: str, now_s: float, because: str | None = None) -> None:
@@ -356,7 +351,6 @@ class NavigationGoals(Goals[Target], TaskPart):
             self.hold.begin(goal.id, now_s)
 
     def end_running(self, ending: Ending, now_s: float) -> None:
-        """Cancel a goal that was sent."""
         if self.begun:
             code = ending.refusal.code
             outcome = _OUTCOMES.get(code) or self._worded(ending).code
@@ -461,10 +455,6 @@ class NavigationGoals(Goals[Target], TaskPart):
         if (here := self.localisation.pose) is not None:
             goal.what.left_m = round(self.path.left_m(here, goal.what.pose), 2)
 
-    def posed(self, pose: Pose, spread: Spread, now_s: float) -> None:
-        """Take a message of the pose topic."""
-        self.localisation.posed(pose, spread, now_s)
-
     def arm(self, at_home: bool, now_s: float) -> None:
         """Note whether the arm is at home. If it is not, end the drive."""
         if at_home:
@@ -503,10 +493,6 @@ class NavigationGoals(Goals[Target], TaskPart):
         self._doubted_s = math.inf
         self.end("map_gone", self._map_problem.sentence, now_s)
 
-    def planned(self, places: Points) -> None:
-        """Take the path that navigation plans."""
-        self.path.take(places)
-
     def drove(self, velocity: Velocity, now_s: float) -> None:
         """Take a velocity that navigation sends to the base."""
         self._sent, self._sent_s = velocity, now_s
@@ -536,7 +522,6 @@ class NavigationGoals(Goals[Target], TaskPart):
             self._current.what.heard_s = now_s
 
     def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
-        """Take a result of navigation."""
         goal = self._current
         if goal is not None and goal.id == goal_id:
             if goal.cancelled is None:
@@ -554,7 +539,6 @@ class NavigationGoals(Goals[Target], TaskPart):
     # --- for pages and records --------------------------------------------------------------------------
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return the goal in progress, how the last one ended, and the robot's pose."""
         return {
             "location": self.location(now_s, self._context.rules.lease.current is not None),
             "going": self.view(now_s),
@@ -563,7 +547,6 @@ class NavigationGoals(Goals[Target], TaskPart):
         }
 
     def headline(self, now_s: float) -> tuple[object, ...]:
-        """Return what is reported at once: begin and end of goal and hold."""
         goal = self.view(now_s)
         return (goal and (goal.number, goal.ending), self.last, self.hold.why)
 

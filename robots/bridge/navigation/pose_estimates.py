@@ -34,7 +34,6 @@ class PoseEstimates(AtOnce):
             self._pose = order
 
     def drop(self, ending: Ending, now_s: float) -> None:
-        """Refuse waiting requests."""
         self._asked.deny(ending.of_unbegun, now_s)
 
     def tick(self, now_s: float) -> None:

@@ -144,7 +144,6 @@ class RosBase(InputSwitch):
         return None if self._acknowledgements is None else self._acknowledgements.took_s(now_s)
 
     def drive_to(self, topic: str) -> None:
-        """Publish twists to this connected topic from now on."""
         self._drive_topic = topic
 
     def cancel_all(self) -> None:
@@ -183,13 +182,10 @@ class RosBase(InputSwitch):
         if self._on_demand is not None:
             self._on_demand.set_wanted(wanted)
 
-    def take_waiting(self) -> None:
-        """Pass on messages that could wait. Runs on the loop at each tick."""
-        self.mail.take_waiting()
-
     def map_to_odom(self) -> Pose | None:
         """Return the odometry frame in the map frame, if the robot has a map and a person drives."""
-        return self._tf.map_to_odom() if self._tf else None
+        located = self.located()
+        return located and located[1]
 
     # --- life ----------------------------------------------------------------------------------------
 
@@ -310,7 +306,7 @@ class RosBase(InputSwitch):
 
     def _report_listened(self, system: SystemState) -> None:
         self._listened = listened = _listened(system)
-        self.post(lambda: self._core.tasks.routing.surveyed(listened, time.monotonic()))
+        self.post(lambda: self.tasks.routing.surveyed(listened, time.monotonic()))
 
     def report(self, status: RosStatus) -> None:
         """Report the state of the connection to the master."""
@@ -329,7 +325,7 @@ class RosBase(InputSwitch):
         if servers and servers != self._map_servers:
             is_other, self._map_servers = bool(self._map_servers), servers
             if is_other:
-                self.post(lambda: self._core.map_server_replaced(time.monotonic()))
+                self.post(lambda: self.tasks.navigation.map_doubted(time.monotonic(), restarted=False))
 
     def _look_for_restart(self, system: SystemState) -> None:
         """Read the description again when nodes came or went that a restart of the robot replaces.
@@ -388,7 +384,7 @@ class RosBase(InputSwitch):
             self._connect(use, topics)
             connected = topics
         finally:
-            self.post(lambda: self._core.tasks.routing.attended(use, connected, time.monotonic()))
+            self.post(lambda: self.tasks.routing.attended(use, connected, time.monotonic()))
 
     def _connect(self, use: Use, topics: frozenset[str]) -> None:
         if use == "drive":
@@ -513,7 +509,7 @@ class RosBase(InputSwitch):
         arrival_s, read = time.monotonic(), statuses(message)
         self.mail.post(
             "diagnostics",
-            lambda: self._core.reports.diagnosed(read, arrival_s),
+            lambda: self._core.reports.diagnostics.observe(read, arrival_s),
             DIAGNOSTICS_WAIT,
             can_wait=True,
         )

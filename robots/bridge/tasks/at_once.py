@@ -92,15 +92,12 @@ class Memory(AtOnce):
         self._asked = Asked(wire.FORGET, context, self._why_not)
 
     def take(self, order: Any, grant: Grant, requester: Requester, now_s: float) -> None:
-        """Record the request."""
         self._asked.ask(requester, now_s)
 
     def drop(self, ending: Ending, now_s: float) -> None:
-        """Refuse waiting requests."""
         self._asked.deny(ending.of_unbegun, now_s)
 
     def tick(self, now_s: float) -> None:
-        """Forget, if a request is recorded."""
         if self._asked.granted(now_s):
             self._context.gate.forget()
 

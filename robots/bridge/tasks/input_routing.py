@@ -161,7 +161,6 @@ class InputRouting(TaskPart):
         self._asked[use] = _Route(requester, number, now_s, name)
 
     def tick(self, now_s: float) -> None:
-        """Continue with recorded choices."""
         for use, choice in list(self._asked.items()):
             if now_s - choice.since_s > PATIENCE_S:
                 self._withdraw(use, _silent(choice), now_s)
@@ -199,7 +198,6 @@ class InputRouting(TaskPart):
                 self._go_back(use, "gone", why, now_s)
 
     def drop(self, ending: Ending, now_s: float) -> None:
-        """Refuse requested choices that are not made yet."""
         refusal = ending.refusal
         if ending.cause is Cause.CONTROL_ENDED:
             refusal = structs.replace(refusal, code="no_lease")
@@ -223,11 +221,9 @@ class InputRouting(TaskPart):
             self._end(use, ending.refusal.code, now_s)
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return the chosen topics, and choices that ended by themselves."""
         return {"chosen": self.chosen, "choice_ended": dict(self.gone)}
 
     def headline(self, now_s: float) -> tuple[object, ...]:
-        """Return what is reported at once: all of it."""
         return (self.chosen, dict(self.gone))
 
     # --- inside -----------------------------------------------------------------------------------------

@@ -322,7 +322,6 @@ class Motions(Goals[MotionGoal], TaskPart):
 
     @property
     def under_way(self) -> list[str]:
-        """The motion in progress, in words."""
         return (
             [say("the motion “{title}”", title=self._current.what.title)] if self._current is not None else []
         )
@@ -354,7 +353,6 @@ class Motions(Goals[MotionGoal], TaskPart):
         super().tick(now_s)
 
     def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
-        """Take the robot's report that a goal has ended."""
         if goal_id in self._unwatched_goals:
             self._unwatched_goals[goal_id].outcome = outcome
         super().ended(goal_id, outcome, text, now_s)
@@ -372,11 +370,9 @@ class Motions(Goals[MotionGoal], TaskPart):
             self._record_unwatched_end(goal_id, ending.refusal.code, now_s)
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return the motion in progress, and how the last one ended."""
         return {"motion": self.view(now_s), "motion_ended": self.last}
 
     def headline(self, now_s: float) -> tuple[object, ...]:
-        """Return what is reported at once: begin and end."""
         return (self._current and self._current.what.name, self.last)
 
     def view(self, now_s: float) -> wire.Motion | None:

@@ -126,7 +126,6 @@ class Publications(TaskPart):
         self._waiting.append(_Publication(requester, number, now_s, order))
 
     def tick(self, now_s: float) -> None:
-        """Send recorded messages. Drop one if its record failed or if a rule now forbids it."""
         for publishing in pop_due(self._waiting):
             refusal = publishing.unrecorded or self._context.rules.why_not_begin(publishing.requester, now_s)
             refusal = refusal or self._send(publishing, now_s)
@@ -137,7 +136,6 @@ class Publications(TaskPart):
             self._publisher.keep_alive()
 
     def cancel_request(self, order: wire.PublishStop, why: str, now_s: float) -> Refusal | None:
-        """End the holder's publication on a topic."""
         topic = order.topic
         if topic not in self._running:
             return Refusal(
@@ -147,11 +145,9 @@ class Publications(TaskPart):
         return None
 
     def drop(self, ending: Ending, now_s: float) -> None:
-        """Refuse messages that wait for their record."""
         self._deny(ending.refusal.code, ending.of_unbegun, now_s)
 
     def end_running(self, ending: Ending, now_s: float) -> None:
-        """End all publications."""
         self._halt(ending.refusal.code, now_s)
 
     def inspector_ended(self, now_s: float) -> None:
@@ -172,16 +168,13 @@ class Publications(TaskPart):
 
     @property
     def under_way(self) -> list[str]:
-        """Publications at a rate and waiting messages, in words."""
         topics = {*self._running, *(publishing.order.topic for publishing in self._waiting)}
         return [say("publishing on {topic}", topic=topic) for topic in sorted(topics)]
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return publications at a rate."""
         return {"publishing": self._view}
 
     def headline(self, now_s: float) -> tuple[object, ...]:
-        """Return what is reported at once: begin and end."""
         return tuple(self._view)
 
     @property

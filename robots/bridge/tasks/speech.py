@@ -178,7 +178,6 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
         self._end("unheard", say("The bridge ended while the robot spoke."), now_s)
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return the text being spoken, and how the last one ended."""
         return {"speech": self.view(now_s), "speech_ended": self.last}
 
     def headline(self, now_s: float) -> tuple[object, ...]:

@@ -34,11 +34,6 @@ class WatchdogClient:
         self._taken_s = float("-inf")  # time of the last accepted heartbeat
         self._since_s = float("inf")  # time of the first heartbeat sent
 
-    @property
-    def connected(self) -> bool:
-        """Return whether a watchdog is connected."""
-        return self._socket is not None
-
     def missing(self, now_s: float) -> bool:
         """Return whether no watchdog took a heartbeat for `MISSING_S`: none runs, or it is frozen."""
         return now_s - max(self._taken_s, self._since_s) > MISSING_S

@@ -50,25 +50,15 @@ class StopRules:
 
     def __init__(self, first: int, kept: StopPress | None = None, before: Heartbeat | None = None) -> None:
         self._number = max(first, kept.number if kept else 0)
-        self._own = kept
+        self.own = kept  # the newest stop that no bridge has taken yet
         self._beat = before or Heartbeat()
         self._beat_s = float("-inf")
         self._bridge_lives = False
 
     @property
-    def own(self) -> StopPress | None:
-        """The newest stop that no bridge has taken yet."""
-        return self._own
-
-    @property
     def latched(self) -> bool:
         """Return whether the robot is stopped."""
-        return self._own is not None or self._beat.latched
-
-    @property
-    def drive(self) -> str:
-        """The bridge's last drive topic; empty: unknown."""
-        return self._beat.drive
+        return self.own is not None or self._beat.latched
 
     def moves_although_stopped(self, now_s: float) -> MovesAlthoughStopped | None:
         """Return how the stopped robot moves, if a bridge has just seen it."""
@@ -78,8 +68,8 @@ class StopRules:
     def press(self, by: str, reason: str, press: UUID | None = None, at_s: float | None = None) -> StopPress:
         """Take a stop. Return the message for the bridge."""
         self._number += 1
-        self._own = StopPress(self._number, by, reason, press, at_s)
-        return self._own
+        self.own = StopPress(self._number, by, reason, press, at_s)
+        return self.own
 
     def bridge_came(self, now_s: float) -> None:
         """Note that a bridge connected; its first heartbeat follows."""
@@ -90,16 +80,16 @@ class StopRules:
         """Note that the bridge ended. Its latched stop stays latched here."""
         self._bridge_lives = False
         self._beat_s = min(self._beat_s, now_s - SILENT_S)
-        if self._beat.latched and self._own is None:
+        if self._beat.latched and self.own is None:
             self.press(self._beat.by, self._beat.reason)
         self._beat = structs.replace(self._beat, latched=False)
 
     def beat(self, beat: Heartbeat, now_s: float) -> StopPress | None:
         """Take a heartbeat. Return a stop that the bridge has not taken yet."""
         self._beat, self._beat_s = beat, now_s
-        if self._own is not None and beat.heard == self._own.number:
-            self._own = None
-        return self._own
+        if self.own is not None and beat.heard == self.own.number:
+            self.own = None
+        return self.own
 
     def zeros(self, now_s: float) -> bool:
         """Return whether to publish zeros: while a stop is latched, and after a driving bridge became silent.
@@ -119,4 +109,4 @@ class StopRules:
         """Return whether the watchdog must cancel goals, because no bridge that reaches the robot does it."""
         works = self._bridge_lives and self._beat.publishing and now_s - self._beat_s < SILENT_S
         lost = not self._bridge_lives or now_s - self._beat_s >= LOST_S
-        return (lost and self._unwatched(now_s)) or (self.latched and (self._own is not None or not works))
+        return (lost and self._unwatched(now_s)) or (self.latched and (self.own is not None or not works))

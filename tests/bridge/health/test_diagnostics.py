@@ -135,7 +135,7 @@ def test_an_error_does_not_outlive_the_robots_restart(diagnostics, stale):
 
 def test_the_bridge_tells_of_a_restart():
     bench = Bench().online()
-    bench.core.reports.diagnosed([Status("gone", ERROR, "broken")], bench.now_s)
+    bench.core.reports.diagnostics.observe([Status("gone", ERROR, "broken")], bench.now_s)
     bench.core.restarted(bench.now_s + 20.0)
     assert bench.core.state(bench.now_s + 20.0, []).health.level == "error"
     assert bench.core.state(bench.now_s + 21.0 + RESTARTED_S, []).health.level == "silent"

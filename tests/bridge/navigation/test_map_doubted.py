@@ -34,7 +34,7 @@ class FreeMap:
 @pytest.fixture
 def bench() -> Iterator[Bench]:
     bench = Bench(config=msgspec.structs.replace(CONFIG, topics=TOPICS)).online().granted()
-    bench.core.mapped(FreeMap("old"), bench.now_s)
+    bench.core.tasks.navigation.mapped(FreeMap("old"), bench.now_s)
     bench.pass_time(CONTROLLED_S)
     located(bench)
     yield bench
@@ -43,7 +43,7 @@ def bench() -> Iterator[Bench]:
 
 def located(bench: Bench) -> None:
     navigation = bench.core.tasks.navigation
-    navigation.posed(Pose(1.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), bench.now_s)
+    navigation.localisation.posed(Pose(1.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), bench.now_s)
     bench.base.transform = (bench.now_s, Pose(1.0, 0.0, 0.0))
     bench.pass_time(0.1)
 
@@ -70,21 +70,21 @@ def test_after_a_restart_goals_wait_for_the_present_map(bench, map):
     bench.pass_time(20.0)
     located(bench)
     assert go(bench, map) == UNKNOWN_NOW and bench.base.goals == []
-    bench.core.mapped(FreeMap("new"), bench.now_s)
+    bench.core.tasks.navigation.mapped(FreeMap("new"), bench.now_s)
     located(bench)
     assert go(bench, map) == (OTHER_MAP if map == "old" else None)
 
 
 def test_the_same_map_after_a_restart_is_good_again(bench):
     bench.core.restarted(bench.now_s)
-    bench.core.mapped(FreeMap("old"), bench.now_s)
+    bench.core.tasks.navigation.mapped(FreeMap("old"), bench.now_s)
     assert go(bench, "old") == MISSING  # where the robot was before its restart
     located(bench)
     assert go(bench, "old") is None
 
 
 def test_a_pose_on_another_map_is_none(bench):
-    bench.core.mapped(FreeMap("new"), bench.now_s)
+    bench.core.tasks.navigation.mapped(FreeMap("new"), bench.now_s)
     assert go(bench) == MISSING
     assert bench.core.state(bench.now_s, []).location is None
     bench.pass_time(0.5)  # the transform of the old map is still the newest one
@@ -93,7 +93,7 @@ def test_a_pose_on_another_map_is_none(bench):
 
 def test_a_robot_whose_map_cannot_be_read_stays_without_goals(bench):
     bench.core.restarted(bench.now_s)
-    bench.core.unmapped("nobody publishes /map", bench.now_s)
+    bench.core.tasks.navigation.unmapped("nobody publishes /map", bench.now_s)
     located(bench)
     assert go(bench).code == "no_map"
 
@@ -106,7 +106,7 @@ def test_a_pose_in_the_first_seconds_waits_for_the_map():
     bench.recorded()
     bench.pass_time(1.0)
     assert answers == again == [] and bench.base.poses == []
-    bench.core.mapped(FreeMap("new"), bench.now_s)
+    bench.core.tasks.navigation.mapped(FreeMap("new"), bench.now_s)
     bench.pass_time(0.1)
     assert answers == again == [None] and bench.base.poses == [Pose(3.0, 1.5, 0.5)]
     bench.close()
@@ -116,7 +116,7 @@ def test_a_pose_on_the_map_before_is_refused_when_the_map_comes():
     bench = Bench(config=msgspec.structs.replace(CONFIG, topics=TOPICS)).online().granted()
     answers = bench.ask(wire.SetPose(1, 3.0, 1.0, 0.5, seq=8, map="old"))
     bench.recorded()
-    bench.core.mapped(FreeMap("new"), bench.now_s)
+    bench.core.tasks.navigation.mapped(FreeMap("new"), bench.now_s)
     bench.pass_time(0.1)
     assert answers == [OTHER_MAP] and bench.base.poses == []
     bench.close()

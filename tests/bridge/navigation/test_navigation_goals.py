@@ -37,9 +37,9 @@ def bench(monkeypatch):
     monkeypatch.setattr(navigation_watch, "judge", lambda gate, commanded, now_s: bench.says)
     bench.lost = None
     monkeypatch.setattr(navigation_watch, "depth_lost", lambda gate, now_s: bench.lost)
-    bench.core.mapped(FreeMap(), bench.now_s)
+    bench.core.tasks.navigation.mapped(FreeMap(), bench.now_s)
     bench.navigation = bench.core.tasks.navigation
-    bench.navigation.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), bench.now_s)
+    bench.navigation.localisation.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), bench.now_s)
     localised(bench)
     passed(bench, 0.5)
     yield bench
@@ -102,27 +102,27 @@ def test_a_place_of_another_map_is_refused(bench):
 @pytest.mark.parametrize("read", ["free", "another", ""])
 def test_another_map_server_ends_a_drive_only_by_another_map(bench, read):
     gone(bench)
-    bench.core.map_server_replaced(bench.now_s)
+    bench.core.tasks.navigation.map_doubted(bench.now_s, restarted=False)
     passed(bench, 1.0)
     assert bench.navigation.driving_requester is not None
     assert bench.navigation.refuse_map("") == UNKNOWN_NOW
     if read:
-        bench.core.mapped(FreeMap(read), bench.now_s)
+        bench.core.tasks.navigation.mapped(FreeMap(read), bench.now_s)
     else:
-        bench.core.unmapped("nobody publishes /map", bench.now_s)
+        bench.core.tasks.navigation.unmapped("nobody publishes /map", bench.now_s)
     assert (bench.navigation.driving_requester is not None) == (read == "free")
-    assert (bench.navigation.refuse_pose(bench.now_s) is None) == (read != "another")
+    assert (bench.navigation.localisation.refuse(bench.now_s) is None) == (read != "another")
 
 
 def test_another_map_server_ends_a_drive_if_no_map_is_read(bench):
     gone(bench)
-    bench.core.map_server_replaced(bench.now_s)
+    bench.core.tasks.navigation.map_doubted(bench.now_s, restarted=False)
     passed(bench, DOUBT_S - 1.0)
-    bench.core.mapped(FreeMap(), bench.now_s)
+    bench.core.tasks.navigation.mapped(FreeMap(), bench.now_s)
     passed(bench, 2.0)
     for _ in range(2):  # the second change does not begin the time anew
         assert bench.navigation.driving_requester is not None
-        bench.core.map_server_replaced(bench.now_s)
+        bench.core.tasks.navigation.map_doubted(bench.now_s, restarted=False)
         passed(bench, 0.5 * DOUBT_S + 0.2)
     going = bench.core.state(bench.now_s, []).going
     assert bench.navigation.driving_requester is None and "no map could be read" in going.ending

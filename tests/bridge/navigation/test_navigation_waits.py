@@ -45,8 +45,8 @@ class SelfDriver(Bench):
         self.navigation = self.core.tasks.navigation
         self.core.ros_status(RosStatus("connecting", ""), self.now_s)
         self.odometry(STILL)
-        self.core.mapped(FreeMap(), self.now_s)
-        self.navigation.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), self.now_s)
+        self.core.tasks.navigation.mapped(FreeMap(), self.now_s)
+        self.navigation.localisation.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), self.now_s)
         self.steps(0.5)
         self.ask(wire.Go(1, 3.0, 1.0, 0.5, seq=7))
         self.recorded()

@@ -62,8 +62,7 @@ async def test_stops_with_lower_numbers_of_a_new_watchdog_are_heard(
     beats = WatchdogClient(str(tmp_path / "robot.stop"), presses.put_nowait)
     for number in (100, 50):
         lane = open_lane()
-        while not beats.connected:
-            beats.beat(Heartbeat(), 0.0)
+        beats.beat(Heartbeat(), 0.0)
         connection, _ = await said(lane)
         lane.send(connection, wire.encode(StopPress(number, "Ann")))
         press = await asyncio.wait_for(presses.get(), PATIENCE_S)
@@ -75,7 +74,6 @@ async def test_stops_with_lower_numbers_of_a_new_watchdog_are_heard(
         if number == 100:
             lane.close()
             beats.beat(Heartbeat(), 0.0)  # cannot be sent: no watchdog is there
-            assert not beats.connected
     beats.close()
 
 

@@ -75,7 +75,7 @@ class CameraTopics:
         self._awake = awake
         self._clock = clock
         self._age = PictureAge()
-        self._newest: Arrival | None = None
+        self.newest: Arrival | None = None  # message
         self._info: CameraInfo | None = None
         self._told = b""  # the last camera info without its number and stamp
         self._damage: str | None = None  # of the last picture
@@ -107,7 +107,7 @@ class CameraTopics:
     def _on_message(self, message: rospy.AnyMsg) -> None:
         arrival = Arrival(message, time.time(), time.monotonic())
         with self._awake:
-            self._newest = arrival
+            self.newest = arrival
             self._awake.notify()
 
     def _on_info(self, raw: bytes) -> None:
@@ -121,11 +121,6 @@ class CameraTopics:
             self._info = None
 
     # --- on the producer's thread --------------------------------------------------------------------
-
-    @property
-    def newest(self) -> Arrival | None:
-        """The newest message."""
-        return self._newest
 
     def picture(self, arrival: Arrival) -> CameraPicture | None:
         """Return the picture of this message, a raw one as JPEG; None if it cannot be shown (see `refusal`)."""
@@ -199,7 +194,7 @@ class CameraTopics:
 
         Without pictures, or if the profile names no camera info, it is None too.
         """
-        newest = self._newest
+        newest = self.newest
         comes = newest is not None and now_s - newest.arrived_s < SILENT_S and self._damage is None
         if (
             not self.source.info
@@ -218,7 +213,7 @@ class CameraTopics:
         figures = {"topic": topic}
         if why := BOARD.text(topic):
             return Refusal("too_much", why, "robot", figures)
-        newest = self._newest
+        newest = self.newest
         since_s = now_s - (newest.arrived_s if newest else self._began_s)
         if since_s > SILENT_S:
             if not self._subscriber.get_num_connections():

@@ -29,11 +29,6 @@ class TfTopics:
         """Forget all transforms: they may be outdated."""
         self.frames.forget()
 
-    def map_to_odom(self) -> Pose | None:
-        """Return the last pose of the odometry frame in the map frame, if any."""
-        located = self.located()
-        return located and located[1]
-
     def located(self) -> tuple[float, Pose] | None:
         """Return the stamp and the last pose of the odometry frame in the map frame, if any."""
         return self.frames.flat(ODOM, MAP)

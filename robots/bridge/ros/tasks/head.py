@@ -47,12 +47,10 @@ class HeadTopics(HeadMover, RobotPart):
         return cls(head, node.joint) if head else None
 
     def head_at(self) -> tuple[float, float] | None:
-        """Return the head's pan and tilt; None without joint states."""
         pan, tilt = self._joint(self._source.pan_joint), self._joint(self._source.tilt_joint)
         return None if pan is None or tilt is None else (pan, tilt)
 
     def aim_head(self, aim: Aim) -> None:
-        """Send the head's aim."""
         if self._action is not None and heard_by(self._action) and self._server.get_num_connections():
             publish(self._action, self._goal(aim))
         else:

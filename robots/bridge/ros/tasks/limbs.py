@@ -35,26 +35,21 @@ class LimbsTopics(LimbMover, RobotPart):
         return cls(node) if node.config.topics.limbs else None
 
     def limb_at(self, limb: Limb) -> float | None:
-        """Return a limb's position (m) from joint states; None if unknown."""
         places = [self._node.joint(name) for name in self._node.config.topics.limbs[limb].joints]
         known = [place for place in places if place is not None]
         return sum(known) if len(known) == len(places) else None
 
     def limb_has_listener(self, limb: Limb) -> bool:
-        """Return whether a node of the robot takes goals for this limb."""
         return self._limbs[limb].action.heard
 
     def move_limb(self, limb: Limb, goal_id: str, to_m: float, seconds: float) -> None:
-        """Send a goal."""
         self._limbs[limb].move(goal_id, to_m, seconds)
 
     def cancel_limb(self, limb: Limb, goal_id: str) -> None:
-        """Cancel this goal and no other."""
         self._limbs[limb].action.cancel(goal_id)
 
     @property
     def cancels(self) -> list[Callable[[], None]]:
-        """For the emergency stop: cancel the goals of all senders."""
         return [limb.action.cancel_all for limb in self._limbs.values()]
 
 
@@ -90,7 +85,6 @@ class LimbTopics(GoalListener):
     # --- on rospy's threads ---------------------------------------------------------------------------
 
     def running(self, action: str, goals: dict[str, int]) -> None:
-        """Report the running goals of all senders."""
         active = {goal_id: status == GoalStatus.ACTIVE for goal_id, status in goals.items()}
         self._mail.post((action, "goals"), lambda: self._move.running(active, time.monotonic()))
 

@@ -140,7 +140,6 @@ class MotionTopics(GoalListener):
     # --- on rospy's threads (actions.GoalListener) ----------------------------------------------------
 
     def running(self, action: str, goals: dict[str, int]) -> None:
-        """Report the running goals of all senders."""
         self._mail.post(
             ("motions", action), lambda: self._tasks.running(action, goals.keys(), time.monotonic())
         )

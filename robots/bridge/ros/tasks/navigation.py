@@ -66,7 +66,6 @@ class NavigationTopics(Navigator, RobotPart, GoalListener):
         return self._located()
 
     def navigates(self) -> bool:
-        """Return whether a node of the robot takes goals."""
         return self._action.heard
 
     def go(self, goal_id: str, goal: Pose) -> None:
@@ -83,16 +82,13 @@ class NavigationTopics(Navigator, RobotPart, GoalListener):
         self._action.send(message)
 
     def cancel_navigation(self, goal_id: str) -> None:
-        """Cancel this goal and no other."""
         self._action.cancel(goal_id)
 
     @property
     def cancels(self) -> list[Callable[[], None]]:
-        """For the emergency stop: cancel the goals of all senders."""
         return [self._action.cancel_all]
 
     def set_pose(self, pose: Pose) -> None:
-        """Send the robot's pose to its localisation."""
         if self._set_pose is None:
             return
         message = self._posed()
@@ -111,7 +107,6 @@ class NavigationTopics(Navigator, RobotPart, GoalListener):
     # --- on rospy's threads ---------------------------------------------------------------------------
 
     def running(self, action: str, goals: dict[str, int]) -> None:
-        """Report the running goals of all senders."""
         self._mail.post("goals", lambda: self._goals.running(action, goals.keys(), time.monotonic()))
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
@@ -121,7 +116,6 @@ class NavigationTopics(Navigator, RobotPart, GoalListener):
         )
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
-        """Report the end of a goal, with navigation's text."""
         self._mail.post(
             "goals ended", lambda: self._goals.ended(goal_id, outcome, text, time.monotonic()), EVENTS_WAIT
         )
@@ -137,7 +131,8 @@ class NavigationTopics(Navigator, RobotPart, GoalListener):
         if message.header.frame_id.lstrip("/") != self._frame:
             return
         spread = Spread(covariance[0], covariance[1], covariance[7], covariance[35])
-        self._mail.post("pose", lambda: self._goals.posed(pose, spread, time.monotonic()), can_wait=True)
+        place = self._goals.localisation
+        self._mail.post("pose", lambda: place.posed(pose, spread, time.monotonic()), can_wait=True)
 
     def _on_plan(self, message: Any) -> None:
         if message.header.frame_id.lstrip("/") != self._frame:
@@ -167,7 +162,7 @@ class NavigationTopics(Navigator, RobotPart, GoalListener):
 
         def take() -> None:
             if goals == self._sent:
-                self._goals.planned(points)
+                self._goals.path.take(points)
 
         self._mail.post("plan", take, can_wait=True)
 

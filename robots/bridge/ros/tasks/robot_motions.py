@@ -41,17 +41,14 @@ class RobotMotions(MotionPlayer, ArmModel, RobotPart):
         return cls(node, motions.type) if motions else None
 
     def play(self, goal_id: str, motion: str, action: str) -> None:
-        """Send a motion's goal."""
         if self._topics is not None:
             self._topics.play(goal_id, motion, action)
 
     def cancel(self, goal_id: str, action: str) -> None:
-        """Cancel this goal and no other."""
         if self._topics is not None:
             self._topics.cancel(goal_id, action)
 
     def read_motions(self) -> None:
-        """Read the list of motions from the robot."""
         self._list_worker.do(self._read)
 
     def _read(self) -> None:
@@ -67,7 +64,6 @@ class RobotMotions(MotionPlayer, ArmModel, RobotPart):
             self.read_motions()
 
     def sweep(self, motion: str, action: str, then: Swept) -> None:
-        """Read a motion's points from the robot, and call `then` with the space that the arm would sweep."""
         self._sweeping.do(lambda: self._sweep(motion, action, then))
 
     def _sweep(self, motion: str, action: str, then: Swept) -> None:
@@ -83,14 +79,11 @@ class RobotMotions(MotionPlayer, ArmModel, RobotPart):
         self._node.post(lambda: then(space, time.monotonic()))
 
     def arm(self) -> tuple[Disc, ...] | None:
-        """Return the discs that the arm covers now, by its joints; None if joints are unknown."""
         return None if self._arm is None else self._arm.arm(time.monotonic())
 
     def arm_problem(self) -> str:
-        """Return in words why the arm's position is unknown now, but should be known; empty: it is known."""
         return "" if self._arm is None else self._arm.problem(time.monotonic())
 
     @property
     def cancels(self) -> list[Callable[[], None]]:
-        """For the emergency stop: each cancels all goals of one action, from any sender."""
         return self._topics.cancels if self._topics is not None else []

@@ -49,17 +49,14 @@ class SpeechTopics(SpeechOutput, RobotPart):
             self._voices.pop(name).close()
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:
-        """Send the text. Returns whether the robot reports progress."""
         return self._voices[utterance.topic].say(goal_id, utterance)
 
     def cancel_speech(self, goal_id: str, topic: str) -> None:
-        """Cancel this goal and no other."""
         if topic in self._voices:
             self._voices[topic].cancel_speech(goal_id)
 
     @property
     def cancels(self) -> list[Callable[[], None]]:
-        """For the emergency stop: each cancels all speech on one topic, from any sender."""
         return [voice.cancel_all for voice in list(self._voices.values())]
 
 
