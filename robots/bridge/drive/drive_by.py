@@ -109,14 +109,21 @@ class DrivesBy(TaskPart):
         self._pose: Pose | None = None
         self.last: wire.DriveByEnd | None = None  # how the last request ended, for pages
 
-    # --- rules --------------------------------------------------------------------------------------
+    # --- rules and begin ----------------------------------------------------------------------------
 
     def take(self, order: DriveBy, grant: Grant, requester: Requester, now_s: float) -> None:
         refusal = self.refuse(order, grant.max_share) or self._why_not(requester, now_s)
         if refusal is not None:
             requester.answer(refusal)
             return
-        self.begin(order, grant.max_share, requester, now_s)
+        speed = _speed(order) or self._speed_limit(order, min(DEFAULT_SHARE, grant.max_share))
+        parameters: Parameters = (
+            {"distance_m": order.distance_m, "speed_mps": round(speed, 3)}
+            if order.distance_m is not None
+            else {"angle_rad": order.angle_rad, "speed_radps": round(speed, 3)}
+        )
+        number = self._records.request(requester.holder, wire.DRIVE_BY.record, parameters, now_s)
+        self._request = _Request(requester, number, now_s, order, speed)
 
     def _why_not(self, requester: Requester, now_s: float) -> Refusal | None:
         """Return the first rule that forbids to begin a drive. The core judges each velocity afterwards."""
@@ -126,12 +133,6 @@ class DrivesBy(TaskPart):
             or self._context.tasks.blocks(Activity.DRIVE, now_s)
             or rules.why_not_still(now_s)
         )
-
-    def tick(self, now_s: float) -> None:
-        if requester := self.waiting:
-            self.start(self._why_not(requester, now_s), now_s)
-
-    # --- begin --------------------------------------------------------------------------------------
 
     def refuse(self, order: DriveBy, max_share: float) -> Refusal | None:
         """Return why this request is refused: another request is in progress, or the speed is too high."""
@@ -152,40 +153,20 @@ class DrivesBy(TaskPart):
         )
         return Refusal("too_fast", text, "robot", {name: round(most, 3)})
 
-    def begin(self, order: DriveBy, max_share: float, requester: Requester, now_s: float) -> None:
-        """Record the request. `start` then answers the requester and starts the drive."""
-        speed = _speed(order) or self._speed_limit(order, min(DEFAULT_SHARE, max_share))
-        parameters: Parameters = (
-            {"distance_m": order.distance_m, "speed_mps": round(speed, 3)}
-            if order.distance_m is not None
-            else {"angle_rad": order.angle_rad, "speed_radps": round(speed, 3)}
-        )
-        number = self._records.request(requester.holder, wire.DRIVE_BY.record, parameters, now_s)
-        self._request = _Request(requester, number, now_s, order, speed)
-
-    @property
-    def waiting(self) -> Requester | None:
-        """The requester of a request whose recording has finished (also with an error), until it starts."""
-        request = self._request
-        if request is None or request.travelled is not None or not request.number.done():
-            return None
-        return request.requester
-
-    def start(self, refusal: Refusal | None, now_s: float) -> None:
-        """Start the `waiting` request, or refuse it with `refusal`."""
+    def tick(self, now_s: float) -> None:
+        """Start a request whose recording has finished, or refuse it: its record failed, or a rule forbids it now."""
         request = self._request
         if request is None or request.travelled is not None or not request.number.done():
             return
-        if refusal := request.unrecorded or refusal:
+        if refusal := request.unrecorded or self._why_not(request.requester, now_s):
             self.deny(refusal.code, refusal, now_s)
-            return
-        if self._pose is None:  # no robot is online without odometry
+        elif self._pose is None:  # no robot is online without odometry
             text = "The robot’s odometry has not come yet."
             self.deny("no_odometry", Refusal("robot_offline", text, "robot"), now_s)
-            return
-        request.travelled = Travelled(self._pose)
-        request.last_velocity_s = request.last_progress_s = now_s
-        request.requester.answer(None)
+        else:
+            request.travelled = Travelled(self._pose)
+            request.last_velocity_s = request.last_progress_s = now_s
+            request.requester.answer(None)
 
     # --- while it runs ------------------------------------------------------------------------------
 

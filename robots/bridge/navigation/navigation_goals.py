@@ -186,7 +186,12 @@ class NavigationGoals(Goals[Target], TaskPart):
         if refusal is not None and not self.may_come(refusal, now_s):
             requester.answer(refusal)
             return
-        self._begin(order, requester, now_s)
+        place: dict[str, str | float | None] = {"x_m": order.x, "y_m": order.y, "heading_rad": order.heading}
+        if order.place:
+            place["place"] = order.place
+        number = self._records.request(requester.holder, wire.GO.record, place, now_s)
+        topic = self._source.action if self._source else ""
+        self._current = Goal(requester, number, now_s, Target(order), topic)
 
     def blocks(self, activity: Activity, now_s: float) -> Refusal | None:
         """Return a refusal while a goal is in progress: the head looks where the robot drives."""
@@ -278,15 +283,6 @@ class NavigationGoals(Goals[Target], TaskPart):
         return refusal.code in _MAY_COME and now_s - self._fence_s < BEGIN_TIMEOUT_S
 
     # --- a goal ---------------------------------------------------------------------------------------
-
-    def _begin(self, order: Go, requester: Requester, now_s: float) -> None:
-        """Record the goal. `tick` then sends it and answers the requester."""
-        place: dict[str, str | float | None] = {"x_m": order.x, "y_m": order.y, "heading_rad": order.heading}
-        if order.place:
-            place["place"] = order.place
-        number = self._records.request(requester.holder, wire.GO.record, place, now_s)
-        topic = self._source.action if self._source else ""
-        self._current = Goal(requester, number, now_s, Target(order), topic)
 
     @property
     def due(self) -> Go | None:

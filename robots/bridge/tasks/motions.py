@@ -229,9 +229,10 @@ class Motions(Goals[MotionGoal], TaskPart):
         tasks = self._context.tasks
         routing = tasks.part(InputRouting)
         action = routing.topic("motions")
-        goal = self._begin(
-            order.motion, tasks.capabilities.title_of(order.motion, action), action, requester, now_s
-        )
+        what = {"motion": order.motion, "topic": action}
+        number = self._records.request(requester.holder, wire.MOTION.record, what, now_s)
+        motion = MotionGoal(order.motion, tasks.capabilities.title_of(order.motion, action))
+        self._current = goal = Goal(requester, number, now_s, motion, action)
 
         def swept(space: tuple[Disc, ...] | None, now_s: float) -> None:
             self._take_space(goal, space, now_s, routing.refuse("motions", action))
@@ -277,15 +278,6 @@ class Motions(Goals[MotionGoal], TaskPart):
             )
             return Refusal("motion_running", text, "robot")
         return None
-
-    def _begin(
-        self, name: str, title: str, action: str, requester: Requester, now_s: float
-    ) -> Goal[MotionGoal]:
-        number = self._records.request(
-            requester.holder, wire.MOTION.record, {"motion": name, "topic": action}, now_s
-        )
-        self._current = Goal(requester, number, now_s, MotionGoal(name, title), action)
-        return self._current
 
     def _take_space(
         self, goal: Goal[MotionGoal], space: Sequence[Disc] | None, now_s: float, why: Refusal | None

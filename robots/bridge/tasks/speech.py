@@ -126,7 +126,11 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
             requester.answer(refusal)
             return
         language = robot_language(order.language, self._context.config.topics.languages)
-        self._begin(Utterance(order.text, language, order.topic or routing.topic("speech")), requester, now_s)
+        topic = order.topic or routing.topic("speech")
+        parameters = {"text": order.text, "language": language, "topic": topic}
+        number = self._records.request(requester.holder, wire.SPEECH.record, parameters, now_s)
+        utterance = Utterance(order.text, language, topic)
+        self._current = Goal(requester, number, now_s, _SpeechGoal(utterance), topic)
 
     def topics_in_use(self, use: wire.Use, now_s: float) -> set[str]:
         """Return topics on which a text is being spoken or is about to be."""
@@ -149,12 +153,6 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
         if self._busy(now_s):
             return Refusal("speaking", "The robot speaks a text from another program: wait.", "robot")
         return None
-
-    def _begin(self, utterance: Utterance, requester: Requester, now_s: float) -> None:
-        text, language, topic = utterance.text, utterance.language, utterance.topic
-        parameters = {"text": text, "language": language, "topic": topic}
-        number = self._records.request(requester.holder, wire.SPEECH.record, parameters, now_s)
-        self._current = Goal(requester, number, now_s, _SpeechGoal(utterance), topic)
 
     def tick(self, now_s: float) -> None:
         """Speak a recorded text, unless a rule now forbids it."""

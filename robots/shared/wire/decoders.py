@@ -6,95 +6,63 @@ from collections.abc import Callable
 
 import msgspec
 
+from robots.shared.wire import link, page
 from robots.shared.wire.base import Accepted, Ack, BridgeGone, Notice, Ping, Pong, Refused
 from robots.shared.wire.camera import CameraMessage, CameraPong, CameraRequest, Cameras, CameraState
 from robots.shared.wire.codec import MessageDecoder
-from robots.shared.wire.link import (
-    BridgeHello,
-    CameraAt,
-    Ended,
-    Granted,
-    LaneToken,
-    LinkAnswer,
-    LinkRequest,
-    LinkSample,
-    Status,
-    Stopped,
-)
 from robots.shared.wire.navigation import GoPath
-from robots.shared.wire.page import (
-    Ask,
-    AskCancel,
-    BookingsChanged,
-    CameraView,
-    Clear,
-    ClearRobot,
-    Control,
-    Drive,
-    Fleet,
-    HandOver,
-    Hello,
-    Refresh,
-    Release,
-    Renew,
-    ShowJoints,
-    Stop,
-    StopAll,
-    StopRobot,
-    Take,
-    TakeOver,
-    Welcome,
-)
 from robots.shared.wire.state import Offers, View
 from robots.shared.wire.tasks import TaskRequest
 from robots.shared.wire.topics import Sample, TopicAnswer, TopicsMessage
 
 BrowserMessage = (
-    Hello
-    | Take
-    | TakeOver
-    | Renew
-    | Release
-    | Ask
-    | AskCancel
-    | HandOver
-    | Drive
-    | CameraView
-    | ShowJoints
+    page.Hello
+    | page.Take
+    | page.TakeOver
+    | page.Renew
+    | page.Release
+    | page.Ask
+    | page.AskCancel
+    | page.HandOver
+    | page.Drive
+    | page.CameraView
+    | page.ShowJoints
     | TaskRequest
-    | Refresh
-    | Stop
-    | Clear
+    | page.Refresh
+    | page.Stop
+    | page.Clear
     | Ack
     | Ping
 )
-FleetMessage = StopRobot | StopAll | ClearRobot | Ack | Ping
-BrowserReport = Welcome | Control | Notice | Accepted | Refused | BridgeGone | Offers | GoPath | View | Pong
+FleetMessage = page.StopRobot | page.StopAll | page.ClearRobot | Ack | Ping
+BrowserReport = (
+    page.Welcome | page.Control | Notice | Accepted | Refused | BridgeGone | Offers | GoPath | View | Pong
+)
 TopicsReport = TopicAnswer | Sample | BridgeGone | Notice | Pong
 CameraReport = Cameras | CameraState | CameraPong | BridgeGone | Notice | Refused
-FleetReport = Fleet | Refused | Pong
-BookingsReport = BookingsChanged | Refused | Pong
+FleetReport = page.Fleet | Refused | Pong
+BookingsReport = page.BookingsChanged | Refused | Pong
 LinkReport = (
-    BridgeHello
-    | LaneToken
-    | Granted
-    | Ended
-    | Status
-    | Stopped
+    link.BridgeHello
+    | link.LaneToken
+    | link.Granted
+    | link.Ended
+    | link.Status
+    | link.Stopped
     | Accepted
     | Refused
     | Offers
     | GoPath
-    | LinkAnswer
-    | LinkSample
-    | CameraAt
+    | link.LinkAnswer
+    | link.LinkSample
+    | link.CameraAt
 )
 browser_message = MessageDecoder[BrowserMessage](BrowserMessage)
 topics_message = MessageDecoder[TopicsMessage](TopicsMessage)
 camera_message = MessageDecoder[CameraMessage](CameraMessage)
 camera_request = MessageDecoder[CameraRequest](CameraRequest)
 fleet_message = MessageDecoder[FleetMessage](FleetMessage)
-link_request = MessageDecoder[LinkRequest](LinkRequest)
+link_request = MessageDecoder[link.LinkRequest](link.LinkRequest)
 # Reports have no size limit; an invalid report raises `msgspec.DecodeError`.
 browser_report: Callable[[str | bytes], BrowserReport] = msgspec.json.Decoder(BrowserReport).decode
 topics_report: Callable[[str | bytes], TopicsReport] = msgspec.json.Decoder(TopicsReport).decode

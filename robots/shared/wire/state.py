@@ -6,15 +6,11 @@ from typing import Literal
 
 from msgspec import Struct
 
+from robots.shared.records.verdict import Side, Way
 from robots.shared.wire.base import Refusal, Role, Use, Worded
 from robots.shared.wire.health import Health
 from robots.shared.wire.limbs import Limb, LimbState
 from robots.shared.wire.navigation import GoEnd, GoProgress, Location
-
-# The same words as in bridge/gate/values.py (the gate does not import this module); mypy compares the two in
-# bridge/state_view.py.
-Side = Literal["ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right"]
-Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
 
 
 class SpeedLimit(Worded, frozen=True, omit_defaults=True):

@@ -77,10 +77,10 @@ def test_the_map_pose_is_known_without_a_depth_camera(ros):
     tf = TfTopics()
     on_demand = OnDemandTopics(RosWorker("topics"), tf)
     on_demand.set_wanted(True)
-    until(tf.map_to_odom, "a place")
-    assert tf.map_to_odom() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)
+    _, pose = until(tf.located, "a place")
+    assert pose == pytest.approx((2.0, 1.8, 0.0), abs=0.1)
     on_demand.set_wanted(False)
-    until(lambda: tf.map_to_odom() is None, "nothing is known any more")
+    until(lambda: tf.located() is None, "nothing is known any more")
 
 
 def test_a_bridge_takes_the_map_when_control_is_taken(rosmaster, tmp_path):
