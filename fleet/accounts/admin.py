@@ -21,6 +21,7 @@ from django.shortcuts import redirect
 from django.urls import reverse
 from django.utils.html import format_html
 from django.utils.translation import gettext_lazy as _
+from django.utils.translation import gettext_noop
 
 from fleet.accounts import services
 from fleet.accounts.models import SignIn, User
@@ -34,6 +35,9 @@ from fleet.base import zones
 # tables belong to django-allauth: people change their own second factor and address, and the settings name
 # the single sign-on.
 admin.site.unregister([Group, EmailAddress, Authenticator, SocialAccount, SocialApp, SocialToken])
+
+
+gettext_noop("staff status")  # Django’s own translations keep the word "staff"
 
 
 class ListedLookups(RecordedAdmin):

@@ -191,6 +191,7 @@ class RecordsAdmin(ListAdmin):
         record = Record.objects.select_related("actor", "real_actor", "content").filter(pk=object_id).first()
         if record is None:
             raise Http404(f"there is no record {object_id}")
+        content = record.content_kept
         context = {
             **self.admin_site.each_context(request),
             "title": f"#{record.pk} {wording.label(record.kind)}",
@@ -202,8 +203,9 @@ class RecordsAdmin(ListAdmin):
             "who": wording.who(record),
             "label": wording.label(record.kind),
             "parameters": list(wording.lines(record.parameters)),
-            "content": record.content_kept,
-            "private": list(wording.lines(record.content_kept.data)) if record.content_kept else [],
+            "content": content,
+            "text": wording.worded(record.details).get("text", ""),
+            "private": list(wording.lines(wording.worded(content.data))) if content else [],
             "expired": wording.expired(record),
             "related": _related(record),
             "session_url": session_url_of(record.session_id),

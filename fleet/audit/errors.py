@@ -5,17 +5,19 @@ from __future__ import annotations
 from math import ceil
 from typing import Final
 
+from robots.shared.sentences import say
+
 # Words in error messages of SQLite and PostgreSQL, with a code and a cause for people. The first match
 # counts.
 CAUSES = [
-    ("locked", "locked", "another process keeps the database locked"),
-    ("lock timeout", "locked", "another process keeps the database locked"),
-    ("statement timeout", "slow", "the database took too long"),
-    ("full", "disk_full", "the disk of the database is full"),
-    ("no space left", "disk_full", "the disk of the database is full"),
-    ("readonly", "read_only", "the database is read-only"),
-    ("read-only", "read_only", "the database is read-only"),
-    ("no such table", "no_table", "a table is missing: run manage.py migrate"),
+    ("locked", "locked", say("another process keeps the database locked")),
+    ("lock timeout", "locked", say("another process keeps the database locked")),
+    ("statement timeout", "slow", say("the database took too long")),
+    ("full", "disk_full", say("the disk of the database is full")),
+    ("no space left", "disk_full", say("the disk of the database is full")),
+    ("readonly", "read_only", say("the database is read-only")),
+    ("read-only", "read_only", say("the database is read-only")),
+    ("no such table", "no_table", say("a table is missing: run manage.py migrate")),
 ]
 
 
@@ -36,16 +38,21 @@ class AuditUnavailable(Exception):
     def because(cls, error: Exception) -> AuditUnavailable:
         """Return the refusal that explains a database error."""
         code, cause = cause_of(error)
-        return cls(f"audit_{code}", f"Not done, because it could not be recorded: {cause}.")
+        return cls(f"audit_{code}", say("Not done, because it could not be recorded: {cause}.", cause=cause))
 
 
 class TooManyChanges(AuditUnavailable):
     """A person has made as many changes as one person may make in a period (`fleet.audit.rates`)."""
 
     def __init__(self, did: str, period: str, most: int, wait_s: float) -> None:
-        minutes = ceil(wait_s / 60)
-        text = f"Not done: you have {did} within one {period}, the most for one person."
-        super().__init__("too_many_changes", f"{text} Go on in {minutes} min, or ask the staff.")
+        text = say(
+            "Not done: you have {did} within one {period}, the most for one person. "
+            "Go on in {minutes} min, or ask the staff.",
+            did=say(did, most=most),
+            period=say(period),
+            minutes=ceil(wait_s / 60),
+        )
+        super().__init__("too_many_changes", text)
         self.wait_s = max(1, ceil(wait_s))
         self.figures: dict[str, int | str] = {"most": most, "per": period, "wait_s": self.wait_s}
 
@@ -55,7 +62,7 @@ def cause_of(error: BaseException) -> tuple[str, str]:
     said = str(error).lower()
     return next(
         ((code, cause) for words, code, cause in CAUSES if words in said),
-        ("unreachable", "the database does not answer"),
+        ("unreachable", say("the database does not answer")),
     )
 
 

@@ -15,12 +15,13 @@ from django.db.models.functions import Coalesce
 
 from fleet.audit.errors import TooManyChanges
 from fleet.audit.models import Record
+from robots.shared.sentences import catalogued
 
 DAY = timedelta(days=1)
 HOUR = timedelta(hours=1)
 Bounds = Sequence[tuple[timedelta, str, int]]  # a period, its name, and the most in it
 
-MOST: Bounds = ((HOUR, "hour", 400), (DAY, "day", 2000))
+MOST: Bounds = ((HOUR, catalogued("hour"), 400), (DAY, catalogued("day"), 2000))
 MOST_SIGN_INS: Bounds = ((HOUR, "hour", 200), (DAY, "day", 1000))
 COUNTED = (
     "account.change",
@@ -55,20 +56,24 @@ COUNTED = (
 # Kinds that programs, reloads and lists make more often, so each group has bounds of its own.
 # The bound of calls is low: a check reads all calls of the day, and the robot is locked meanwhile.
 OFTEN: tuple[tuple[tuple[str, ...], str, Bounds], ...] = (
-    (("control.resume",), "come back to control %s times", ((HOUR, "hour", 600), (DAY, "day", 3000))),
+    (
+        ("control.resume",),
+        catalogued("come back to control {most} times"),
+        ((HOUR, "hour", 600), (DAY, "day", 3000)),
+    ),
     (
         ("parameter.set", "service.call"),
-        "called services or set parameters %s times",
+        catalogued("called services or set parameters {most} times"),
         ((HOUR, "hour", 3600), (DAY, "day", 5000)),
     ),
-    (("account.create",), "made %s accounts", ((DAY, "day", 10_000),)),
+    (("account.create",), catalogued("made {most} accounts"), ((DAY, "day", 10_000),)),
 )
 
 
 def require_rate(kind: str, actor: object, now: datetime, count: int = 1) -> None:
     """Raise `TooManyChanges` if a person without staff rights may not make `count` more changes of this kind."""
     if isinstance(actor, AbstractUser):
-        for kinds, did, bounds in ((COUNTED, "made %s changes", MOST), *OFTEN):
+        for kinds, did, bounds in ((COUNTED, catalogued("made {most} changes"), MOST), *OFTEN):
             if kind in kinds:
                 _require(actor, kinds, did, bounds, now, count)
 
@@ -78,7 +83,7 @@ def require_sign_in_rate(person: AbstractUser, now: datetime) -> None:
 
     To be called before the sign-in: its record is written afterwards. Other changes lock nobody out.
     """
-    _require(person, ("account.sign_in",), "signed in %s times", MOST_SIGN_INS, now)
+    _require(person, ("account.sign_in",), catalogued("signed in {most} times"), MOST_SIGN_INS, now)
 
 
 def _require(
@@ -101,4 +106,4 @@ def _require(
     for period, name, most in bounds:
         latest = made.filter(at__gt=now - period).order_by("-id").values_list("at", flat=True)
         if (first := latest[max(most - count, 0) :].first()) is not None:
-            raise TooManyChanges(did % most, name, most, (first + period - now).total_seconds())
+            raise TooManyChanges(did, name, most, (first + period - now).total_seconds())

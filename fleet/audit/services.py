@@ -32,6 +32,7 @@ from fleet.audit.integrity.canonical import (
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Actor, Chain, Content, Record
 from fleet.audit.rates import require_rate
+from robots.shared.sentences import Sentence
 
 NAME_LENGTH = 200  # characters of a name or an outcome; the rest is cut off
 SALT_BYTES = 16
@@ -67,7 +68,7 @@ def record(
 
     Raises `AuditUnavailable` when the database cannot be written, or `TooManyChanges` when the actor has made too
     many changes (`rates`): then the caller must not do the action. Raises `ValueError` for an unknown kind or a
-    value that is no JSON.
+    value that is no JSON. Of a sentence (`text`, or `words` in `private`), `said` keeps key and figures.
     """
     people = {_id_of(person): person for person in (actor, real_actor) if person is not None}
     new = _new(
@@ -239,7 +240,9 @@ def _content(text: str, private: dict[str, Any]) -> Content | None:
         return None
     # normalised to NFC, like search words
     kept = bounded_text(unicodedata.normalize("NFC", text))
-    return Content(text=kept, data=plain(private, bounded_text), salt=secrets.token_hex(SALT_BYTES))
+    told = [one for one in (text, private.get("words")) if isinstance(one, Sentence) and one.figures]
+    data = plain({**private, "said": told[0].parts} if told else private, bounded_text)
+    return Content(text=kept, data=data, salt=secrets.token_hex(SALT_BYTES))
 
 
 def _id_of(person: AbstractUser | SystemAccount) -> str:

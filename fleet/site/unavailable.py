@@ -8,16 +8,18 @@ from __future__ import annotations
 import logging
 import sys
 from collections.abc import Callable
-from typing import Any
 
 from django.db import InterfaceError, OperationalError
 from django.http import HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
 from django.shortcuts import render
 from django.views.defaults import server_error
+from msgspec import to_builtins
 
 from fleet.accounts.requests import wants_json
 from fleet.accounts.sign_in.hashing import HashingBusy
 from fleet.audit.errors import AuditUnavailable, TooManyChanges, cause_of
+from robots.shared.sentences import say
+from robots.shared.wire import Refusal
 
 logger = logging.getLogger(__name__)
 
@@ -51,23 +53,23 @@ def answer(request: HttpRequest, error: BaseException | None) -> HttpResponse | 
     """Return the response for an error of the database, the audit log or hashing; None for other errors."""
     match error:
         case TooManyChanges():
-            refusal = {"code": error.code, "text": error.text, "rule": error.rule, "figures": error.figures}
+            refusal = Refusal(error.code, error.text, error.rule, error.figures)
             return _response(request, refusal, 429, error.wait_s)
         case AuditUnavailable() | HashingBusy():
-            refusal = {"code": error.code, "text": error.text, "rule": error.rule}
+            refusal = Refusal(error.code, error.text, error.rule)
         case OperationalError() | InterfaceError():
             code, cause = cause_of(error)
-            refusal = {"code": f"database_{code}", "text": f"Not done: {cause}.", "rule": "database"}
+            refusal = Refusal(f"database_{code}", say("Not done: {cause}.", cause=cause), "database")
         case _:
             return None
     logger.error("%s %s: %s", request.method, request.path, error)
     return _response(request, refusal, 503, RETRY_AFTER_S)
 
 
-def _response(request: HttpRequest, refusal: dict[str, Any], status: int, retry_after_s: int) -> HttpResponse:
+def _response(request: HttpRequest, refusal: Refusal, status: int, retry_after_s: int) -> HttpResponse:
     if wants_json(request):
-        response: HttpResponse = JsonResponse(refusal, status=status)
+        response: HttpResponse = JsonResponse(to_builtins(refusal), status=status)
     else:
-        response = render(request, "503.html", refusal, status=status)
+        response = render(request, "503.html", {"refusal": refusal}, status=status)
     response.headers["Retry-After"] = str(retry_after_s)
     return response

@@ -40,7 +40,7 @@ from robots.shared.processes.durations import Durations
 from robots.shared.processes.overload import LoopLateness
 from robots.shared.records.record_sink import TakenDescription
 from robots.shared.records.verdict import Verdict
-from robots.shared.sentences import catalogued, joined, say
+from robots.shared.sentences import Sentence, catalogued, joined, say
 from robots.shared.wire import Drive, Ended, Grant, Refusal, StopState
 
 log = logging.getLogger(__name__)
@@ -52,7 +52,7 @@ READ_WITHIN_S = 0.05  # a message is read within this time after its arrival
 _IDLE = Verdict(STILL, STILL, "idle", "")
 # A refusal with one of these codes, or of a task in progress, while the stick is out, requires neutral: the robot must
 # not start to move by itself when the cause ends.
-_HALTING = {"not_recorded": "the robot’s actions could not be recorded"}
+_HALTING = {"not_recorded": say("the robot’s actions could not be recorded")}
 BRIDGE_LATE = catalogued("this computer is overloaded: the bridge was {seconds:.1f} s late")
 CONSOLE_LATE = catalogued("this computer is overloaded: the console was {seconds:.1f} s late")
 
@@ -132,22 +132,22 @@ class Core:
         if current is None or grant.fence != current.fence:
             self._end_control(say("Control was given to somebody else."), now_s)
             self._inputs.restart()
-            self._inputs.require_neutral("control_taken", "you have just taken control")
+            self._inputs.require_neutral("control_taken", say("you have just taken control"))
             self._gate.observe_new_driver()
         elif self._page_gone_s is not None or link != self.lease.link:
             self._inputs.restart()
-            self.halt("page_back", "the page came back", now_s)
+            self.halt("page_back", say("the page came back"), now_s)
         self._page_gone_s = None
         self._gate.observe_operator(grant.delay_s)
         self._gate.observe_camera_view(grant.camera_s)
         self.lease.enforce(grant, link, now_s)
 
-    def revoke(self, fence: int, reason: str, now_s: float) -> None:
+    def revoke(self, fence: int, reason: Sentence, now_s: float) -> None:
         """End control under `fence`."""
         if self.lease.current and self.lease.current.fence == fence:
             self._end_control(reason, now_s)
 
-    def pause(self, fence: int, reason: str, link: int, now_s: float, code: str = "page_gone") -> None:
+    def pause(self, fence: int, reason: Sentence, link: int, now_s: float, code: str = "page_gone") -> None:
         """Pause control because the holder's page is gone: zero now.
 
         A page that comes back starts a new numbering of commands and tasks. A pause from another link than
@@ -163,7 +163,7 @@ class Core:
     def link_lost(self, link: int, now_s: float) -> None:
         """Handle the loss of a web process: zero now, if control came through it. The grant expires by itself."""
         if self.lease.current:
-            reason = "the console lost its link to the robot"
+            reason = say("the console lost its link to the robot")
             self.pause(self.lease.current.fence, reason, link, now_s, "link_lost")
 
     def drive(self, drive: Drive, link: int, now_s: float) -> Refusal | None:
@@ -196,7 +196,7 @@ class Core:
         self.latch.press(by, reason, now_s, press, stands=stands, waited=waited)
         self._cancels.repeat()
         try:
-            self._zero("stopped", "the robot was stopped", now_s)
+            self._zero("stopped", say("the robot was stopped"), now_s)
         finally:  # also if this zero fails: the same press is not handled again
             self._cancels.send(now_s)
             self.tasks.stopped(by, now_s)
@@ -227,7 +227,7 @@ class Core:
         """
         if refusal := self.latch.clear(number, presses):
             return refusal
-        self.halt("stop_cleared", "the stop was cleared", now_s)
+        self.halt("stop_cleared", say("the stop was cleared"), now_s)
         self._watch_stopped(now_s)
         self._cancels.send(now_s)
         self._tell(_IDLE, now_s)
@@ -247,7 +247,7 @@ class Core:
             self._gate.observe_acknowledgement(took_s, now_s)
         still = self._gate.standstill(now_s)
         if still is None:
-            self._drives.halted("no new odometry arrived")
+            self._drives.halted(say("no new odometry arrived"))
         self._records.tick(now_s, watched=self._drives.under_way or bool(self.tasks.under_way))
         drives_itself = self.tasks.navigation.driving_requester is not None
         self._drives.tick(now_s, self._passed == STILL and still is not False and not drives_itself)
@@ -301,7 +301,7 @@ class Core:
         """End control and tasks: the bridge process ends."""
         self.tasks.close(now_s)
         self._after_stop.close(now_s)
-        self._drives.end_drive("bridge_ended", "the bridge ended", now_s)
+        self._drives.end_drive("bridge_ended", say("the bridge ended"), now_s)
         self.lease.end_grant()
 
     # --- reports from the robot -------------------------------------------------------------------
@@ -314,7 +314,7 @@ class Core:
             self._cancels.joined(now_s)
         elif was_joined and not self.reports.is_joined:
             self._cancels.lost()
-            self.halt("robot_offline", "the robot’s ROS master was lost", now_s)
+            self.halt("robot_offline", say("the robot’s ROS master was lost"), now_s)
 
     def follow_clock(self, *, simulated: bool) -> None:
         """Note whether the robot's clock is simulated: it runs slower or faster than ours, and pauses."""
@@ -476,14 +476,14 @@ class Core:
             return Refusal("base_moving", text, "robot")
         return None
 
-    def halt(self, code: str, reason: str, now_s: float) -> None:
+    def halt(self, code: str, reason: Sentence, now_s: float) -> None:
         """Send zero now, end drives by tasks, and require neutral before the robot moves again."""
         self._zero(code, reason, now_s)
         self.tasks.halted(code, reason, now_s)
 
     # --- inside -----------------------------------------------------------------------------------
 
-    def _zero(self, code: str, reason: str, now_s: float) -> None:
+    def _zero(self, code: str, reason: Sentence, now_s: float) -> None:
         self._stop_until_neutral(code, reason)
         self._asking, self._passed = None, STILL
         self._publish_until_s = now_s + QUIET_AFTER_S
@@ -665,7 +665,7 @@ class Core:
         if self.lease.expired(now_s):
             self._end_control(say("Control was not renewed in time."), now_s)
 
-    def _end_control(self, reason: str, now_s: float) -> None:
+    def _end_control(self, reason: Sentence, now_s: float) -> None:
         ended = self.lease.end_grant()
         if ended is None:
             return

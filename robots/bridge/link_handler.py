@@ -19,7 +19,7 @@ from robots.bridge.server.link_server import Link
 from robots.bridge.topics.inspector_client import InspectorClient
 from robots.shared import wire
 from robots.shared.link.flood_limits import TokenBucket
-from robots.shared.sentences import say
+from robots.shared.sentences import catalogued, say
 
 log = logging.getLogger(__name__)
 
@@ -86,7 +86,9 @@ class LinkHandler:
         except wire.WireError as error:
             kind, seq = wire.heading(raw)
             if kind == _STOP:  # a damaged stop message stops the robot, too
-                self._stop(link, wire.LinkStop("somebody", "the message was damaged", seq or 0), now_s)
+                self._stop(
+                    link, wire.LinkStop("somebody", catalogued("the message was damaged"), seq or 0), now_s
+                )
                 return True
             self._core.refused[error.refusal.code] += 1
             self._refuse(link, wire.Refused("link", error.refusal), now_s)

@@ -17,6 +17,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 from msgspec import Struct
 
+from fleet.base.formats.sentences import in_words, words_of
 from robots.description.drawable import drawable
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot
@@ -35,6 +36,7 @@ from robots.shared.processes.probe_findings import (
     TopicFound,
     watchdog_name,
 )
+from robots.shared.sentences import reason_of
 from robots.shared.urdf.document import BadDescription
 from robots.supervisor.ros_environment import WrapperMissing, ros_environment
 
@@ -65,7 +67,14 @@ def run_checks(robot: Robot) -> list[Check]:
         config = bridge_config(robot)
         environment = ros_environment(config, settings.FLEET_RUN_DIR)
     except Problems as problems:
-        return [Check(_("registry"), FAIL, str(problems), _("Correct the robot’s entry or its profile."))]
+        return [
+            Check(
+                _("registry"),
+                FAIL,
+                in_words(reason_of(problems)),
+                _("Correct the robot’s entry or its profile."),
+            )
+        ]
     except WrapperMissing as error:
         return [Check(_("host aliases"), FAIL, str(error), _("Install it on the console’s computer."))]
     except OSError as error:
@@ -148,7 +157,7 @@ def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
         yield Check(
             _("master"),
             FAIL,
-            findings.master_error,
+            words_of(findings, "master_error"),
             _("Is the robot on, and in this network? Its ROS_MASTER_URI should be %s.") % config.master_uri,
         )
         return
@@ -192,7 +201,8 @@ def _names_there(callback: CallbackFound) -> Check:
     name = _("names, console to robot")
     if callback.called:
         return Check(name, OK, _("The robot called the console back at %s.") % callback.advertised)
-    where = f"{callback.advertised} ({callback.error})" if callback.error else callback.advertised
+    error = words_of(callback, "error") if callback.error else ""
+    where = f"{callback.advertised} ({error})" if error else callback.advertised
     text = _("The robot could not call the console back at %s.") % where
     if callback.route and callback.advertised != callback.route:
         return Check(name, FAIL, text, _("Set the robot’s advertised address to %s.") % callback.route)
@@ -229,7 +239,7 @@ def _topic(listened: Listened, found: TopicFound) -> Check:
     if not found.publishers:
         return Check(name, bad, _("No node publishes %(topic)s (%(type)s).") % words, _(_MISSING))
     if found.error is not None:
-        text = _("%(topic)s cannot be read: %(error)s.") % {**words, "error": found.error}
+        text = _("%(topic)s cannot be read: %(error)s.") % {**words, "error": words_of(found, "error")}
         return Check(name, bad, text, _(_UNREADABLE))
     if found.type != listened.type:
         text = _("%(topic)s is a %(found)s, not a %(type)s.") % {**words, "found": found.type}
@@ -288,7 +298,7 @@ def _description(found: DescriptionFound) -> Check:
     name = _("description")
     try:
         if found.error is not None:
-            raise BadDescription(found.error)
+            raise BadDescription(words_of(found, "error"))
         problems = drawable(found.text).problems
     except BadDescription as bad:
         return Check(name, WARN, _("/robot_description cannot be used: %s.") % bad, _(_NOT_DRAWN))
@@ -307,7 +317,7 @@ def _arm(found: DescriptionFound) -> Check:
     name = _("description of the arm")
     lacking = [*found.links, *found.joints]
     if found.error is not None:
-        text = _("/robot_description cannot be used: %s.") % found.error
+        text = _("/robot_description cannot be used: %s.") % words_of(found, "error")
         return Check(name, WARN, text, _("Without it the console does not know where the arm is."))
     if found.unplaced:
         text = _("/robot_description does not say where %s is.") % _and(found.unplaced)

@@ -16,8 +16,9 @@ from msgspec import Struct
 
 from fleet.base.names import fault_of
 from robots.registry.configuration.profile_schema import Problems
-from robots.registry.phrases import shortened
+from robots.registry.phrases import in_line, shortened
 from robots.shared.geometry.poses import Pose
+from robots.shared.sentences import joined, say
 from robots.shared.wire.navigation import FARTHEST_PLACE_M
 
 LONGEST_NAME = 60  # characters
@@ -56,17 +57,19 @@ def key_of(name: str) -> str:
 def why_no_name(name: str) -> str | None:
     """Return why this is no name of a place or map; None if it is one."""
     if not name:
-        return "It has no name."
+        return say("It has no name.")
     if len(name) > LONGEST_NAME:
-        return f"The name has {len(name)} characters; there is room for {LONGEST_NAME}."
+        return say(
+            "The name has {count} characters; there is room for {most}.", count=len(name), most=LONGEST_NAME
+        )
     if len(key_of(name)) > 2 * LONGEST_NAME:  # normalisation may replace one letter by many
-        return "The name is too long when its letters are written out."
+        return say("The name is too long when its letters are written out.")
     if "\ufffd" in name:
-        return "The name has a letter that was lost: type the name again."
+        return say("The name has a letter that was lost: type the name again.")
     if fault := fault_of(name):
         return str(fault.text)
     if not name[0].isalnum():  # a spreadsheet reads =, +, - or @ as the start of a formula
-        return "A name begins with a letter or a digit."
+        return say("A name begins with a letter or a digit.")
     return None
 
 
@@ -79,11 +82,22 @@ def entry_of(name: str, x: float, y: float, heading: float) -> PlaceEntry:
         if not abs(coordinate) <= FARTHEST_PLACE_M:
             raise Problems(
                 [
-                    f"{coordinate} is not a valid coordinate: a number of metres, at most {FARTHEST_PLACE_M:.0f}."
+                    say(
+                        "{x} is not a valid coordinate: a number of metres, at most {most:.0f}.",
+                        x=coordinate,
+                        most=FARTHEST_PLACE_M,
+                    )
                 ]
             )
     if not abs(heading) <= math.tau:
-        raise Problems([f"{heading} is not a valid heading: a number of radians between -6.28 and 6.28."])
+        raise Problems(
+            [
+                say(
+                    "{heading} is not a valid heading: a number of radians between -6.28 and 6.28.",
+                    heading=heading,
+                )
+            ]
+        )
     heading = heading if abs(heading) <= _HALF_TURN else math.remainder(heading, math.tau)
     return PlaceEntry(name, *(round(part, _MILLIMETRES) for part in (x, y, heading)))
 
@@ -94,7 +108,7 @@ def entry_of(name: str, x: float, y: float, heading: float) -> PlaceEntry:
 def read(text: str) -> dict[int, PlaceEntry]:
     """Return the places of a file, by the numbers of their lines. Raises `Problems` with the numbers of wrong lines."""
     if len(text) > LARGEST_FILE:
-        raise Problems([f"The file has more than {LARGEST_FILE // 1000} kB."])
+        raise Problems([say("The file has more than {most} kB.", most=LARGEST_FILE // 1000)])
     text = text.removeprefix(BOM_UTF8.decode()).lstrip().replace("\r\n", "\n").replace("\r", "\n")
     first_line = text.split("\n", 1)[0]
     separator = next((one for one in _SEPARATORS if one in first_line), ",")
@@ -104,7 +118,9 @@ def read(text: str) -> dict[int, PlaceEntry]:
     except csv.Error:
         head = []
     if tuple(map(key_of, head)) != COLUMNS:
-        raise Problems([f"line 1: The first line names the columns: {','.join(COLUMNS)}"])
+        raise Problems(
+            [in_line(1, say("The first line names the columns: {columns}", columns=",".join(COLUMNS)))]
+        )
     found: dict[int, PlaceEntry] = {}
     lines: dict[str, int] = {}  # by key
     problems: list[str] = []
@@ -115,18 +131,25 @@ def read(text: str) -> dict[int, PlaceEntry]:
             try:
                 entry = _entry(row)
             except Problems as faults:
-                problems.append(f"line {rows.line_num}: {' '.join(faults.lines)}")
+                problems.append(in_line(rows.line_num, joined(" ", faults.lines)))
                 continue
             found[rows.line_num] = entry
             first = lines.setdefault(entry.key, rows.line_num)
             if first != rows.line_num:
-                problems.append(f"line {rows.line_num}: Line {first} has a place named “{entry.name}”, too.")
+                problems.append(
+                    in_line(
+                        rows.line_num,
+                        say("Line {first} has a place named “{name}”, too.", first=first, name=entry.name),
+                    )
+                )
     except csv.Error as error:
-        problems.append(f"line {rows.line_num}: {error}.")
+        problems.append(in_line(rows.line_num, f"{error}."))
     if not found and not problems:
-        problems.append("There is no place in the file.")
+        problems.append(say("There is no place in the file."))
     if len(found) > MOST_PLACES:
-        problems.append(f"There are {len(found)} places; a map has at most {MOST_PLACES}.")
+        problems.append(
+            say("There are {count} places; a map has at most {most}.", count=len(found), most=MOST_PLACES)
+        )
     if problems:
         raise Problems(shortened(problems))
     return found
@@ -134,16 +157,29 @@ def read(text: str) -> dict[int, PlaceEntry]:
 
 def _entry(row: list[str]) -> PlaceEntry:
     if not 3 <= len(row) <= len(COLUMNS):
-        raise Problems([f"A line has {len(COLUMNS)} fields: {','.join(COLUMNS)}; this one has {len(row)}."])
+        raise Problems(
+            [
+                say(
+                    "A line has {wanted} fields: {columns}; this one has {count}.",
+                    wanted=len(COLUMNS),
+                    columns=",".join(COLUMNS),
+                    count=len(row),
+                )
+            ]
+        )
     name, *numbers = (field.strip() for field in row)
     if "\ufffd" in name:  # a browser puts this character in place of bytes that are not UTF-8
-        raise Problems([f"“{name}” has a letter that is not UTF-8: save the file as CSV UTF-8."])
+        raise Problems(
+            [say("“{name}” has a letter that is not UTF-8: save the file as CSV UTF-8.", name=name)]
+        )
     try:
         x, y, heading = (float(number) if number else 0.0 for number in [*numbers, ""][:3])
     except ValueError as error:
-        raise Problems([f"“{', '.join(numbers)}” are not numbers such as 3.4."]) from error
+        raise Problems(
+            [say("“{numbers}” are not numbers such as 3.4.", numbers=", ".join(numbers))]
+        ) from error
     if "" in numbers[:2]:
-        raise Problems(["x or y is empty."])
+        raise Problems([say("x or y is empty.")])
     return entry_of(name, x, y, heading)
 
 

@@ -14,7 +14,7 @@ from robots.places.models import Place, SharedMap
 from robots.places.selectors import Clearance, places_of
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.phrases import shortened
-from robots.shared.sentences import say
+from robots.shared.sentences import joined, say
 from robots.shared.wire import NotDone, Refusal
 
 if TYPE_CHECKING:
@@ -105,14 +105,18 @@ def places_import(*, digest: str, entries: dict[int, PlaceEntry], actor: Actor) 
         if place is not None and entry_from(place) == entry:
             continue
         if refusal := clearance.refuse(entry.pose):
-            problems.append(f"line {line}, “{entry.name}”: {refusal.text}")
+            why = refusal.sentence
+            problems.append(say("line {number}, “{name}”: {why}", number=line, name=entry.name, why=why))
         elif place is None:
             added.append(_made(found, entry))
         else:
             _fill(place, entry)
             changed.append(place)
     if len(held) + len(added) > MOST_PLACES:
-        problems.append(f"The map would have {len(held) + len(added)} places; it may have {MOST_PLACES}.")
+        count = len(held) + len(added)
+        problems.append(
+            say("The map would have {count} places; it may have {most}.", count=count, most=MOST_PLACES)
+        )
     if problems:
         raise Problems(shortened(problems))
     Place.objects.bulk_create(added)
@@ -137,7 +141,7 @@ def _checked(entry: PlaceEntry) -> PlaceEntry:
     try:
         return entry_of(entry.name, entry.x, entry.y, entry.heading)
     except Problems as problems:
-        raise NotDone(Refusal("invalid", " ".join(problems.lines), "wire")) from problems
+        raise NotDone(Refusal("invalid", joined(" ", problems.lines), "wire")) from problems
 
 
 def map_hold(digest: str) -> SharedMap:

@@ -10,7 +10,7 @@ import functools
 import os
 import threading
 from collections.abc import Callable, Sequence
-from typing import Any, ParamSpec, TypedDict, TypeVar
+from typing import Any, ParamSpec, TypedDict, TypeVar, cast
 from uuid import UUID
 
 from django.core.exceptions import ValidationError
@@ -49,6 +49,7 @@ from robots.shared.records.record_sink import (
     TakenMap,
 )
 from robots.shared.records.verdict import Verdict
+from robots.shared.sentences import say
 from robots.shared.wire import HealthLevel
 
 MOST_CHANGES = 10_000  # changes of health that are read; enough for weeks, even if parts change often
@@ -94,7 +95,7 @@ def _check_file() -> None:
     file = _file_of(name)
     if file is None:
         connection.close()
-        raise RecordError("the file of the database is gone")
+        raise RecordError(say("the file of the database is gone"))
     if connection.connection is _opened.by and (file, _log_of(name)) != _opened.files:
         connection.close()
     connection.ensure_connection()
@@ -134,7 +135,7 @@ def _as_record_error(method: Callable[P, T]) -> Callable[P, T]:
             connection.close()
             raise RecordError(cause_of(error)[1]) from error
         except (DatabaseError, ValidationError, ValueError) as error:
-            raise BadRecord("the audit log refuses this record") from error
+            raise BadRecord(say("the audit log refuses this record")) from error
 
     return call
 
@@ -197,7 +198,7 @@ class AuditSink:
     def request(self, holder: Holder | None, kind: str, parameters: Parameters) -> int:
         """Commit the request of a task."""
         facts = dict(parameters)
-        text = str(facts.pop("text", ""))
+        text = cast("str", facts.pop("text", ""))
         private = {name: facts.pop(name) for name in _EXPIRING if name in facts}
         return record(kind, parameters=facts, text=text, private=private, **self._by(holder)).pk
 

@@ -22,6 +22,7 @@ from robots.link.state_reader import state_once
 from robots.registry.models import BridgeStatus, Robot
 from robots.registry.selectors import link_address
 from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.sentences import say
 
 log = logging.getLogger(__name__)
 
@@ -114,7 +115,7 @@ def _ask(robot_id: UUID, address: LinkAddress) -> Future[Condition]:
             answer.set_result(condition_of(robot_id, address))
         except Exception:  # any fault: the robot is asked again
             log.exception("a robot could not be asked how it is")
-            answer.set_result(Condition("link_fault", "The console failed to ask the robot’s bridge."))
+            answer.set_result(Condition("link_fault", say("The console failed to ask the robot’s bridge.")))
 
     threading.Thread(target=ask, name="robot", daemon=True).start()
     return answer
@@ -125,5 +126,5 @@ def condition_of(robot_id: UUID, address: LinkAddress) -> Condition:
     try:
         state = state_once(robot_id, address)
     except LinkRefused as refused:
-        return Condition(refused.refusal.code, refused.refusal.text)
+        return Condition(refused.refusal.code, refused.refusal.sentence)
     return Condition() if state.phase == "online" else Condition("robot_offline", state.text)

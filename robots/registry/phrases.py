@@ -14,6 +14,7 @@ from msgspec import Struct
 from fleet.base.names import fault_of
 from robots.registry.configuration.profile_schema import LANGUAGE, Problems
 from robots.shared.configuration.spoken_texts import why_not_speakable
+from robots.shared.sentences import Sentence, say
 
 LARGEST_FILE_BYTES = 1_000_000
 MOST_PHRASES = 1000  # in one file
@@ -34,15 +35,15 @@ def why_no_language(code: str) -> str | None:
     """Return why this is no language code; None if it has the form of a code."""
     if LANGUAGE.fullmatch(code):
         return None
-    return f"“{code}” is not a language code such as en-GB."
+    return say("“{code}” is not a language code such as en-GB.", code=code)
 
 
 def why_no_phrase(text: str) -> str | None:
     """Return why this is no phrase; None if it is one."""
     if "\n" in text or "\t" in text:
-        return "A phrase is one line, without tabs."
+        return say("A phrase is one line, without tabs.")
     if refusal := why_not_speakable(text):
-        return refusal.text
+        return refusal.sentence
     fault = fault_of(text)
     return str(fault.text) if fault else None
 
@@ -53,7 +54,9 @@ def why_no_tags(tags: Iterable[str]) -> str | None:
     if fault := fault_of(text):
         return str(fault.text)
     if len(text) > LONGEST_TAGS:
-        return f"The tags have {len(text)} characters; there is room for {LONGEST_TAGS}."
+        return say(
+            "The tags have {count} characters; there is room for {most}.", count=len(text), most=LONGEST_TAGS
+        )
     return None
 
 
@@ -89,11 +92,15 @@ def read(content: bytes, default_language: str = FALLBACK_LANGUAGE) -> list[Line
         if isinstance(found, Line):
             phrases.setdefault((found.language, found.text), found)
         else:
-            problems.append(f"line {number}: {found}")
+            problems.append(in_line(number, found))
     if not phrases and not problems:
-        problems.append("There is no phrase in the file.")
+        problems.append(say("There is no phrase in the file."))
     if len(phrases) > MOST_PHRASES:
-        problems.append(f"There are {len(phrases)} phrases; a file has at most {MOST_PHRASES}.")
+        problems.append(
+            say(
+                "There are {count} phrases; a file has at most {most}.", count=len(phrases), most=MOST_PHRASES
+            )
+        )
     if problems:
         raise Problems(shortened(problems))
     return list(phrases.values())
@@ -113,19 +120,19 @@ def file_text(phrases: Iterable[Line]) -> str:
 
 def _text(content: bytes) -> str:
     if len(content) > LARGEST_FILE_BYTES:
-        raise Problems([f"The file is larger than {LARGEST_FILE_BYTES // 1000} kB."])
+        raise Problems([say("The file is larger than {most} kB.", most=LARGEST_FILE_BYTES // 1000)])
     try:
         return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         number = content[: error.start].count(b"\n") + 1
-        raise Problems([f"line {number}: This is not UTF-8 text. Save the file as UTF-8."]) from error
+        raise Problems([in_line(number, say("This is not UTF-8 text. Save the file as UTF-8."))]) from error
 
 
 def _phrase(line: str, default_language: str) -> Line | str:
     """Return the phrase of the line, or the line's fault."""
     fields = [field.strip() for field in line.split("\t")]
     if len(fields) > 3:
-        return "There are more than two tabs: a line is language, tab, text, and perhaps a tab and tags."
+        return say("There are more than two tabs: a line is language, tab, text, and perhaps a tab and tags.")
     language, text = (default_language, fields[0]) if len(fields) == 1 else (fields[0], fields[1])
     tags = tags_in("".join(fields[2:]))
     if why := why_no_language(language) or why_no_phrase(text) or why_no_tags(tags):
@@ -136,4 +143,9 @@ def _phrase(line: str, default_language: str) -> Line | str:
 def shortened(problems: list[str]) -> list[str]:
     """Return the first `MOST_NAMED` faults of a file, and how many more there are."""
     more = len(problems) - MOST_NAMED
-    return [*problems[:MOST_NAMED], f"and {more} more."] if more > 0 else problems
+    return [*problems[:MOST_NAMED], say("and {count} more.", count=more)] if more > 0 else problems
+
+
+def in_line(number: int, problem: str) -> Sentence:
+    """Return the fault of a line of a file."""
+    return say("line {number}: {problem}", number=number, problem=problem)

@@ -193,7 +193,7 @@ def _record_entry(verb: str, entry: Phrase | Allowance, columns: dict[str, Any],
 def _record_entry_change(entry: Phrase | Allowance, changes: list[dict[str, Any]], actor: Actor) -> None:
     """Record changes. The text of a phrase may expire in the audit log, but not the fact that it was changed."""
     if isinstance(entry, Allowance):
-        facts = {"entry": str(entry), "changes": changes}
+        facts = {"entry": f"{entry.what} {entry.name}", "changes": changes}
         record("allowance.change", actor=actor, **_of(entry.owner, facts))
         return
     kept = [{"field": WORDS} if change["field"] == WORDS else change for change in changes]

@@ -2,8 +2,9 @@
 
 The key is the English sentence with named figures in braces, and the key in the catalogue (`fleet/locale`):
 `say("{sensor} is {age:age} old", sensor=say("laser"), age=0.61)` is the text "laser is 0.6 s old". A figure that is a
-sentence is said in the reader's language, too; a plain text (a name, a topic) stays as it is. After a colon stands the
-format of a figure: one of Python's (`.1f`), or one of `FORMATS`. `static/js/lib/sentences.js` has the same formats.
+sentence, or an error with one, is said in the reader's language, too; a plain text (a name, a topic) stays as it is. A
+colon begins the format of a figure: one of Python's (`.1f`), or one of `FORMATS`; the same are
+in `static/js/lib/sentences.js`.
 """
 
 from __future__ import annotations
@@ -53,6 +54,12 @@ def joined(between: str, sentences: Sequence[str]) -> Sentence:
     return _sentence(between.join(f"{{{name}}}" for name in figures), figures)
 
 
+def reason_of(error: BaseException) -> str:
+    """Return the text of an error, with key and figures if it is a sentence."""
+    first = error.args[0] if error.args else ""
+    return first if isinstance(first, Sentence) else str(error)
+
+
 def standing_alone(reason: str) -> Sentence:
     """Return a reason as a sentence with a capital letter and a full stop."""
     return _sentence("{reason:capital}" + "." * (not reason.endswith(".")), {"reason": reason})
@@ -65,6 +72,7 @@ def of_parts(text: str, parts: list[Any]) -> Sentence:
 
 
 def _sentence(key: str, figures: Mapping[str, Any], many: str = "", text: str | None = None) -> Sentence:
+    figures = {name: reason_of(f) if isinstance(f, BaseException) else f for name, f in figures.items()}
     form = many if many and figures["count"] != 1 else key
     sentence = Sentence(filled(form, figures, _in_english) if text is None else text)
     sentence.key, sentence.figures, sentence.many = key, figures, many

@@ -10,6 +10,7 @@ import ast
 import json
 import subprocess
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,6 +40,7 @@ TOLD = {
     "PoseUnknown": (0, "text"),
     "complain": (1, "words"),
     "replace": (9, "text"),  # of a struct, which keeps the figures of its former text beside a plain text
+    "BadField": (1, "text"),
 }
 HEAD = r"""msgid ""
 msgstr ""
@@ -114,6 +116,7 @@ def modules() -> Iterator[tuple[str, str]]:
             yield str(path.relative_to(ROOT)), path.read_text()
 
 
+@cache
 def keys() -> dict[str, Key]:
     """Return all sentences of the source by key."""
     found = {word: Key(word, "", "fleet/audit/reading/words.py") for word in WORDS}

@@ -430,8 +430,7 @@ def _end_session(
     if not open_ones.update(ended_at=now, end_reason=reason):
         return
     parameters = {"holder": str(held.user), "why": why} if why else {"holder": str(held.user)}
-    words = {"words": str(note), "said": note.parts} if note else {}
-    private = {"holder_name": held.name, **words}
+    private = {"holder_name": held.name, **({"words": note} if note else {})}
     _record("control.end", held, robot, by, outcome=reason.value, parameters=parameters, private=private)
 
 

@@ -82,7 +82,7 @@ def _record(call: ServiceCall, hub: RobotHub, user: User) -> Record:
 
 
 def _record_outcome(begun: Record, user: User, refusal: Refusal | None) -> None:
-    outcome, words = (refusal.code, {"words": refusal.text}) if refusal else ("done", {})
+    outcome, words = (refusal.code, {"words": refusal.sentence}) if refusal else ("done", {})
     try:
         audit.record(begun.kind, actor=user, of=begun, outcome=outcome, private=words)
     except (AuditUnavailable, DatabaseError) as error:

@@ -82,7 +82,7 @@ def write_record(refused: RefusedRequest, times: int) -> None:
             fence=refused.fence,
             outcome=refusal.code,
             parameters=facts,
-            private={"words": refusal.text, **whole},
+            private={"words": refusal.sentence, **whole},
         )
     except (AuditUnavailable, DatabaseError) as error:
         who = refused.person.pk

@@ -174,7 +174,7 @@ def _interventions(robot: Robot, since: date, until: date) -> list[Any]:
 def _reasons(rows: list[Any]) -> list[Reason]:
     newest = Record.objects.select_related("content").in_bulk([row["newest"] for row in rows])
     return [
-        Reason(row["code"], row["times"], record.details.get("words", ""), record.at)
+        Reason(row["code"], row["times"], wording.worded(record.details).get("words", ""), record.at)
         for row in rows
         if (record := newest.get(row["newest"]))
     ]

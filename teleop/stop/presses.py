@@ -133,7 +133,7 @@ def record_outcome(record: Record | None, *, actor: User | SystemAccount, result
     if isinstance(result, Pending):
         result = result.refusal
     outcome = result.code if isinstance(result, Refusal) else result.stop.state
-    words = {"words": result.text} if isinstance(result, Refusal) else {}
+    words = {"words": result.sentence} if isinstance(result, Refusal) else {}
     try:
         audit.record(record.kind, actor=actor, of=record, outcome=outcome, private=words)
     except (AuditUnavailable, DatabaseError) as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from datetime import date, datetime
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from zoneinfo import ZoneInfo
@@ -21,6 +22,9 @@ from script.generate import sentences
 
 CATALOGUES = sorted(sentences.LOCALE.glob("*/LC_MESSAGES/sentences.po"))
 ENTRY = re.compile(r'^(msg\w+)(?:\[\d\])? ((?:".*"\n)+)', re.MULTILINE)
+GETTEXT = {"_", "gettext", "gettext_lazy", "gettext_noop", "ngettext", "ngettext_lazy"}
+TRANSLATED = re.compile(r"""(?:{% translate |\b_\()(["'])(.*?)\1""")
+IN_SCRIPT = re.compile(r"""gettext\(\s*("(?:[^"\\]|\\.)*")""")
 SPANISH = """
 msgid ""
 msgstr "Content-Type: text/plain; charset=UTF-8\\nPlural-Forms: nplurals=2; plural=(n != 1);\\n"
@@ -85,9 +89,45 @@ def test_a_catalogue_has_the_keys_of_the_source_with_their_figures(catalogue: Pa
         text
         for key, texts in kept.items()
         for text in texts
-        if text and figures(text) - {"count"} != figures(key) - {"count"}
+        if figures(text) - {"count"} != figures(key) - {"count"}
     ]
     assert others == []
+
+
+@pytest.mark.parametrize(
+    "catalogue", sorted(sentences.LOCALE.glob("*/*/*.po")), ids=lambda path: str(path)[-30:]
+)
+def test_every_text_of_a_catalogue_is_translated(catalogue: Path) -> None:
+    assert [key for key, texts in translations(catalogue).items() if not all(texts)] == []
+    assert "#, fuzzy" not in catalogue.read_text()
+
+
+@pytest.mark.parametrize("language", sorted(sentences.LOCALE.iterdir()), ids=lambda path: path.name)
+def test_every_text_of_pages_and_scripts_is_in_the_catalogue(language: Path) -> None:
+    folder = language / "LC_MESSAGES"
+    assert of_pages() - set(translations(folder / "django.po")) == set()
+    assert of_scripts() - set(translations(folder / "djangojs.po")) == set()
+
+
+@cache
+def of_pages() -> set[str]:
+    """Return the texts of Python and of templates, without blocks."""
+    found = {
+        call.args[0].value
+        for _, source in sentences.modules()
+        for call in ast.walk(ast.parse(source))
+        if isinstance(call, ast.Call) and call.args and isinstance(call.args[0], ast.Constant)
+        if (call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")) in GETTEXT
+    }
+    pages = (file.read_text() for file in (sentences.ROOT / "templates").rglob("*.*"))
+    return found | {text for page in pages for _, text in TRANSLATED.findall(page)}
+
+
+@cache
+def of_scripts() -> set[str]:
+    """Return the texts of scripts."""
+    scripts = (file.read_text() for file in (sentences.ROOT / "static" / "js").rglob("*.js"))
+    return {ast.literal_eval(text) for script in scripts for text in IN_SCRIPT.findall(script)}
 
 
 def figures(key: str) -> set[str | None]:

@@ -10,9 +10,11 @@ import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from django.contrib.auth.hashers import BCryptSHA256PasswordHasher
+
+from robots.shared.sentences import say
 
 R = TypeVar("R")
 
@@ -25,8 +27,8 @@ class HashingBusy(Exception):
     """The queue is full: the password was not checked."""
 
     code = "sign_in_busy"
-    text = "Not done: many people sign in at this moment. Try again in a moment."
-    rule = "limits"
+    text = say("Not done: many people sign in at this moment. Try again in a moment.")
+    rule: Final = "limits"
 
 
 def _give_way() -> None:

@@ -12,8 +12,10 @@ from django.utils.translation import gettext as _
 
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
+from fleet.audit.reading.words import CODED, CODES
 from fleet.base.formats.sentences import in_words
 from fleet.base.zones import viewers
+from robots.shared.sentences import of_parts
 
 FACTS = 4  # values at most in a line of a list
 LONG = 60  # characters at most of a text in such a line; also entries at most of a list on the record's page
@@ -45,7 +47,7 @@ _SUBJECTS = (
     "profile",
     "file",
 )
-_ASIDE = {"t_s", "said", "number", "path_tolerance_m", "progress"}  # shown only on the record's page
+_ASIDE = {"t_s", "number", "path_tolerance_m", "progress"}  # shown only on the record's page
 
 
 def label(kind: str) -> str:
@@ -68,8 +70,16 @@ def outcome(code: str) -> str:
 
 def subject(record: Record) -> str:
     """Return the subject: sentence, motion or topic; blank if there is none."""
-    details = record.details
+    details = worded(record.details)
     return next((str(details[name]) for name in _SUBJECTS if isinstance(details.get(name), str)), "")
+
+
+def worded(details: Mapping[str, Any]) -> dict[str, Any]:
+    """Return details with their sentence in the reader's language: a text with key and figures, or `words`."""
+    told = {name: value for name, value in details.items() if name != "said"}
+    name = "words" if "words" in told else "text"
+    said = details.get("said") or ([told["words"]] if "words" in told else [])
+    return told | {name: in_words(of_parts(told[name], said))} if said and name in told else told
 
 
 def expired(record: Record) -> bool:
@@ -92,7 +102,15 @@ def figure(name: str, value: Any) -> str:
     for ending, unit in _UNITS.items():
         if name.endswith(ending) and isinstance(value, int | float):
             return f"{plain(name.removesuffix(ending))} {value:g} {unit}"
-    return f"{plain(name)} {said(value)}"
+    return f"{plain(name)} {said(_coded(name, value))}"
+
+
+def _coded(name: str, value: Any) -> Any:
+    """Return a value of a field with codes in the reader's words."""
+    if name not in CODED:
+        return value
+    codes = value if isinstance(value, list) else [value]
+    return [in_words(code.replace("_", " ")) if code in CODES else code for code in codes]
 
 
 def _moment(value: Any) -> str:
@@ -120,7 +138,10 @@ def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, s
             case _:
                 unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "")
                 is_number = isinstance(value, int | float) and not isinstance(value, bool)
-                yield known_as, f"{value:g} {unit}".strip() if is_number and unit else said(value)
+                yield (
+                    known_as,
+                    f"{value:g} {unit}".strip() if is_number and unit else said(_coded(name, value)),
+                )
 
 
 def plain(name: str) -> str:

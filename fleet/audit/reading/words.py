@@ -29,6 +29,16 @@ signed_out, slot, sonar_stale, speaking, speed, stalled, standstill, starts, sta
 stopped_again, stopping, succeeded, superseded, tags, taken, taken_over, term, text, text_too_long, texts,
 through, time_zone, times, to, too_close, too_deep, too_far, too_fast, too_large, too_late, too_many,
 too_old, top, type, unheard, unknown, unqualified, until, use, username, was_standing, what, why,
-wrong_course
+wrong_course,
+account, arm, audit, base, call, choose, database, error, gate, gripper, head, lease, limits, motions,
+observer, ok, operator, publish, rest, robot, set, silent, speech, staff, stop, supervisor, torso, warning,
+wire, actor, address_digest, also, at, bearing, because, connection, digest, entry, expires, factor, field,
+fields, figures, format, holder, host, interventions, invitation, left, lesson, list, made_with,
+map_to_odom, most_uses, motion, name_digest, nearest, override, part, parts, path, period, pose, publishers,
+records, request, robots, rows, sensor, service, side, since, stays, supervisors, tab, token, topic, user,
+value, webhook, words
 """
-WORDS = frozenset(name.strip().replace("_", " ") for name in _NAMES.split(","))
+CODES = frozenset(name.strip() for name in _NAMES.split(","))
+WORDS = frozenset(code.replace("_", " ") for code in CODES)
+_CODED = "also, because, by, cause, from, limb, part, role, rule, through, to, use, what, why"
+CODED = frozenset(_CODED.split(", "))  # fields whose values are codes

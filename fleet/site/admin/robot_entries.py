@@ -22,6 +22,7 @@ from django.utils.translation import gettext_lazy as _
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit.recorded_admin import RecordedAdmin
+from fleet.base.formats.sentences import in_words
 from fleet.base.kept_files import KeptFileForm
 from robots.registry import phrases, services
 from robots.registry.configuration.profile_schema import Problems
@@ -225,13 +226,13 @@ class ImportForm(KeptFileForm):
         if (profile is None) == (robot is None):
             self.add_error(None, gettext("Name either a profile or a robot."))
         elif language and (why := phrases.why_no_language(language)):
-            self.add_error("language", why)
+            self.add_error("language", in_words(why))
         elif self.kept:
             asked["owner"] = profile or robot
             try:
                 asked["lines"] = phrases.read(self.kept.content, language or first_language(asked["owner"]))
             except Problems as problems:
-                self.add_error("file", problems.lines)
+                self.add_error("file", [*map(in_words, problems.lines)])
         elif not self.has_error("file"):
             self.add_error("file", gettext("Choose a file."))
         return asked

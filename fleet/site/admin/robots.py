@@ -72,7 +72,7 @@ class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at ru
     Otherwise an old form could, for example, put a robot back into service.
     """
 
-    as_of = forms.CharField(widget=forms.HiddenInput, required=False)
+    as_of = forms.CharField(label="", widget=forms.HiddenInput, required=False)
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeVar
 
 from robots.shared.records.record_sink import BadRecord, RecordError
-from robots.shared.sentences import say
+from robots.shared.sentences import reason_of, say
 
 log = logging.getLogger(__name__)
 
@@ -144,7 +144,7 @@ class RecordWriter:
 
     def _note(self, job: _Job, error: Exception) -> None:
         since_s = self.trouble.since_s if self.trouble else job.asked_s
-        self.trouble = Trouble(since_s, str(error))
+        self.trouble = Trouble(since_s, reason_of(error))
 
 
 def _logged(call: Callable[[], object]) -> None:

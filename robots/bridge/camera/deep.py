@@ -15,7 +15,8 @@ import numpy as np
 import PIL.Image
 from numpy.typing import NDArray
 
-from robots.bridge.camera.image_header import Damaged, read_header
+from robots.bridge.camera.image_header import Damaged, read_header, too_few, undecodable
+from robots.shared.sentences import say
 from robots.shared.wire import PictureScale
 
 PERCENTILES = (2.0, 98.0)
@@ -52,7 +53,7 @@ def raw_deep(
     kind, count = _TYPES[encoding]
     row = width * count * np.dtype(kind).itemsize
     if step < row or len(data) < step * height:
-        raise Damaged(f"has {len(data)} bytes; {width} x {height} {encoding} need more")
+        raise too_few(len(data), width, height, encoding)
     rows = np.frombuffer(data, np.uint8, step * height).reshape(height, step)
     values = np.ascontiguousarray(rows[:, :row]).view((">" if big_endian else "<") + kind)
     if count == 1:
@@ -75,9 +76,11 @@ def depth_png(data: bytes, form: str) -> tuple[PIL.Image.Image, PictureScale]:
     (compressed_depth_image_transport, codec.cpp).
     """
     if "rvl" in form.lower():
-        raise Damaged("is compressed by RVL, which the console does not read: set compressedDepth to PNG")
+        raise Damaged(
+            say("is compressed by RVL, which the console does not read: set compressedDepth to PNG")
+        )
     if len(data) <= _DEPTH_HEADER:
-        raise Damaged("is cut off")
+        raise Damaged(say("is cut off"))
     values = _decoded(data[_DEPTH_HEADER:])
     if not form.strip().upper().startswith("32FC1"):
         return stretched(_lengths(values), is_depth=True)
@@ -122,7 +125,7 @@ def _lengths(values: _Numbers) -> _Numbers:
 def _decoded(picture: bytes) -> _Numbers:
     """Return grey (height, width) or colours (height, width, 3) of a PNG; Pillow keeps 8 bits of colours."""
     if not read_header(picture).deep:
-        raise Damaged("is no PNG of 16 bits")
+        raise Damaged(say("is no PNG of 16 bits"))
     import av
 
     try:
@@ -132,7 +135,7 @@ def _decoded(picture: bytes) -> _Numbers:
         values = frame.to_ndarray()
         return values if values.ndim == 2 else values[:, :, :3]
     except (av.FFmpegError, ValueError) as error:
-        raise Damaged(f"cannot be decoded ({str(error)[:100]})") from error
+        raise undecodable(error) from error
 
 
 def _short(value: float) -> float:

@@ -16,6 +16,7 @@ from av.video.codeccontext import VideoCodecContext
 from robots.bridge.camera.encoding import VIDEO_BITS_PER_S, VIDEO_HZ, VIDEO_KEY_EVERY, VIDEO_WIDTH
 from robots.bridge.camera.image_header import Damaged
 from robots.bridge.camera.jpeg import narrowed
+from robots.shared.sentences import say
 
 
 class H264Encoder:
@@ -45,7 +46,7 @@ class H264Encoder:
             packets = self._codec.encode(frame)
         except av.FFmpegError as error:
             self._codec = None
-            raise Damaged(f"cannot be made a video ({str(error)[:100]})") from error
+            raise Damaged(say("cannot be made a video ({error})", error=str(error)[:100])) from error
         is_key = any(packet.is_keyframe for packet in packets)
         self._wants_key = self._wants_key and not is_key
         return b"".join(bytes(packet) for packet in packets), is_key

@@ -7,6 +7,7 @@ import struct
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from robots.shared.sentences import say
 from robots.shared.wire import PictureFormat
 
 LARGEST_SIDE = 4096  # pixels: a browser needs 64 MB to paint such a picture
@@ -25,6 +26,23 @@ class Damaged(Exception):
     """The picture cannot be shown. The text is the reason; it follows "the camera's picture "."""
 
 
+def too_few(count: int, width: int, height: int, encoding: str) -> Damaged:
+    """Return the error of data with too few bytes for its size."""
+    text = say(
+        "has {count} bytes; {width} x {height} {encoding} need more",
+        count=count,
+        width=width,
+        height=height,
+        encoding=encoding,
+    )
+    return Damaged(text)
+
+
+def undecodable(error: Exception) -> Damaged:
+    """Return the error of data that a decoder refused."""
+    return Damaged(say("cannot be decoded ({error})", error=str(error)[:100]))
+
+
 class ImageHeader(NamedTuple):
     """Format, width and height in pixels. `deep`: of 16 bits, of which browsers show the upper 8."""
 
@@ -37,7 +55,9 @@ class ImageHeader(NamedTuple):
 def read_header(picture: bytes | memoryview) -> ImageHeader:
     """Return format and size. Raises `Damaged` for a picture that must not be sent to a browser."""
     if len(picture) > LARGEST_BYTES:
-        raise Damaged(f"has {len(picture)} bytes; at most {LARGEST_BYTES} are shown")
+        raise Damaged(
+            say("has {bytes} bytes; at most {most} are shown", bytes=len(picture), most=LARGEST_BYTES)
+        )
     header = _png(picture) if _is_png(picture) else _jpeg(picture)
     require_size(header.width, header.height)
     return header
@@ -46,9 +66,16 @@ def read_header(picture: bytes | memoryview) -> ImageHeader:
 def require_size(width: int, height: int) -> None:
     """Raise `Damaged` for a picture without pixels, or with too many."""
     if width < 1 or height < 1:
-        raise Damaged("has no pixels")
+        raise Damaged(say("has no pixels"))
     if max(width, height) > LARGEST_SIDE:
-        raise Damaged(f"has {width} x {height} pixels; at most {LARGEST_SIDE} a side are shown")
+        raise Damaged(
+            say(
+                "has {width} x {height} pixels; at most {most} a side are shown",
+                width=width,
+                height=height,
+                most=LARGEST_SIDE,
+            )
+        )
 
 
 def end_of(picture: bytes | memoryview) -> int | None:
@@ -65,9 +92,9 @@ def _is_png(picture: bytes | memoryview) -> bool:
 
 def _png(picture: bytes | memoryview) -> ImageHeader:
     if len(picture) < 33 or bytes(picture[12:16]) != b"IHDR":
-        raise Damaged("is a damaged PNG")
+        raise Damaged(say("is a damaged PNG"))
     if _png_end(picture) is None:
-        raise Damaged("is cut off")
+        raise Damaged(say("is cut off"))
     width, height, bits = struct.unpack(">IIB", picture[16:25])
     return ImageHeader("png", width, height, deep=bits == 16)
 
@@ -84,14 +111,14 @@ def _png_end(picture: bytes | memoryview) -> int | None:
 
 def _jpeg(picture: bytes | memoryview) -> ImageHeader:
     if bytes(picture[:2]) != _JPEG:
-        raise Damaged("is neither JPEG nor PNG")
+        raise Damaged(say("is neither JPEG nor PNG"))
     for marker, at in _segments(picture):
         if marker in _FRAME_STARTS and at + 9 < len(picture):
             if _jpeg_end(picture) is None:
-                raise Damaged("is cut off")
+                raise Damaged(say("is cut off"))
             height, width = struct.unpack(">HH", picture[at + 5 : at + 9])
             return ImageHeader("jpeg", width, height)
-    raise Damaged("is a damaged JPEG")
+    raise Damaged(say("is a damaged JPEG"))
 
 
 def _jpeg_end(picture: bytes | memoryview) -> int | None:

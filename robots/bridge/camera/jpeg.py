@@ -15,7 +15,15 @@ import numpy as np
 import PIL.Image
 
 from robots.bridge.camera.encoding import QUALITY, SMALL_QUALITY, SMALL_WIDTH
-from robots.bridge.camera.image_header import JPEG_END, LARGEST_SIDE, Damaged, require_size
+from robots.bridge.camera.image_header import (
+    JPEG_END,
+    LARGEST_SIDE,
+    Damaged,
+    require_size,
+    too_few,
+    undecodable,
+)
+from robots.shared.sentences import say
 
 PIL.Image.MAX_IMAGE_PIXELS = LARGEST_SIDE * LARGEST_SIDE  # Pillow refuses to decode more than twice as many
 
@@ -55,7 +63,7 @@ def raw_image(width: int, height: int, encoding: str, step: int, data: bytes) ->
     require_size(width, height)
     per_pixel = _bytes_per_pixel(encoding)
     if step < width * per_pixel or len(data) < step * height:
-        raise Damaged(f"has {len(data)} bytes; {width} x {height} {encoding} need more")
+        raise too_few(len(data), width, height, encoding)
     if encoding in _PACKED:
         return _colour_of_packed(width, height, encoding, step, data)
     _, mode, raw_mode = _RAW_MODES[encoding]
@@ -66,13 +74,25 @@ def _bytes_per_pixel(encoding: str) -> int:
     if encoding in _PACKED:
         return 2
     if encoding not in _RAW_MODES:
-        raise Damaged(f"has the encoding {encoding[:40]!r}, which the console does not know")
+        raise Damaged(
+            say(
+                "has the encoding {encoding}, which the console does not know",
+                encoding=repr(encoding[:40]),
+            )
+        )
     return _RAW_MODES[encoding][0]
 
 
 def _colour_of_packed(width: int, height: int, encoding: str, step: int, data: bytes) -> PIL.Image.Image:
     if width % 2 or height % 2:
-        raise Damaged(f"has an odd side of {width} x {height} pixels in {encoding}")
+        raise Damaged(
+            say(
+                "has an odd side of {width} x {height} pixels in {encoding}",
+                width=width,
+                height=height,
+                encoding=encoding,
+            )
+        )
     pixels = np.frombuffer(data, np.uint8, step * height).reshape(height, step)
     import av
 
@@ -100,7 +120,7 @@ def decoded(picture: bytes, at_least: int) -> PIL.Image.Image:
         image.draft("RGB", (at_least, at_least))
         return image.convert("RGB")
     except UNDECODABLE as error:
-        raise Damaged(f"cannot be decoded ({str(error)[:100]})") from error
+        raise undecodable(error) from error
 
 
 def is_complete(picture: bytes) -> bool:

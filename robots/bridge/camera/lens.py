@@ -12,6 +12,8 @@ import re
 from collections.abc import Sequence
 from typing import Protocol
 
+from robots.shared.sentences import say
+
 MOST_BENT = 0.05  # the largest deviation from the model, as a share of the distance from the middle
 _RECTIFIED = re.compile(r"(^|[/_])rect(ified|_color|_raw)?(/|$)")  # topics whose pictures have no distortion
 # Shares of the farthest corner's distance: a lens may bend inwards and outwards
@@ -39,7 +41,15 @@ def lens_of(info: CameraInfo, width: int, height: int, topic: str) -> Lens:
     """Return the pinhole model of pictures of this size on this topic. Raises `Misfit`."""
     across, along = (width / info.width, height / info.height) if info.width and info.height else (0.0, 1.0)
     if abs(across / along - 1.0) >= 0.02:
-        raise Misfit(f"its lens is known for {info.width} x {info.height} pixels, not {width} x {height}")
+        raise Misfit(
+            say(
+                "its lens is known for {known_width} x {known_height} pixels, not {width} x {height}",
+                known_width=info.width,
+                known_height=info.height,
+                width=width,
+                height=height,
+            )
+        )
     is_rectified = _RECTIFIED.search(topic) is not None
     fx, fy, cx, cy = (
         (info.P[0], info.P[5], info.P[2], info.P[6])
@@ -54,10 +64,10 @@ def lens_of(info: CameraInfo, width: int, height: int, topic: str) -> Lens:
         and 0.0 <= lens[3] <= height
     )
     if not plausible:
-        raise Misfit("the numbers of its camera calibration are not valid")
+        raise Misfit(say("the numbers of its camera calibration are not valid"))
     bent = 0.0 if is_rectified else _most_bent(info.distortion_model, info.D, lens, width, height)
     if not bent <= MOST_BENT:
-        raise Misfit("its lens bends the picture too much: it needs a rectified topic")
+        raise Misfit(say("its lens bends the picture too much: it needs a rectified topic"))
     return lens
 
 

@@ -292,7 +292,7 @@ class DrivesBy(TaskPart):
         if request is not None and request.travelled is None:
             self._request = None
             request.requester.answer(refusal)
-            self._record(request, outcome, refusal.text, now_s)
+            self._record(request, outcome, refusal.sentence, now_s)
 
     def end(self, outcome: str, text: str, now_s: float, because: str | None = None) -> None:
         """End the request that runs, if any."""

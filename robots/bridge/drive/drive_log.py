@@ -20,6 +20,7 @@ from robots.bridge.audit.records import Records, unrecorded
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.records.record_sink import DriveEnd, DriveSummary, GateStart, GateSummary, Holder, Position
 from robots.shared.records.verdict import Verdict
+from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 
 _STANDSTILL_S = 0.5
@@ -80,7 +81,7 @@ class DriveLog:
     def may_move(self, holder: Holder, now_s: float) -> Refusal | None:
         """Return None if the drive's start is committed, else a refusal. The first call begins the drive."""
         if self._drive and self._drive.holder.fence != holder.fence:
-            self.end_drive("control_changed", "control changed", now_s)
+            self.end_drive("control_changed", say("control changed"), now_s)
         if self._drive is None:
             self._begin(holder, now_s)
         return None if self._committed else WAITING
@@ -146,7 +147,7 @@ class DriveLog:
             if drive.halted_by:
                 self.end_drive("halted", drive.halted_by, now_s)
             else:
-                self.end_drive("standstill", "standstill", now_s)
+                self.end_drive("standstill", say("standstill"), now_s)
 
     def end_drive(self, outcome: DriveEnd, ended_by: str, now_s: float) -> None:
         """End the drive in progress, if any."""

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from robots.bridge.audit.records import Records
 from robots.bridge.health.diagnostics import BADNESS, MOST_PARTS, Diagnostics, Part, plain_names
 from robots.shared.link.flood_limits import TokenBucket
+from robots.shared.sentences import say
 from robots.shared.wire import HealthLevel
 
 CHECK_S = 1.0
@@ -144,5 +145,5 @@ def _is_worse(level: HealthLevel | None, than: HealthLevel | None) -> bool:
 
 
 def _words(plain: str, part: Part) -> str:
-    said = "has stopped reporting" if part.level == "silent" else part.text
-    return f"{plain}: {said}" if said else plain
+    said = say("has stopped reporting") if part.level == "silent" else part.text
+    return say("{part}: {said}", part=plain, said=said) if said else plain

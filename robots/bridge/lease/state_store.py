@@ -13,6 +13,7 @@ import msgspec
 from msgspec import Struct
 
 from robots.shared import wire
+from robots.shared.sentences import catalogued
 
 log = logging.getLogger(__name__)
 
@@ -69,10 +70,10 @@ class StateStore:
         except FileNotFoundError:
             if last_fence == 0:
                 return SavedState(False, "", "", 0)
-            return SavedState(True, "", "the bridge’s state file is missing", last_fence)
+            return SavedState(True, "", catalogued("the bridge’s state file is missing"), last_fence)
         except (OSError, msgspec.DecodeError, UnicodeError) as error:
             log.error("state file %s cannot be read: %s", self._path, error)
-            return SavedState(True, "", "the bridge’s state file cannot be read", last_fence)
+            return SavedState(True, "", catalogued("the bridge’s state file cannot be read"), last_fence)
         return msgspec.structs.replace(found, fence=max(found.fence, last_fence))
 
     def save(self, state: SavedState) -> None:

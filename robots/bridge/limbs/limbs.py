@@ -40,7 +40,7 @@ class Limbs(TaskPart):
         Cause.BRIDGE_ENDED: Reaction.LEAVE,
     }
     excludes = frozenset({Activity.DRIVE, Activity.NAVIGATE, Activity.MOVE_ARM})
-    neutral_words = {"limb_moving": "nothing drives while gripper or torso move"}
+    neutral_words = {"limb_moving": say("nothing drives while gripper or torso move")}
 
     def __init__(self, context: Context) -> None:
         config = context.config

@@ -18,6 +18,8 @@ from msgspec import Struct
 
 from robots.shared.configuration.bridge_config import BridgeConfig, Topic
 from robots.shared.records.record_sink import TakenMap
+from robots.shared.sentences import Sentence, say
+from robots.shared.wire.base import Worded
 
 log = logging.getLogger(__name__)
 
@@ -40,8 +42,10 @@ class MapWanted(Struct, frozen=True):
     topic: Topic
 
 
-class NoMap(Struct, frozen=True, tag=True):
+class NoMap(Worded, frozen=True, tag=True):
     """There is no usable map; `why` is the reason in words. `is_certain`: a second fetch would find the same."""
+
+    SENTENCES = ("why",)
 
     why: str
     is_certain: bool = False
@@ -63,7 +67,7 @@ class MapFetcher:
         config: BridgeConfig,
         keep: Callable[[TakenMap], None],
         command: Sequence[str] = COMMAND,
-        gone: Callable[[str], None] = lambda _why: None,
+        gone: Callable[[Sentence], None] = lambda _why: None,
     ) -> None:
         topic = config.topics.map
         self._wanted = MapWanted(config.master_uri, topic) if topic else None
@@ -113,14 +117,14 @@ class MapFetcher:
                     self._due_s = now_s + (WATCHED_S if self._watched else FRESH_S)
                     self._logged, self._failed, self._restarted_s = "", False, None
                     self._keep(taken)
-                case NoMap(why=why, is_certain=is_certain):
-                    self._say(why)
-                    self._fail(why, now_s, is_certain)
+                case NoMap() as none:
+                    self._say(none.why)
+                    self._fail(none.sentence_of("why"), now_s, none.is_certain)
         except (TimeoutError, OSError, msgspec.MsgspecError) as error:
             self._say(f"the process that fetches it failed ({error!r})")
-            self._fail("the console could not fetch it", now_s)
+            self._fail(say("the console could not fetch it"), now_s)
 
-    def _fail(self, why: str, now_s: float, is_certain: bool = False) -> None:
+    def _fail(self, why: Sentence, now_s: float, is_certain: bool = False) -> None:
         restarts = self._restarted_s is not None and now_s - self._restarted_s < RESTARTS_S
         if is_certain or (self._failed and (self._watched or not restarts)):
             self._gone(why)

@@ -28,7 +28,7 @@ from robots.shared.geometry.planar import NO_POINTS
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.maps.goal_map import NO_MAP, UNKNOWN_NOW, GoalMap
 from robots.shared.records.verdict import Verdict
-from robots.shared.sentences import joined, say, standing_alone
+from robots.shared.sentences import Sentence, joined, say, standing_alone
 from robots.shared.wire import Go, Grant, Refusal
 
 CONFIRMED_S = 2.0  # the goal ends after this time without a sign of the holder's client
@@ -456,7 +456,7 @@ class NavigationGoals(Goals[Target], TaskPart):
         if at_home:
             self._at_home_s = now_s
         elif self.driving_requester:
-            self.end("arm_away", "The robot’s arm left its home.", now_s)
+            self.end("arm_away", say("The robot’s arm left its home."), now_s)
 
     def mapped(self, goal_map: GoalMap, now_s: float) -> None:
         """Take the robot's map. If it is another map, end the drive: a pose on the map before is none on this one."""
@@ -466,7 +466,7 @@ class NavigationGoals(Goals[Target], TaskPart):
         self._map, self._digest, self._doubted_s = goal_map, goal_map.digest, math.inf
         goal = self._current
         if goal is not None and self.driving_requester and goal.what.digest != goal_map.digest:
-            self.end("map_changed", "The robot’s map changed.", now_s)
+            self.end("map_changed", say("The robot’s map changed."), now_s)
 
     def map_doubted(self, now_s: float, *, restarted: bool) -> None:
         """Note that the robot may have another map now: no new goal until it is read.
@@ -480,9 +480,9 @@ class NavigationGoals(Goals[Target], TaskPart):
         if restarted:
             self.localisation.forget()
             self.path.take(NO_POINTS)
-            self.end("map_changed", "The robot’s map may be another one now.", now_s)
+            self.end("map_changed", say("The robot’s map may be another one now."), now_s)
 
-    def unmapped(self, why: str, now_s: float) -> None:
+    def unmapped(self, why: Sentence, now_s: float) -> None:
         """Note that the robot has no usable map now. End the drive."""
         text = say("The robot has no map that can be used: {why}", why=why)
         self._map, self._map_problem = None, Refusal("no_map", standing_alone(text), "robot")
@@ -525,7 +525,7 @@ class NavigationGoals(Goals[Target], TaskPart):
             else:  # the reason of the cancel stays
                 self._end("arrived" if outcome == "succeeded" else "cancelled", "", now_s)
         elif self.driving_requester and goal_id != self._ended and not self._busy(now_s):
-            self.end("answered_another", "Navigation reported a result for an unknown goal.", now_s)
+            self.end("answered_another", say("Navigation reported a result for an unknown goal."), now_s)
 
     @property
     def shown_path(self) -> wire.GoPath:

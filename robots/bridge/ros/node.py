@@ -406,7 +406,7 @@ class RosBase(InputSwitch):
         topics = self.config.topics
         drive = Topic(self._drive_topic, topics.drive.type)
         own = {BRIDGE, watchdog_name(self.config.robot_id)}
-        foreign = named(set(system.publishers.get(drive.name, [])) - own)
+        foreign = named(sorted(set(system.publishers.get(drive.name, [])) - own))
         wanted = [drive, topics.odometry]
         wanted += [Topic(scan.topic, "sensor_msgs/LaserScan") for scan in topics.scans]
         problems = BOARD.texts()

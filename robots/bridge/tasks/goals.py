@@ -101,7 +101,7 @@ class Goals(ABC, Generic[What]):
         if math.isinf(goal.heard_s):
             self._current = None
             goal.requester.answer(refusal)
-            self._record(goal, refusal.code, refusal.text, now_s)
+            self._record(goal, refusal.code, refusal.sentence, now_s)
         else:  # the answer was already sent
             self._end(refusal.code, refusal.sentence, now_s)
 

@@ -29,7 +29,7 @@ from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.configuration.denylist import admissible
 from robots.shared.records.record_sink import Holder
-from robots.shared.sentences import say
+from robots.shared.sentences import Sentence, say
 from robots.shared.wire import Grant, Refusal
 
 log = logging.getLogger(__name__)
@@ -163,7 +163,7 @@ class HolderTasks:
         return [words for part in self.parts for words in part.under_way]
 
     @property
-    def neutral_words(self) -> dict[str, str]:
+    def neutral_words(self) -> dict[str, Sentence]:
         """Return why the stick must return to neutral, by the code of the refusal of a task in progress."""
         return {code: words for part in self.parts for code, words in part.neutral_words.items()}
 
@@ -199,7 +199,7 @@ class HolderTasks:
         """End drives by tasks: the gate's verdict forbids them."""
         self._tell(Ending(Cause.GATE, Refusal(code, text, "gate")), now_s)
 
-    def halted(self, code: str, reason: str, now_s: float) -> None:
+    def halted(self, code: str, reason: Sentence, now_s: float) -> None:
         """End drives by tasks that run: the base was halted. Others are checked again when they are due."""
         cause = Cause.ROBOT_GONE if code == "robot_offline" else Cause.HALTED
         self._tell(Ending(cause, Refusal(code, reason, "robot")), now_s)
@@ -217,7 +217,7 @@ class HolderTasks:
         """Drop tasks that have not begun: their page is gone. `tick` ends those that run."""
         self._tell(_PAGE_LEFT, now_s)
 
-    def control_ended(self, reason: str, now_s: float) -> None:
+    def control_ended(self, reason: Sentence, now_s: float) -> None:
         """Cancel running tasks: their owner lost control. A text being spoken is spoken to its end."""
         self._named.words(reason, say("Its holder’s control ended."))
         self._tell(Ending(Cause.CONTROL_ENDED, Refusal("control_ended", reason, "lease")), now_s)

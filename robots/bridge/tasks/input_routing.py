@@ -19,7 +19,7 @@ from robots.bridge.audit.records import RecordedTask, Requester
 from robots.bridge.tasks.task import Cause, Context, Ending, Reaction, TaskPart
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Topic
-from robots.shared.sentences import say
+from robots.shared.sentences import Sentence, say
 from robots.shared.wire import Grant, Refusal, Role, Use
 
 NAMES: dict[Use, str] = {"drive": say("driving"), "speech": say("speech"), "motions": say("motions")}
@@ -213,7 +213,7 @@ class InputRouting(TaskPart):
             if use == "drive":
                 self._parted_s = now_s
             else:
-                self._go_back(use, ending.refusal.code, ending.refusal.text, now_s)
+                self._go_back(use, ending.refusal.code, ending.refusal.sentence, now_s)
 
     def leave(self, ending: Ending, now_s: float) -> None:
         """Drop all choices: the bridge ends, and the next bridge begins with the defaults."""
@@ -231,7 +231,7 @@ class InputRouting(TaskPart):
     def _part(self, since_s: float, now_s: float) -> None:
         """Leave the chosen drive topic when the base stands, or after the time limit for zeros."""
         if self._rules.why_not_still(now_s) is None or now_s - since_s > PARTING_S:
-            self._go_back("drive", "control_ended", "control ended", now_s)
+            self._go_back("drive", "control_ended", say("control ended"), now_s)
 
     def _recorded(self, use: Use, choice: _Route, now_s: float) -> None:
         """Connect a recorded choice, unless a rule now forbids it."""
@@ -256,7 +256,7 @@ class InputRouting(TaskPart):
         refusal = self._rules.why_not_begin(requester, now_s)
         return refusal or (self._rules.why_not_still(now_s) if use == "drive" else None)
 
-    def _make(self, use: Use, choice: _Route, why: str, now_s: float) -> None:
+    def _make(self, use: Use, choice: _Route, why: Sentence, now_s: float) -> None:
         """Route input to the choice from now on."""
         self._send_to(use, choice.topic, why, now_s)
         self._made.pop(use, None)
@@ -264,7 +264,7 @@ class InputRouting(TaskPart):
         if choice.topic != self._defaults[use].name:
             self._made[use] = choice
 
-    def _go_back(self, use: Use, outcome: str, why: str, now_s: float) -> None:
+    def _go_back(self, use: Use, outcome: str, why: Sentence, now_s: float) -> None:
         """Return to the default although nobody asked for it."""
         self._send_to(use, self._defaults[use].name, why, now_s)
         self._end(use, outcome, now_s)
@@ -274,7 +274,7 @@ class InputRouting(TaskPart):
         parameters = {"use": use, "from": made.topic, "to": self._defaults[use].name}
         self._records.outcome(made, wire.CHOOSE.outcome, outcome, parameters, now_s)
 
-    def _send_to(self, use: Use, name: str, why: str, now_s: float) -> None:
+    def _send_to(self, use: Use, name: str, why: Sentence, now_s: float) -> None:
         """Route input to `name`; a base gets its zero on the old topic first."""
         if use == "drive":
             self._parted_s = None

@@ -197,7 +197,7 @@ class Motions(Goals[MotionGoal], TaskPart):
     }
     excludes = frozenset(Activity)
     no_task = Refusal("no_motion", "No motion of this console runs.", "robot")
-    neutral_words = {"motion_running": "nothing drives during a motion"}
+    neutral_words = {"motion_running": say("nothing drives during a motion")}
 
     def __init__(self, context: Context) -> None:
         super().__init__(context.records, self._cancel_on_robot)

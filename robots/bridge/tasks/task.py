@@ -18,6 +18,7 @@ from robots.bridge.tasks.named_ends import ShowsEnd
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.geometry.poses import Velocity
+from robots.shared.sentences import Sentence
 from robots.shared.wire import Grant, Refusal
 
 if TYPE_CHECKING:
@@ -97,7 +98,7 @@ class TaskRules(Protocol):
     def why_not_still(self, now_s: float) -> Refusal | None:
         """Return a refusal if the base moves or is commanded to move."""
 
-    def halt(self, code: str, reason: str, now_s: float) -> None:
+    def halt(self, code: str, reason: Sentence, now_s: float) -> None:
         """Send zero now and require neutral before the robot moves again."""
 
     def twist(self, velocity: Velocity, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
@@ -181,7 +182,7 @@ class TaskPart(ABC):
     reactions: ClassVar[Mapping[Cause, Reaction]]
     excludes: ClassVar[frozenset[Activity]] = frozenset()  # a task in progress forbids these
     # By the code of such a refusal: why the stick must return to neutral, if it was out meanwhile.
-    neutral_words: ClassVar[Mapping[str, str]] = {}
+    neutral_words: ClassVar[Mapping[str, Sentence]] = {}
     no_task: ClassVar[Refusal | None] = None  # the answer to a cancel if no task is in progress
     last: Any = None  # how the last task ended, for pages
 

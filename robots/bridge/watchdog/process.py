@@ -20,6 +20,7 @@ from robots.shared import wire
 from robots.shared.configuration.watchdog_config import WatchdogConfig
 from robots.shared.processes.scheduling import ask_for_priority
 from robots.shared.processes.shutdown import exit_within
+from robots.shared.sentences import catalogued
 from robots.shared.wire import LinkStop, Refusal, Refused, Stopped, StopState
 
 log = logging.getLogger(__name__)
@@ -146,7 +147,7 @@ def _understood(message: bytes) -> LinkStop | Heartbeat | None:
     except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
         kind, seq = wire.heading(message)
         if kind == "link_stop":
-            return LinkStop("somebody", "the message was damaged", seq or 0)
+            return LinkStop("somebody", catalogued("the message was damaged"), seq or 0)
         log.warning("a message on the stop socket could not be decoded: %s", error)
         return None
 

@@ -7,8 +7,9 @@ import re
 from urllib.parse import urlsplit
 
 from robots.registry.configuration.profile_schema import Problems
+from robots.shared.sentences import Sentence, joined, say
 
-_NO_IPV6 = "ROS 1 nodes reach each other by IPv4: write the robot’s IPv4 address or its name."
+_NO_IPV6 = say("ROS 1 nodes reach each other by IPv4: write the robot’s IPv4 address or its name.")
 _THIS_NETWORK = ipaddress.ip_network(
     "0.0.0.0/8"
 )  # a program that listens writes 0.0.0.0; nothing can be sent there
@@ -33,26 +34,37 @@ def check_advertised_address(address: str) -> None:
     if _is_nobodys(address):
         raise Problems([_nobodys(address)])
     if _is_ipv6(address):
-        raise Problems([f"{address!r} is an IPv6 address. {_NO_IPV6}"])
+        raise Problems([_ipv6(address)])
 
 
 def check_aliases(aliases: object) -> None:
     """Accept an object of host names, as the robot uses them, and their IPv4 addresses; else raise `Problems`."""
     if not isinstance(aliases, dict):
-        raise Problems(['Write an object of names and addresses, such as {"tiago-42c": "10.68.0.1"}.'])
-    names = [f"{name!r} is not a host name (such as tiago-42c)." for name in aliases if not _is_name(name)]
+        raise Problems(
+            [
+                say(
+                    "Write an object of names and addresses, such as {example}.",
+                    example='{"tiago-42c": "10.68.0.1"}',
+                )
+            ]
+        )
+    names = [
+        say("{name} is not a host name (such as tiago-42c).", name=repr(name))
+        for name in aliases
+        if not _is_name(name)
+    ]
     addresses = [
-        f"{name}: {address!r} is not an IP address (such as 10.68.0.1)."
+        say("{name}: {address} is not an IP address (such as 10.68.0.1).", name=name, address=repr(address))
         for name, address in aliases.items()
         if not isinstance(address, str) or not is_address(address)
     ]
     addresses += [
-        f"{name}: {address!r} is an IPv6 address. {_NO_IPV6}"
+        say("{name}: {why}", name=name, why=_ipv6(address))
         for name, address in aliases.items()
         if isinstance(address, str) and is_address(address) and _is_ipv6(address)
     ]
     addresses += [
-        f"{name}: {_nobodys(address)}"
+        say("{name}: {why}", name=name, why=_nobodys(address))
         for name, address in aliases.items()
         if isinstance(address, str) and _is_nobodys(address)
     ]
@@ -71,8 +83,14 @@ def _is_nobodys(host: str) -> bool:
     return address.version == 4 and (address.is_reserved or address in _THIS_NETWORK)
 
 
-def _nobodys(host: str) -> str:
-    return f"{host!r} is the address of no computer: write the computer’s own address or its name."
+def _nobodys(host: str) -> Sentence:
+    return say(
+        "{host} is the address of no computer: write the computer’s own address or its name.", host=repr(host)
+    )
+
+
+def _ipv6(host: str) -> Sentence:
+    return say("{host} is an IPv6 address. {advice}", host=repr(host), advice=_NO_IPV6)
 
 
 def _is_ipv6(host: str) -> bool:
@@ -98,43 +116,47 @@ def _is_name(host: str) -> bool:
     return bool(_HOST.fullmatch(host)) and not only_digits_and_dots
 
 
-def _not_a_host(host: str) -> str:
-    return f"{host!r} is neither an IP address (such as 10.68.0.2) nor a host name (such as console.lab)."
+def _not_a_host(host: str) -> Sentence:
+    return say(
+        "{host} is neither an IP address (such as 10.68.0.2) nor a host name (such as console.lab).",
+        host=repr(host),
+    )
 
 
 def _check_url(url: str, scheme: str, example: str) -> None:
     problem = _url_problem(url, scheme)
     if problem:
-        raise Problems([f"{problem} Write it as {scheme}://host:port, such as {example}."])
+        advice = say("Write it as {scheme}://host:port, such as {example}.", scheme=scheme, example=example)
+        raise Problems([joined(" ", [problem, advice])])
 
 
-def _url_problem(url: str, scheme: str) -> str | None:
+def _url_problem(url: str, scheme: str) -> Sentence | None:
     if re.search(r"[\x00-\x20\s]", url):  # Python leaves some of these out
-        return f"{url!r} has spaces or control characters in it."
+        return say("{url} has spaces or control characters in it.", url=repr(url))
     try:
         parts = urlsplit(url)
     except ValueError:
-        return f"{url!r} has brackets that do not fit."
+        return say("{url} has brackets that do not fit.", url=repr(url))
     try:
         port = parts.port
     except ValueError:
         port = 0
     if parts.scheme != scheme:
-        return f"{url!r} does not begin with {scheme}://."
+        return say("{url} does not begin with {scheme}://.", url=repr(url), scheme=scheme)
     if "@" in parts.netloc:
-        return f"{url!r} has a user or password, which is not sent."
+        return say("{url} has a user or password, which is not sent.", url=repr(url))
     if not parts.hostname:
-        return f"{url!r} names no host."
+        return say("{url} names no host.", url=repr(url))
     if _is_nobodys(parts.hostname):
         return _nobodys(parts.hostname)
     if scheme == "http" and _is_ipv6(parts.hostname):
-        return f"{url!r} has an IPv6 address. {_NO_IPV6}"
+        return say("{url} has an IPv6 address. {advice}", url=repr(url), advice=_NO_IPV6)
     if not _is_host(parts.hostname):
         return _not_a_host(parts.hostname)
     if port is None:
-        return f"{url!r} names no port."
+        return say("{url} names no port.", url=repr(url))
     if port == 0:
-        return f"{url!r} has no valid port (1 to 65535)."
+        return say("{url} has no valid port (1 to 65535).", url=repr(url))
     if parts.path not in ("", "/") or "?" in url or "#" in url:
-        return f"{url!r} has something after the port."
+        return say("{url} has something after the port.", url=repr(url))
     return None

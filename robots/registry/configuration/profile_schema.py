@@ -31,6 +31,7 @@ from robots.shared.configuration.bridge_config import (
 from robots.shared.configuration.denylist import FULL_NAME, USE_TYPES
 from robots.shared.configuration.gate_profile import Parameters
 from robots.shared.configuration.input_filters import SMOOTHING, STEPS, StickStep
+from robots.shared.sentences import joined
 from robots.shared.wire import MOST_CAMERAS
 
 T = TypeVar("T", bound=Struct)
@@ -109,7 +110,7 @@ class Problems(ValueError):
     """Faults of a structured value; one line for each place."""
 
     def __init__(self, lines: list[str]) -> None:
-        super().__init__("; ".join(lines))
+        super().__init__(joined("; ", lines))
         self.lines = lines
 
 

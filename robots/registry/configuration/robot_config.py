@@ -32,6 +32,7 @@ from robots.registry.configuration.profile_schema import (
 from robots.shared.configuration.bridge_config import ArmSource, DepthSource, Topic, Topics
 from robots.shared.configuration.gate_profile import DepthView, GateProfile, Limits, Parameters
 from robots.shared.configuration.input_filters import StickStep
+from robots.shared.sentences import say
 
 BEGINNER_MPS = 0.4  # highest speed of a full stick before a person raises the speed share
 MAY_BE_ZERO = {"reverse_mps", "lateral_mps"}  # 0 forbids this motion; the other limits must be above 0
@@ -268,7 +269,9 @@ def _under(field: str) -> Iterator[None]:
     try:
         yield
     except Problems as problems:
-        raise Problems([f"{field}.{line}" for line in problems.lines]) from problems
+        raise Problems(
+            [say("{field}.{line}", field=field, line=line) for line in problems.lines]
+        ) from problems
 
 
 def _loosened_limits(own: Tightening, profile: ProfileFields) -> Iterator[str]:

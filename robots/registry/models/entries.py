@@ -8,6 +8,7 @@ from django.db import models
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
+from fleet.base.formats.sentences import in_words
 from robots.registry import phrases
 from robots.registry.configuration import profile_schema, robot_config
 from robots.registry.models.registry import Robot, RobotProfile, Role, topic_name
@@ -56,12 +57,12 @@ class OfProfileOrRobot(models.Model):
 
 def check_phrase_language(code: str) -> None:
     if why := phrases.why_no_language(code):
-        raise ValidationError(why)
+        raise ValidationError(in_words(why))
 
 
 def check_phrase_text(text: str) -> None:
     if why := phrases.why_no_phrase(text):
-        raise ValidationError(why)
+        raise ValidationError(in_words(why))
 
 
 class Phrase(OfProfileOrRobot):
@@ -100,7 +101,7 @@ class Phrase(OfProfileOrRobot):
         self.language = phrases.in_usual_case(self.language)
         tags = phrases.tags_in(self.tags)
         if why := phrases.why_no_tags(tags):
-            raise ValidationError(why)
+            raise ValidationError(in_words(why))
         self.tags = phrases.tags_text(tags)
 
     @property
@@ -188,7 +189,7 @@ class Allowance(OfProfileOrRobot):
         verbose_name_plural = _("allow-list entries")
 
     def __str__(self) -> str:
-        return f"{self.what} {self.name}"
+        return f"{in_words(self.what)} {self.name}"
 
     def clean(self) -> None:
         """Fill in derived fields; raise `ValidationError` if the entry is not allowed."""
@@ -224,7 +225,8 @@ class Allowance(OfProfileOrRobot):
         if self.what in self.TYPED and not self.type:
             return gettext("it names no type")
         topics = self._topics()
-        return (topics and why_denied(self.what, self.name, self.type, topics, self.use)) or ""
+        why = topics and why_denied(self.what, self.name, self.type, topics, self.use)
+        return in_words(why) if why else ""
 
     def _topics(self) -> Topics | None:
         """Return the topics of the entry's robot or profile; None if these are wrong."""

@@ -16,6 +16,7 @@ from django.utils.text import format_lazy
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
+from fleet.base.formats.sentences import in_words
 from fleet.base.names import Looks, NameField, fault_of_word, folded, require
 from robots.registry.configuration import addresses, profile_schema, robot_config
 from robots.shared.configuration import input_filters as stick
@@ -378,7 +379,7 @@ def _collect(errors: dict[str, list[str]], field: str, check: Callable[[T], obje
     try:
         check(value)
     except profile_schema.Problems as problems:
-        errors.setdefault(field, []).extend(problems.lines)
+        errors.setdefault(field, []).extend(map(in_words, problems.lines))
 
 
 class RobotRole(models.Model):

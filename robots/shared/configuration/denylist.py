@@ -14,6 +14,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from robots.shared.configuration.bridge_config import Allowed, Topic, Topics
+from robots.shared.sentences import Sentence, say
 from robots.shared.wire import Field
 
 USE_TYPES = {
@@ -25,55 +26,61 @@ USE_TYPES = {
 # names that ROS does not change when it resolves them
 FULL_NAME = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
 
-_VELOCITY = "velocities move the base: they go through the gate only"
+_VELOCITY = say("velocities move the base: they go through the gate only")
 
 # Parts of names, by reason. A part matches anywhere in a name; an underscore means the begin or end of a
 # word. For a topic chosen for driving, only the first group applies: its input has passed the gate.
 _OVERRIDING = {
-    "controllers and their configuration bypass the gate": "control command trajectory mux "
+    say("controllers and their configuration bypass the gate"): "control command trajectory mux "
     "reconfigure param rosapi nodelet bond _script urscript setpoint _pid_",
-    "the lab’s joystick must override the console": "_joy joystick joypad gamepad teleop _tab_ _tabs_",
-    "locks and emergency stops belong to the robot": "_lock locks locked unlock interlock pause brake breaker stop "
-    "halt emergency closing_loop safety deadman collision",
-    "the console’s own nodes and topics are reserved": "fleet_bridge fleet_inspector",
+    say("the lab’s joystick must override the console"): "_joy joystick joypad gamepad teleop _tab_ _tabs_",
+    say(
+        "locks and emergency stops belong to the robot"
+    ): "_lock locks locked unlock interlock pause brake breaker "
+    "stop halt emergency closing_loop safety deadman collision",
+    say("the console’s own nodes and topics are reserved"): "fleet_bridge fleet_inspector",
 }
 _CHAIN = {
     _VELOCITY: "_vel_ _vels_ velocit cmdvel basevel twist speed _drive_ steer throttle gazebo",
-    "commands to wheels and motors bypass the gate": "cmd wheel motor servo effort torque _pwm_ _jog",
-    "goals and cancels of actions go through the console’s tasks": "goal cancel",
-    "the gate uses scans and ranges": "scan laser lidar hokuyo _sick_ sonar range ultraso bumper cliff",
-    "the gate uses depth images and clouds": "depth points cloud disparity camera xtion realsense kinect astra",
-    "the gate uses odometry": "odom encoder _imu gyro _ekf_ _ukf_ set_pose _reset_",
-    "the gate uses joint positions": "joint",
-    "the gate uses frames and clocks": "_tf clock _time_ robot_description robot_state_publisher",
-    "power and docking belong to the robot": "power battery batteries charg dock shutdown reboot",
+    say("commands to wheels and motors bypass the gate"): "cmd wheel motor servo effort torque _pwm_ _jog",
+    say("goals and cancels of actions go through the console’s tasks"): "goal cancel",
+    say("the gate uses scans and ranges"): "scan laser lidar hokuyo _sick_ sonar range ultraso bumper cliff",
+    say(
+        "the gate uses depth images and clouds"
+    ): "depth points cloud disparity camera xtion realsense kinect astra",
+    say("the gate uses odometry"): "odom encoder _imu gyro _ekf_ _ukf_ set_pose _reset_",
+    say("the gate uses joint positions"): "joint",
+    say("the gate uses frames and clocks"): "_tf clock _time_ robot_description robot_state_publisher",
+    say("power and docking belong to the robot"): "power battery batteries charg dock shutdown reboot",
 }
 
-_POINTS = {"the points of a motion decide about the arm’s space": "play_motion"}
+_POINTS = {say("the points of a motion decide about the arm’s space"): "play_motion"}
 
 _SENT_TYPES = {
     _VELOCITY: r"geometry_msgs/(Accel|Wrench).*|(ackermann|gazebo)_msgs/.*|.*/\w*(Twist|Velocit|CmdVel|Speed)\w*",
-    "controllers bypass the gate": r"(trajectory_msgs|control_msgs|controller_manager_msgs|bond)/.*|"
+    say("controllers bypass the gate"): r"(trajectory_msgs|control_msgs|controller_manager_msgs|bond)/.*|"
     r".*/\w*JointTrajectory\w*",
-    "goals, cancels and their answers go through the console’s tasks": r"actionlib_msgs/.*|"
+    say("goals, cancels and their answers go through the console’s tasks"): r"actionlib_msgs/.*|"
     r".*/\w+Action(Goal|Result|Feedback)?",
-    "joysticks must override the console": r".*/\w*Joy\w*",
-    "the gate uses scans and ranges": r".*/\w*(LaserScan|LaserEcho|Bumper)\w*|.*/Range",
-    "the gate uses depth images and clouds": r".*/\w*(PointCloud|Image|CameraInfo)\w*|"
+    say("joysticks must override the console"): r".*/\w*Joy\w*",
+    say("the gate uses scans and ranges"): r".*/\w*(LaserScan|LaserEcho|Bumper)\w*|.*/Range",
+    say("the gate uses depth images and clouds"): r".*/\w*(PointCloud|Image|CameraInfo)\w*|"
     r"(stereo_msgs|theora_image_transport)/.*",
-    "the gate uses odometry": r".*/\w*Odom\w*|.*/Imu",
-    "the gate uses joint positions": r".*/\w*JointState\w*",
-    "the gate uses frames and clocks": r"(tf|tf2_msgs)/.*|.*/TransformStamped|rosgraph_msgs/Clock",
-    "power belongs to the robot": r".*/BatteryState|power_msgs/.*",
-    "speech goes through the console’s tasks": r"sound_play/.*",
+    say("the gate uses odometry"): r".*/\w*Odom\w*|.*/Imu",
+    say("the gate uses joint positions"): r".*/\w*JointState\w*",
+    say("the gate uses frames and clocks"): r"(tf|tf2_msgs)/.*|.*/TransformStamped|rosgraph_msgs/Clock",
+    say("power belongs to the robot"): r".*/BatteryState|power_msgs/.*",
+    say("speech goes through the console’s tasks"): r"sound_play/.*",
 }
 _CALLED_TYPES = {
     _VELOCITY: r".*/\w*(Twist|Velocit|CmdVel|Speed)\w*|gazebo_msgs/.*",
-    "controllers and their configuration bypass the gate": r"(controller_manager_msgs|dynamic_reconfigure|"
+    say(
+        "controllers and their configuration bypass the gate"
+    ): r"(controller_manager_msgs|dynamic_reconfigure|"
     r"topic_tools|nodelet|rosapi)/.*|.*/\w*(Controller|Reconfigure|SetParam)\w*",
-    "the gate uses depth images and clouds": r".*/\w*SetCameraInfo",
-    "the gate uses odometry": r"robot_localization/.*|.*/\w*Odom\w*",
-    "power belongs to the robot": r"power_msgs/.*",
+    say("the gate uses depth images and clouds"): r".*/\w*SetCameraInfo",
+    say("the gate uses odometry"): r"robot_localization/.*|.*/\w*Odom\w*",
+    say("power belongs to the robot"): r"power_msgs/.*",
 }
 
 # Types whose bytes are accepted under other names: ROS compares md5 sums, not type names.
@@ -93,7 +100,7 @@ def why_denied(what: str, name: str, type: str, topics: Topics, use: str = "") -
     `what`: choose (route input of `use` there), publish, call, set. `type` is "" if unknown.
     """
     if not FULL_NAME.fullmatch(name):
-        return "it is not a full ROS name"
+        return say("it is not a full ROS name")
     if what == "choose":
         return _why_topic_denied(name, type, topics, use)
     return next(_reasons(what, name, type, topics), None)
@@ -128,17 +135,20 @@ def _why_topic_denied(name: str, type: str, topics: Topics, use: str) -> str | N
     """
     default: Topic | None = getattr(topics, use) if use in USE_TYPES else None
     if default is None:
-        return f"this robot takes no input for {use or 'no use'}"
+        return say("this robot takes no input for {use}", use=use or say("no use"))
     if type != default.type:
-        return f"its type is {type or 'unknown'}, but input for {use} needs {default.type}"
+        found = type or say("unknown")
+        return say(
+            "its type is {type}, but input for {use} needs {wanted}", type=found, use=use, wanted=default.type
+        )
     if name != default.name and name in _own(topics):
-        return "the robot uses it for something else"
+        return say("the robot uses it for something else")
     return next(_by_name(name, _OVERRIDING if use == "drive" else _OVERRIDING | _CHAIN), None)
 
 
 def _reasons(what: str, name: str, type: str, topics: Topics) -> Iterator[str]:
     if name in _own(topics):
-        yield "the console itself uses it"
+        yield say("the console itself uses it")
     yield from _by_name(name, _OVERRIDING | _CHAIN | ({} if what == "call" else _POINTS))
     yield from _by_type(type, _SENT_TYPES if what == "publish" else _CALLED_TYPES)
 
@@ -153,7 +163,7 @@ def _own(topics: Topics) -> set[str | None]:
     return names
 
 
-def _by_name(name: str, groups: dict[str, str]) -> Iterator[str]:
+def _by_name(name: str, groups: dict[Sentence, str]) -> Iterator[str]:
     words = _words(name)
     return (why for why, meant in groups.items() if any(word in words for word in meant.split()))
 
@@ -164,7 +174,7 @@ def _words(name: str) -> str:
     return " ".join(f"_{'_'.join(re.findall('[a-z]+', spelt.lower()))}_" for spelt in (apart, name))
 
 
-def _by_type(type: str, groups: dict[str, str]) -> Iterator[str]:
+def _by_type(type: str, groups: dict[Sentence, str]) -> Iterator[str]:
     return (why for why, meant in groups.items() if re.fullmatch(meant, type))
 
 

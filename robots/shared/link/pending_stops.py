@@ -19,6 +19,7 @@ import msgspec
 from msgspec import Struct
 
 from robots.shared import wire
+from robots.shared.sentences import catalogued
 from robots.shared.wire import LinkStop, PendingStop, Refusal, Stopped
 
 log = logging.getLogger(__name__)
@@ -166,6 +167,8 @@ def _read(path: Path) -> WaitingStop | None:
         log.error("%s cannot be read: %s", path, error)
     try:
         name, press = path.stem.split("-")
-        return WaitingStop(name, UUID(press), None, "somebody", "the file of this stop is damaged")
+        return WaitingStop(
+            name, UUID(press), None, "somebody", catalogued("the file of this stop is damaged")
+        )
     except ValueError:
         return None

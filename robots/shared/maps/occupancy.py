@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from robots.shared.geometry.poses import Pose
 from robots.shared.geometry.quaternions import rotation
 from robots.shared.records.record_sink import TakenMap
+from robots.shared.sentences import say
 
 MOST_CELLS = 4096 * 4096
 MAX_PICTURE_SIDE = 2048  # cells of the picture; larger maps are thinned
@@ -105,14 +106,21 @@ def _read(raw: bytes) -> tuple[_Geometry, Cells]:
         at += length + _INFO.size
         (count,) = _LENGTH.unpack_from(raw, at)
     except struct.error as error:
-        raise BadMap("the message is incomplete") from error
+        raise BadMap(say("the message is incomplete")) from error
     if frame != FRAME:
-        raise BadMap(f"its frame is {frame!r}, not {FRAME!r}")
+        raise BadMap(say("its frame is {frame}, not {map}", frame=repr(frame), map=repr(FRAME)))
     _, _, resolution_m, width, height, *origin = info
     if not width or not height or max(width, height) > MAX_MAP_SIDE or width * height > MOST_CELLS:
-        raise BadMap(f"it has {width} x {height} cells")
+        raise BadMap(say("it has {width} x {height} cells", width=width, height=height))
     if count != width * height or len(raw) != at + _LENGTH.size + count:
-        raise BadMap(f"it has {width} x {height} cells, but data for {count}")
+        raise BadMap(
+            say(
+                "it has {width} x {height} cells, but data for {count}",
+                width=width,
+                height=height,
+                count=count,
+            )
+        )
     percent = np.frombuffer(raw, np.int8, count, at + _LENGTH.size).reshape(height, width)
     return _geometry(resolution_m, *origin), _classified(percent)
 
@@ -121,14 +129,14 @@ def _geometry(
     resolution_m: float, x: float, y: float, z: float, qx: float, qy: float, qz: float, qw: float
 ) -> _Geometry:
     if not 0.001 <= resolution_m <= 10.0:
-        raise BadMap(f"its cells are {resolution_m} m wide")
+        raise BadMap(say("its cells are {width} m wide", width=resolution_m))
     if not (abs(x) <= _FARTHEST_M and abs(y) <= _FARTHEST_M):
-        raise BadMap(f"its origin is {x}, {y}")
+        raise BadMap(say("its origin is {x}, {y}", x=x, y=y))
     turn = rotation(qx, qy, qz, qw)
     if turn is None:
-        raise BadMap("its orientation is not finite")
+        raise BadMap(say("its orientation is not finite"))
     if turn.tilt > _TILT:
-        raise BadMap(f"it is not horizontal, but tilted by {math.degrees(turn.tilt):.0f}°")
+        raise BadMap(say("it is not horizontal, but tilted by {tilt:.0f}°", tilt=math.degrees(turn.tilt)))
     # The message has single precision: 0.05000000074505806 stands for 0.05.
     return _Geometry(float(f"{resolution_m:.6g}"), Pose(x, y, turn.yaw))
 
@@ -144,7 +152,7 @@ def _cut(geometry: _Geometry, cells: Cells) -> tuple[_Geometry, Cells]:
     """Crop unknown rows and columns at the edges: SLAM begins with a large sheet."""
     rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
     if not rows.size:
-        raise BadMap("all its cells are unknown")
+        raise BadMap(say("all its cells are unknown"))
     kept = cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     return geometry.from_cell(int(columns[0]), int(rows[0])), kept
 

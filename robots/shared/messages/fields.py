@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from robots.shared.sentences import say
 from robots.shared.wire import Field, Refusal
 
 NOW = "now"  # as a time: the moment of sending
@@ -35,9 +36,10 @@ MAX_ARRAY = 10_000  # elements; the limit of a message to the console is lower
 class BadField(ValueError):
     """A field that the definition does not have, or a value that does not fit. `refusal` is for people."""
 
-    def __init__(self, path: str, text: str) -> None:
-        super().__init__(text)
-        self.refusal = Refusal("bad_field", text, "wire", {"path": path})
+    def __init__(self, path: str, text: str, given: Any = None, **figures: Any) -> None:
+        sentence = say(text, path=path, given=_describe(given), **figures)
+        super().__init__(sentence)
+        self.refusal = Refusal("bad_field", sentence, "wire", {"path": path})
 
 
 def fit_fields(definition: Sequence[Field], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -50,14 +52,14 @@ def fit_fields(definition: Sequence[Field], given: Mapping[str, Any]) -> dict[st
 
 def _message(definition: Sequence[Field], given: Any, path: str) -> dict[str, Any]:
     if not isinstance(given, Mapping):
-        raise BadField(path, f"{path}: the fields of a message are needed, not {_describe(given)}.")
+        raise BadField(path, "{path}: the fields of a message are needed, not {given}.", given)
     known = {field.name: field for field in definition}
     found = {}
     for name, value in _nested(given).items():
         inner = f"{path}.{name}" if path else str(name)
         if name not in known:
-            there = ", ".join(known) or "none"
-            raise BadField(inner, f"There is no field {inner}; the fields are: {there}.")
+            there = ", ".join(known) or say("none")
+            raise BadField(inner, "There is no field {path}; the fields are: {there}.", there=there)
         found[name] = _field(known[name], value, inner)
     return found
 
@@ -67,9 +69,11 @@ def _field(field: Field, given: Any, path: str) -> Any:
         return _one(field, given, path)
     values = _elements(given, path)
     if field.array >= 0 and len(values) != field.array:
-        raise BadField(path, f"{path}: exactly {field.array} values, not {len(values)}.")
+        raise BadField(
+            path, "{path}: exactly {wanted} values, not {count}.", wanted=field.array, count=len(values)
+        )
     if len(values) > MAX_ARRAY:
-        raise BadField(path, f"{path}: at most {MAX_ARRAY} values, not {len(values)}.")
+        raise BadField(path, "{path}: at most {most} values, not {count}.", most=MAX_ARRAY, count=len(values))
     return [_one(field, value, f"{path}[{number}]") for number, value in enumerate(values)]
 
 
@@ -77,10 +81,10 @@ def _elements(given: Any, path: str) -> Sequence[Any]:
     if isinstance(given, Mapping):
         wanted = [str(number) for number in range(len(given))]
         if set(given) != set(wanted):
-            raise BadField(path, f"{path}: an array’s elements are numbered from 0, without a gap.")
+            raise BadField(path, "{path}: an array’s elements are numbered from 0, without a gap.")
         return [given[number] for number in wanted]
     if not isinstance(given, list | tuple):
-        raise BadField(path, f"{path}: an array is needed, not {_describe(given)}.")
+        raise BadField(path, "{path}: an array is needed, not {given}.", given)
     return given
 
 
@@ -103,7 +107,7 @@ def _one(field: Field, given: Any, path: str) -> Any:
 def _truth(given: Any, path: str) -> bool:
     if given is True or given is False or (type(given) is int and given in (0, 1)):
         return bool(given)
-    raise BadField(path, f"{path}: true or false, not {_describe(given)}.")
+    raise BadField(path, "{path}: true or false, not {given}.", given)
 
 
 def _whole(type_name: str, given: Any, path: str) -> int:
@@ -111,25 +115,30 @@ def _whole(type_name: str, given: Any, path: str) -> int:
     if isinstance(given, float) and given.is_integer():
         given = int(given)
     if isinstance(given, bool) or not isinstance(given, int):
-        raise BadField(path, f"{path}: a whole number ({type_name}), not {_describe(given)}.")
+        raise BadField(path, "{path}: a whole number ({type}), not {given}.", given, type=type_name)
     if not low <= given <= high:
         raise BadField(
-            path, f"{path}: {type_name} goes from {low} to {high}; {_describe(given)} does not fit."
+            path,
+            "{path}: {type} goes from {low} to {high}; {given} does not fit.",
+            given,
+            type=type_name,
+            low=low,
+            high=high,
         )
     return given
 
 
 def _number(type_name: str, given: Any, path: str) -> float:
     if isinstance(given, bool) or not isinstance(given, int | float):
-        raise BadField(path, f"{path}: a number ({type_name}), not {_describe(given)}.")
+        raise BadField(path, "{path}: a number ({type}), not {given}.", given, type=type_name)
     try:
         value = float(given)
     except OverflowError:
         value = math.inf
     if not math.isfinite(value):
-        raise BadField(path, f"{path}: a finite number is needed.")
+        raise BadField(path, "{path}: a finite number is needed.")
     if abs(value) > FLOATS[type_name]:
-        raise BadField(path, f"{path}: {_describe(given)} is too large for {type_name}.")
+        raise BadField(path, "{path}: {given} is too large for {type}.", given, type=type_name)
     return value
 
 
@@ -139,19 +148,25 @@ def _stamp(type_name: str, given: Any, path: str) -> Any:
         return NOW
     if isinstance(given, Mapping):
         if not set(given) <= {"secs", "nsecs"}:
-            raise BadField(path, f"{path}: a {type_name} has secs and nsecs.")
+            raise BadField(path, "{path}: a {type} has secs and nsecs.", type=type_name)
         secs = _whole(STAMPS[type_name], given.get("secs", 0), f"{path}.secs")
         nsecs = _whole(STAMPS[type_name], given.get("nsecs", 0), f"{path}.nsecs")
         if not 0 <= nsecs < 1_000_000_000:
-            raise BadField(f"{path}.nsecs", f"{path}.nsecs: from 0 to 999999999.")
+            raise BadField(f"{path}.nsecs", "{path}: from 0 to 999999999.")
         return {"secs": secs, "nsecs": nsecs}
     if isinstance(given, bool) or not isinstance(given, int | float):
-        also = ' or "now"' if type_name == "time" else ""
-        raise BadField(path, f"{path}: seconds, or secs and nsecs{also}, not {_describe(given)}.")
+        if type_name == "time":
+            raise BadField(path, '{path}: seconds, or secs and nsecs or "now", not {given}.', given)
+        raise BadField(path, "{path}: seconds, or secs and nsecs, not {given}.", given)
     low, high = INTEGERS[STAMPS[type_name]]
     if not low <= given < high + 1:  # false for NaN and infinities as well
         raise BadField(
-            path, f"{path}: a {type_name} has from {low} to {high} seconds, not {_describe(given)}."
+            path,
+            "{path}: a {type} has from {low} to {high} seconds, not {given}.",
+            given,
+            type=type_name,
+            low=low,
+            high=high,
         )
     whole, part = divmod(given, 1)
     nanoseconds = round(part * 1_000_000_000)
@@ -160,9 +175,9 @@ def _stamp(type_name: str, given: Any, path: str) -> Any:
 
 def _text(given: Any, path: str) -> str:
     if not isinstance(given, str):
-        raise BadField(path, f"{path}: a text, not {_describe(given)}.")
+        raise BadField(path, "{path}: a text, not {given}.", given)
     if "\0" in given:
-        raise BadField(path, f"{path}: a text without null characters.")
+        raise BadField(path, "{path}: a text without null characters.")
     return given
 
 
@@ -178,17 +193,17 @@ def _put(into: dict[str, Any], names: list[str], value: Any, path: str, deeper: 
     name, *rest = names
     path = f"{path}.{name}" if path else name
     if not deeper:
-        raise BadField(path, f"{path}: the fields are nested too deeply.")
+        raise BadField(path, "{path}: the fields are nested too deeply.")
     if rest:
         value = {".".join(rest): value}
     if isinstance(value, Mapping):
         inner = into.setdefault(name, {})
         if not isinstance(inner, dict):
-            raise BadField(path, f"{path} is given twice.")
+            raise BadField(path, "{path} is given twice.")
         for key, part in value.items():
             _put(inner, str(key).split("."), part, path, deeper - 1)
     elif name in into:
-        raise BadField(path, f"{path} is given twice.")
+        raise BadField(path, "{path} is given twice.")
     else:
         into[name] = value
 
@@ -197,16 +212,16 @@ def _describe(value: Any) -> str:
     """Describe a value in a few words, for a person."""
     match value:
         case None:
-            return "nothing"
+            return say("nothing")
         case bool():
             return str(value).lower()
         case Mapping():
-            return "a dictionary"
+            return say("a dictionary")
         case list() | tuple():
-            return "an array"
+            return say("an array")
         case str():
-            return f"the text “{value[:20]}”"
+            return say("the text “{text}”", text=value[:20])
         case int() if value.bit_length() > 128:  # Python refuses to print integers with some thousand digits
-            return "a very large number"
+            return say("a very large number")
         case _:
             return str(value)[:40]

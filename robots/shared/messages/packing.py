@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 from robots.shared.messages.fields import FLOATS, INTEGERS, NOW, STAMPS
+from robots.shared.sentences import say
 from robots.shared.wire import Field
 
 HEADER = "std_msgs/Header"
@@ -67,11 +68,11 @@ class Reading:
         """Advance by `size` bytes; return where they begin."""
         self._steps_left -= 1
         if self._steps_left < 0:
-            raise TooLarge("The message has too many parts to be shown.")
+            raise TooLarge(say("The message has too many parts to be shown."))
         begin = self.at
         self.at += size
         if self.at > len(self.data):
-            raise Broken(f"The message ends after {len(self.data)} bytes, within a field.")
+            raise Broken(say("The message ends after {count} bytes, within a field.", count=len(self.data)))
         return begin
 
     def length(self) -> int:
@@ -188,7 +189,7 @@ class _Array:
         for element in values:
             self._element.write(element, out, now)
             if len(out) > MAX_WRITTEN_BYTES:
-                raise TooLarge(f"The message would have more than {MAX_WRITTEN_BYTES} bytes.")
+                raise TooLarge(say("The message would have more than {most} bytes.", most=MAX_WRITTEN_BYTES))
 
     def _skip(self, reading: Reading, count: int) -> None:
         if self._element.size is not None:
@@ -203,7 +204,7 @@ class _Array:
         Elements of zero bytes may have any number; they are not iterated.
         """
         if self._element.size != 0 and length > len(reading.data) - reading.at:
-            raise Broken(f"An array claims {length} elements, but the message is shorter.")
+            raise Broken(say("An array claims {count} elements, but the message is shorter.", count=length))
 
 
 class _Message:
@@ -254,7 +255,13 @@ class Layout:
         reading = Reading(data, detail)
         fields = self._message.read(reading, "")
         if reading.at != len(data):
-            raise Broken(f"The message has {len(data)} bytes; its definition says {reading.at}.")
+            raise Broken(
+                say(
+                    "The message has {count} bytes; its definition says {wanted}.",
+                    count=len(data),
+                    wanted=reading.at,
+                )
+            )
         return fields, reading.shortened
 
     def write(self, values: dict[str, Any], now: Time) -> bytes:

@@ -7,6 +7,7 @@ from uuid import UUID
 from msgspec import Struct
 
 from robots.shared.configuration.bridge_config import ArmSource, Topic
+from robots.shared.wire.base import Worded
 
 CALLER = "/fleet_check"  # the probe's node name
 BRIDGE = "/fleet_bridge"  # the bridge's node name, the same from every console: a second bridge is refused
@@ -47,8 +48,10 @@ class HostFound(Struct, frozen=True):
     error: str | None = None
 
 
-class CallbackFound(Struct, frozen=True):
+class CallbackFound(Worded, frozen=True):
     """Result of the test whether the master can call us at our advertised address."""
+
+    SENTENCES = ("error",)
 
     advertised: str
     called: bool
@@ -56,8 +59,10 @@ class CallbackFound(Struct, frozen=True):
     error: str | None = None
 
 
-class TopicFound(Struct, frozen=True):
+class TopicFound(Worded, frozen=True):
     """One topic as its first reachable publisher offers it."""
+
+    SENTENCES = ("error",)
 
     what: str
     publishers: list[str]
@@ -79,8 +84,10 @@ class DriveFound(Struct, frozen=True):
     type: str | None
 
 
-class DescriptionFound(Struct, frozen=True):
+class DescriptionFound(Worded, frozen=True):
     """The robot's description, and the parts of the arm that it lacks. `error`: why this is unknown."""
+
+    SENTENCES = ("error",)
 
     links: list[str] = []
     joints: list[str] = []
@@ -89,8 +96,10 @@ class DescriptionFound(Struct, frozen=True):
     text: str = ""
 
 
-class Findings(Struct, frozen=True):
+class Findings(Worded, frozen=True):
     """All answers. `master_error` None: the master answers; otherwise the rest is empty."""
+
+    SENTENCES = ("master_error",)
 
     master_error: str | None = None
     hosts: list[HostFound] = []

@@ -46,7 +46,7 @@ def left_s(until_s: float) -> float:
     """Return the time until `until_s` on the monotonic clock. Raises TimeoutError if it has passed."""
     left_s = until_s - time.monotonic()
     if left_s <= 0.0:
-        raise TimeoutError("timed out")
+        raise TimeoutError(say("timed out"))
     return left_s
 
 
@@ -63,7 +63,7 @@ class _Reader(xmlrpc.client.Unmarshaller):
         self._room = self._longest
         self._values_left -= 1
         if self._values_left < 0:
-            raise xmlrpc.client.ResponseError("the answer has too many values")
+            raise xmlrpc.client.ResponseError(say("the answer has too many values"))
         super().start(tag, attrs)
 
     def data(self, text: str) -> None:
@@ -115,7 +115,7 @@ class _Socket(socket.socket):
         size = super().recv_into(*into)
         self._left -= size
         if self._left < 0:
-            raise OSError(f"its answer has more than {LARGEST_ANSWER} bytes")
+            raise OSError(say("its answer has more than {most} bytes", most=LARGEST_ANSWER))
         return size
 
     def sendall(self, *what: Any) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import islice
 from typing import TypeVar
 
@@ -44,10 +44,10 @@ def cut_types(entries: Iterable[tuple[str, str]]) -> dict[str, str]:
     return {cut(topic, NAME): cut(type_name, NAME) for topic, type_name in first}
 
 
-def named(names: Collection[str]) -> list[str]:
-    """Return the names that a page shows, and the number of the others."""
-    shown = sorted(names)[:MOST_NAMED]
-    return [*shown, f"{len(names) - len(shown)} more"] if len(names) > len(shown) else shown
+def named(names: Sequence[str], most: int = MOST_NAMED) -> list[str]:
+    """Return the first names, and the number of the others: "+2"."""
+    others = len(names) - most
+    return [*names[:most], f"+{others}"] if others > 0 else [*names]
 
 
 def most_of(entries: Mapping[str, _Item], ours: str) -> dict[str, _Item]:

@@ -15,6 +15,7 @@ const TOLD = new Set([
   "motions_text",
   "navigation_held",
   "problem",
+  "reason",
   "warning",
 ]);
 // Fields that nobody reads as a sentence: numbers, and values of a robot's messages

@@ -57,7 +57,7 @@ def test_a_reader_gets_a_translated_page(reader: Client, settings: Any) -> None:
     settings.LANGUAGES = [*settings.LANGUAGES, ("es", "Español")]
     spanish = {"Accept-Language": "es-MX"}
     with translation.override(None):  # restores the language, which a page sets for its thread
-        for name, language in (("student", "es"), ("operators", "en"), ("es/student", "es")):
+        for name, language in (("student", "es"), ("gate", "en"), ("es/student", "es")):
             page = reader.get(f"/help/{name}/", headers=spanish).content.decode()
             assert f'help-text" lang="{language}"' in page, name
     assert 'help-text" lang="en"' in reader.get("/help/student/").content.decode()

@@ -76,7 +76,7 @@ def test_an_answer_without_end_is_none(monkeypatch):
 
 
 def test_a_page_counts_names_beyond_its_limit():
-    assert texts.named({f"/node_{number:02}" for number in range(12)})[-2:] == ["/node_09", "2 more"]
+    assert texts.named([f"/node_{number:02}" for number in range(12)])[-2:] == ["/node_09", "+2"]
 
 
 def test_our_goals_are_kept_when_there_are_too_many():

@@ -130,7 +130,7 @@ class CameraTopics:
             self._damage = damage_text(error)
             return None
         except genpy.DeserializationError:
-            self._damage = "The camera’s messages cannot be read."
+            self._damage = say("The camera’s messages cannot be read.")
             return None
         self._damage = None
         return picture
@@ -139,7 +139,11 @@ class CameraTopics:
         kind = str(arrival.message._connection_header.get("type", "*"))
         if kind != self.source.type:
             raise Damaged(
-                f"is of another type than in the profile ({cut(kind, NAME)}, not {self.source.type})"
+                say(
+                    "is of another type than in the profile ({type}, not {wanted})",
+                    type=cut(kind, NAME),
+                    wanted=self.source.type,
+                )
             )
         message: Any
         if kind == "sensor_msgs/CompressedImage":
@@ -163,7 +167,7 @@ class CameraTopics:
         if self._info is None:
             self._misfit = (
                 "no_camera_info",
-                f"its lens is not known (no camera info comes on {self.source.info})",
+                say("its lens is not known (no camera info comes on {topic})", topic=self.source.info),
             )
             return None
         try:
@@ -171,7 +175,7 @@ class CameraTopics:
         except Misfit as error:
             self._misfit = (
                 "bad_camera_info",
-                f"{error} (camera info on {self.source.info})",
+                say("{error} (camera info on {topic})", error=error, topic=self.source.info),
             )
             return None
         self._misfit = None
@@ -182,7 +186,7 @@ class CameraTopics:
         try:
             to_base = self._frames.pose_at(frame, stamp_s, patience_s=0.0, late_s=POSE_LATE_S)
         except PoseUnknown as unknown:
-            why = f"where it is on the robot is not known ({str(unknown)[:MOST_WORDS]})"
+            why = say("where it is on the robot is not known ({error})", error=unknown)
             self._misfit = ("no_camera_place", why)
             return None
         turned = to_base[:3, :3].T
@@ -229,4 +233,4 @@ class CameraTopics:
 
 def damage_text(error: Damaged) -> str:
     """Return in words that a picture cannot be shown."""
-    return f"The camera’s picture {error}."
+    return say("The camera’s picture {error}.", error=error)

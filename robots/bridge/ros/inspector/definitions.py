@@ -26,7 +26,7 @@ from robots.shared.messages.fields import FLOATS, INTEGERS
 from robots.shared.messages.packing import HEADER, Layout
 from robots.shared.ros.message_types.classes import UnknownTypeError, message_class
 from robots.shared.ros.texts import cut
-from robots.shared.sentences import Sentence, say
+from robots.shared.sentences import Sentence, reason_of, say
 from robots.shared.wire import Field
 
 # Before each type that a text embeds; some publishers break by dashes, or not at all.
@@ -80,7 +80,7 @@ def parsed(type_name: str, text: str, known: bool = False) -> Definition:
         fields = list(_Tree(context).fields(spec, DEEPEST))
         return Definition(type_name, compute_md5(context, spec), text, known, fields)
     except (genmsg.InvalidMsgSpec, KeyError, ValueError, IndexError) as error:
-        raise _bad(type_name, str(error)) from error
+        raise _bad(type_name, reason_of(error)) from error
 
 
 def _loaded(type_name: str, text: str) -> tuple[genmsg.MsgContext, genmsg.MsgSpec]:
@@ -96,7 +96,7 @@ def _types_used(type_name: str, text: str) -> list[str]:
     try:
         spec = load_msg_from_string(genmsg.MsgContext.create_default(), text, type_name)
     except (genmsg.InvalidMsgSpec, ValueError, IndexError) as error:
-        raise _bad(type_name, str(error)) from error
+        raise _bad(type_name, reason_of(error)) from error
     bare = (parse_type(used)[0] for used in spec.types)
     return [HEADER if used == "Header" else used for used in bare if used == "Header" or not is_builtin(used)]
 
@@ -124,12 +124,12 @@ class _Tree:
         for type_name, name in zip(spec.types, spec.names, strict=True):
             self._fields_left -= 1
             if not deeper or self._fields_left < 0:
-                raise ValueError("it nests too deeply, or has too many fields")
+                raise ValueError(say("it nests too deeply, or has too many fields"))
             bare, is_array, length = parse_type(type_name)
             bare = HEADER if bare == "Header" else bare
             elements = within * (length or 1)
             if elements > LONGEST_ARRAY:
-                raise ValueError(f"{name} has {elements} elements in all")
+                raise ValueError(say("{name} has {count} elements in all", name=name, count=elements))
             nested = [] if is_builtin(bare) else list(self._nested(bare, deeper - 1, elements))
             array = None if not is_array else -1 if length is None else length
             constants = _constants(spec, bare)
@@ -142,7 +142,7 @@ class _Tree:
     def _count_words(self, *words: str) -> None:
         self._words_left -= sum(map(len, words))
         if self._words_left < 0:
-            raise ValueError("its names and constants are too long")
+            raise ValueError(say("its names and constants are too long"))
 
 
 def _constants(spec: genmsg.MsgSpec, type_name: str) -> dict[str, float | int | str | bool]:

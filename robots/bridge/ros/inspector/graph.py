@@ -90,7 +90,7 @@ def set_parameter(master: Master, name: str, value: Any, seq: int) -> wire.Param
         xmlrpc.client.dumps((value,))
     except (TypeError, OverflowError) as error:
         raise BadField(
-            name, f"{name}: a parameter is a text, a number, true or false, or made of these."
+            name, "{path}: a parameter is a text, a number, true or false, or made of these."
         ) from error
     master.call("setParam", name, value)
     return parameter(master, name, seq)

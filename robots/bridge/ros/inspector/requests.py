@@ -47,7 +47,7 @@ from robots.shared.messages.fields import BadField, fit_fields
 from robots.shared.messages.packing import Broken, TooLarge
 from robots.shared.ros.master import INSPECTOR, Master, MasterError
 from robots.shared.ros.message_types.classes import message_class
-from robots.shared.sentences import say
+from robots.shared.sentences import reason_of, say
 
 if TYPE_CHECKING:
     from robots.bridge.ros.inspector.node import Node
@@ -286,13 +286,11 @@ def _refusal(error: Exception) -> wire.Refusal:
         case TooLate():
             return wire.Refusal("too_old", "The request is too old: nothing was done.", "robot")
         case TooLarge():
-            return wire.Refusal("too_large", str(error), "robot")
-        case MasterError():
-            return wire.Refusal("robot_offline", error.args[0], "robot")
-        case OSError():
-            return wire.Refusal("robot_offline", str(error), "robot")
+            return wire.Refusal("too_large", reason_of(error), "robot")
+        case MasterError() | OSError():
+            return wire.Refusal("robot_offline", reason_of(error), "robot")
         case Broken():
-            return wire.Refusal("broken", str(error), "robot")
+            return wire.Refusal("broken", reason_of(error), "robot")
         case _:
             log.error("a query failed", exc_info=error)
             return wire.Refusal("inspector_fault", "The inspector failed at this; its log says how.", "robot")

@@ -112,7 +112,7 @@ def call(
 def _answer(conversation: Conversation, largest: int) -> bytes:
     length = conversation.read_length()
     if length > largest:
-        raise OSError(f"its answer has {length} bytes")
+        raise OSError(say("its answer has {count} bytes", count=length))
     return conversation.read(length)
 
 

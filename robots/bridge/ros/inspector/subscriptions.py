@@ -24,7 +24,7 @@ from robots.bridge.ros.inspector.definitions import Definition, Definitions
 from robots.bridge.ros.vital import start_vital
 from robots.shared import wire
 from robots.shared.messages.packing import Broken, Detail, TooLarge
-from robots.shared.sentences import say
+from robots.shared.sentences import reason_of, say
 
 log = logging.getLogger(__name__)
 
@@ -101,7 +101,7 @@ class Subscription:
         except Declined as error:
             return _encode(replace(shown, refusal=error.refusal))
         except Broken as error:
-            return _encode(replace(shown, refusal=wire.Refusal("broken", str(error), "robot")))
+            return _encode(replace(shown, refusal=wire.Refusal("broken", reason_of(error), "robot")))
 
 
 def rate_hz(arrivals: Sequence[float], now_s: float) -> float | None:

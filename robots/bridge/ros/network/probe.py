@@ -40,6 +40,7 @@ from robots.shared.processes.probe_findings import (
 )
 from robots.shared.ros.master import Master, MasterError, SystemState
 from robots.shared.ros.message_types.classes import UnknownTypeError, message_class
+from robots.shared.sentences import joined, reason_of, say
 from robots.shared.urdf.document import BadDescription
 
 CALLBACK_S = 2.0
@@ -57,7 +58,7 @@ def probe(plan: Plan) -> Findings:
         state = master.system_state()
         uris = _node_uris(master, state)
     except MasterError as error:
-        return Findings(master_error=str(error))
+        return Findings(master_error=reason_of(error))
     with ThreadPoolExecutor(len(plan.listened) + 2) as pool:
         hosts = pool.submit(_hosts, uris)
         callback = pool.submit(_callback, master)
@@ -83,10 +84,10 @@ def _description(arm: ArmSource | None, master_uri: str) -> DescriptionFound:
     try:
         description = Master(master_uri, CALLER, DESCRIPTION_S).parameter("/robot_description")
         if not isinstance(description, str):
-            return DescriptionFound(error="there is none")
+            return DescriptionFound(error=say("there is none"))
         tree = Tree(description)
     except (MasterError, BadDescription) as error:
-        return DescriptionFound(error=str(error))
+        return DescriptionFound(error=reason_of(error))
     if arm is None:
         return DescriptionFound(text=description)
     return DescriptionFound(
@@ -150,7 +151,7 @@ def _callback(master: Master) -> CallbackFound:
         try:
             _provoke(master, uri, called)
         except MasterError as error:
-            return CallbackFound(advertised, False, route, str(error))
+            return CallbackFound(advertised, False, route, reason_of(error))
         finally:
             server.shutdown()
     return CallbackFound(advertised, called.is_set(), route)
@@ -192,8 +193,8 @@ def _topic(asked: Listened, state: SystemState, uris: dict[str, str], listen_s: 
 
     addresses = {node: uris.get(node) for node in publishers}
     heard, unheard = first_response(read, asked.topic, addresses, CALLER, NODE_S)
-    errors = "; ".join(f"{node}: {why}" for node, why in unheard.items())
-    return heard or msgspec.structs.replace(found, error=errors or None)
+    errors = [say("{node}: {why}", node=node, why=why) for node, why in unheard.items()]
+    return heard or msgspec.structs.replace(found, error=joined("; ", errors) if errors else None)
 
 
 def _our_md5(type_name: str) -> str | None:

@@ -12,6 +12,7 @@ from typing import TypeVar
 import msgspec
 
 from robots.shared.ros.master import Master, MasterError, left_s
+from robots.shared.sentences import reason_of, say
 
 LARGEST_HEADER = 1024 * 1024  # bytes of a connection header, which includes a definition
 MOST_FIELDS = 100  # of a header
@@ -48,7 +49,7 @@ class Conversation:
             self._connection.settimeout(left_s(self.until_s))
             part = self._connection.recv(min(length - len(parts), 1 << 16))
             if not part:
-                raise ConnectionError("closed the connection")
+                raise ConnectionError(say("closed the connection"))
             parts += part
         return bytes(parts)
 
@@ -61,11 +62,11 @@ class Conversation:
         """Read the other side's header of at most `largest` bytes. Raises ValueError if it is no header."""
         length = self.read_length()
         if length > largest:
-            raise ValueError("does not speak TCPROS")
+            raise ValueError(say("does not speak TCPROS"))
         block, fields, at = self.read(length), Header(), 0
         while at < length:
             if at + 4 > length or len(fields) >= MOST_FIELDS:
-                raise ValueError("does not speak TCPROS")
+                raise ValueError(say("does not speak TCPROS"))
             (size,) = struct.unpack_from("<I", block, at)
             key, _, value = block[at + 4 : at + 4 + size].decode(errors="replace").partition("=")
             fields[key] = value
@@ -95,7 +96,7 @@ def connect_to_publisher(
     try:
         _, host, port = msgspec.convert(protocol, tuple[str, str, int])
     except msgspec.ValidationError as error:
-        raise ValueError("does not offer TCPROS") from error
+        raise ValueError(say("does not offer TCPROS")) from error
     wanted = {"callerid": caller, "topic": topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
     return connect(host, port, wanted, timeout_s)
 
@@ -112,9 +113,9 @@ def first_response(
     for node, uri in publishers.items():
         try:
             if uri is None:
-                raise ValueError("has no address at the master")
+                raise ValueError(say("has no address at the master"))
             with connect_to_publisher(topic, uri, caller, timeout_s) as conversation:
                 return read(conversation), unheard
         except (OSError, MasterError, ValueError, struct.error) as error:
-            unheard[node] = str(error)
+            unheard[node] = reason_of(error)
     return None, unheard

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
 from robots.shared.ros.master import SystemState, is_own
-from robots.shared.ros.texts import TITLE, cut
+from robots.shared.ros.texts import TITLE, cut, named
 
 # Named topics, and nodes of each: the answer to a stop has them, too, and must stay small.
 MOST_TOPICS = MOST_NODES = 3
@@ -29,14 +29,9 @@ def velocity_sources(system: SystemState, drive: str, odometry: str) -> dict[str
     for topic in sorted(reaching, key=lambda topic: (topic not in passed_on, topic not in heard, topic)):
         nodes = {node for node in system.publishers.get(topic, []) if not is_own(node)} - controllers
         if nodes and len(found) < MOST_TOPICS:
-            found[cut(topic, TITLE)] = _named([*sorted(nodes - muxes), *sorted(nodes & muxes)])
+            names = [cut(node, TITLE) for node in (*sorted(nodes - muxes), *sorted(nodes & muxes))]
+            found[cut(topic, TITLE)] = named(names, MOST_NODES)
     return found
-
-
-def _named(nodes: Sequence[str]) -> list[str]:
-    """Return the first names, and the number of the others."""
-    shown = [cut(node, TITLE) for node in nodes[:MOST_NODES]]
-    return [*shown, f"{len(nodes) - len(shown)} more"] if len(nodes) > len(shown) else shown
 
 
 class _Graph:

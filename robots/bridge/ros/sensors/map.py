@@ -25,15 +25,11 @@ from robots.shared.processes.shutdown import exit_within
 from robots.shared.records.record_sink import TakenMap
 from robots.shared.ros.master import Master, MasterError
 from robots.shared.ros.message_types.classes import message_class
+from robots.shared.sentences import joined, reason_of, say
 
 CALLER = "/fleet_map"
 MESSAGE_S = 5.0  # the map's topic is latched: its publisher sends the map at once
 UNREACHED = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN)
-# Navigation may reach this node where the console cannot: so it is not passed over, however long it is silent.
-SILENT = (
-    "it does not answer at {address} and may publish another map. If it has ended, or its computer is off, "
-    "run “rosnode cleanup” on the robot"
-)
 AT_ONCE = 3  # publishers that are read at the same time: a map has up to 16 MB
 
 
@@ -50,7 +46,7 @@ def read_map(wanted: MapWanted) -> TakenMap | NoMap:
         nodes = master.system_state().publishers.get(name, [])
         addresses = {node: master.node_uri(node) for node in nodes}
     except MasterError as error:
-        return NoMap(str(error))
+        return NoMap(reason_of(error))
     with ThreadPoolExecutor(AT_ONCE) as readers:
         answers = readers.map(partial(_map_of, wanted), addresses.values())
         return _agreed(dict(zip(addresses, answers, strict=True)), name)
@@ -60,19 +56,21 @@ def _agreed(answers: Mapping[str, TakenMap | NoMap | _Without], topic: str) -> T
     """Return the one map of these nodes. A node whose answer is unknown may publish another one."""
     maps = {node: answer for node, answer in answers.items() if isinstance(answer, TakenMap)}
     if len({taken_map.digest for taken_map in maps.values()}) > 1:
-        return NoMap(f"the nodes {' and '.join(maps)} publish different maps on {topic}", is_certain=True)
+        nodes = ", ".join(maps)
+        why = say("the nodes {nodes} publish different maps on {topic}", nodes=nodes, topic=topic)
+        return NoMap(why, is_certain=True)
     unknown = {node: answer.why for node, answer in answers.items() if isinstance(answer, NoMap)}
     if maps and not unknown:
         return next(iter(maps.values()))
     without = {node: answer.why for node, answer in answers.items() if isinstance(answer, _Without)}
-    whys = "; ".join(f"{node}: {why}" for node, why in (unknown or without).items())
-    return NoMap(whys or f"nobody publishes {topic}")
+    whys = [say("{node}: {why}", node=node, why=why) for node, why in (unknown or without).items()]
+    return NoMap(joined("; ", whys) if whys else say("nobody publishes {topic}", topic=topic))
 
 
 def _map_of(wanted: MapWanted, address: str | None) -> TakenMap | NoMap | _Without:
     """Return the map of the publisher with this XML-RPC address; None: the master has no address of it."""
     if address is None:
-        return _Without("has no address at the master")
+        return _Without(say("has no address at the master"))
     try:
         with connect_to_publisher(wanted.topic.name, address, CALLER) as conversation:
             message = _message(conversation, wanted)
@@ -80,10 +78,16 @@ def _map_of(wanted: MapWanted, address: str | None) -> TakenMap | NoMap | _Witho
     except (OSError, MasterError, ValueError, struct.error) as error:
         cause = error.__cause__ or error
         if isinstance(cause, ConnectionRefusedError):  # its computer says that the node has ended
-            return _Without(str(error))
+            return _Without(reason_of(error))
         if isinstance(cause, TimeoutError) or getattr(cause, "errno", None) in UNREACHED:
-            return NoMap(SILENT.format(address=address))
-        return NoMap(str(error))
+            # Navigation may reach this node: so it is not passed over, however long it is silent.
+            why = say(
+                "it does not answer at {address} and may publish another map. If it has ended, or its computer "
+                "is off, run “rosnode cleanup” on the robot",
+                address=address,
+            )
+            return NoMap(why)
+        return NoMap(reason_of(error))
 
 
 def _message(conversation: Conversation, wanted: MapWanted) -> bytes | _Without:
@@ -91,9 +95,9 @@ def _message(conversation: Conversation, wanted: MapWanted) -> bytes | _Without:
     offered = conversation.read_header()
     if offered.get("md5sum") != message_class(wanted.topic.type)._md5sum:
         found = offered.get("type")
-        why = f"its definition of {found} differs from the console’s"
+        why = say("its definition of {type} differs from the console’s", type=found)
         if found != wanted.topic.type:
-            why = f"it publishes {found}, not {wanted.topic.type}"
+            why = say("it publishes {type}, not {wanted}", type=found, wanted=wanted.topic.type)
         raise ValueError(offered.get("error") or why)
     conversation.until_s = time.monotonic() + MESSAGE_S
     try:
@@ -101,9 +105,9 @@ def _message(conversation: Conversation, wanted: MapWanted) -> bytes | _Without:
     except TimeoutError:
         if offered.get("latching") != "1":
             raise  # it may have published a map before
-        return _Without("has published no map yet")
+        return _Without(say("has published no map yet"))
     if length > LARGEST_MESSAGE:
-        raise BadMap(f"a message of {length} bytes is too large")
+        raise BadMap(say("a message of {length} bytes is too large", length=length))
     return conversation.read(length)
 
 

@@ -16,6 +16,7 @@ from robots.places.entries import LARGEST_FILE, LONGEST_NAME, PlaceEntry
 from robots.places.models import Place
 from robots.places.services import Imported
 from robots.registry.configuration.profile_schema import Problems
+from robots.shared.sentences import joined
 from robots.shared.wire import Refusal
 from robots.shared.wire.navigation import Coordinate, Heading
 from teleop.api.v1.framework.operation import operation
@@ -166,5 +167,5 @@ class ImportView(PlacesBase):
             return services.places_import(digest=found, entries=entries.read(body.csv), actor=self.person)
         except Problems as problems:
             refusals = [Refusal("invalid", line, "wire") for line in problems.lines]
-            whole = Refusal("invalid", " ".join(problems.lines), "wire")
+            whole = Refusal("invalid", joined(" ", problems.lines), "wire")
             raise Problem(whole, others=refusals) from problems
