@@ -85,12 +85,7 @@ def test_sentences_are_said_in_the_readers_language(tmp_path: Path, settings, mo
 def test_a_catalogue_has_the_keys_of_the_source_with_their_figures(catalogue: Path) -> None:
     kept = translations(catalogue)
     assert sorted(kept) == sorted(sentences.keys()), "run script/sentences"
-    others = [
-        text
-        for key, texts in kept.items()
-        for text in texts
-        if figures(text) - {"count"} != figures(key) - {"count"}
-    ]
+    others = [text for key, texts in kept.items() for text in texts if figures(text) != figures(key)]
     assert others == []
 
 
@@ -130,9 +125,9 @@ def of_scripts() -> set[str]:
     return {ast.literal_eval(text) for script in scripts for text in IN_SCRIPT.findall(script)}
 
 
-def figures(key: str) -> set[str | None]:
-    """Return the names of the figures in a key; not the count, which one form of a plural may leave out."""
-    return {name for _, name, _ in pieces(key) if name} - {"count"}
+def figures(key: str) -> set[tuple[str, str]]:
+    """Return names and formats of the figures in a key; not the count, which one form of a plural may leave out."""
+    return {(name, form) for _, name, form in pieces(key) if name and name != "count"}
 
 
 def translations(catalogue: Path) -> dict[str, list[str]]:
