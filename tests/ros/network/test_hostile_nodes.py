@@ -12,7 +12,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from http.server import BaseHTTPRequestHandler, HTTPServer
-from types import SimpleNamespace
 from unittest.mock import Mock
 
 import pytest
@@ -23,8 +22,8 @@ from robots.bridge.ros.inspector.graph import graph
 from robots.bridge.ros.network.tcpros import Conversation, connect, first_response
 from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.ros_worker import RateLimit, RosWorker
-from robots.bridge.ros.tasks import robot_motions
-from robots.bridge.ros.tasks.robot_motions import RobotMotions
+from robots.bridge.ros.tasks import motions
+from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.shared.ros import master
 from robots.shared.ros.master import TIMEOUT_S, Master, MasterError, SystemState
 from tests.bridge.support import CONFIG
@@ -167,13 +166,15 @@ def test_repeated_requests_run_now_and_once_more_later():
 
 
 def test_a_flapping_node_does_not_speed_up_motion_reading(monkeypatch):
-    monkeypatch.setattr(robot_motions, "JOINED_GAP_S", 0.5)
+    monkeypatch.setattr(motions, "JOINED_GAP_S", 0.5)
     readings: queue.SimpleQueue[float] = queue.SimpleQueue()
-    topics = SimpleNamespace(read=lambda _tell: readings.put(time.monotonic()))
-    made = Mock(return_value=topics)
-    monkeypatch.setattr(robot_motions, "MotionTopics", made)
-    RobotMotions.of(Mock(config=CONFIG))
-    joined = made.call_args.args[-1]
+    monkeypatch.setattr(MotionTopics, "read", lambda _self: readings.put(time.monotonic()))
+    action = Mock()
+    monkeypatch.setattr(motions, "ActionTopics", action)
+    robot = Mock(config=CONFIG)
+    robot.tasks.routing.connected.return_value = ["/play_motion"]
+    MotionTopics.of(robot)
+    joined = action.call_args.kwargs["joined"]
     began_s = time.monotonic()
     joined()
     readings.get(timeout=10)

@@ -19,13 +19,12 @@ from std_msgs.msg import String
 
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.node import RosBase
-from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.bridge.ros.tasks.speech import SpeechTopics
 from robots.shared.configuration.bridge_config import Topic
-from robots.shared.ros.master import Master
 from robots.shared.ros.message_types.classes import message_class, service_class
 from tests.bridge.support import CONFIG
 from tests.processes import PATIENCE_S
+from tests.ros.motion_topics import motion_topics
 
 _numbers = itertools.count()
 RESULT = message_class("play_motion_msgs/PlayMotionResult")
@@ -158,23 +157,16 @@ def test_motions_stand_on_the_parameter_server():
     assert len(wave["points"][0]["positions"]) == len(wave["joints"])
 
 
-def motion_topics(actions, uri):
-    """Motion topics without a listener."""
-    mail, deaf = Mailboxes(lambda call: None), SimpleNamespace()
-    return MotionTopics(
-        actions, "play_motion_msgs/PlayMotionAction", Master(uri, "/test"), mail, deaf, lambda: None
-    )
-
-
 @pytest.fixture
 def reads(rosmaster):
     """Ask an action for its motions."""
 
     def read(action: str):
         received = []
-        topics = motion_topics({action}, rosmaster.uri)
-        topics.read(lambda _action, offers, _text: received.append(offers))
-        topics.close()
+        with motion_topics(
+            {action}, rosmaster.uri, lambda _action, offers, _text: received.append(offers)
+        ) as topics:
+            topics.read()
         return received[0]
 
     return read
@@ -233,21 +225,20 @@ def test_an_action_that_hangs_is_let_go_of(reads, rosmaster):
 
 def test_leaving_a_topic_hides_no_cancel(ros, rosmaster):
     base = RosBase(CONFIG)
-    motion_actions = motion_topics(["/left_play", "/kept_play"], rosmaster.uri)
     tts = Topic("/left_tts", "pal_interaction_msgs/TtsAction")
     speech = SpeechTopics(tts, Mailboxes(lambda call: None), SimpleNamespace())
-    base.parts = (motion_actions, speech)
     speech.attend({"/left_tts", "/kept_tts"})
     try:
         with (
+            motion_topics(["/left_play", "/kept_play"], rosmaster.uri, lambda *_: None) as motion_actions,
             ros.listen("/kept_play/cancel", GoalID) as motions,
             ros.listen("/kept_tts/cancel", GoalID) as texts,
         ):
             ros.connected(motions, texts)
+            base.parts = (motion_actions, speech)
             motion_actions._actions["/left_play"].close()
             speech._voices["/left_tts"].close()
             base.cancel_all()
             assert [inbox.next().id for inbox in (motions, texts)] == ["", ""]
     finally:
-        motion_actions.close()
         speech.attend(())

@@ -10,13 +10,12 @@ import rospy
 from actionlib_msgs.msg import GoalStatus
 
 from robots.bridge.gate.arm.sweep import Motion
-from robots.bridge.ros.bounds.mailboxes import Mailboxes
-from robots.bridge.ros.tasks.motions import ERRORS, MotionTopics
+from robots.bridge.ros.tasks.motions import ERRORS
 from robots.bridge.tasks.goals import OURS
-from robots.shared.ros.master import Master
 from robots.shared.ros.message_types.classes import message_class, service_class
 from robots.shared.wire import MotionOffer
 from tests.processes import PATIENCE_S, until
+from tests.ros.motion_topics import motion_topics
 from tests.ros.spoiled_master import CUT_SHORT, spoiling
 
 ACTION = "/odd_play"
@@ -31,7 +30,6 @@ class Heard:
     def __init__(self):
         self.ends = queue.SimpleQueue()
         self.lists = queue.SimpleQueue()
-        self.joined = queue.SimpleQueue()
 
     def running(self, action, goal_ids, now_s): ...
 
@@ -42,10 +40,7 @@ class Heard:
         self.lists.put(motions)
 
     def topics(self, uri):
-        mail, joined = Mailboxes(lambda call: call()), lambda: self.joined.put(True)
-        return MotionTopics(
-            {ACTION}, "play_motion_msgs/PlayMotionAction", Master(uri, "/test"), mail, self, joined
-        )
+        return motion_topics({ACTION}, uri, self.offers, self)
 
 
 @pytest.fixture
@@ -55,9 +50,8 @@ def heard():
 
 @pytest.fixture
 def motions(ros, rosmaster, heard):
-    topics = heard.topics(rosmaster.uri)
-    yield topics
-    topics.close()
+    with heard.topics(rosmaster.uri) as topics:
+        yield topics
 
 
 @contextmanager
@@ -116,21 +110,17 @@ def test_a_goal_keeps_the_robots_spelling_and_its_planning(motions):
 
 def test_a_silent_master_removes_no_motion_from_the_list(ros, rosmaster, heard):
     rospy.set_param(f"{ACTION}/motions", {"nod": {"joints": ["a"], "points": [{"positions": [0.5]}]}})
-    with spoiling(rosmaster) as master:
-        topics = heard.topics(master.uri)
-        try:
-            topics.read(heard.offers)
-            assert [offer.name for offer in heard.lists.get(timeout=PATIENCE_S)] == ["nod"]
-            master.spoiled["getParam"] = CUT_SHORT
-            topics.read(heard.offers)
-            assert [offer.name for offer in heard.lists.get(timeout=PATIENCE_S)] == ["nod"]
-            assert topics.repertoire[ACTION] == {"nod": Motion(("a",), ((0.5,),))}
-            del master.spoiled["getParam"]
-            rospy.delete_param(f"{ACTION}/motions")
-            topics.read(heard.offers)
-            assert heard.lists.get(timeout=PATIENCE_S) == []
-        finally:
-            topics.close()
+    with spoiling(rosmaster) as master, heard.topics(master.uri) as topics:
+        topics.read()
+        assert [offer.name for offer in heard.lists.get(timeout=PATIENCE_S)] == ["nod"]
+        master.spoiled["getParam"] = CUT_SHORT
+        topics.read()
+        assert [offer.name for offer in heard.lists.get(timeout=PATIENCE_S)] == ["nod"]
+        assert topics.repertoire[ACTION] == {"nod": Motion(("a",), ((0.5,),))}
+        del master.spoiled["getParam"]
+        rospy.delete_param(f"{ACTION}/motions")
+        topics.read()
+        assert heard.lists.get(timeout=PATIENCE_S) == []
 
 
 def test_odd_names_keep_the_robots_spelling_and_points(motions, heard):
@@ -145,11 +135,11 @@ def test_odd_names_keep_the_robots_spelling_and_points(motions, heard):
     )
     rospy.set_param(f"{ACTION}/motions", {ODD_NAME: described, "unlisted": described})
     try:
-        motions.read(heard.offers)
+        motions.read()
         assert heard.lists.get(timeout=PATIENCE_S) == [MotionOffer(ODD_NAME, "<i>Hi</i>", duration_s=1.0)]
         assert motions.look_up(ACTION, ODD_NAME) == (Motion(("a",), ((0.5,),)), False)
         service.shutdown()
-        motions.read(heard.offers)
+        motions.read()
         offers = heard.lists.get(timeout=PATIENCE_S)
         assert {offer.name for offer in offers} == {ODD_NAME, "unlisted"}, "those that have parameters"
     finally:
@@ -159,6 +149,6 @@ def test_odd_names_keep_the_robots_spelling_and_points(motions, heard):
 
 def test_the_list_is_read_when_an_action_server_appears(motions, heard):
     with action():
-        heard.joined.get(timeout=PATIENCE_S)
+        heard.lists.get(timeout=PATIENCE_S)
     with action():
-        heard.joined.get(timeout=PATIENCE_S)
+        heard.lists.get(timeout=PATIENCE_S)

@@ -1,23 +1,28 @@
-"""Recorded motions over play_motion's action: their list, and goals with our own ids."""
+"""Recorded motions over play_motion's action: their list, the space of one, and goals with our own ids."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 
 from msgspec import structs
 
+from robots.bridge.gate.arm.discs import Disc
 from robots.bridge.gate.arm.sweep import Motion
-from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.inspector import services
 from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.ros.ros_worker import RateLimit, RosWorker
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
+from robots.bridge.ros.tasks.robot_part import Node, RobotPart
+from robots.bridge.tasks.arm_clearance import ArmModel
 from robots.bridge.tasks.goals import OURS
-from robots.bridge.tasks.motions import Motions, offered, recorded
+from robots.bridge.tasks.input_routing import goal_topic
+from robots.bridge.tasks.motions import MotionPlayer, Swept, offered, recorded
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.messages.packing import Detail
-from robots.shared.ros.master import Master, MasterError
+from robots.shared.ros.master import MasterError
 from robots.shared.ros.message_types.classes import message_class
 from robots.shared.ros.texts import MOST_MOTIONS, PARAGRAPH, SENTENCE, TITLE, cut
 from robots.shared.sentences import joined, say
@@ -25,6 +30,9 @@ from robots.shared.wire import MotionOffer
 
 WHOLE = Detail(whole=10_000, first=10_000, text=1000)  # motions, and characters of a name
 LARGEST_LIST = 1024 * 1024  # bytes of the list of motions
+# between two reads of the motions: a read takes up to 0.2 s, and a server may connect often
+JOINED_GAP_S = 5.0
+REACH_M = 1.3  # of an arm that the profile does not describe, around the middle of the base
 ERRORS = {  # PlayMotionResult's codes in words
     "MOTION_NOT_FOUND": say("the robot does not know this motion"),
     "CONTROLLER_BUSY": say("something else moves these joints"),
@@ -37,42 +45,49 @@ ERRORS = {  # PlayMotionResult's codes in words
 }
 
 
-class MotionTopics(GoalListener):
-    """The motion actions of one robot: the default, and those that people may choose instead, of one type.
+class MotionTopics(MotionPlayer, ArmModel, RobotPart, GoalListener):
+    """The motion actions of one robot, and the position of the arm that they move.
 
-    Changes of goals are reported to `tasks` through `mail`, on the event loop. `joined` is called whenever a
-    motion server connects: it may have other motions than before.
+    The actions: the default, and those that people may choose instead, of one type. Changes of goals are reported to
+    the node's tasks on the event loop. The motions are read again whenever a motion server connects: it may have
+    other motions than before.
     """
 
-    def __init__(
-        self,
-        names: Collection[str],
-        type: str,
-        master: Master,
-        mail: Mailboxes,
-        tasks: Motions,
-        joined: Callable[[], None],
-    ) -> None:
-        self._master = master
-        self._mail = mail
-        self._tasks = tasks
+    def __init__(self, node: Node, type: str) -> None:
+        self._node = node
+        self._arm = node.posture if node.config.topics.arm else None
+        self._list_worker = RosWorker("motions")
+        self._sweeping = RosWorker("motion")  # not on `_list_worker`, where a list may take seconds
         self._errors = _errors(message_class(f"{type.removesuffix('Action')}Result"))
         self.repertoire: dict[str, Mapping[str, Motion | None]] = {}  # by action; None: points unknown
         # By action: motions, and why there are none.
         self._offers: dict[str, tuple[list[MotionOffer], str]] = {}
-        self._actions = {name: ActionTopics(Topic(name, type), self, joined=joined) for name in names}
+        joined = RateLimit(self.read_motions, JOINED_GAP_S)
+        # A server may connect, and its motions be read, while further actions are added.
+        self._actions: dict[str, ActionTopics] = {}
+        for name in node.tasks.routing.connected("motions"):
+            self._actions[name] = ActionTopics(Topic(name, type), self, joined=joined.do)
 
-    def close(self) -> None:
-        """Unregister from the topics of all actions."""
-        for action in self._actions.values():
-            action.close()
+    @classmethod
+    def of(cls, node: Node) -> MotionTopics | None:
+        """Return the motions of a robot that has some."""
+        motions = node.config.topics.motions
+        return cls(node, motions.type) if motions else None
 
-    def read(self, tell: Callable[[str, list[MotionOffer], str], None]) -> None:
+    def read_motions(self) -> None:
+        self._list_worker.do(self.read)
+
+    def surveyed(self) -> None:
+        """Read the motions if none is known yet."""
+        if not any(self.repertoire.values()):
+            self.read_motions()
+
+    def read(self) -> None:
         """Read the robot's motions: names from its service, the rest from its parameters.
 
-        `tell` gets the motions of each action, or the reason why there are none.
+        Reports the motions of each action, or the reason why there are none.
         """
-        for action in self._actions:
+        for action in list(self._actions):
             try:
                 parameters, listed = self._parameters(action), self._listed(f"{action}/list_motions")
             except MasterError as error:  # the known motions stay
@@ -89,7 +104,30 @@ class MotionTopics(GoalListener):
                         most=MOST_MOTIONS,
                     )
                 self._offers[action] = [_cut(offer) for offer in offers[:MOST_MOTIONS]], words
-            tell(action, *self._offers[action])
+            self._offer(action, *self._offers[action])
+
+    def _offer(self, action: str, motions: list[MotionOffer], text: str) -> None:
+        self._node.post(lambda: self._node.tasks.capabilities.read(action, motions, text))
+
+    def sweep(self, motion: str, action: str, then: Swept) -> None:
+        self._sweeping.do(lambda: self._sweep(motion, action, then))
+
+    def _sweep(self, motion: str, action: str, then: Swept) -> None:
+        self._node.find_listener(goal_topic(Topic(action, "Action")).name)
+        space = None
+        with suppress(KeyError):
+            points, is_news = self.look_up(action, motion)
+            if is_news:
+                self.read_motions()
+            now_s = time.monotonic()
+            space = self._arm.sweep(points, now_s) if self._arm else ((0.0, 0.0, REACH_M),)
+        self._node.post(lambda: then(space, time.monotonic()))
+
+    def arm(self) -> tuple[Disc, ...] | None:
+        return None if self._arm is None else self._arm.arm(time.monotonic())
+
+    def arm_problem(self) -> str:
+        return "" if self._arm is None else self._arm.problem(time.monotonic())
 
     def look_up(self, action: str, motion: str) -> tuple[Motion | None, bool]:
         """Return the robot's present motion (None: points unknown), and whether it differs from the last `read`.
@@ -111,22 +149,20 @@ class MotionTopics(GoalListener):
         topics.send(goal)
 
     def cancel(self, goal_id: str, action: str) -> None:
-        """Cancel this goal and no other."""
         self._actions[action].cancel(goal_id)
 
     @property
     def cancels(self) -> list[Callable[[], None]]:
-        """For the emergency stop: each cancels all goals of one action, from any sender."""
         return [action.cancel_all for action in self._actions.values()]
 
     def _parameters(self, action: str, motion: str = "") -> Any:
         """Return the parameters of an action's motions, or of one motion."""
-        return self._master.parameter(f"{action}/motions/{motion}".rstrip("/"))
+        return self._node.master.parameter(f"{action}/motions/{motion}".rstrip("/"))
 
     def _listed(self, service: str) -> dict[str, float] | None:
         """Return names and durations (s) of the motions that the service lists; None without an answer."""
         try:
-            found = services.find(self._master, service)
+            found = services.find(self._node.master, service)
             if found.type != "play_motion_msgs/ListMotions":
                 return None
             answer, _ = services.call(found, {}, lambda: None, WHOLE, LARGEST_LIST)
@@ -140,8 +176,9 @@ class MotionTopics(GoalListener):
     # --- on rospy's threads (actions.GoalListener) ----------------------------------------------------
 
     def running(self, action: str, goals: dict[str, int]) -> None:
-        self._mail.post(
-            ("motions", action), lambda: self._tasks.running(action, goals.keys(), time.monotonic())
+        self._node.mail.post(
+            ("motions", action),
+            lambda: self._node.tasks.motions.running(action, goals.keys(), time.monotonic()),
         )
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
@@ -152,8 +189,10 @@ class MotionTopics(GoalListener):
         if outcome in {"succeeded", "cancelled"}:
             sentences = sentences[1:]
         words = cut(_sentence([part for part in sentences if part]), SENTENCE)
-        self._mail.post(
-            "motions ended", lambda: self._tasks.ended(goal_id, outcome, words, time.monotonic()), EVENTS_WAIT
+        self._node.mail.post(
+            "motions ended",
+            lambda: self._node.tasks.motions.ended(goal_id, outcome, words, time.monotonic()),
+            EVENTS_WAIT,
         )
 
     def _code_words(self, code: int) -> str:

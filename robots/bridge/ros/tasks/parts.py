@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterator
 
 from robots.bridge.ros.tasks.head import HeadTopics
 from robots.bridge.ros.tasks.limbs import LimbsTopics
+from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.bridge.ros.tasks.navigation import NavigationTopics
-from robots.bridge.ros.tasks.robot_motions import RobotMotions
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.bridge.ros.tasks.speech import SpeechTopics
 
 # Each returns its part, connected; None: the robot's profile does not have it.
 PARTS: tuple[Callable[[Node], RobotPart | None], ...] = (
     HeadTopics.of,
-    RobotMotions.of,
+    MotionTopics.of,
     SpeechTopics.of,
     NavigationTopics.of,
     LimbsTopics.of,

@@ -1,0 +1,35 @@
+"""The motion actions of a robot, without its node."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import Mock
+
+from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.ros.tasks.motions import MotionTopics
+from robots.shared.ros.master import Master
+
+
+@contextmanager
+def motion_topics(
+    names: Collection[str], master_uri: str, offers: Callable[..., Any], tasks: Any = None
+) -> Iterator[MotionTopics]:
+    """Yield the topics of these actions. `offers` gets all lists of motions, `tasks` all reports."""
+    of_holder = SimpleNamespace(
+        routing=Mock(connected=lambda _use: names), capabilities=Mock(read=offers), motions=tasks or Mock()
+    )
+    node = Mock(
+        master=Master(master_uri, "/test"),
+        mail=Mailboxes(lambda call: call()),
+        post=lambda call: call(),
+        tasks=of_holder,
+    )
+    topics = MotionTopics(node, "play_motion_msgs/PlayMotionAction")
+    try:
+        yield topics
+    finally:
+        for action in topics._actions.values():
+            action.close()
