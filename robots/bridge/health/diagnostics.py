@@ -133,7 +133,7 @@ class Diagnostics:
             self._forget(now_s, also_ill=True)
         well = self._well(now_s)
         for (name, voice), all_said in said.items():
-            worst = max(all_said, key=_badness)
+            worst = max(all_said, key=lambda status: BADNESS[_LEVELS[status.level]])
             level = _LEVELS[worst.level]
             if (part := self._part(name, voice, level, now_s, well)) is not None:
                 part.become(level, now_s)
@@ -233,10 +233,6 @@ class Diagnostics:
             left_out=len(self._left_out),
             unread=self._unread,
         )
-
-
-def _badness(status: Status) -> int:
-    return BADNESS[_LEVELS[status.level]]
 
 
 def _is_heard(part: Part, now_s: float) -> bool:

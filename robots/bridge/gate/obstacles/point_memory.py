@@ -169,7 +169,7 @@ class Memory:
         near = cells[is_near]
         self._expires_s[near] = np.maximum(self._expires_s[near], now_s + self._layer.shortest_life_s)
         lasts_m = self._expires_m[cells] + is_near * (NEAR_LASTS - 1.0) * self._layer.travel_m
-        self._forget(far | (self._expires_s[cells] < now_s) | (lasts_m < self._travelled_m))
+        self.forget(far | (self._expires_s[cells] < now_s) | (lasts_m < self._travelled_m))
 
     def see(self, points: Points, pose: Pose, now_s: float) -> None:
         """Store `points` (odometry frame) that the robot at `pose` sees now.
@@ -223,16 +223,20 @@ class Memory:
         if past is not None:
             counts = np.maximum(counts, past)
         self._passes[self._cells] += counts.astype(np.int8)
-        self._forget(self._passes[self._cells] >= GLANCES)
+        self.forget(self._passes[self._cells] >= GLANCES)
 
     def forget(self, gone: NDArray[np.bool_]) -> None:
         """Forget these of `points` at once."""
-        self._forget(gone)
+        if not gone.any():
+            return
+        self._lives[self._cells[gone]] = False
+        self._cells = self._cells[~gone]
+        self._changed()
 
     def clear(self) -> None:
         """Forget everything: the odometry frame is a new one."""
         self._odometer.jump()
-        self._forget(np.ones(len(self._cells), dtype=np.bool_))
+        self.forget(np.ones(len(self._cells), dtype=np.bool_))
 
     # --- within -------------------------------------------------------------------------------
 
@@ -250,14 +254,7 @@ class Memory:
 
     def _expire(self, now_s: float) -> None:
         if self._first_expiry_s < now_s:
-            self._forget(self._expires_s[self._cells] < now_s)
-
-    def _forget(self, gone: NDArray[np.bool_]) -> None:
-        if not gone.any():
-            return
-        self._lives[self._cells[gone]] = False
-        self._cells = self._cells[~gone]
-        self._changed()
+            self.forget(self._expires_s[self._cells] < now_s)
 
     def _changed(self) -> None:
         self._points = None

@@ -56,11 +56,6 @@ class _Watched:
             >= EARLY_SHARE / min(rate_hz, VIDEO_HZ if variant == "video" else rate_hz)
         ]
 
-    def require_key(self) -> None:
-        """Make the next video picture a key picture; the first picture always is one."""
-        if self.video is not None:
-            self.video.require_key()
-
     def number(self, variant: Variant) -> int:
         """Return the next number of a variant."""
         self.numbers[variant] = self.numbers.get(variant, 0) + 1
@@ -113,7 +108,8 @@ class Producer:
                 wants, keys, self._keys = self._awake_wants(), self._keys, set()
             self._follow(wants)
             for name in keys & self._watched.keys():
-                self._watched[name].require_key()
+                if (video := self._watched[name].video) is not None:
+                    video.require_key()
             for name, watched in self._watched.items():
                 self._look(name, watched, wants[name])
 

@@ -176,7 +176,10 @@ class Definitions:
         with self._lock:
             found = self._found.get(key)
             if found is None:
-                found = self._judged(*claimed)
+                try:
+                    found = self._find(*claimed)
+                except Declined as error:
+                    found = error
             if len(self._found) >= MOST_FOUND:
                 self._found.clear()
             if isinstance(found, Definition) or found.refusal.code != "type_unknown":
@@ -191,12 +194,6 @@ class Definitions:
         if found is None:
             raise _unknown(type_name)
         return found
-
-    def _judged(self, type_name: str, md5: str, text: str) -> Definition | Declined:
-        try:
-            return self._find(type_name, md5, text)
-        except Declined as error:
-            return error
 
     def _find(self, type_name: str, md5: str, text: str) -> Definition:
         if not (_TYPE.fullmatch(type_name) and _MD5.fullmatch(md5)):

@@ -44,11 +44,7 @@ class ActionTopics:
     """The topics of one action. `joined` is called whenever a node subscribes to its goals."""
 
     def __init__(
-        self,
-        action: Topic,
-        listener: GoalListener,
-        queue: int = 10,
-        joined: Callable[[], None] = lambda: None,
+        self, action: Topic, listener: GoalListener, joined: Callable[[], None] = lambda: None
     ) -> None:
         kind = action.type.removesuffix("Action")
         self.name = action.name
@@ -59,8 +55,8 @@ class ActionTopics:
         self._goal_id: str | None = None  # the last goal sent
         listeners = {
             "status": (GoalStatusArray, self._on_status, 1),
-            "feedback": (message_class(f"{kind}ActionFeedback"), self._on_feedback, queue),
-            "result": (message_class(f"{kind}ActionResult"), self._on_result, queue),
+            "feedback": (message_class(f"{kind}ActionFeedback"), self._on_feedback, 10),
+            "result": (message_class(f"{kind}ActionResult"), self._on_result, 10),
         }
         self._subscribers = [
             rospy.Subscriber(f"{action.name}/{part}", type_, listener, queue_size=size, tcp_nodelay=True)

@@ -53,39 +53,30 @@ class SpeechTopics(SpeechOutput, RobotPart):
 
     def cancel_speech(self, goal_id: str, topic: str) -> None:
         if topic in self._voices:
-            self._voices[topic].cancel_speech(goal_id)
+            self._voices[topic].cancel(goal_id)
 
     @property
     def cancels(self) -> list[Callable[[], None]]:
         return [voice.cancel_all for voice in list(self._voices.values())]
 
 
-class _ActionVoice(GoalListener):
+class _ActionVoice(ActionTopics, GoalListener):
     """pal_interaction_msgs/TtsAction, or an action with the same fields."""
 
     def __init__(self, action: Topic, mail: Mailboxes, tasks: SpeechTasks) -> None:
         self._mail = mail
         self._tasks = tasks
-        self._topics = ActionTopics(action, self)
         feedback = message_class(f"{action.type.removesuffix('Action')}Feedback")
         self._word_begins = feedback.TTS_EVENT_STARTED_PLAYING_WORD
+        super().__init__(action, self)
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:
-        goal = self._topics.goal_class()
+        goal = self.goal_class()
         goal.goal_id.id = goal_id
         goal.goal.rawtext.text = utterance.text
         goal.goal.rawtext.lang_id = utterance.language.replace("-", "_")
-        self._topics.send(goal)
+        self.send(goal)
         return True
-
-    def cancel_speech(self, goal_id: str) -> None:
-        self._topics.cancel(goal_id)
-
-    def cancel_all(self) -> None:
-        self._topics.cancel_all()
-
-    def close(self) -> None:
-        self._topics.close()
 
     # --- on rospy's threads (actions.GoalListener) ----------------------------------------------------
 
@@ -123,7 +114,7 @@ class _PlainVoice:
         """Return a std_msgs/String."""
         return message_class("std_msgs/String")(data=utterance.text)
 
-    def cancel_speech(self, goal_id: str) -> None:
+    def cancel(self, goal_id: str) -> None:
         """Do nothing: such a topic has no cancel."""
 
     def cancel_all(self) -> None:
