@@ -16,7 +16,7 @@ from robots.bridge.audit.records import Requester
 from robots.bridge.gate.arm.discs import KNOWN_S
 from robots.bridge.gate.words import LIMBS
 from robots.bridge.limbs.limb_move import LimbMove
-from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
+from robots.bridge.tasks.task import WHILE_HELD, Activity, Cause, Context, Ending, TaskPart
 from robots.shared import wire
 from robots.shared.sentences import say
 from robots.shared.wire import Grant, Limb, Refusal
@@ -26,19 +26,7 @@ class Limbs(TaskPart):
     """The limbs of one robot that people can move."""
 
     kinds = (wire.LIMB,)
-    reactions = {
-        Cause.CANCELLED: Reaction.END,
-        Cause.SUPERSEDED: Reaction.GO_ON,
-        Cause.GATE: Reaction.GO_ON,
-        Cause.HALTED: Reaction.GO_ON,
-        Cause.ROBOT_GONE: Reaction.GO_ON,
-        Cause.STOPPED: Reaction.END,
-        Cause.CONTROL_ENDED: Reaction.END,
-        Cause.PAGE_LEFT: Reaction.DROP,
-        Cause.LINK_LOST: Reaction.END,
-        Cause.UNRECORDED: Reaction.END,
-        Cause.BRIDGE_ENDED: Reaction.LEAVE,
-    }
+    reactions = WHILE_HELD
     excludes = frozenset({Activity.DRIVE, Activity.NAVIGATE, Activity.MOVE_ARM})
     neutral_words = {"limb_moving": say("nothing drives while gripper or torso move")}
 

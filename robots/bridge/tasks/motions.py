@@ -21,7 +21,7 @@ from robots.bridge.gate.arm.sweep import Motion
 from robots.bridge.tasks.arm_clearance import ArmClearance, ArmModel
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
 from robots.bridge.tasks.input_routing import InputRouting
-from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
+from robots.bridge.tasks.task import WHILE_HELD, Activity, Context, Ending, TaskPart
 from robots.shared import wire
 from robots.shared.records.record_sink import Parameters
 from robots.shared.sentences import say
@@ -182,19 +182,7 @@ class Motions(Goals[MotionGoal], TaskPart):
     """The motion in progress, if any."""
 
     kinds = (wire.MOTION,)
-    reactions = {
-        Cause.CANCELLED: Reaction.END,
-        Cause.SUPERSEDED: Reaction.GO_ON,
-        Cause.GATE: Reaction.GO_ON,
-        Cause.HALTED: Reaction.GO_ON,
-        Cause.ROBOT_GONE: Reaction.GO_ON,
-        Cause.STOPPED: Reaction.END,
-        Cause.CONTROL_ENDED: Reaction.END,
-        Cause.PAGE_LEFT: Reaction.DROP,
-        Cause.LINK_LOST: Reaction.END,
-        Cause.UNRECORDED: Reaction.END,
-        Cause.BRIDGE_ENDED: Reaction.LEAVE,
-    }
+    reactions = WHILE_HELD
     excludes = frozenset(Activity)
     no_task = Refusal("no_motion", "No motion of this console runs.", "robot")
     neutral_words = {"motion_running": say("nothing drives during a motion")}

@@ -9,7 +9,7 @@ import msgspec
 
 from robots.bridge.audit.records import RecordedTask, Requester, pop_due
 from robots.bridge.tasks.input_routing import InputRouting
-from robots.bridge.tasks.task import HALTED, Cause, Context, Ending, Reaction, TaskPart
+from robots.bridge.tasks.task import HALTED, WHILE_HELD, Context, Ending, TaskPart
 from robots.shared import wire
 from robots.shared.configuration.input_filters import COMMAND_LIFE_S
 from robots.shared.messages import twists
@@ -31,19 +31,7 @@ class Publications(TaskPart):
     """The holder's publications, by topic."""
 
     kinds = (wire.PUBLISH,)
-    reactions = {
-        Cause.CANCELLED: Reaction.END,
-        Cause.SUPERSEDED: Reaction.GO_ON,
-        Cause.GATE: Reaction.GO_ON,
-        Cause.HALTED: Reaction.GO_ON,
-        Cause.ROBOT_GONE: Reaction.GO_ON,
-        Cause.STOPPED: Reaction.END,
-        Cause.CONTROL_ENDED: Reaction.END,
-        Cause.PAGE_LEFT: Reaction.DROP,
-        Cause.LINK_LOST: Reaction.END,
-        Cause.UNRECORDED: Reaction.END,
-        Cause.BRIDGE_ENDED: Reaction.END,
-    }
+    reactions = WHILE_HELD
 
     def __init__(self, context: Context) -> None:
         self._context = context

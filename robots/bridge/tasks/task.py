@@ -56,6 +56,22 @@ class Reaction(Enum):
     LEAVE = "both, and record the outcome now: nobody watches the robot any more"
 
 
+# Of a task that goes on only while its holder has control, is connected and is recorded.
+WHILE_HELD: Mapping[Cause, Reaction] = {
+    Cause.CANCELLED: Reaction.END,
+    Cause.SUPERSEDED: Reaction.GO_ON,
+    Cause.GATE: Reaction.GO_ON,
+    Cause.HALTED: Reaction.GO_ON,
+    Cause.ROBOT_GONE: Reaction.GO_ON,
+    Cause.STOPPED: Reaction.END,
+    Cause.CONTROL_ENDED: Reaction.END,
+    Cause.PAGE_LEFT: Reaction.DROP,
+    Cause.LINK_LOST: Reaction.END,
+    Cause.UNRECORDED: Reaction.END,
+    Cause.BRIDGE_ENDED: Reaction.LEAVE,
+}
+
+
 class Ending(NamedTuple):
     """An event that may end tasks."""
 

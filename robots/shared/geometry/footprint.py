@@ -78,6 +78,7 @@ class Footprint(Protocol):
 
         `x`, `y`: the point seen along the direction. Infinity: never, or the computation costs too much.
         """
+        return math.inf
 
     def bands(self, twist: Velocity) -> list[Band]:
         """Return the tracks (`arc.track`) that the hull sweeps on this arc."""
@@ -139,7 +140,7 @@ class Disc:
         return _least_distances(path, points, drift) - np.float32(self.radius_m)
 
 
-class Discs:
+class Discs(Footprint):
     """Several discs, fixed to each other: a long base, or an arm that reaches out. Their union is the hull."""
 
     # while the hull turns away from a wall, one disc may first come a little nearer to it
@@ -178,17 +179,6 @@ class Discs:
             for (x, y), (_, _, disc) in zip(middles, self._discs, strict=True)
         ]
         return [min(firsts) for firsts in zip(*each, strict=True)]
-
-    def meets_s(
-        self,
-        x: float,
-        y: float,
-        direction: Direction,
-        twist: Velocity,
-        hull_growth_m: float,
-        reserve_m: float,
-    ) -> float:
-        return math.inf
 
     def bands(self, twist: Velocity) -> list[Band]:
         return [_disc_band(x, y, disc.radius_m, twist) for x, y, disc in self._discs]
