@@ -252,6 +252,7 @@ class Page:
         while True:
             event = await self._event()
             if event["type"] == "websocket.close":
+                assert type(event.get("reason", "")) is str  # Autobahn takes no subclass
                 return int(event["code"])
             self.inbox.append(_decoded(event))
 

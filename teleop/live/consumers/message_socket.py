@@ -154,7 +154,7 @@ class MessageSocket(AsyncConsumer):
         await self.send_refusal(of, flood)
         if self.refused["flood"] >= FLOOD_CLOSES_AFTER:
             await self.send_message(Refused(of, flood))
-            await self.close(CloseCode.FLOOD, text)
+            await self.close(CloseCode.FLOOD, flood.text)
         return False
 
     async def close(self, code: int, reason: str) -> None:
