@@ -16,6 +16,7 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 from django.contrib.sessions.models import Session
@@ -36,7 +37,9 @@ from tests.pristine import pristine_copy
 pytest_plugins = ["tests.selection"]
 
 PASSWORD = "a long walk on the beach"
+WEB_PROCESS = "tests/fleet/server/"
 LONG_FILES = (
+    "fleet/server/stops/test_floods.py",
     "fleet/test_no_faults.py",
     "api/framework/test_schema.py",
     "control/test_control.py",
@@ -50,6 +53,18 @@ LONG_FILES = (
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run long files first, so that no worker runs one alone at the end."""
     items.sort(key=lambda item: not item.path.as_posix().endswith(LONG_FILES))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """With `--dist loadfile`, let one worker run all tests that share the web process of `tests/fleet/server`."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByWebProcess(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return WEB_PROCESS if nodeid.startswith(WEB_PROCESS) else super()._split_scope(nodeid)
+
+    return ByWebProcess(config, log) if config.getoption("dist") == "loadfile" else None
 
 
 def pytest_collection_finish() -> None:

@@ -13,7 +13,7 @@ from fleet.audit.services import record
 
 # In characters. Large records use up free pages, small records use up the rest of other pages.
 FILLERS = (100_000, 1_000, 0)
-FAILURES = 100  # failures in a row that mean a full disk: records use different pages of an index
+FAILURES = 25  # failures in a row that mean a full disk: records use different pages of an index
 
 
 class Disk:

@@ -23,14 +23,19 @@ def console_environment(folder, host, **settings):
     }
 
 
-def create_database(environ):
-    """Make a database with one account, "first"."""
-    manage = [sys.executable, "manage.py"]
-    account = ["createsuperuser", "--no-input", "--username", "first", "--email", "", "--verbosity", "0"]
-    with_password = {**environ, "DJANGO_SUPERUSER_PASSWORD": PASSWORD}
+def empty_database(environ):
+    """Make a migrated database without rows of people and robots."""
     folder = Path(environ["FLEET_VAR"])
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     new_database(folder / NAME)
+
+
+def create_database(environ):
+    """Make a database with one account, "first"."""
+    empty_database(environ)
+    manage = [sys.executable, "manage.py"]
+    account = ["createsuperuser", "--no-input", "--username", "first", "--email", "", "--verbosity", "0"]
+    with_password = {**environ, "DJANGO_SUPERUSER_PASSWORD": PASSWORD}
     subprocess.run([*manage, *account], cwd=REPOSITORY, env=with_password, check=True)
 
 

@@ -1,8 +1,10 @@
 """A missing or wrong environment variable stops the start with an error that names it."""
 
 import os
+import runpy
 import subprocess
 import sys
+from unittest import mock
 
 import pytest
 from django.core.exceptions import ImproperlyConfigured
@@ -16,16 +18,13 @@ SOUND = {"FLEET_SECRET_KEY": KEY, "FLEET_HOSTS": "fleet.example"}
 
 
 def _start(tmp_path, **variables):
-    """Import the real settings in a new process; return None or the last line of its error."""
-    result = subprocess.run(
-        [sys.executable, "-c", "import fleet.settings"],
-        env={"PATH": os.environ["PATH"], "FLEET_VAR": str(tmp_path / "var"), **variables},
-        cwd=REPOSITORY,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    return result.stderr.strip().splitlines()[-1] if result.returncode else None
+    """Run the real settings with this environment; return None or the words of their error."""
+    try:
+        with mock.patch.dict(os.environ, {"FLEET_VAR": str(tmp_path / "var"), **variables}, clear=True):
+            runpy.run_path(str(REPOSITORY / "fleet/settings.py"))
+    except ImproperlyConfigured as wrong:
+        return str(wrong)
+    return None
 
 
 def test_a_key_and_hosts_are_enough(tmp_path):
@@ -36,10 +35,9 @@ def test_a_key_and_hosts_are_enough(tmp_path):
 
 def test_nothing_that_is_written_can_be_read_by_other_accounts(tmp_path):
     environ = {"PATH": os.environ["PATH"], "FLEET_VAR": str(tmp_path / "var"), **SOUND}
-    command = [sys.executable, "manage.py", "migrate", "audit", "--verbosity", "0"]
-    subprocess.run(command, env=environ, cwd=REPOSITORY, check=True, umask=0o022)
-    database = tmp_path / "var/fleet.sqlite3"
-    assert database.stat().st_mode & 0o077 == 0
+    write = "from fleet import settings; (settings.FLEET_VAR / 'any').touch()"
+    subprocess.run([sys.executable, "-c", write], env=environ, cwd=REPOSITORY, check=True, umask=0o022)
+    assert (tmp_path / "var/any").stat().st_mode & 0o077 == 0
 
 
 @pytest.mark.parametrize("variable", ["FLEET_VAR", "FLEET_RUN_DIR"])
@@ -68,7 +66,6 @@ def test_debug_needs_neither(tmp_path):
 @pytest.mark.parametrize("missing", sorted(SOUND))
 def test_production_does_not_start_without(missing, tmp_path):
     trouble = _start(tmp_path, **{name: value for name, value in SOUND.items() if name != missing})
-    assert "ImproperlyConfigured" in trouble
     assert missing in trouble
 
 
@@ -98,7 +95,6 @@ def test_production_does_not_start_without(missing, tmp_path):
 )
 def test_a_wrong_value_is_named(variable, value, tmp_path):
     trouble = _start(tmp_path, **{**SOUND, variable: value})
-    assert "ImproperlyConfigured" in trouble
     assert variable in trouble
 
 

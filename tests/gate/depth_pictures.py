@@ -66,13 +66,17 @@ def ahead_of(boxes, pose_of_camera, at):
     return nearest
 
 
-def drawn(boxes, to_base, at=ORIGIN, noise=0.0, seed=0):
-    """Depth picture of axis-parallel boxes from a robot at `at`, m along the camera's axis; NaN: no box."""
+def thinned(boxes, to_base, at=ORIGIN, noise=0.0, seed=0):
+    """As `drawn`, one value for 4 x 4 pixels: the gate looks at no more."""
     corners = tuple((tuple(low), tuple(high)) for low, high in boxes)
     nearest = ahead_of(corners, np.asarray(to_base, dtype=float).tobytes(), at)
     nearest = nearest + np.random.default_rng(seed).standard_normal(nearest.shape) * noise * nearest**2
-    depth = nearest.astype(np.float32)
-    return depth.repeat(4, axis=0).repeat(4, axis=1)
+    return nearest.astype(np.float32)
+
+
+def drawn(boxes, to_base, **options):
+    """Depth picture of axis-parallel boxes from a robot at `at`, m along the camera's axis; NaN: no box."""
+    return thinned(boxes, to_base, **options).repeat(4, axis=0).repeat(4, axis=1)
 
 
 def image(depth, encoding="32FC1", big_endian=False, padding=0):
@@ -81,6 +85,9 @@ def image(depth, encoding="32FC1", big_endian=False, padding=0):
     rows = values.astype(kind).view(np.uint8).reshape(depth.shape[0], -1)
     rows = np.pad(rows, ((0, 0), (0, padding)), constant_values=255)
     return DepthImage(depth.shape[1], depth.shape[0], encoding, big_endian, rows.shape[1], rows.tobytes())
+
+
+DIRECTIONS = picture_of_image(image(np.ones((HEIGHT, WIDTH), dtype=np.float32)), LENS)[1:]
 
 
 def picture(boxes, to_base, **options):
@@ -116,12 +123,11 @@ class Looker(Feeder):
 
     def look(self):
         self.seed += 1
-        depth = drawn(self.boxes, self.to_base, at=self.pose, noise=0.0015, seed=self.seed)
+        depth = thinned(self.boxes, self.to_base, at=self.pose, noise=0.0015, seed=self.seed)
         if self.black:
-            hidden = drawn([*self.boxes, *self.black], self.to_base, at=self.pose)
-            depth[hidden < drawn(self.boxes, self.to_base, at=self.pose)] = math.nan
-        shown = picture_of_image(image(depth), LENS)
-        frame = frame_of(shown, self.to_base, self.gate.profile.depth)
+            hidden = thinned([*self.boxes, *self.black], self.to_base, at=self.pose)
+            depth[hidden < thinned(self.boxes, self.to_base, at=self.pose)] = math.nan
+        frame = frame_of(Picture(depth, *DIRECTIONS), self.to_base, self.gate.profile.depth)
         self.gate.observe_depth(frame, self.stamp_s, self.now_s)
 
     def stand(self, seconds, looks=True):

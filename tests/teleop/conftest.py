@@ -21,29 +21,34 @@ from tests.conftest import PASSWORD
 from tests.teleop.support import FakeBridge, Page
 
 OpenPage = Callable[..., Awaitable[Page]]
+FIXTURES = {"second": "second_operator"}  # other people's fixtures have their user names
 
 
 @pytest.fixture
-def browsers(staff, supervisor, operator, observer, stranger, second_operator, signed_in):
-    """Return the signed-in browser of each person, by user name. Each signs in when the test first asks for it."""
-    people = [staff, supervisor, operator, observer, stranger, second_operator]
-    return Browsers({person.username: person for person in people}, signed_in)
+def browsers(request: pytest.FixtureRequest, signed_in: Callable[[User], Client]) -> Browsers:
+    """Return the signed-in browser of each person, by user name."""
+    return Browsers(request.getfixturevalue, signed_in)
 
 
 class Browsers(dict[str, Client]):
-    """The browsers of these people, signed in at first use: a sign-in takes longer than most tests."""
+    """People's browsers. The test's first use makes the account and signs in: both take longer than most tests."""
 
-    def __init__(self, people: dict[str, User], signed_in: Callable[[User], Client]) -> None:
+    def __init__(self, fixture: Callable[[str], User], signed_in: Callable[[User], Client]) -> None:
         super().__init__()
-        self._people = people
+        self._fixture = fixture
         self._signed_in = signed_in
 
     def __missing__(self, username: str) -> Client:
-        sign_in = partial(self._signed_in, self._people[username])
         # Django refuses database calls in the event loop's thread.
-        browser = in_database_background(sign_in).result(10) if _in_event_loop() else sign_in()
+        if _in_event_loop():
+            browser = in_database_background(partial(self._sign_in, username)).result(10)
+        else:
+            browser = self._sign_in(username)
         self[username] = browser
         return browser
+
+    def _sign_in(self, username: str) -> Client:
+        return self._signed_in(self._fixture(FIXTURES.get(username, username)))
 
 
 def _in_event_loop() -> bool:

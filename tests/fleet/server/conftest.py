@@ -17,15 +17,16 @@ import pytest
 
 from script.stack.processes import Child, end_all
 from script.stack.stack import daphne
+from tests.conftest import PASSWORD
 from tests.fleet.server.crowd import Crowd, Watchdog
-from tests.fleet.support import console_environment, create_database
+from tests.fleet.support import console_environment, empty_database
 from tests.processes import REPOSITORY
 
 READY_S = 60
 
 
 class Web:
-    """A running web process with one account, "first"."""
+    """A running web process."""
 
     def __init__(self, child, port, environ):
         self.child = child
@@ -77,12 +78,25 @@ def heard(stranger):
 
 
 @pytest.fixture(scope="session")
-def web(tmp_path_factory):
-    """A web process on a free port, with one account."""
-    directory = tmp_path_factory.mktemp("web")
-    environ = console_environment(directory, "127.0.0.1")
-    create_database(environ)
-    with served(directory, environ, daphne()) as running:
+def console(tmp_path_factory):
+    """Environment and people of a console; one of its accounts is "first"."""
+    environ = console_environment(tmp_path_factory.mktemp("web"), "127.0.0.1")
+    empty_database(environ)
+    made = subprocess.run(
+        [sys.executable, "-m", "tests.fleet.server.make_crowd", PASSWORD],
+        cwd=REPOSITORY,
+        env={**environ, "DJANGO_SETTINGS_MODULE": "fleet.settings"},
+        stdout=subprocess.PIPE,
+        check=True,
+    )
+    return environ, json.loads(made.stdout.splitlines()[-1])
+
+
+@pytest.fixture(scope="session")
+def web(console):
+    """A web process on a free port."""
+    environ, _people = console
+    with served(Path(environ["FLEET_VAR"]).parent, environ, daphne()) as running:
         yield running
 
 
@@ -114,22 +128,10 @@ def _wait_until_it_answers(web):
     pytest.fail(f"no web process: {web.child.last_lines()}")
 
 
-@pytest.fixture(scope="session")
-def people(web):
-    """Robots and people of the console."""
-    made = subprocess.run(
-        [sys.executable, "-m", "tests.fleet.server.make_crowd"],
-        cwd=REPOSITORY,
-        env={**web.environ, "DJANGO_SETTINGS_MODULE": "fleet.settings"},
-        stdout=subprocess.PIPE,
-        check=True,
-    )
-    return json.loads(made.stdout.splitlines()[-1])
-
-
 @pytest.fixture
-def crowd(web, people):
+def crowd(web, console):
     """The people, with a watchdog of each robot."""
+    _environ, people = console
     run = Path(web.environ["FLEET_VAR"], "run")
     watchdogs = [
         Watchdog(run / f"{people['robots'][slug][:12]}.stop") for slug in ("in-service", "out-of-service")

@@ -1,14 +1,17 @@
-"""Adds two robots and many people to a console's database; prints their keys as JSON."""
+"""Adds an administrator ("first"), two robots and many people to a console's database; prints their keys as JSON."""
 
 import json
+import sys
 
 import django
 
 django.setup()
 
 from benchmarks.attacks.people import crowd  # noqa: E402
+from fleet.accounts.models import User  # noqa: E402
 from robots.registry.models import Robot, RobotProfile  # noqa: E402
 
+User.objects.create_superuser("first", "", sys.argv[1])
 ROBOTS = {
     slug: Robot.objects.create(
         slug=slug,

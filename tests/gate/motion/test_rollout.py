@@ -136,7 +136,7 @@ def test_what_is_left_out_as_too_far_changes_no_answer(kind):
             share * random.uniform(-1.0, 1.0), share * sideways, share * random.uniform(-2.0, 2.0)
         )
 
-    for _ in range(1500):
+    for _ in range(500):
         share = random.choice([0.1, 0.4, 1.0])
         queue = [Sent(any_twist(share), age_s) for age_s in (0.3, 0.15, 0.1, 0.02)]
         points = np.asfortranarray(random.uniform(-1.5, 1.5, (random.integers(1, 8), 2)))
@@ -145,7 +145,7 @@ def test_what_is_left_out_as_too_far_changes_no_answer(kind):
         with patch("robots.bridge.gate.motion.rollout._near", lambda points, *_: np.arange(len(points))):
             assert roll(*arguments) == quick
         found[quick.share] += 1
-    assert found[1.0] > 200 and len(found) > 3, found
+    assert found[1.0] > 60 and len(found) > 3, found
 
 
 class Watched(Polygon):

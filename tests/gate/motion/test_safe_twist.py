@@ -69,7 +69,7 @@ def test_what_was_expected_changes_no_answer(kind):
     """
     profile, random = PROFILES[kind], np.random.default_rng(13)
     hull, reduced = footprint_of(profile), 0
-    for _ in range(4000):
+    for _ in range(1000):
         twist = Velocity(random.uniform(-1.0, 1.0), 0.0, random.uniform(-1.0, 1.0))
         points = random.uniform((-0.6, -0.5), (1.6, 0.5), (random.integers(2, 7), 2))
         points[:, 0] *= math.copysign(1.0, twist.vx)
@@ -80,7 +80,7 @@ def test_what_was_expected_changes_no_answer(kind):
         guesses = random.integers(0, 8, 2).tolist()
         quick = restrain(*arguments, hull, profile, random.uniform(0.0, 1.0), guesses)
         assert (quick.velocity, quick.cause) == (plain.velocity, plain.cause)
-    assert reduced > 2000
+    assert reduced > 500
 
 
 @pytest.mark.parametrize("kind", sorted(PROFILES))
@@ -88,7 +88,7 @@ def test_what_stands_in_the_way_of_one_turn_changes_no_answer(kind, monkeypatch)
     """Compare a search of all turns with a search that skips turns which one point surely forbids."""
     profile, random = PROFILES[kind], np.random.default_rng(14)
     hull, skipped, turned = footprint_of(profile), 0, 0
-    for _ in range(3000):
+    for _ in range(1000):
         twist = Velocity(random.uniform(0.3, 1.0), 0.0, random.uniform(-2.0, 2.0))
         points = np.asfortranarray(random.uniform((-0.6, -0.7), (0.9, 0.7), (random.integers(2, 9), 2)))
         arguments = twist, (), points, np.arange(len(points)), hull, profile
@@ -101,7 +101,7 @@ def test_what_stands_in_the_way_of_one_turn_changes_no_answer(kind, monkeypatch)
         assert (again.velocity, again.cause) == (plain.velocity, plain.cause)
         turned += quick.velocity != twist
         skipped += quick.velocity.w != twist.w
-    assert turned > 1000 and skipped > (0 if kind == "disc" else 300)
+    assert turned > 300 and skipped > (0 if kind == "disc" else 100)
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-0.03, 0.2))

@@ -89,8 +89,8 @@ def program(robot, browsers, bridge):
 
     @asynccontextmanager
     async def opened(who):
-        user = await in_database(User.objects.get, username=who)
         session_key = browsers[who].cookies[settings.SESSION_COOKIE_NAME].value
+        user = await in_database(User.objects.get, username=who)
         one = Program(user, session_key)
         await one.open(robot)
         try:

@@ -169,7 +169,7 @@ async def test_page_that_returns_with_a_lower_role_has_no_control(open_page, bri
     assert (ended.outcome, ended.parameters["why"]) == (EndReason.RIGHT, "role_lowered")
 
 
-async def test_role_that_rises_and_falls_back_ends_nothing(open_page, bridge):
+async def test_role_that_rises_and_falls_back_ends_nothing(open_page, bridge, supervisor):
     await set_role("operator")
     page = await open_page("supervisor")
     await page.say("take")

@@ -70,8 +70,8 @@ async def test_a_right_that_ends_mid_slot_ends_control(
     await page.take()
     waiting = await open_page("second")
     assert waiting.control["refusal"]["code"] == "booked"
-    begun_s = time.monotonic()
     await in_database(change, browsers["staff"], other_robot)
+    begun_s = time.monotonic()
     await bridge.hears(wire.Revoke)
     assert time.monotonic() - begun_s < LONGEST_S
     await waiting.hears("control", state="free", refusal=None)
