@@ -73,7 +73,9 @@ class Bridge:
         # Stop numbers start from the time of day: a page that saw a stop of an earlier process must not clear a new
         # one.
         stops_before = time.time_ns() // 1_000_000
-        self._inspector = InspectorClient(config, self._publishing_lost)
+        self._inspector = InspectorClient(
+            config, lambda: self._core.tasks.publications.inspector_ended(time.monotonic())
+        )
         self._cameras = CameraClient(config)
         self._core = Core(
             config,
@@ -314,9 +316,6 @@ class Bridge:
             self._core.close(now_s)
         finally:
             self._base.stop()
-
-    def _publishing_lost(self) -> None:
-        self._core.tasks.publications.inspector_ended(time.monotonic())
 
     def _node_lost(self, name_taken: bool) -> None:
         self._exit_code = EXIT_NAME_LOST if name_taken else EXIT_NOT_JOINED

@@ -75,7 +75,6 @@ class _Request(RecordedTask):
 
     @property
     def words(self) -> Sentence:
-        """The request in words."""
         if self.turns:
             return say("turning by {angle:.0f}°", angle=math.degrees(self.goal))
         return say("driving {distance:.2f} m", distance=self.goal)

@@ -44,7 +44,6 @@ class Scale(Struct, frozen=True, tag_field="step", tag="scale"):
     w: Factor = 1.0
 
     def __call__(self, position: StickPosition) -> StickPosition:
-        """Return the scaled position."""
         return StickPosition(position.x * self.x, position.y * self.y, position.w * self.w)
 
 
@@ -54,7 +53,6 @@ class DeadZone(Struct, frozen=True, tag_field="step", tag="dead_zone"):
     width: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.03
 
     def __call__(self, position: StickPosition) -> StickPosition:
-        """Return the position with small values set to zero."""
         return StickPosition(*(self._beyond(axis) for axis in position))
 
     def _beyond(self, axis: float) -> float:
@@ -68,7 +66,6 @@ class Curve(Struct, frozen=True, tag_field="step", tag="curve"):
     exponent: Annotated[float, Meta(ge=1.0, le=4.0)] = 1.0
 
     def __call__(self, position: StickPosition) -> StickPosition:
-        """Return the position on the curve."""
         return StickPosition(*(math.copysign(abs(axis) ** self.exponent, axis) for axis in position))
 
 

@@ -90,19 +90,18 @@ class PendingStops:
 
     def all(self) -> list[WaitingStop]:
         """Return all pending stops, the newest last."""
-        with self._lock:
-            found = list(self._unwritten.values())
-        for path in self._paths(""):
-            if (stop := _read(path)) is not None:
-                found.append(stop)
-        return sorted(found, key=lambda stop: stop.at)
+        return self._found("")
 
     def of(self, name: str) -> list[WaitingStop]:
         """Return one robot's pending stops, the newest last; usually none or one."""
+        return self._found(name)[-MOST_OF_ONE:]
+
+    def _found(self, begin: str) -> list[WaitingStop]:
+        """Return the pending stops of robots whose name begins so, the newest last."""
         with self._lock:
-            found = [self._unwritten[name]] if name in self._unwritten else []
-        found += [stop for path in self._paths(name) if (stop := _read(path)) is not None]
-        return sorted(found, key=lambda stop: stop.at)[-MOST_OF_ONE:]
+            found = [stop for name, stop in self._unwritten.items() if name.startswith(begin)]
+        found += [stop for path in self._paths(begin) if (stop := _read(path)) is not None]
+        return sorted(found, key=lambda stop: stop.at)
 
     def settle(self, stop: WaitingStop, answer: Stopped | Refusal) -> None:
         """Remove `stop`, which was confirmed or refused, and older stops of this robot; pass on the answer."""

@@ -74,7 +74,6 @@ async def _show_life(at: wire.CameraAt, producer: Producer) -> None:
 
 
 def _call(loop: asyncio.AbstractEventLoop, work: Callable[..., None], *given: Any) -> None:
-    """Run `work` on the event loop."""
     with suppress(RuntimeError):  # the process ends
         loop.call_soon_threadsafe(work, *given)
 

@@ -279,7 +279,6 @@ class Inspector:
 
 
 def _refusal(error: Exception) -> wire.Refusal:
-    """Return the refusal for an exception."""
     match error:
         case BadField() | Declined():
             return error.refusal
