@@ -14,6 +14,8 @@ from typing import Annotated, NamedTuple
 
 from msgspec import Meta, Struct
 
+from robots.shared.sentences import joined, say
+
 COMMAND_LIFE_S = 0.3  # a command is valid for this time; after a longer gap, smoothing starts again
 SHORTEST_S = 0.005  # shortest assumed time between two commands: the commands of a burst arrive together
 
@@ -185,20 +187,22 @@ def apply_filters(
 
 def describe(steps: Sequence[StickStep]) -> str:
     """Describe the chain for an operator."""
-    return ", ".join(filter(None, map(_words, steps))) or "no filter"
+    words = list(filter(None, map(_words, steps)))
+    return joined(", ", words) if words else say("no filter")
 
 
 def _words(step: StickStep) -> str:
     match step:
         case Scale(x, y, w):
-            return f"scaled (forward {x:g}, left {y:g}, turn {w:g})"
+            shares = {"x": f"{x:g}", "y": f"{y:g}", "w": f"{w:g}"}
+            return say("scaled (forward {x}, left {y}, turn {w})", **shares)
         case DeadZone(width):
-            return f"dead zone {width:g}" if width else ""
+            return say("dead zone {width}", width=f"{width:g}") if width else ""
         case Curve(exponent):
-            return f"curve {exponent:g}" if exponent != 1.0 else ""
+            return say("curve {exponent}", exponent=f"{exponent:g}") if exponent != 1.0 else ""
         case OneEuro():
-            return "smoothed (One-Euro)"
+            return say("smoothed (One-Euro)")
         case Mean(count):
-            return f"smoothed (mean of {count})"
+            return say("smoothed (mean of {count})", count=count)
         case Snap(_, share):
-            return f"sideways turns on the spot at {share:.0%}"
+            return say("sideways turns on the spot at {share}", share=f"{share:.0%}")

@@ -17,6 +17,7 @@ from robots.shared.wire.base import (
     Seq,
     Share,
     TabToken,
+    Worded,
 )
 from robots.shared.wire.camera import CameraEntry
 from robots.shared.wire.limbs import Limb, LimbRange
@@ -148,8 +149,10 @@ class SonarPose(Struct, frozen=True):
     fov: float  # the whole cone's angle
 
 
-class RobotFacts(Struct, frozen=True):
+class RobotFacts(Worded, frozen=True):
     """Facts of a robot for a page."""
+
+    SENTENCES = ("stick",)
 
     slug: str  # its name in web addresses
     name: str  # for people

@@ -16,6 +16,7 @@ const TOLD = new Set([
   "navigation_held",
   "problem",
   "reason",
+  "stick",
   "warning",
 ]);
 // Fields that nobody reads as a sentence: numbers, and values of a robot's messages

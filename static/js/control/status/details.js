@@ -90,7 +90,7 @@ export class Details {
       interpolate(gettext("Also publishing to the drive topic: %s"), [state.foreign.join(", ")]),
     );
     const counts = Object.entries(state.refused).map(
-      ([code, count]) => `${code.replaceAll("_", " ")}: ${roughly(count)}`, // as all pages show codes
+      ([code, count]) => `${gettext(code.replaceAll("_", " "))}: ${roughly(count)}`, // as all pages show codes
     );
     fill(refusals, counts.length ? counts : [gettext("None")]);
   }

@@ -1,5 +1,7 @@
 /** Plain words for the technical names of robots and bridges. *Details* has both. Pure. */
 
+import { sentence } from "../../lib/sentences.js";
+
 const EIGHTH = Math.PI / 4;
 
 /** The sides of the robot, counter-clockwise from its front. */
@@ -61,10 +63,10 @@ export function brief(text, names) {
 
 /**
  * Return a text about the filters between stick and robot.
- * @param {string} steps the filters, as the bridge names them
+ * @param {string} steps the filters, in the page’s language
  */
 export function stickWords(steps) {
-  return steps === "no filter"
+  return steps === sentence(["no filter"])
     ? gettext("goes to the robot as it is")
     : gettext("smoothed: a trembling hand does not shake the robot");
 }
