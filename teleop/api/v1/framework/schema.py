@@ -120,9 +120,9 @@ def with_stops(result: dict[str, Any], generator: Any, **_options: Any) -> dict[
 
 
 def _plain_tuples(schema: Any) -> None:
-    """Describe a tuple of equal types as an array of fixed length, for client generators.
+    """Describe a tuple of equal types as an array of fixed length, and name the items of every array.
 
-    Client generators do not support `items: false`.
+    Client generators do not support `items: false`, and leave out a schema with an array without items.
     """
     if isinstance(schema, dict):
         if schema.get("items") is False:
@@ -130,6 +130,8 @@ def _plain_tuples(schema: Any) -> None:
             if any(other != first for other in others):
                 raise ValueError(f"a tuple of different types is for no client: {schema}")
             schema["items"] = first
+        if schema.get("type") == "array":
+            schema.setdefault("items", {})
         for inner in schema.values():
             _plain_tuples(inner)
     elif isinstance(schema, list):
