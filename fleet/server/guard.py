@@ -17,7 +17,7 @@ from zope.interface import implementer, noLongerProvides
 
 from fleet.server import limits
 from fleet.server.incoming import Head, IncomingRequest
-from fleet.server.limits import HttpRefusal, Refused
+from fleet.server.limits import HttpRefusal
 from fleet.server.turns import Key
 
 GUARD: ContextVar[Guard] = ContextVar("guard")  # of the request whose application runs
@@ -100,8 +100,8 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
             self.setTimeout(limits.HEAD_S)
         try:
             self._unhandled = self._feed(data)
-        except Refused as error:
-            self.refuse(error.refusal)
+        except HttpRefusal as refusal:
+            self.refuse(refusal)
         if self._incoming.is_whole and self._incoming.head is not None and not self._leaving:
             self._hand_on(self._incoming, self._incoming.head)
         self.read_or_pause()
@@ -121,7 +121,7 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
 
     def _reserve(self, more_bytes: int) -> None:
         if not self.server.bodies.take(self._address, more_bytes):
-            raise Refused(limits.busy())
+            raise limits.busy()
         self._reserved += more_bytes
 
     def _free(self) -> None:

@@ -11,7 +11,7 @@ from httptools import HttpParserError, HttpParserUpgrade, HttpRequestParser
 from fleet.base import stop_addresses
 from fleet.server import limits
 from fleet.server.credentials import has_cookie
-from fleet.server.limits import Refused
+from fleet.server.limits import HttpRefusal
 
 # CONNECT is missing: after it, the bytes of a body would be those of another protocol.
 METHODS = {b"GET", b"HEAD", b"POST", b"PUT", b"PATCH", b"DELETE", b"OPTIONS", b"TRACE"}
@@ -45,9 +45,9 @@ class Head(NamedTuple):
 
 
 class IncomingRequest:
-    """One request. `feed` takes its bytes, and raises `Refused` at the first that exceeds a limit.
+    """One request. `feed` takes its bytes, and raises `HttpRefusal` at the first that exceeds a limit.
 
-    `reserve` is called with the number of bytes of the body before they are kept, and may raise `Refused`.
+    `reserve` is called with the number of bytes of the body before they are kept, and may raise `HttpRefusal`.
     """
 
     def __init__(self, session_cookie: str, reserve: Callable[[int], None]) -> None:
@@ -98,8 +98,8 @@ class IncomingRequest:
             parser = self._parser
             head = Head(parser.get_method(), self._target, parser.get_http_version(), self._headers)
             if not _is_well_formed(head, raw):
-                raise Refused(limits.malformed())
-        except Refused:
+                raise limits.malformed()
+        except HttpRefusal:
             self.head = _stop_in(raw)
             if self.head is None:
                 raise
@@ -124,7 +124,7 @@ class IncomingRequest:
     def _count(self, more: int) -> None:
         self._counted += more
         if self._counted > self._most:
-            raise Refused(limits.body_too_large(self._most))
+            raise limits.body_too_large(self._most)
         if not self._is_stop:  # strangers' bodies must not use up its memory
             self._reserve(more)
 
@@ -147,10 +147,10 @@ class IncomingRequest:
         except HttpParserUpgrade:
             pass
         except HttpParserError as error:
-            if isinstance(error.__context__, Refused):  # raised by `on_body`
+            if isinstance(error.__context__, HttpRefusal):  # raised by `on_body`
                 raise error.__context__ from None
             if not self.is_whole:
-                raise Refused(limits.malformed()) from error
+                raise limits.malformed() from error
 
     # Called by the parser. Behind a body in chunks, which ends the connection, nothing is read.
 
@@ -176,12 +176,12 @@ class IncomingRequest:
 
 
 def _check_size(raw: bytes) -> None:
-    """Raise Refused if a head, which may be incomplete, is too large."""
+    """Raise HttpRefusal if a head, which may be incomplete, is too large."""
     first, is_line, _ = raw.partition(b"\r\n")
     if len(stop_addresses.without_query(first)) > (limits.URL_BYTES if is_line else limits.HEAD_BYTES):
-        raise Refused(limits.url_too_long())
+        raise limits.url_too_long()
     if len(raw) > limits.HEAD_BYTES or raw.count(b"\r\n") > limits.HEADERS + 1:
-        raise Refused(limits.head_too_large())
+        raise limits.head_too_large()
 
 
 def _with_short_target(raw: bytes) -> bytes:

@@ -8,7 +8,7 @@ limited, too.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 URL_BYTES = 4096
 HEAD_BYTES = 16384  # request line and headers
@@ -48,23 +48,20 @@ HANDSHAKE_BYTES = 16384  # bytes that a WebSocket may send before it is accepted
 UNREAD_BYTES = 256 * 1024  # of one WebSocket, while the console handles older ones; then reading pauses
 
 
-@dataclass(frozen=True)
-class HttpRefusal:
-    """The answer to a request that is not accepted: HTTP status and refusal, like those of other interfaces.
-
-    The response is a problem document (RFC 9457), like those of the API.
-    """
+@dataclass(eq=False)
+class HttpRefusal(Exception):
+    """A request that is not accepted. Its response is a problem document (RFC 9457), like those of the API."""
 
     status: int
     reason: str
     code: str
     text: str
-    figures: tuple[tuple[str, float], ...] = ()
+    figures: dict[str, float] = field(default_factory=dict)
     retry_after_s: int | None = None
 
     def response(self) -> bytes:
         """Return the whole HTTP response. The connection closes after it."""
-        refusal = {"code": self.code, "text": self.text, "rule": "limits", "figures": dict(self.figures)}
+        refusal = {"code": self.code, "text": self.text, "rule": "limits", "figures": self.figures}
         problem = {"type": "about:blank", "title": self.reason, "status": self.status, "detail": self.text}
         body = json.dumps({**problem, **refusal, "refusals": [refusal]}).encode()
         retry = f"Retry-After: {self.retry_after_s}\r\n" if self.retry_after_s else ""
@@ -75,37 +72,29 @@ class HttpRefusal:
         return head.encode() + body
 
 
-class Refused(Exception):
-    """A request exceeded a limit while it arrived."""
-
-    def __init__(self, refusal: HttpRefusal) -> None:
-        super().__init__(refusal.text)
-        self.refusal = refusal
-
-
 def url_too_long() -> HttpRefusal:
     """Return the refusal of a request line with more than `URL_BYTES`."""
     text = f"Not done: the address is longer than {URL_BYTES} bytes."
-    return HttpRefusal(414, "URI Too Long", "url_too_long", text, (("most_bytes", URL_BYTES),))
+    return HttpRefusal(414, "URI Too Long", "url_too_long", text, {"most_bytes": URL_BYTES})
 
 
 def head_too_large() -> HttpRefusal:
     """Return the refusal of more than `HEADERS` headers, or more than `HEAD_BYTES` of headers."""
     text = f"Not done: the request has more than {HEADERS} headers or {HEAD_BYTES} bytes of them."
-    figures = (("most_bytes", HEAD_BYTES), ("most_headers", HEADERS))
+    figures = {"most_bytes": HEAD_BYTES, "most_headers": HEADERS}
     return HttpRefusal(431, "Request Header Fields Too Large", "headers_too_large", text, figures)
 
 
 def body_too_large(most_bytes: int) -> HttpRefusal:
     """Return the refusal of a body with more than `most_bytes`."""
     text = f"Not done: the request's body is larger than {most_bytes} bytes."
-    return HttpRefusal(413, "Content Too Large", "body_too_large", text, (("most_bytes", most_bytes),))
+    return HttpRefusal(413, "Content Too Large", "body_too_large", text, {"most_bytes": most_bytes})
 
 
 def too_slow(seconds: float) -> HttpRefusal:
     """Return the refusal of a request that did not arrive in time."""
     text = f"Not done: the request did not arrive within {seconds:g} s."
-    return HttpRefusal(408, "Request Timeout", "request_too_slow", text, (("most_s", seconds),))
+    return HttpRefusal(408, "Request Timeout", "request_too_slow", text, {"most_s": seconds})
 
 
 def malformed() -> HttpRefusal:
