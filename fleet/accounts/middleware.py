@@ -16,7 +16,7 @@ from django.utils.translation import gettext as _
 
 from fleet.accounts import services
 from fleet.accounts.models import User
-from fleet.accounts.requests import wants_json
+from fleet.accounts.requests import GetResponse, wants_json
 from fleet.base import languages, zones
 
 logger = logging.getLogger(__name__)
@@ -48,9 +48,7 @@ class TooManyFields(TooManyFieldsSent):
         super().__init__(self.text)
 
 
-def few_fields_of_strangers(
-    get_response: Callable[[HttpRequest], HttpResponseBase],
-) -> Callable[[HttpRequest], HttpResponseBase]:
+def few_fields_of_strangers(get_response: GetResponse) -> GetResponse:
     """Middleware: refuse large forms of people who are not signed in, before the form is read.
 
     Forms of signed-in people may have as many fields as the largest list of people has lines, and more
@@ -69,7 +67,7 @@ def few_fields_of_strangers(
 class ViewersChoices:
     """Show pages in the time zone and language that the signed-in person chose; else the lab's, the browser's."""
 
-    def __init__(self, get_response: Callable[[HttpRequest], HttpResponseBase]) -> None:
+    def __init__(self, get_response: GetResponse) -> None:
         self._get_response = get_response
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:
@@ -85,9 +83,7 @@ class ViewersChoices:
                 translation.activate(language)
 
 
-def sign_in_seen(
-    get_response: Callable[[HttpRequest], HttpResponseBase],
-) -> Callable[[HttpRequest], HttpResponseBase]:
+def sign_in_seen(get_response: GetResponse) -> GetResponse:
     """Middleware: after each page, note that its sign-in was used."""
 
     def middleware(request: HttpRequest) -> HttpResponseBase:

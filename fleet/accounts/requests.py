@@ -1,11 +1,15 @@
-"""The person and the kind of answer of a request."""
+"""The person and the kind of answer of a request, and the type of middleware."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from django.core.exceptions import PermissionDenied
-from django.http import HttpRequest
+from django.http import HttpRequest, HttpResponseBase
 
 from fleet.accounts.models import User
+
+GetResponse = Callable[[HttpRequest], HttpResponseBase]
 
 
 def person_of(request: HttpRequest) -> User:

@@ -56,41 +56,24 @@ def _wrong_code(*, user: User, **_: Any) -> None:
     throttle.failure_recorded(username=name, address=name, person=user)
 
 
-@receiver(post_save, sender=Authenticator)
-def _second_factor_added(*, instance: Authenticator, created: bool, **_: Any) -> None:
-    if created:
-        _second_factor_recorded(instance, "added")
+# `created`: True for a new row, False for a changed one, missing for a deleted one. A change is recorded in its
+# transaction: a change that cannot be recorded is not made.
 
 
-@receiver(post_delete, sender=Authenticator)
-def _second_factor_removed(*, instance: Authenticator, **_: Any) -> None:
-    _second_factor_recorded(instance, "removed")
+@receiver([post_save, post_delete], sender=Authenticator)
+def _second_factor_changed(*, instance: Authenticator, created: bool | None = None, **_: Any) -> None:
+    if created is not False:
+        outcome = "added" if created else "removed"
+        parameters = {"user": str(instance.user_id), "factor": str(instance.type)}
+        record("account.second_factor", actor=_actor(instance.user), outcome=outcome, parameters=parameters)
 
 
-@receiver(post_save, sender=SocialAccount)
-def _single_sign_on_joined(*, instance: SocialAccount, created: bool, **_: Any) -> None:
-    if created:
-        _single_sign_on_recorded(instance, "joined")
-
-
-@receiver(post_delete, sender=SocialAccount)
-def _single_sign_on_parted(*, instance: SocialAccount, **_: Any) -> None:
-    _single_sign_on_recorded(instance, "parted")
-
-
-def _second_factor_recorded(factor: Authenticator, outcome: str) -> None:
-    """Record a change in its transaction: a change that cannot be recorded is not made."""
-    parameters = {"user": str(factor.user_id), "factor": str(factor.type)}
-    record("account.second_factor", actor=_actor(factor.user), outcome=outcome, parameters=parameters)
-
-
-def _single_sign_on_recorded(account: SocialAccount, outcome: str) -> None:
-    record(
-        "account.single_sign_on",
-        actor=_actor(account.user),
-        outcome=outcome,
-        parameters={"user": str(account.user_id)},
-    )
+@receiver([post_save, post_delete], sender=SocialAccount)
+def _single_sign_on_changed(*, instance: SocialAccount, created: bool | None = None, **_: Any) -> None:
+    if created is not False:
+        outcome = "joined" if created else "parted"
+        parameters = {"user": str(instance.user_id)}
+        record("account.single_sign_on", actor=_actor(instance.user), outcome=outcome, parameters=parameters)
 
 
 def _actor(owner: User) -> User | SystemAccount:

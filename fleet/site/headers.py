@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from django.http import HttpRequest, HttpResponseBase
+
+from fleet.accounts.requests import GetResponse
 
 # The control page uses a gamepad and keeps the screen awake. No page needs other functions of the device.
 PERMISSIONS_POLICY = "gamepad=(self), screen-wake-lock=(self), camera=(), microphone=(), geolocation=()"
 
 
-def permissions_policy(
-    get_response: Callable[[HttpRequest], HttpResponseBase],
-) -> Callable[[HttpRequest], HttpResponseBase]:
+def permissions_policy(get_response: GetResponse) -> GetResponse:
     """Middleware: limit the functions of the device that pages may use."""
 
     def middleware(request: HttpRequest) -> HttpResponseBase:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, cast
 
 from django import forms
@@ -21,7 +20,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_safe
 
 from fleet.accounts.models import User
-from fleet.accounts.requests import person_of
+from fleet.accounts.requests import GetResponse, person_of
 from fleet.accounts.sign_in import first_run, throttle
 from fleet.accounts.sign_in.hashing import HashingBusy
 from robots.check.robot_check import FAIL, run_checks
@@ -60,9 +59,7 @@ class RobotForm(forms.ModelForm):  # type: ignore[type-arg]  # not subscriptable
         fields = ("name", "profile", "master_uri")
 
 
-def leads_to_setup(
-    get_response: Callable[[HttpRequest], HttpResponseBase],
-) -> Callable[[HttpRequest], HttpResponseBase]:
+def leads_to_setup(get_response: GetResponse) -> GetResponse:
     """Middleware: while nobody has an account, redirect every page to the first-run page."""
 
     def middleware(request: HttpRequest) -> HttpResponseBase:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Callable
 
 from django.db import InterfaceError, OperationalError
 from django.http import HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
@@ -15,7 +14,7 @@ from django.shortcuts import render
 from django.views.defaults import server_error
 from msgspec import to_builtins
 
-from fleet.accounts.requests import wants_json
+from fleet.accounts.requests import GetResponse, wants_json
 from fleet.accounts.sign_in.hashing import HashingBusy
 from fleet.audit.errors import AuditUnavailable, TooManyChanges, cause_of
 from robots.shared.sentences import say
@@ -29,7 +28,7 @@ RETRY_AFTER_S = 5
 class UnavailableInWords:
     """Middleware: answer requests that fail because of the database."""
 
-    def __init__(self, get_response: Callable[[HttpRequest], HttpResponseBase]) -> None:
+    def __init__(self, get_response: GetResponse) -> None:
         self._get_response = get_response
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from allauth.mfa.base.forms import AuthenticateForm, ReauthenticateForm
@@ -14,7 +13,7 @@ from django.shortcuts import redirect
 from django.utils.translation import gettext as _
 
 from fleet.accounts.models import User
-from fleet.accounts.requests import wants_json
+from fleet.accounts.requests import GetResponse, wants_json
 from fleet.accounts.sign_in import throttle
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid
@@ -77,9 +76,7 @@ def second_factors_remove(user: User) -> int:
     return count
 
 
-def required(
-    get_response: Callable[[HttpRequest], HttpResponseBase],
-) -> Callable[[HttpRequest], HttpResponseBase]:
+def required(get_response: GetResponse) -> GetResponse:
     """Middleware: until staff have set up a required second factor, allow only the `OPEN` pages and stops."""
 
     def middleware(request: HttpRequest) -> HttpResponseBase:
