@@ -84,14 +84,9 @@ class ControlSessionAdmin(ListAdmin):
 
     def exported(self, request: HttpRequest, form: FilterForm, format_: exports.Format) -> HttpResponseBase:
         """Export every session that matches the filters."""
-        return exports.response_of(
-            _COLUMNS,
-            _chunks(_filtered(form).filter(_days(form)), zones.viewers()),
-            form.wanted(),
-            actor=person_of(request),
-            name="control-sessions",
-            format_=format_,
-        )
+        chunks = _chunks(_filtered(form).filter(_days(form)), zones.viewers())
+        content = exports.table(_COLUMNS, chunks, format_)
+        return exports.response(content, form.wanted(), actor=person_of(request), name="control-sessions")
 
 
 def _chunks(sessions: Sessions, zone: ZoneInfo) -> Iterator[list[exports.Facts]]:

@@ -178,11 +178,10 @@ class RecordsAdmin(ListAdmin):
     def exported(self, request: HttpRequest, form: FilterForm, format_: exports.Format) -> HttpResponseBase:
         """Return the response with the file: each request with its outcome."""
         return exports.response(
-            Selection(form.wanted(), self._kinds()),
+            exports.records(Selection(form.wanted(), self._kinds()), format_),
             form.wanted(),
             actor=request.user,  # type: ignore[arg-type]  # signed in: this is the admin
             name=self.listing.value if self.listing else "everything",
-            format_=format_,
         )
 
     def record_view(self, request: HttpRequest, object_id: int) -> HttpResponse:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from datetime import datetime
 from enum import Enum
-from itertools import islice
+from itertools import chain, islice
 from typing import Any
 from zoneinfo import ZoneInfo
 
@@ -131,14 +131,10 @@ def _visible_details(record: Record, user: User) -> dict[str, Any]:
 
 def export_of(user: User) -> exports.ExportResponse:
     """Return all of the person's data as a file. Raises `AuditUnavailable`: an export must be recorded first."""
-    return exports.response(
-        Selection(_own_records(user)),
-        _own_records(user),
-        actor=user,
-        name="your-data",
-        format_=exports.Format.JSON_LINES,
-        further_pieces=_lines_about(user, zones.viewers()),
-    )
+    wanted = _own_records(user)
+    own = exports.records(Selection(wanted), exports.Format.JSON_LINES)
+    content = own._replace(pieces=chain(own.pieces, _lines_about(user, zones.viewers())))
+    return exports.response(content, wanted, actor=user, name="your-data")
 
 
 def _lines_about(user: User, zone: ZoneInfo) -> Iterator[tuple[str, int]]:

@@ -12,10 +12,9 @@ import json
 import logging
 import time
 from codecs import BOM_UTF8
-from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
+from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
 from datetime import datetime
-from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import quote
 from zoneinfo import ZoneInfo
 
@@ -148,73 +147,48 @@ class _Requests:
 _requests = _Requests()
 
 
-def response(
-    selection: Selection,
-    wanted: Wanted,
-    *,
-    actor: AbstractUser,
-    name: str,
-    format_: Format,
-    further_pieces: Iterable[tuple[str, int]] = (),
-) -> ExportResponse:
-    """Return the file as a response. Raises `AuditUnavailable` if the export cannot be recorded.
+class Content(NamedTuple):
+    """The content of a file: its first text, then pieces, each with the text of some rows and their number."""
 
-    `further_pieces` (text and number of rows) follow the selected rows.
-    """
-    head, to_text = _WRITERS[format_]
+    format: Format
+    head: str
+    pieces: Iterable[tuple[str, int]]
+
+
+def records(selection: Selection, format_: Format) -> Content:
+    """Return the selected records, each request with its outcome."""
     zone = zones.viewers()  # read now: the rows are written after the request, when the zone is no longer set
-    pieces = ((to_text(rows, zone), len(rows)) for rows in selection.chunks(CHUNK))
-    return _file(head, chain(pieces, further_pieces), wanted, actor=actor, name=name, format_=format_)
-
-
-def response_of(
-    columns: Sequence[str],
-    chunks: Iterable[list[Facts]],
-    wanted: Wanted,
-    *,
-    actor: AbstractUser,
-    name: str,
-    format_: Format,
-) -> ExportResponse:
-    """Return a response like `response`, for rows that are no records.
-
-    Each row has a value for each column.
-    """
+    chunks = selection.chunks(CHUNK)
     if format_ is Format.CSV:
-        head = BOM + _csv_lines([columns])
-        pieces = ((_csv_lines([_safe(facts.values()) for facts in rows]), len(rows)) for rows in chunks)
-    else:
-        head = ""
-        pieces = (("".join(f"{_json(facts)}\n" for facts in rows), len(rows)) for rows in chunks)
-    return _file(head, pieces, wanted, actor=actor, name=name, format_=format_)
+        return _csv(COLUMNS, ([_cells(row, zone) for row in rows] for rows in chunks))
+    return _json_lines([_whole(row.record, row.end, zone) for row in rows] for rows in chunks)
 
 
-def _file(
-    head: str,
-    pieces: Iterator[tuple[str, int]],
-    wanted: Wanted,
-    *,
-    actor: AbstractUser,
-    name: str,
-    format_: Format,
-) -> ExportResponse:
+def table(columns: Sequence[str], chunks: Iterable[list[Facts]], format_: Format) -> Content:
+    """Return rows that are no records. Each has a value for each column."""
+    if format_ is Format.CSV:
+        return _csv(columns, ([facts.values() for facts in rows] for rows in chunks))
+    return _json_lines(chunks)
+
+
+def response(content: Content, wanted: Wanted, *, actor: AbstractUser, name: str) -> ExportResponse:
+    """Return the file as a response. Raises `AuditUnavailable` if the export cannot be recorded."""
     asked = {key: value for key, value in asdict(wanted).items() if value and key != "words"}
     begun = record(
         "audit.export",
         actor=actor,
-        robot_id=None,
         parameters={
             "list": name,
-            "format": format_.value,
+            "format": content.format.value,
             **{key: str(value) for key, value in asked.items()},
         },
         private={"words": " ".join(wanted.words)} if wanted.words else None,
     )
-    file = f"{name}-{timezone.now():%Y-%m-%d}.{format_.value}"
+    file = f"{name}-{timezone.now():%Y-%m-%d}.{content.format.value}"
     return ExportResponse(
-        head,
-        Export(pieces, begun, actor),
-        content_type=_MEDIA_TYPES[format_],
+        content.head,
+        Export(iter(content.pieces), begun, actor),
+        content_type=_MEDIA_TYPES[content.format],
         headers={
             "Content-Disposition": f"attachment; filename=\"{file}\"; filename*=UTF-8''{quote(file)}",
             "Cache-Control": "no-store",
@@ -230,8 +204,9 @@ def safe_cell(value: str) -> str:
     return f"'{value}" if value.startswith(_FORMULA) else value
 
 
-def _csv(rows: list[Row], zone: ZoneInfo) -> str:
-    return _csv_lines([_safe(_cells(row, zone)) for row in rows])
+def _csv(columns: Sequence[str], chunks: Iterable[Sequence[Iterable[Any]]]) -> Content:
+    pieces = ((_csv_lines(map(_safe, rows)), len(rows)) for rows in chunks)
+    return Content(Format.CSV, BOM + _csv_lines([columns]), pieces)
 
 
 def _safe(cells: Iterable[Any]) -> list[str]:
@@ -258,8 +233,9 @@ def _cells(row: Row, zone: ZoneInfo) -> Iterator[Any]:
 # --- JSON Lines -----------------------------------------------------------------------------------
 
 
-def _json_lines(rows: list[Row], zone: ZoneInfo) -> str:
-    return "".join(f"{_json(_whole(row.record, row.end, zone))}\n" for row in rows)
+def _json_lines(chunks: Iterable[list[Facts]]) -> Content:
+    pieces = (("".join(f"{_json(row)}\n" for row in rows), len(rows)) for rows in chunks)
+    return Content(Format.JSON_LINES, "", pieces)
 
 
 def _whole(record: Record, end: Record | None, zone: ZoneInfo) -> dict[str, Any]:
@@ -312,9 +288,4 @@ def _json(value: Any) -> str:
 _MEDIA_TYPES = {
     Format.CSV: "text/csv; charset=utf-8",
     Format.JSON_LINES: "application/jsonl; charset=utf-8",
-}
-# The first text of the file, and the function that writes rows.
-_WRITERS: dict[Format, tuple[str, Callable[[list[Row], ZoneInfo], str]]] = {
-    Format.CSV: (BOM + _csv_lines([COLUMNS]), _csv),
-    Format.JSON_LINES: ("", _json_lines),
 }

@@ -344,13 +344,8 @@ class ExportView(RecordsBase):
         if not self.person.is_staff:
             raise PermissionDenied("Only staff export the log. Your own data are on the page Your data.")
         wanted = self.wanted(query)
-        return exports.response(
-            Selection(wanted),
-            wanted,
-            actor=self.person,
-            name="everything",
-            format_=exports.Format(query.format),
-        )
+        content = exports.records(Selection(wanted), exports.Format(query.format))
+        return exports.response(content, wanted, actor=self.person, name="everything")
 
 
 def _actor(name: str | None, person: User) -> str:

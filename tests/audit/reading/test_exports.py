@@ -109,7 +109,7 @@ async def test_an_unread_export_is_recorded_as_broken_off(staff, monkeypatch):
         await exports.sync_to_async(say)(f"text {number}")
     selection = Selection(Wanted(), ["speech.start"])
     response = await exports.sync_to_async(exports.response)(
-        selection, Wanted(), actor=staff, name="speech", format_=Format.CSV
+        exports.records(selection, Format.CSV), Wanted(), actor=staff, name="speech"
     )
     pieces = aiter(response.streaming_content)
     await anext(pieces)  # the header line
@@ -132,9 +132,8 @@ async def test_an_export_makes_way_for_other_requests(staff, monkeypatch):
 
     monkeypatch.setattr(exports, "time", SimpleNamespace(perf_counter=lambda: next(now)))
     monkeypatch.setattr(exports, "asyncio", SimpleNamespace(sleep=pause))
-    response = await exports.sync_to_async(exports.response)(
-        Selection(Wanted(), ["speech.start"]), Wanted(), actor=staff, name="speech", format_=Format.CSV
-    )
+    content = exports.records(Selection(Wanted(), ["speech.start"]), Format.CSV)
+    response = await exports.sync_to_async(exports.response)(content, Wanted(), actor=staff, name="speech")
     pieces = aiter(response.streaming_content)
     await anext(pieces)  # the header line
     await anext(pieces)
