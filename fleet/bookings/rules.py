@@ -12,9 +12,10 @@ from functools import partial
 from zoneinfo import ZoneInfo
 
 from django.utils.formats import date_format
+from django.utils.translation import gettext as _
 from msgspec import Struct
 
-from fleet.base.zones import end_of, start_of
+from fleet.base import zones
 from fleet.bookings.models import WEEKDAYS, Policy
 from robots.access.models import Course
 from robots.registry.models import Role
@@ -111,6 +112,13 @@ Rule = Callable[[Wish], Refusal | None]
 def shown(moment: datetime, zone: ZoneInfo) -> str:
     """Return a moment as text for people: weekday, date, time."""
     return str(date_format(moment.astimezone(zone), "D d M Y, H:i"))
+
+
+def from_to(slot: Slot, zone: ZoneInfo) -> str:
+    """Return begin and end of a slot as text; the end with its day if that is another day."""
+    same = zones.day_of(slot.starts_at, zone) == zones.day_of(slot.ends_at, zone)
+    ends = f"{slot.ends_at.astimezone(zone):%H:%M}" if same else shown(slot.ends_at, zone)
+    return _("%(from)s to %(to)s") % {"from": shown(slot.starts_at, zone), "to": ends}
 
 
 def duration(minutes: float) -> Sentence:
@@ -611,7 +619,7 @@ def check_cancel(slot: Slot, policy: Policy, now: datetime) -> Refusal | None:
 
 def day_of(day: date, lab: ZoneInfo) -> Slot:
     """Return a day of the lab's zone as a slot in UTC. It has 23, 24 or 25 hours."""
-    return Slot(start_of(day, lab), end_of(day, lab))
+    return Slot(zones.start_of(day, lab), zones.end_of(day, lab))
 
 
 def _days(wish: Wish) -> list[Slot]:

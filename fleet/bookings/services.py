@@ -56,6 +56,7 @@ from fleet.bookings.selectors import (
 from robots.access.models import Course
 from robots.access.selectors import manages_robot, may_manage, role_on
 from robots.registry.models import Robot, Role
+from robots.registry.services import named
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 
@@ -671,8 +672,7 @@ def record_booking(kind: str, booking: Booking, actor: User | None, **facts: Any
     return record(
         kind,
         actor=actor,
-        robot_id=booking.robot.id,
-        robot_name=booking.robot.name,
+        **named(booking.robot),
         parameters=parameters,
         private=private,
         **facts,

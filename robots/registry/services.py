@@ -38,15 +38,15 @@ def robot_save(*, robot: Robot, actor: Actor) -> Robot:
     robot.full_clean()
     if robot._state.adding:
         robot.save(force_insert=True)
-        record("robot.create", actor=actor, **_named(robot), parameters=_entered(robot))
+        record("robot.create", actor=actor, **named(robot), parameters=_entered(robot))
     elif changes := _save_changes(robot, Robot.objects.select_for_update(no_key=True).get(pk=robot.pk)):
-        record("robot.change", actor=actor, **_named(robot), parameters={"changes": changes})
+        record("robot.change", actor=actor, **named(robot), parameters={"changes": changes})
     return robot
 
 
 def robot_deleted(robot: Robot) -> None:
     """Record that the account that runs this process deleted a robot, and drop the robot's pending stops."""
-    record("robot.delete", actor=here(), **_named(robot), parameters=_entered(robot))
+    record("robot.delete", actor=here(), **named(robot), parameters=_entered(robot))
     transaction.on_commit(partial(courier.forget, robot.id))
 
 
@@ -121,13 +121,14 @@ def _take(profile: RobotProfile, file: shipped_profiles.ProfileFile, actor: Acto
     profile.save(update_fields=["shipped"])
 
 
-class _Named(TypedDict):
+class _Named(TypedDict, total=False):
     robot_id: UUID
     robot_name: str
 
 
-def _named(robot: Robot) -> _Named:
-    return {"robot_id": robot.id, "robot_name": robot.name}
+def named(robot: Robot | None) -> _Named:
+    """Return the arguments that name a robot in a record; none for no robot."""
+    return {"robot_id": robot.id, "robot_name": robot.name} if robot else {}
 
 
 def _save_changes(entry: models.Model, stored: models.Model) -> list[dict[str, Any]]:
@@ -258,7 +259,7 @@ class _Of(TypedDict, total=False):
 def _of(owner: RobotProfile | Robot, parameters: dict[str, Any]) -> _Of:
     """Return what a record stores of an entry and its owner."""
     if isinstance(owner, Robot):
-        return {**_named(owner), "parameters": parameters}
+        return {**named(owner), "parameters": parameters}
     return {"parameters": {**parameters, "profile": owner.slug}}
 
 

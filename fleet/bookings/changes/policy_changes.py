@@ -25,6 +25,7 @@ from fleet.bookings.selectors import SWITCHED_OFF, held_between
 from fleet.bookings.services import changed, robot_locked, settling
 from robots.access.models import RobotGroup
 from robots.registry.models import Robot
+from robots.registry.services import named
 
 POLICY_FIELDS = (
     "opening",
@@ -72,7 +73,7 @@ def _policy_set(
     if stored is None or changes:
         policy.save()
         parameters = {"changes": changes} | ({"group": group.slug} if group else {})
-        record("policy.change", actor=actor, **_named(robot), parameters=parameters)
+        record("policy.change", actor=actor, **named(robot), parameters=parameters)
     return policy
 
 
@@ -84,7 +85,7 @@ def policy_remove(*, robot: Robot | None = None, group: RobotGroup | None = None
     with _robots_locked(robot, group, timezone.now()):
         if Policy.objects.filter(robot=robot, group=group).delete()[0]:
             parameters = {"group": group.slug} if group else {}
-            record("policy.remove", actor=actor, **_named(robot), parameters=parameters)
+            record("policy.remove", actor=actor, **named(robot), parameters=parameters)
 
 
 @transaction.atomic
@@ -107,7 +108,7 @@ def out_of_service_add(
     period.save()
     until = ends_at.isoformat() if ends_at else None
     parameters = {"period": str(period.pk), "from": starts_at.isoformat(), "to": until, "why": why}
-    record("robot.out_of_service", actor=actor, **_named(robot), parameters=parameters, text=note)
+    record("robot.out_of_service", actor=actor, **named(robot), parameters=parameters, text=note)
     _tell(robot)
     affected = list(held_between([robot], max(starts_at, now), ends_at or FAR))
     for booking in affected:
@@ -140,7 +141,7 @@ def _out_of_service_end(period_id: UUID, actor: User, now: datetime) -> None:
         period.ends_at = now
         period.save()
     parameters = {"period": str(period_id)}
-    record("robot.back_in_service", actor=actor, **_named(period.robot), parameters=parameters)
+    record("robot.back_in_service", actor=actor, **named(period.robot), parameters=parameters)
     for booking in held_between([period.robot], starts_at, ends_at):
         changed_by_another(booking, actor, lambda: _("the robot is back in service"), now)
 
@@ -160,10 +161,6 @@ def _robot_changed(*, instance: Robot, created: bool, update_fields: Any, **_opt
         )
     settling.send(sender=Booking, robot=instance, now=now)  # this change has locked the robot's row
     _tell(instance)
-
-
-def _named(robot: Robot | None) -> dict[str, Any]:
-    return {"robot_id": robot.id, "robot_name": robot.name} if robot else {}
 
 
 def _tell(robot: Robot) -> None:

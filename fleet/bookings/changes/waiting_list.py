@@ -37,6 +37,7 @@ from fleet.bookings.services import (
     state_for,
 )
 from robots.registry.models import Robot
+from robots.registry.services import named
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 
@@ -87,7 +88,7 @@ def _facts(waiting: Waiting) -> dict[str, Any]:
         "from": waiting.starts_at.isoformat() if waiting.starts_at else None,
         "to": waiting.ends_at.isoformat() if waiting.ends_at else None,
     }
-    return {"robot_id": waiting.robot.id, "robot_name": waiting.robot.name, "parameters": parameters}
+    return {**named(waiting.robot), "parameters": parameters}
 
 
 def keep_waiting_lists(now: datetime) -> None:

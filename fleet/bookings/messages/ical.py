@@ -5,7 +5,6 @@ from __future__ import annotations
 import secrets
 from datetime import datetime, timedelta
 from hashlib import sha256
-from typing import Any
 
 from django.db import transaction
 from django.db.models import QuerySet
@@ -22,6 +21,7 @@ from fleet.bookings.selectors import NOT_YET, grace_of, policies_of, stage_of
 from robots.access.selectors import robots_bookable_by
 from robots.access.who_sees import Reader, reader_of
 from robots.registry.models import Robot
+from robots.registry.services import named
 
 PAST = timedelta(days=31)  # how far a feed goes back
 
@@ -32,7 +32,7 @@ def address_make(*, person: User, robot: Robot | None, now: datetime) -> str:
     address_revoke(person=person, robot=robot)
     token = secrets.token_urlsafe(24)
     FeedAddress.objects.create(digest=_digest(token), person=person, robot=robot, made_at=now)
-    record("booking.feed", actor=person, **_named(robot))
+    record("booking.feed", actor=person, **named(robot))
     return token
 
 
@@ -40,7 +40,7 @@ def address_make(*, person: User, robot: Robot | None, now: datetime) -> str:
 def address_revoke(*, person: User, robot: Robot | None) -> None:
     """End the private address, if there is one."""
     if FeedAddress.objects.filter(person=person, robot=robot).delete()[0]:
-        record("booking.feed_end", actor=person, **_named(robot))
+        record("booking.feed_end", actor=person, **named(robot))
 
 
 def feed_of(token: str, now: datetime) -> bytes | None:
@@ -84,7 +84,3 @@ def _calendar(name: str, bookings: QuerySet[Booking], reader: Reader, now: datet
 
 def _digest(token: str) -> str:
     return sha256(token.encode()).hexdigest()
-
-
-def _named(robot: Robot | None) -> dict[str, Any]:
-    return {"robot_id": robot.id, "robot_name": robot.name} if robot else {}

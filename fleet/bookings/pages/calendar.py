@@ -85,11 +85,21 @@ def calendar(person: User, robots: Iterable[Robot], first: date, last: date, now
     out = OutOfService.objects.filter(robot__in=robots, starts_at__lt=ends)
     slugs = {robot.id: robot.slug for robot in robots}
     events += [
-        _out(one, slugs[one.robot_id], ends, zone)
+        _background(
+            one.pk,
+            slugs[one.robot_id],
+            span(one.starts_at, one.ends_at or ends, zone),
+            str(one.get_why_display()),
+        )
         for one in out
         if one.ends_at is None or one.ends_at > starts
     ]
-    events += [_off(robot, starts, ends, zone) for robot in robots if not robot.enabled]
+    shown = local(starts, zone), local(ends, zone)
+    events += [
+        _background(f"off-{robot.slug}", robot.slug, shown, str(SWITCHED_OFF))
+        for robot in robots
+        if not robot.enabled
+    ]
     for robot in robots:
         events += _closed(robot, policies[robot.id], first, last, zone)
     return {
@@ -157,28 +167,19 @@ def _booked(
     return events
 
 
-def _out(period: OutOfService, slug: str, ends: datetime, zone: ZoneInfo) -> Event:
-    begins, ended = span(period.starts_at, period.ends_at or ends, zone)
+def _background(
+    key: UUID | str, slug: str, times: tuple[str, str], title: str = "", kind: str = "out"
+) -> Event:
+    """Return an event that colours a robot's background; `times`: begin and end."""
+    begins, ends = times
     return Event(
-        id=period.pk,
+        id=key,
         resource_ids=(slug,),
         start=begins,
-        end=ended,
-        title=str(period.get_why_display()),
+        end=ends,
+        title=title,
         display="background",
-        class_names=("out",),
-    )
-
-
-def _off(robot: Robot, starts: datetime, ends: datetime, zone: ZoneInfo) -> Event:
-    return Event(
-        id=f"off-{robot.slug}",
-        resource_ids=(robot.slug,),
-        start=local(starts, zone),
-        end=local(ends, zone),
-        title=str(SWITCHED_OFF),
-        display="background",
-        class_names=("out",),
+        class_names=(kind,),
     )
 
 
@@ -196,14 +197,6 @@ def _closed(robot: Robot, policy: Policy, first: date, last: date, zone: ZoneInf
         )
         for number, (starts, ends) in enumerate(times):
             if starts < ends:
-                begins, ended = span(starts, ends, zone)
-                yield Event(
-                    id=f"closed-{robot.slug}-{WEEKDAYS[day.weekday()]}-{day}-{number}",
-                    resource_ids=(robot.slug,),
-                    start=begins,
-                    end=ended,
-                    title="",
-                    display="background",
-                    class_names=("closed",),
-                )
+                key = f"closed-{robot.slug}-{WEEKDAYS[day.weekday()]}-{day}-{number}"
+                yield _background(key, robot.slug, span(starts, ends, zone), kind="closed")
         day += timedelta(days=1)

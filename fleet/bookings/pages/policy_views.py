@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from datetime import timedelta
 from uuid import UUID
-from zoneinfo import ZoneInfo
 
 from django.contrib import messages
 from django.core.exceptions import PermissionDenied
@@ -20,14 +19,13 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from fleet.accounts.requests import person_of
 from fleet.audit.reading.exports import BOM
-from fleet.base.zones import day_of as day_in
 from fleet.base.zones import viewers, zone_of
 from fleet.bookings.changes import policy_changes as policy_services
 from fleet.bookings.changes.series import Week, preview, series_make, weekly
 from fleet.bookings.hours.report import BY, lines, report
 from fleet.bookings.models import OutOfService, Policy
 from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm, SeriesForm, typed_day
-from fleet.bookings.rules import Slot, day_of, shown
+from fleet.bookings.rules import Slot, day_of, from_to
 from fleet.bookings.selectors import policies_of, policy_of
 from robots.access.models import RobotGroup
 from robots.access.selectors import (
@@ -181,20 +179,13 @@ def _series_page(
     zone = viewers()
     rows = [
         {
-            "words": _from_to(week.slot, zone) if week.slot else f"{week.day:%a %d %b %Y}",
+            "words": from_to(week.slot, zone) if week.slot else f"{week.day:%a %d %b %Y}",
             "refusals": week.refusals,
         }
         for week in weeks or ()
     ]
     context = {"form": form, "rows": rows, "zone": zone.key, "lab": zone_of("").key}
     return render(request, "bookings/policies/series.html", context, status=status)
-
-
-def _from_to(slot: Slot, zone: ZoneInfo) -> str:
-    """Return begin and end of a slot as text; the end with its day if that is another day."""
-    same = day_in(slot.starts_at, zone) == day_in(slot.ends_at, zone)
-    ends = f"{slot.ends_at.astimezone(zone):%H:%M}" if same else shown(slot.ends_at, zone)
-    return _("%(from)s to %(to)s") % {"from": shown(slot.starts_at, zone), "to": ends}
 
 
 @never_cache

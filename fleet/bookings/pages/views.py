@@ -31,7 +31,7 @@ from fleet.bookings.models import Booking, FeedAddress, State, Waiting
 from fleet.bookings.pages.calendar import calendar, local
 from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm, typed_day
 from fleet.bookings.permissions import awaiting_approval, may_manage_booking, shows_person
-from fleet.bookings.rules import Slot, shown
+from fleet.bookings.rules import Slot, from_to
 from fleet.bookings.selectors import (
     OPEN,
     RobotFacts,
@@ -352,12 +352,7 @@ def _rows(found: Iterable[Booking], robots: Any, viewer: User, now: datetime) ->
 
 
 def _in_words(booking: Booking) -> str:
-    zone = viewers()
-    ends = booking.ends_at.astimezone(zone)
-    same_day = ends.date() == booking.starts_at.astimezone(zone).date()
-    until = f"{ends:%H:%M}" if same_day else shown(booking.ends_at, zone)
-    times = _("%(from)s to %(to)s") % {"from": shown(booking.starts_at, zone), "to": until}
-    return f"{booking.robot.name}, {times}"
+    return _slot_words(booking.robot, Slot(booking.starts_at, booking.ends_at))
 
 
 def _form_options(person: User, robot: Robot | None = None) -> dict[str, Any]:
@@ -436,10 +431,7 @@ def _refusals_json(refusals: list[Refusal], alternatives: list[tuple[Robot, Slot
 
 
 def _slot_words(robot: Robot, slot: Slot) -> str:
-    zone = viewers()
-    ends = f"{slot.ends_at.astimezone(zone):%H:%M}"
-    times = _("%(from)s to %(to)s") % {"from": shown(slot.starts_at, zone), "to": ends}
-    return f"{robot.name}, {times}"
+    return f"{robot.name}, {from_to(slot, viewers())}"
 
 
 def _offers(free: list[tuple[Robot, Slot]], form: str) -> list[dict[str, str]]:

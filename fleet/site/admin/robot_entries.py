@@ -106,11 +106,6 @@ class EntryAdmin(RecordedAdmin):
         """Delete by the service."""
         services.entry_delete(entry=obj, actor=person_of(request))
 
-    def delete_queryset(self, request: HttpRequest, queryset: QuerySet[Any]) -> None:
-        """Delete each entry by the service."""
-        for entry in queryset.select_related("profile", "robot"):
-            self.delete_model(request, entry)
-
 
 @admin.register(Allowance)
 class AllowanceAdmin(EntryAdmin):

@@ -277,11 +277,6 @@ class RobotRoleAdmin(RecordedAdmin):
         """Take the role away by the service."""
         role_set(robot=obj.robot, user=obj.user, role=None, actor=person_of(request))
 
-    def delete_queryset(self, request: HttpRequest, queryset: QuerySet[RobotRole]) -> None:
-        """Take each role away by the service."""
-        for entry in queryset.select_related("robot", "user"):
-            self.delete_model(request, entry)
-
 
 @admin.register(RobotProfile)
 class RobotProfileAdmin(RecordedAdmin):
