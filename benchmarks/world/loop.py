@@ -31,7 +31,7 @@ from robots.shared.geometry.poses import STILL, Velocity
 from robots.shared.records.verdict import SpeedLimit
 from robots.shared.wire import Drive
 from robots.simulator.faults import Faults
-from robots.simulator.joints.joint_table import camera_pose
+from robots.simulator.joints.frames import camera_pose
 from robots.simulator.physics.base import Twist, clamp
 from robots.simulator.physics.mujoco_world import Pose, WorldReader
 from robots.simulator.physics.mux import TwistMux

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.world.truth import TOP_M, outline
-from robots.simulator.joints.joint_table import camera_pose
+from robots.simulator.joints.frames import camera_pose
 from robots.simulator.physics.mujoco_world import Snapshot, WorldReader
 from robots.simulator.sensors.depth import FARTHEST_M as DEPTH_FARTHEST_M
 from robots.simulator.sensors.depth import FOCAL_PX, HEIGHT, WIDTH

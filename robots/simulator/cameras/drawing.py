@@ -5,7 +5,6 @@ A context belongs to the thread that made it: make, use and close a `Drawing` in
 
 from __future__ import annotations
 
-import math
 import os
 from typing import Any
 
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.simulator.cameras.lens import HEAD_LENS, Lens
-from robots.simulator.joints.joint_table import CameraPose
+from robots.simulator.joints.frames import Placed
 from robots.simulator.physics.mujoco_world import WorldReader
 from robots.simulator.physics.scene import DECORATION_GROUP
 
@@ -50,7 +49,7 @@ class Drawing:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._renderer)
         self._view = mujoco.MjvCamera()
 
-    def image(self, pose: CameraPose, lens: Lens) -> NDArray[np.uint8]:
+    def image(self, pose: Placed, lens: Lens) -> NDArray[np.uint8]:
         """Return the picture of a camera at `pose` (base frame): (height, width, 3), red green blue."""
         looker = self._reader
         everything = mujoco.mjtCatBit.mjCAT_ALL.value
@@ -69,13 +68,9 @@ class Drawing:
         self._renderer.free()
         self._context.free()
 
-    def _aim(self, pose: CameraPose, lens: Lens) -> None:
+    def _aim(self, pose: Placed, lens: Lens) -> None:
         """Place both of the scene's eyes at the camera."""
-        robot = self._reader.pose
-        cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
-        to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        where = to_world @ pose.origin + np.array([robot.x, robot.y, 0.0])
-        axes = to_world @ pose.axes
+        where, axes = self._reader.in_world(pose)
         for eye in self._scene.camera:
             eye.pos = where
             eye.forward = axes[:, 0]

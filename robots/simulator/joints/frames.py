@@ -17,6 +17,7 @@ from robots.simulator.sensors.body import Body
 
 _UP = (0.0, 0.0, 1.0)
 _TO_OPTICAL = (-math.pi / 2.0, 0.0, -math.pi / 2.0)  # from x ahead, z up to z ahead, x right
+CAMERA_FRAME = "xtion_rgb_frame"
 OPTICAL_FRAME = "xtion_rgb_optical_frame"
 
 
@@ -84,8 +85,8 @@ def _upper_body(base: str) -> list[Frame]:
             kind="revolute",
             axis=(0.0, -1.0, 0.0),
         ),
-        Frame("head_2_link", "xtion_rgb_frame", CAMERA_M),
-        Frame("xtion_rgb_frame", OPTICAL_FRAME, (0.0, 0.0, 0.0), _TO_OPTICAL),
+        Frame("head_2_link", CAMERA_FRAME, CAMERA_M),
+        Frame(CAMERA_FRAME, OPTICAL_FRAME, (0.0, 0.0, 0.0), _TO_OPTICAL),
         *_arm("torso_lift_link"),
     ]
 
@@ -159,6 +160,14 @@ def place(table: Sequence[Frame], name: str, joints: Mapping[str, float], root: 
     if at != root and (root is not None or all(frame.parent != at for frame in table)):
         raise FrameError(f"no frame {name!r}" + (f" on {root}" if root else ""))
     return placed
+
+
+_UPPER_BODY = _upper_body("base_link")
+
+
+def camera_pose(joints: Mapping[str, float]) -> Placed:
+    """Return the pose of the head's camera in the base frame: axes forward, left, up. A positive tilt looks up."""
+    return place(_UPPER_BODY, CAMERA_FRAME, joints)
 
 
 def _matrix(rotation: Rotation) -> Matrix:

@@ -1,13 +1,10 @@
-"""TIAGo's joints above the base: names, limits, speeds, and the pose of the head's camera. Metres, radians."""
+"""TIAGo's joints above the base: names, limits, speeds, and the places of torso, head and camera. Metres, radians."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 
 class Joint(NamedTuple):
@@ -56,29 +53,3 @@ TORSO_M = (-0.062, 0.0, 0.790)
 HEAD_PAN_M = (0.182, 0.0, 0.0)
 HEAD_TILT_M = (0.005, 0.0, 0.098)
 CAMERA_M = (0.050, 0.0, 0.179)
-
-
-class CameraPose(NamedTuple):
-    """Origin (3,) in the base frame, and the camera's axes forward, left, up as columns (3, 3)."""
-
-    origin: NDArray[np.float64]
-    axes: NDArray[np.float64]
-
-
-def camera_pose(joints: Mapping[str, float]) -> CameraPose:
-    """Return the pose of the head's camera at these joint positions. A positive tilt looks up."""
-    pan = _about_z(joints["head_1_joint"])
-    tilted = pan @ _about_y(-joints["head_2_joint"])
-    lift = np.array([0.0, 0.0, joints["torso_lift_joint"]])
-    origin = np.array(TORSO_M) + lift + np.array(HEAD_PAN_M) + pan @ np.array(HEAD_TILT_M)
-    return CameraPose(origin + tilted @ np.array(CAMERA_M), tilted)
-
-
-def _about_z(angle: float) -> NDArray[np.float64]:
-    cos, sin = math.cos(angle), math.sin(angle)
-    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _about_y(angle: float) -> NDArray[np.float64]:
-    cos, sin = math.cos(angle), math.sin(angle)
-    return np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])

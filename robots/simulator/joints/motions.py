@@ -66,10 +66,10 @@ def load_motions() -> dict[str, Motion]:
     return msgspec.yaml.decode(Path(__file__).with_name("motions.yaml").read_bytes(), type=dict[str, Motion])
 
 
-class RefusedMotionError(Exception):
-    """The motion was refused."""
+class RefusedError(Exception):
+    """A motion or a trajectory was refused."""
 
-    def __init__(self, code: ErrorCode, text: str) -> None:
+    def __init__(self, code: IntEnum, text: str) -> None:
         super().__init__(text)
         self.code = code
 
@@ -148,12 +148,12 @@ class Player:
         self._running: list[Run] = []
 
     def start(self, name: str, now: float, fails: bool = False) -> Run:
-        """Begin motion `name`, or raise `RefusedMotionError`."""
+        """Begin motion `name`, or raise `RefusedError`."""
         motion = self._motion(name)
         run = Run(motion.joints, motion.points, self.positions, now, fails)
         busy = {controller for other in self._running for controller in other.controllers}
         if needed := sorted(busy & run.controllers):
-            raise RefusedMotionError(ErrorCode.CONTROLLER_BUSY, f"busy: {', '.join(needed)}")
+            raise RefusedError(ErrorCode.CONTROLLER_BUSY, f"busy: {', '.join(needed)}")
         self._running.append(run)
         return run
 
@@ -204,7 +204,7 @@ class Player:
         self._stepped_at = now
 
     def is_there(self, name: str, tolerance: float) -> bool:
-        """Return whether the joints are at the motion's last point. Raises `RefusedMotionError`."""
+        """Return whether the joints are at the motion's last point. Raises `RefusedError`."""
         motion = self._motion(name)
         pairs = zip(motion.joints, motion.points[-1].positions, strict=True)
         return all(abs(self.positions[joint] - end) <= tolerance for joint, end in pairs)
@@ -214,4 +214,4 @@ class Player:
             return self.motions[name]
         except KeyError:
             text = f"there is no motion {name!r}"
-            raise RefusedMotionError(ErrorCode.MOTION_NOT_FOUND, text) from None
+            raise RefusedError(ErrorCode.MOTION_NOT_FOUND, text) from None

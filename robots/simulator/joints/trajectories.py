@@ -8,7 +8,7 @@ from enum import IntEnum
 from itertools import pairwise
 
 from robots.simulator.joints.joint_table import JOINTS
-from robots.simulator.joints.motions import Point
+from robots.simulator.joints.motions import Point, RefusedError
 
 GOAL_TOLERANCE = 0.005
 
@@ -22,14 +22,6 @@ class ErrorCode(IntEnum):
     GOAL_TOLERANCE_VIOLATED = -5
 
 
-class RefusedTrajectoryError(Exception):
-    """The trajectory was refused."""
-
-    def __init__(self, code: ErrorCode, text: str) -> None:
-        super().__init__(text)
-        self.code = code
-
-
 def joints_of(controller: str) -> list[str]:
     """Return the joints that `controller` moves."""
     return [name for name, joint in JOINTS.items() if joint.controller == controller]
@@ -38,20 +30,20 @@ def joints_of(controller: str) -> list[str]:
 def check(controller: str, joints: Sequence[str], points: Sequence[Point]) -> None:
     """Check that a trajectory names all joints of this controller, no others, and is valid.
 
-    Raises `RefusedTrajectoryError`.
+    Raises `RefusedError`.
     """
     if sorted(joints) != sorted(joints_of(controller)):
         text = f"{controller} moves {', '.join(joints_of(controller))}, not {', '.join(joints) or 'nothing'}"
-        raise RefusedTrajectoryError(ErrorCode.INVALID_JOINTS, text)
+        raise RefusedError(ErrorCode.INVALID_JOINTS, text)
     if not points:
-        raise RefusedTrajectoryError(ErrorCode.INVALID_GOAL, "the trajectory has no points")
+        raise RefusedError(ErrorCode.INVALID_GOAL, "the trajectory has no points")
     if any(len(point.positions) != len(joints) for point in points):
-        raise RefusedTrajectoryError(ErrorCode.INVALID_GOAL, "a point has not one position for each joint")
+        raise RefusedError(ErrorCode.INVALID_GOAL, "a point has not one position for each joint")
     times = [point.time_from_start for point in points]
     if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
-        raise RefusedTrajectoryError(ErrorCode.INVALID_GOAL, "the points' times do not ascend")
+        raise RefusedError(ErrorCode.INVALID_GOAL, "the points' times do not ascend")
     if not all(math.isfinite(position) for point in points for position in point.positions):
-        raise RefusedTrajectoryError(ErrorCode.INVALID_GOAL, "a position is not a number")
+        raise RefusedError(ErrorCode.INVALID_GOAL, "a position is not a number")
 
 
 def missed(joints: Sequence[str], goal: Point, positions: Mapping[str, float]) -> list[str]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.simulator.joints.arm import SEGMENTS, Capsule
+from robots.simulator.joints.frames import Placed
 from robots.simulator.physics.base import Twist, clamp
 from robots.simulator.physics.scene import ROBOT_GROUP, scene_xml
 from robots.simulator.sensors.body import Body
@@ -54,37 +55,54 @@ class Snapshot(NamedTuple):
     mocap_quat: Vector
 
 
-def cast_rays(
-    model: mujoco.MjModel, data: mujoco.MjData, robot_id: int, origin: Vector, directions: Vector
-) -> Vector:
-    """Return the distances along unit rays (N, 3) from one point, in the world's frame; -1 without a hit."""
-    count = len(directions)
-    hit = np.empty((count, 1), dtype=np.int32)
-    distance = np.empty(count)
-    mujoco.mj_multiRay(
-        model,
-        data,
-        origin.reshape(3, 1),
-        directions.reshape(-1, 1),
-        _SEEN_GROUPS,
-        True,
-        robot_id,
-        hit,
-        distance.reshape(-1, 1),
-        None,
-        count,
-        _FARTHEST_M,
-    )
-    return distance
+class WorldView:
+    """The world at one moment: where the robot is, and what rays hit."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.model = model
+        self.data = mujoco.MjData(model)
+        self._robot_id = model.body("robot").id
+
+    @property
+    def pose(self) -> Pose:
+        """The robot's true pose."""
+        x, y, yaw = self.data.qpos[:3].tolist()
+        return Pose(x, y, yaw)
+
+    def in_world(self, part: Placed) -> Placed:
+        """Return a pose of the base frame in the world's frame."""
+        robot = self.pose
+        cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
+        turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        return Placed(turned @ part.origin + np.array([robot.x, robot.y, 0.0]), turned @ part.axes)
+
+    def cast(self, origin: Vector, directions: Vector) -> Vector:
+        """Return the distances along unit rays (N, 3) from one point, in the world's frame; -1 without a hit."""
+        count = len(directions)
+        hit = np.empty((count, 1), dtype=np.int32)
+        distance = np.empty(count)
+        mujoco.mj_multiRay(
+            self.model,
+            self.data,
+            origin.reshape(3, 1),
+            directions.reshape(-1, 1),
+            _SEEN_GROUPS,
+            True,
+            self._robot_id,
+            hit,
+            distance.reshape(-1, 1),
+            None,
+            count,
+            _FARTHEST_M,
+        )
+        return distance
 
 
-class WorldReader:
+class WorldReader(WorldView):
     """Reads the world from its own thread, in parallel with the physics."""
 
     def __init__(self, physics: Physics) -> None:
-        self.model = physics.model
-        self.data = mujoco.MjData(physics.model)
-        self._robot_id = physics.robot_id
+        super().__init__(physics.model)
 
     def follow(self, snapshot: Snapshot) -> None:
         """Set the world to `snapshot`."""
@@ -93,25 +111,13 @@ class WorldReader:
         self.data.mocap_quat[:] = snapshot.mocap_quat
         mujoco.mj_kinematics(self.model, self.data)
 
-    @property
-    def pose(self) -> Pose:
-        """The robot's pose at the moment of the snapshot."""
-        x, y, yaw = self.data.qpos[:3].tolist()
-        return Pose(x, y, yaw)
 
-    def cast(self, origin: Vector, directions: Vector) -> Vector:
-        """Return the distances along rays, like `cast_rays`."""
-        return cast_rays(self.model, self.data, self._robot_id, origin, directions)
-
-
-class Physics:
+class Physics(WorldView):
     """One robot in one world, stepped in real time by its owner."""
 
     def __init__(self, world: World, body: Body, start: Pose) -> None:
-        self.model = mujoco.MjModel.from_xml_string(scene_xml(world, body))
-        self.data = mujoco.MjData(self.model)
+        super().__init__(mujoco.MjModel.from_xml_string(scene_xml(world, body)))
         self.timestep_s = float(self.model.opt.timestep)
-        self.robot_id = self.model.body("robot").id
         self._mass = body.mass_kg
         self._inertia = float(self.model.body("robot").inertia[2])
         self._mocaps = {person.name: int(self.model.body(person.name).mocapid[0]) for person in world.people}
@@ -121,12 +127,6 @@ class Physics:
         self._others = np.flatnonzero(~is_part & (self.model.geom_contype != 0)).tolist()
         self.data.qpos[:3] = start
         mujoco.mj_forward(self.model, self.data)
-
-    @property
-    def pose(self) -> Pose:
-        """The robot's true pose."""
-        x, y, yaw = self.data.qpos[:3].tolist()
-        return Pose(x, y, yaw)
 
     @property
     def velocity(self) -> Twist:
@@ -183,10 +183,6 @@ class Physics:
             ),
             default=reach_m,
         )
-
-    def cast(self, origin: Vector, directions: Vector) -> Vector:
-        """Return the distances along rays, like `cast_rays`."""
-        return cast_rays(self.model, self.data, self.robot_id, origin, directions)
 
     def snapshot(self) -> Snapshot:
         """Return all present poses, for a `WorldReader` on another thread."""

@@ -8,18 +8,14 @@ import time
 from functools import partial
 
 import rospy
-from geometry_msgs.msg import Quaternion, TransformStamped, Twist
+from geometry_msgs.msg import TransformStamped, Twist, Vector3
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
 from robots.simulator.physics import base, mux
 from robots.simulator.robot import Robot
-
-
-def yaw_quaternion(yaw: float) -> Quaternion:
-    """Return the rotation by `yaw` about the vertical."""
-    return Quaternion(0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0))
+from robots.simulator.ros.messages import odometry, stamped, transform, yaw_quaternion
 
 
 class BaseTopics:
@@ -47,33 +43,15 @@ class BaseTopics:
 
     def _odometry_message(self, stamp: rospy.Time) -> Odometry:
         if self._frozen is None or not self._robot.faults.odom_frozen:
-            self._frozen = self._message(stamp)
+            measured = self._robot.odometry
+            message = odometry(measured.pose, measured.velocity, self._robot.body.names.base_frame)
+            self._frozen = stamped(message, stamp, "odom")
         return self._frozen
 
-    def _message(self, stamp: rospy.Time) -> Odometry:
-        odometry = self._robot.odometry
-        message = Odometry()
-        message.header.stamp = stamp
-        message.header.frame_id = "odom"
-        message.child_frame_id = self._robot.body.names.base_frame
-        message.pose.pose.position.x = odometry.x
-        message.pose.pose.position.y = odometry.y
-        message.pose.pose.orientation = yaw_quaternion(odometry.yaw)
-        message.twist.twist.linear.x = odometry.velocity.vx
-        message.twist.twist.linear.y = odometry.velocity.vy
-        message.twist.twist.angular.z = odometry.velocity.w
-        return message
-
     def _transform(self, stamp: rospy.Time) -> TransformStamped:
-        odometry = self._robot.odometry
-        transform = TransformStamped()
-        transform.header.stamp = stamp
-        transform.header.frame_id = "odom"
-        transform.child_frame_id = self._robot.body.names.base_frame
-        transform.transform.translation.x = odometry.x
-        transform.transform.translation.y = odometry.y
-        transform.transform.rotation = yaw_quaternion(odometry.yaw)
-        return transform
+        x, y, yaw = self._robot.odometry.pose
+        moved = transform(self._robot.body.names.base_frame, Vector3(x, y, 0.0), yaw_quaternion(yaw))
+        return stamped(moved, stamp, "odom")
 
     def _commanded(self, message: Twist) -> None:
         twist = base.Twist(message.linear.x, message.linear.y, message.angular.z)

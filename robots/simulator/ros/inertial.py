@@ -8,7 +8,7 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import Imu
 
 from robots.simulator.robot import TICK_S, Robot
-from robots.simulator.ros.base import yaw_quaternion
+from robots.simulator.ros.messages import stamped, yaw_quaternion
 
 _GRAVITY_MPS2 = 9.81
 _GYRO_SIGMA_RADPS = 0.005
@@ -31,18 +31,14 @@ class InertialTopics:
         if self._imu.get_num_connections():
             self._imu.publish(self._felt_by_base(stamp))
         if self._robot.body.upper_body and self._wrist.get_num_connections():
-            message = WrenchStamped()
-            message.header.stamp = stamp
-            message.header.frame_id = "wrist_ft_link"
+            message = stamped(WrenchStamped(), stamp, "wrist_ft_link")
             message.wrench.force.z = _HAND_N + self._noise(_FORCE_SIGMA_N)
             self._wrist.publish(message)
 
     def _felt_by_base(self, stamp: rospy.Time) -> Imu:
         physics = self._robot.physics
         gained = physics.velocity.vx - self._robot.approach.vx
-        message = Imu()
-        message.header.stamp = stamp
-        message.header.frame_id = "base_imu_link"
+        message = stamped(Imu(), stamp, "base_imu_link")
         message.orientation = yaw_quaternion(physics.pose.yaw)
         message.angular_velocity.z = physics.velocity.w + self._noise(_GYRO_SIGMA_RADPS)
         message.linear_acceleration.x = gained / TICK_S + self._noise(_ACCELERATION_SIGMA_MPS2)

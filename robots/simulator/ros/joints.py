@@ -9,6 +9,7 @@ from tf2_msgs.msg import TFMessage
 
 from robots.simulator.joints.frames import Frame, frames, moved
 from robots.simulator.robot import Robot
+from robots.simulator.ros.messages import stamped, transform
 
 
 class JointTopics:
@@ -49,10 +50,4 @@ class JointTopics:
 
 def _transform(frame: Frame, position: float, stamp: rospy.Time) -> TransformStamped:
     translation, rotation = moved(frame, position)
-    transform = TransformStamped()
-    transform.header.stamp = stamp
-    transform.header.frame_id = frame.parent
-    transform.child_frame_id = frame.child
-    transform.transform.translation = Vector3(*translation)
-    transform.transform.rotation = Quaternion(*rotation)
-    return transform
+    return stamped(transform(frame.child, Vector3(*translation), Quaternion(*rotation)), stamp, frame.parent)

@@ -7,13 +7,13 @@ import queue
 
 import rospy
 from geometry_msgs.msg import Pose as RosPose
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3
 from nav_msgs.msg import OccupancyGrid
 from tf2_msgs.msg import TFMessage
 
 from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.robot import Robot
-from robots.simulator.ros.base import yaw_quaternion
+from robots.simulator.ros.messages import stamped, transform, yaw_quaternion
 from robots.simulator.sensors.survey import RESOLUTION_M, surveyed
 
 _TOLERANCE_S = 0.5  # a transform is valid for this time after its publication, as amcl's
@@ -42,14 +42,9 @@ class MapTopics:
         self._publish_pose(stamp, pose)
         if not self._tf.get_num_connections():
             return
-        transform = TransformStamped()
-        transform.header.stamp = stamp + rospy.Duration.from_sec(_TOLERANCE_S)
-        transform.header.frame_id = "map"
-        transform.child_frame_id = "odom"
-        transform.transform.translation.x = frame.x
-        transform.transform.translation.y = frame.y
-        transform.transform.rotation = yaw_quaternion(frame.yaw)
-        self._tf.publish(TFMessage([transform]))
+        placed = transform("odom", Vector3(frame.x, frame.y, 0.0), yaw_quaternion(frame.yaw))
+        valid_until = stamp + rospy.Duration.from_sec(_TOLERANCE_S)
+        self._tf.publish(TFMessage([stamped(placed, valid_until, "map")]))
 
     def _give(self, message: PoseWithCovarianceStamped) -> None:
         pose = pose_of(message.pose.pose)
@@ -69,14 +64,13 @@ class MapTopics:
             return
         self._believed = pose, sigmas
         message = PoseWithCovarianceStamped()
-        message.header.stamp, message.header.frame_id = stamp, "map"
         message.pose.pose.position.x, message.pose.pose.position.y = pose.x, pose.y
         message.pose.pose.orientation = yaw_quaternion(pose.yaw)
         covariance = [0.0] * 36
         covariance[0] = covariance[7] = sigmas[0] ** 2
         covariance[35] = sigmas[1] ** 2
         message.pose.covariance = covariance
-        self._pose.publish(message)
+        self._pose.publish(stamped(message, stamp, "map"))
 
 
 def pose_of(message: RosPose) -> Pose | None:

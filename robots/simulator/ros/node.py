@@ -92,7 +92,7 @@ class SimulatorNode:
                 self._servers.append(controller.step)
                 self._duties.append(Duty(10, index, controller.publish))
             head = HeadServer(robot)
-            self._servers.append(head.step)
+            self._servers.append(head.take_goals)
             self._duties.append(Duty(10, 4, head.publish))
         self._drawing_thread = DrawingThread(robot.physics)
         self._duties += self._camera_duties(cameras)

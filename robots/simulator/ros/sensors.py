@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan, Range
 
 from robots.simulator.robot import Robot
+from robots.simulator.ros.messages import stamped
 from robots.simulator.sensors.sonar import Sonar
 
 
@@ -50,9 +51,7 @@ class LaserTopics:
             range_max=laser.mount.longest_m,
             ranges=ranges.tolist(),
         )
-        message.header.stamp = stamp
-        message.header.frame_id = laser.mount.frame
-        return message
+        return stamped(message, stamp, laser.mount.frame)
 
 
 class SonarTopic:
@@ -74,6 +73,4 @@ class SonarTopic:
             max_range=mount.longest_m,
             range=sonar.range_m(self._robot.physics),
         )
-        message.header.stamp = stamp
-        message.header.frame_id = mount.frame
-        self._ranges.publish(message)
+        self._ranges.publish(stamped(message, stamp, mount.frame))

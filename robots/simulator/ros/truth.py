@@ -18,7 +18,7 @@ from std_msgs.msg import Float32, String
 from robots.simulator.faults import FaultError, parse_faults
 from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.robot import Robot
-from robots.simulator.ros.base import yaw_quaternion
+from robots.simulator.ros.messages import odometry, stamped
 
 
 class GroundTruth:
@@ -48,18 +48,8 @@ class GroundTruth:
         """Publish the true pose and velocity."""
         if not self._pose.get_num_connections():
             return
-        pose, velocity = self._robot.physics.pose, self._robot.physics.velocity
-        message = Odometry()
-        message.header.stamp = stamp
-        message.header.frame_id = "world"
-        message.child_frame_id = self._robot.body.names.base_frame
-        message.pose.pose.position.x = pose.x
-        message.pose.pose.position.y = pose.y
-        message.pose.pose.orientation = yaw_quaternion(pose.yaw)
-        message.twist.twist.linear.x = velocity.vx
-        message.twist.twist.linear.y = velocity.vy
-        message.twist.twist.angular.z = velocity.w
-        self._pose.publish(message)
+        physics, frame = self._robot.physics, self._robot.body.names.base_frame
+        self._pose.publish(stamped(odometry(physics.pose, physics.velocity, frame), stamp, "world"))
 
     def publish_clearance(self, _stamp: rospy.Time) -> None:
         """Publish the gap (m) between the hull and the nearest object."""

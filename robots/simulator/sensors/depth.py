@@ -7,9 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.simulator.joints.joint_table import CameraPose
+from robots.simulator.joints.frames import Placed
 from robots.simulator.physics.mujoco_world import WorldReader
-from robots.simulator.sensors.laser import in_world
 
 WIDTH = 640
 HEIGHT = 480
@@ -54,13 +53,10 @@ class DepthCamera:
             1.0 / length
         ).ravel()  # a ray's extent along the optical axis, as a share of its length
 
-    def image(self, reader: WorldReader, camera: CameraPose) -> NDArray[np.float32]:
+    def image(self, reader: WorldReader, camera: Placed) -> NDArray[np.float32]:
         """Return distances along the optical axis in metres (height, width); nan without a measurement."""
-        robot = reader.pose
-        cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
-        to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        origin = np.array([*in_world(robot, camera.origin[0], camera.origin[1]), camera.origin[2]])
-        distance = reader.cast(origin, self._rays @ (to_world @ camera.axes).T)
+        origin, axes = reader.in_world(camera)
+        distance = reader.cast(origin, self._rays @ axes.T)
         depth = self._as_measured(distance * self._ahead).reshape(self._shape)
         return self._with_holes(depth).repeat(self._coarse, axis=0).repeat(self._coarse, axis=1)
 

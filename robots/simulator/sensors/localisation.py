@@ -39,7 +39,7 @@ class Localisation:
 
     def give(self, pose: Pose, truth: Pose) -> None:
         """Take the map pose that a person has set. If it is far from the true pose, the robot stays lost."""
-        self._believed_at = self._present()
+        self._believed_at = self._odometry.pose
         self._set(*pose, self._believed_at)
         self._is_given, self.waits = True, False
         turned = abs(math.remainder(pose.yaw - truth.yaw, math.tau))
@@ -47,7 +47,7 @@ class Localisation:
 
     def map_to_odom(self, truth: Pose) -> Pose:
         """Return the odometry frame's pose in the map frame, for the robot's true pose `truth`."""
-        odometry = self._present()
+        odometry = self._odometry.pose
         if self._believed_at is None or _moved(self._believed_at, odometry):
             self._believed_at = odometry
             if not self._is_lost:
@@ -55,9 +55,6 @@ class Localisation:
                 x, y, yaw = np.array(truth) + self._random.normal(0.0, (SIGMA_M, SIGMA_M, SIGMA_RAD))
                 self._set(float(x), float(y), float(yaw), odometry)
         return self._map_to_odom
-
-    def _present(self) -> Pose:
-        return Pose(self._odometry.x, self._odometry.y, self._odometry.yaw)
 
     def _set(self, x: float, y: float, yaw: float, odometry: Pose) -> None:
         """Set the transform from the robot's pose `odometry` in the odometry frame to this pose in the map."""

@@ -7,15 +7,15 @@ and random slip that grows with the distance travelled.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from robots.simulator.physics.base import Twist
+from robots.simulator.physics.mujoco_world import Pose
 
 
-@dataclass(frozen=True)
-class Drift:
+class Drift(NamedTuple):
     """Standard deviations: scale errors without unit, slip per square root of a metre or radian."""
 
     linear_scale: float = 0.005
@@ -27,14 +27,7 @@ class Drift:
 
     def times(self, factor: float) -> Drift:
         """Return this drift, `factor` times as strong."""
-        return Drift(
-            self.linear_scale * factor,
-            self.angular_scale * factor,
-            self.slip_m * factor,
-            self.slip_rad * factor,
-            self.linear_off * factor,
-            self.angular_off * factor,
-        )
+        return Drift(*(value * factor for value in self))
 
 
 class Odometry:
@@ -49,6 +42,11 @@ class Odometry:
         self._random = random
         self._linear = 1.0 + drift.linear_off + drift.linear_scale * float(random.standard_normal())
         self._angular = 1.0 + drift.angular_off + drift.angular_scale * float(random.standard_normal())
+
+    @property
+    def pose(self) -> Pose:
+        """The robot's pose in the odometry frame."""
+        return Pose(self.x, self.y, self.yaw)
 
     def step(self, wheels: Twist, dt: float) -> None:
         """Integrate the wheels' velocity `wheels` for `dt` seconds."""

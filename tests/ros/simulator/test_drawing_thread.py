@@ -6,7 +6,8 @@ import threading
 
 import pytest
 
-from robots.simulator.joints.joint_table import HOME, camera_pose
+from robots.simulator.joints.frames import camera_pose
+from robots.simulator.joints.joint_table import HOME
 from robots.simulator.physics.mujoco_world import Physics, Pose
 from robots.simulator.ros.cameras.drawing_thread import DrawingThread, Moment
 from robots.simulator.sensors.body import BODIES

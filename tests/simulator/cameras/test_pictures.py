@@ -14,8 +14,8 @@ from robots.simulator.cameras import encoding
 from robots.simulator.cameras.drawing import Drawing, NoCameraError
 from robots.simulator.cameras.lens import HEAD_LENS
 from robots.simulator.faults import parse_faults
-from robots.simulator.joints.frames import frames, place
-from robots.simulator.joints.joint_table import HOME, camera_pose
+from robots.simulator.joints.frames import camera_pose, frames, place
+from robots.simulator.joints.joint_table import HOME
 from robots.simulator.physics.mujoco_world import Pose, WorldReader
 from robots.simulator.sensors.body import REAR_CAMERA, TIAGO
 from robots.simulator.worlds import Box

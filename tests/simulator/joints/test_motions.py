@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robots.simulator.joints.joint_table import HOME, JOINTS
-from robots.simulator.joints.motions import ErrorCode, Phase, Player, RefusedMotionError, load_motions
+from robots.simulator.joints.motions import ErrorCode, Phase, Player, RefusedError, load_motions
 
 # The motions of the TIAGo with gripper.
 NAMES = [
@@ -70,14 +70,14 @@ def test_every_motion_ends_at_its_last_point_without_a_jump(name, player):
 
 
 def test_an_unknown_motion_is_refused(player):
-    with pytest.raises(RefusedMotionError) as refused:
+    with pytest.raises(RefusedError) as refused:
         player.start("dance", 0.0)
     assert refused.value.code is ErrorCode.MOTION_NOT_FOUND
 
 
 def test_a_second_motion_of_the_same_controller_is_busy(player):
     player.start("wave", 0.0)
-    with pytest.raises(RefusedMotionError, match="arm_controller") as refused:
+    with pytest.raises(RefusedError, match="arm_controller") as refused:
         player.start("home", 0.1)
     assert refused.value.code is ErrorCode.CONTROLLER_BUSY
 

@@ -7,9 +7,9 @@ import math
 import pytest
 
 from robots.simulator.joints.joint_table import JOINTS
-from robots.simulator.joints.motions import ErrorCode, Phase, Player, Point, RefusedMotionError, load_motions
+from robots.simulator.joints.motions import ErrorCode, Phase, Player, Point, RefusedError, load_motions
 from robots.simulator.joints.trajectories import ErrorCode as Refusal
-from robots.simulator.joints.trajectories import RefusedTrajectoryError, check, joints_of, missed
+from robots.simulator.joints.trajectories import check, joints_of, missed
 
 HEAD = ["head_1_joint", "head_2_joint"]
 CONTROLLERS = sorted({joint.controller for joint in JOINTS.values()})
@@ -67,7 +67,7 @@ def test_no_motion_moves_a_joint_faster_than_it_can(player, name):
 
 def test_a_motion_finds_a_controller_with_a_trajectory_busy(player):
     player.follow(HEAD, [Point([1.0, 0.0], 2.0)], 0.0)
-    with pytest.raises(RefusedMotionError, match="head_controller") as refused:
+    with pytest.raises(RefusedError, match="head_controller") as refused:
         player.start("head_tour", 0.1)
     assert refused.value.code is ErrorCode.CONTROLLER_BUSY
 
@@ -93,6 +93,6 @@ def test_a_trajectory_takes_over_from_a_motion(player):
     ],
 )
 def test_a_trajectory_that_makes_no_sense_is_refused(joints, points, code):
-    with pytest.raises(RefusedTrajectoryError) as refused:
+    with pytest.raises(RefusedError) as refused:
         check("head_controller", joints, points)
     assert refused.value.code is code

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from robots.simulator.joints.joint_table import HOME, camera_pose
+from robots.simulator.joints.frames import camera_pose
+from robots.simulator.joints.joint_table import HOME
 from robots.simulator.physics.mujoco_world import Pose, WorldReader
 from robots.simulator.sensors.depth import FOCAL_PX, HEIGHT, WIDTH, DepthCamera, as_millimetres
 from robots.simulator.worlds import Box, Table, World

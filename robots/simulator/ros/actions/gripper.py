@@ -12,10 +12,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from robots.shared.ros.message_types.classes import message_class
 from robots.simulator.joints.joint_table import JOINTS
-from robots.simulator.joints.motions import Phase, Point, Run
-from robots.simulator.joints.trajectories import GOAL_TOLERANCE, RefusedTrajectoryError, check, joints_of
+from robots.simulator.joints.motions import Phase, Point, RefusedError, Run
+from robots.simulator.joints.trajectories import GOAL_TOLERANCE, check, joints_of
 from robots.simulator.robot import Robot
-from robots.simulator.ros.actions.action_server import Goals
+from robots.simulator.ros.actions.action_server import RunServer
 
 JOINT = "parallel_gripper_joint"
 _NAME = "/parallel_gripper_controller"
@@ -66,7 +66,7 @@ class GripperServer:
         ]
         try:
             check("gripper_controller", _FINGERS, points)
-        except RefusedTrajectoryError as refused:
+        except RefusedError as refused:
             rospy.logwarn("the gripper ignored a command: %s", refused)
             return
         self._player.follow(_FINGERS, points, now)
@@ -86,59 +86,37 @@ class GripperServer:
         return EmptyResponse()
 
 
-class Closing(NamedTuple):
-    """The running goal of the action."""
-
-    handle: Any
-    run: Run
-    gap_m: float
-
-
-class GripperAction:
+class GripperAction(RunServer):
     """`gripper_controller/gripper_action` (GripperCommand). Fingers that miss the goal have stalled."""
 
     def __init__(self, robot: Robot) -> None:
+        super().__init__(
+            robot.player, "/gripper_controller/gripper_action", "control_msgs/GripperCommandAction"
+        )
         self._robot = robot
-        self._player = robot.player
-        self._closing: Closing | None = None
         self._result = message_class("control_msgs/GripperCommandResult")
-        self._goals = Goals("/gripper_controller/gripper_action", "control_msgs/GripperCommandAction")
 
     def step(self, now: float) -> None:
         """Take new goals and cancels, then report whether the goal ended."""
-        if self._robot.faults.controllers_silent:
-            return
-        for is_goal, handle in self._goals.arrived():
-            if is_goal:
-                self._begin(handle, now)
-            elif self._closing is not None and self._closing.handle == handle:
-                self._player.cancel(self._closing.run)
-            self._report_end()
-        self._report_end()
+        if not self._robot.faults.controllers_silent:
+            self.take_goals(now)
 
     def _begin(self, handle: Any, now: float) -> None:
         gap_m = handle.get_goal().command.position
         points = [Point([gap_m / len(_FINGERS)] * len(_FINGERS), 0.0)]
         try:
             check("gripper_controller", _FINGERS, points)
-        except RefusedTrajectoryError as refused:
+        except RefusedError as refused:
             handle.set_rejected(text=str(refused))
             return
-        run = self._player.follow(_FINGERS, points, now)
-        self._report_end()  # of the previous goal, which this goal replaced
-        handle.set_accepted()
-        self._closing = Closing(handle, run, gap_m)
+        self._accept(handle, self._player.follow(_FINGERS, points, now), gap_m)
 
-    def _report_end(self) -> None:
-        if self._closing is None or self._closing.run.phase is Phase.MOVING:
-            return
-        handle, run, wanted_m = self._closing
-        self._closing = None
+    def _end(self, handle: Any, run: Run, aim: float) -> None:
         gap_m = sum(self._player.positions[finger] for finger in _FINGERS)
         result = self._result(position=gap_m)
         if run.phase is not Phase.DONE:
             handle.set_canceled(result, run.phase.value)
-        elif abs(gap_m - wanted_m) > GOAL_TOLERANCE:
+        elif abs(gap_m - aim) > GOAL_TOLERANCE:
             result.stalled = True
             handle.set_aborted(result)
         else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import rospy
@@ -13,44 +13,23 @@ from robots.simulator.joints.frames import FrameError, Matrix, frames, place
 from robots.simulator.joints.gaze import PAN, REACHED_RAD, TILT, Eye, GazeError, aim, error, eye
 from robots.simulator.joints.motions import EASED_PEAK, Phase, Point, Run
 from robots.simulator.robot import Robot
-from robots.simulator.ros.actions.action_server import Goals
+from robots.simulator.ros.actions.action_server import RunServer
 
 
-class Pointing(NamedTuple):
-    """A running goal. Its target is in the base frame at the goal's arrival."""
-
-    handle: Any
-    run: Run
-    eye: Eye
-    target: Matrix
-
-
-class HeadServer:
-    """Points the head. A new goal, or a trajectory for its controller, replaces the running goal."""
+class HeadServer(RunServer):
+    """Points the head. The aim of a goal: the eye, and the target in the base frame at the goal's arrival."""
 
     def __init__(self, robot: Robot) -> None:
+        super().__init__(robot.player, "/head_controller/point_head_action", "control_msgs/PointHeadAction")
         self._robot = robot
-        self._player = robot.player
         self._frames = frames(robot.body)
-        self._pointing: Pointing | None = None
         self._feedback = message_class("control_msgs/PointHeadFeedback")
-        self._goals = Goals("/head_controller/point_head_action", "control_msgs/PointHeadAction")
-
-    def step(self, now: float) -> None:
-        """Take new goals and cancels, then report whether the goal ended."""
-        for is_goal, handle in self._goals.arrived():
-            if is_goal:
-                self._begin(handle, now)
-            elif self._pointing is not None and self._pointing.handle == handle:
-                self._player.cancel(self._pointing.run)
-                self._report_end()
-        self._report_end()
 
     def publish(self, _stamp: rospy.Time) -> None:
         """Publish the head's remaining error."""
-        if self._pointing is not None:
-            feedback = self._feedback(pointing_angle_error=self._off(self._pointing))
-            self._pointing.handle.publish_feedback(feedback)
+        if self._running is not None:
+            handle, _, aim = self._running
+            handle.publish_feedback(self._feedback(pointing_angle_error=self._off(*aim)))
 
     def _begin(self, handle: Any, now: float) -> None:
         goal = handle.get_goal()
@@ -64,9 +43,7 @@ class HeadServer:
             return
         seconds = max(goal.min_duration.to_sec(), self._shortest_s(wanted, goal.max_velocity))
         run = self._player.follow(list(wanted), [Point(list(wanted.values()), seconds)], now)
-        self._report_end()  # of the previous goal, which this goal replaced
-        handle.set_accepted()
-        self._pointing = Pointing(handle, run, looks, target)
+        self._accept(handle, run, (looks, target))
 
     def _in_base(self, target: Any) -> Matrix:
         """Return the target's point in the base frame."""
@@ -85,17 +62,13 @@ class HeadServer:
         way = max(abs(wanted[joint] - self._player.positions[joint]) for joint in (PAN, TILT))
         return EASED_PEAK * way / max_velocity
 
-    def _off(self, pointing: Pointing) -> float:
-        return error(self._frames, pointing.eye, pointing.target, self._player.positions)
+    def _off(self, looks: Eye, target: Matrix) -> float:
+        return error(self._frames, looks, target, self._player.positions)
 
-    def _report_end(self) -> None:
-        if self._pointing is None or self._pointing.run.phase is Phase.MOVING:
-            return
-        ended, self._pointing = self._pointing, None
-        if ended.run.phase is not Phase.DONE:
-            ended.handle.set_canceled(text=ended.run.phase.value)
-        elif (off := self._off(ended)) > REACHED_RAD:
-            text = f"the neck turns no further: {math.degrees(off):.0f} degrees off"
-            ended.handle.set_aborted(text=text)
+    def _end(self, handle: Any, run: Run, aim: tuple[Eye, Matrix]) -> None:
+        if run.phase is not Phase.DONE:
+            handle.set_canceled(text=run.phase.value)
+        elif (off := self._off(*aim)) > REACHED_RAD:
+            handle.set_aborted(text=f"the neck turns no further: {math.degrees(off):.0f} degrees off")
         else:
-            ended.handle.set_succeeded()
+            handle.set_succeeded()

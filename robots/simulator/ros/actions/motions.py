@@ -7,7 +7,7 @@ from typing import Any
 import rospy
 
 from robots.shared.ros.message_types.classes import message_class, service_class
-from robots.simulator.joints.motions import ErrorCode, Phase, RefusedMotionError, Run
+from robots.simulator.joints.motions import ErrorCode, Phase, RefusedError, Run
 from robots.simulator.robot import Robot
 from robots.simulator.ros.actions.action_server import Goals
 
@@ -43,7 +43,7 @@ class MotionServer:
         name = handle.get_goal().motion_name
         try:
             run = self._player.start(name, now, fails=self._robot.faults.motion_fails)
-        except RefusedMotionError as refused:
+        except RefusedError as refused:
             handle.set_rejected(self._result(int(refused.code), str(refused)), str(refused))
             return
         handle.set_accepted()
@@ -71,5 +71,5 @@ class MotionServer:
     def _is_already_there(self, request: Any) -> Any:
         try:
             return {"already_there": self._player.is_there(request.motion_name, request.tolerance)}
-        except RefusedMotionError as refused:
+        except RefusedError as refused:
             raise rospy.ServiceException(str(refused)) from refused

@@ -15,8 +15,8 @@ from robots.simulator.physics.base import Twist as BaseTwist
 from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.robot import Robot
 from robots.simulator.ros.actions.action_server import Goals
-from robots.simulator.ros.base import yaw_quaternion
 from robots.simulator.ros.map import pose_of
+from robots.simulator.ros.messages import stamped, yaw_quaternion
 
 FEEDBACK_S = 0.2
 PAUSES_S = 4.0  # with the fault `navigation_pauses`
@@ -120,8 +120,7 @@ class MoveBaseServer:
         self._stray.publish(result)
 
     def _base_position(self) -> PoseStamped:
-        position = PoseStamped()
-        position.header.stamp, position.header.frame_id = rospy.Time.now(), "map"
+        position = stamped(PoseStamped(), rospy.Time.now(), "map")
         pose = self._robot.believed() or Pose(0.0, 0.0, 0.0)
         position.pose.position.x, position.pose.position.y = pose.x, pose.y
         position.pose.orientation = yaw_quaternion(pose.yaw)
@@ -141,8 +140,7 @@ def _simple(pose: PoseStamped) -> MoveBaseActionGoal:
 
 
 def _path(places: list[tuple[float, float]]) -> Path:
-    path = Path()
-    path.header.stamp, path.header.frame_id = rospy.Time.now(), "map"
+    path = stamped(Path(), rospy.Time.now(), "map")
     for x, y in places:
         pose = PoseStamped(header=path.header)
         pose.pose.position.x, pose.pose.position.y, pose.pose.orientation.w = x, y, 1.0

@@ -16,11 +16,11 @@ from robots.simulator.cameras import encoding
 from robots.simulator.cameras.clock_code import draw_clock
 from robots.simulator.cameras.lens import HEAD_LENS, REAR_LENS, Lens
 from robots.simulator.faults import Faults
-from robots.simulator.joints.frames import OPTICAL_FRAME, frames, place
-from robots.simulator.joints.joint_table import CameraPose, camera_pose
+from robots.simulator.joints.frames import OPTICAL_FRAME, Placed, camera_pose, frames, place
 from robots.simulator.robot import Robot
 from robots.simulator.ros.cameras.drawing_thread import DrawingThread, Moment
-from robots.simulator.ros.cameras.messages import anybody, camera_info, stamped
+from robots.simulator.ros.cameras.messages import anybody, camera_info
+from robots.simulator.ros.messages import stamped
 from robots.simulator.sensors.body import Body, CameraMount
 
 _WRONG_SIZE = Lens(100, 100, 50.0)
@@ -32,7 +32,7 @@ class CameraModel(NamedTuple):
     topic: str
     frame: str
     lens: Lens
-    pose: Callable[[], CameraPose]
+    pose: Callable[[], Placed]
     compressed: bool = False
     clock: bool = False  # draws the clock code
     breaks: bool = False  # has the faults named camera_
@@ -40,18 +40,20 @@ class CameraModel(NamedTuple):
 
 def head_camera(robot: Robot, *, clock: bool) -> CameraModel:
     """Return the head's camera, as on TIAGo."""
-
-    def pose() -> CameraPose:
-        return camera_pose(robot.player.positions)
-
     return CameraModel(
-        "/xtion/rgb", OPTICAL_FRAME, HEAD_LENS, pose, compressed=True, clock=clock, breaks=True
+        "/xtion/rgb",
+        OPTICAL_FRAME,
+        HEAD_LENS,
+        lambda: camera_pose(robot.player.positions),
+        compressed=True,
+        clock=clock,
+        breaks=True,
     )
 
 
 def rear_camera(body: Body, mount: CameraMount) -> CameraModel:
     """Return a camera that looks back, without compressed pictures."""
-    placed = CameraPose(*place(frames(body), mount.link, {}))
+    placed = place(frames(body), mount.link, {})
     return CameraModel("/rear_camera", mount.optical_frame, REAR_LENS, lambda: placed)
 
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 
 from robots.simulator.cameras.lens import HEAD_LENS
-from robots.simulator.joints.frames import OPTICAL_FRAME
-from robots.simulator.joints.joint_table import camera_pose
+from robots.simulator.joints.frames import OPTICAL_FRAME, camera_pose
 from robots.simulator.robot import Robot
 from robots.simulator.ros.cameras.drawing_thread import DrawingThread, Moment
-from robots.simulator.ros.cameras.messages import anybody, camera_info, stamped
+from robots.simulator.ros.cameras.messages import anybody, camera_info
+from robots.simulator.ros.messages import stamped
 from robots.simulator.sensors.depth import DepthCamera, as_millimetres
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robots.simulator.cameras.drawing import Drawing, NoCameraError
 from robots.simulator.cameras.lens import Lens
-from robots.simulator.joints.joint_table import CameraPose
+from robots.simulator.joints.frames import Placed
 from robots.simulator.physics.mujoco_world import Physics, Snapshot, WorldReader
 
 log = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ class Moment(NamedTuple):
     stamp: rospy.Time
     monotonic_s: float
     snapshot: Snapshot
-    camera: CameraPose
+    camera: Placed
 
 
 class Taker(Protocol):

@@ -2,19 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import rospy
 from sensor_msgs.msg import CameraInfo
 
 from robots.simulator.cameras.lens import Lens
-
-
-def stamped(message: Any, stamp: rospy.Time, frame: str) -> Any:
-    """Set the time and frame of a message; return the message."""
-    message.header.stamp = stamp
-    message.header.frame_id = frame
-    return message
 
 
 def camera_info(lens: Lens) -> CameraInfo:
