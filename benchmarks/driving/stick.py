@@ -15,15 +15,14 @@ Results: over the recorded hands One-Euro lags less than half as much as the mea
 its difference is smaller than without a filter and slightly smaller than with the mean. But a resting hand
 has less jitter with the mean, especially at 20 commands a second. In slow rows One-Euro, like any low pass,
 lags by more than 30 ms: 63 ms at 9 degrees a second, which is half a degree. No setting has both little
-jitter and little lag: ``python -m benchmarks.driving.stick`` compares many settings
-(docs/decisions/the-stick-filter-lags-at-slow-movements.md).
+jitter and little lag (docs/decisions/the-stick-filter-lags-at-slow-movements.md).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -53,10 +52,6 @@ TRANSITIONS_S = (2.0, 5.0)
 SWEEPS = 64  # of each row, sixteen with each tremor
 AROUND_S = 1.0  # the hand rests before and after a sweep
 DEFLECTION = 0.9
-
-# Values of One-Euro's parameters, in their order.
-SETTINGS = ((0.1, 0.3, 1.0, 2.0), (5.0, 10.0, 15.0, 20.0), (0.5, 0.7, 1.0))
-SURVEY_SWEEPS = 16
 
 
 def measure() -> list[Figure]:
@@ -108,8 +103,6 @@ def _hands(rate_hz: int) -> list[Figure]:
             Figure(f"{of}: lag", float(np.mean(lags)), "ms", LAG_MS if judged else None),
             Figure(f"{of}: stop lag", _stop_lag_ms(traces, given), "ms", 0.0 if judged else None),
         ]
-    bare = [_past_no_zero(Mean(), trace.measured, rate_hz) for trace in traces]
-    figures.append(Figure(f"{rate_hz} Hz, mean not bypassed: stop lag", _stop_lag_ms(traces, bare), "ms"))
     return figures
 
 
@@ -153,19 +146,6 @@ def _stop_ms(trace: Trace, given: Array, release: Movement) -> float:
     return 1000.0 * float(trace.times_s[stopped] - trace.times_s[zero])
 
 
-def _past_no_zero(step: Mean, positions: Array, rate_hz: float) -> Array:
-    """Return the output of one filter step without the bypass: zero and reversal are ordinary inputs."""
-    columns = []
-    for axis in positions.T.tolist():
-        memory = step.begin(axis[0])
-        given = [memory[0]]
-        for value in axis[1:]:
-            memory = step.follow(memory, value, 1.0 / rate_hz)
-            given.append(memory[0])
-        columns.append(given)
-    return np.array(columns).T
-
-
 # --- the table of turns ---------------------------------------------------------------------------
 
 
@@ -178,7 +158,7 @@ class Row(NamedTuple):
 
 def _row(degrees: int, transition_s: float) -> list[Figure]:
     """Return one row of the table (a range and a transition time), at the page's rate."""
-    played = {name: _played(steps, degrees, transition_s, SWEEPS) for name, steps in SCHEMES.items()}
+    played = {name: _played(steps, degrees, transition_s) for name, steps in SCHEMES.items()}
     row = f"0-{degrees} deg, {transition_s:g} s"
     figures = [Figure(f"{row}, none: difference", played["none"].difference, "deg")]
     for name in ("mean", "One-Euro"):
@@ -193,9 +173,9 @@ def _row(degrees: int, transition_s: float) -> list[Figure]:
     return figures
 
 
-def _played(steps: Sequence[StickStep], degrees: int, transition_s: float, sweeps: int) -> Row:
+def _played(steps: Sequence[StickStep], degrees: int, transition_s: float) -> Row:
     rows = []
-    for seed in range(sweeps):
+    for seed in range(SWEEPS):
         times_s, meant, measured = _sweep(degrees, transition_s, seed)
         given = through(steps, measured, PAGE_HZ)
         rows.append((_mean_difference_deg(given, times_s, transition_s), lag_ms(given, times_s, meant)))
@@ -221,35 +201,3 @@ def _mean_difference_deg(given: Array, times_s: Array, transition_s: float) -> f
     directions = np.unwrap(np.arctan2(given[:, 1], given[:, 0]))
     turning = _between(times_s[1:], AROUND_S, AROUND_S + transition_s)
     return math.degrees(float(np.mean(abs(np.diff(directions))[turning])))
-
-
-# --- other settings ------------------------------------------------------------------------------
-
-
-def survey() -> None:
-    """Print results for each of `SETTINGS`: over the recorded hands, and in the table's worst row of each figure."""
-    kinds = [(degrees, transition_s) for transition_s in TRANSITIONS_S for degrees in RANGES_DEG]
-    none, mean = (
-        [_played(SCHEMES[name], *kind, SURVEY_SWEEPS) for kind in kinds] for name in ("none", "mean")
-    )
-    traces = [_thinned(trace, PAGE_HZ) for trace in hand_model.recorded()]
-    print("min_hz  beta  speed_hz | hands: jitter %  lag ms | worst row: lag ms  / none  / mean")
-    for setting in product(*SETTINGS):
-        steps = (OneEuro(*setting),)
-        given = [through(steps, trace.measured, PAGE_HZ) for trace in traces]
-        lag = float(np.mean([_lag_of(trace, one) for trace, one in zip(traces, given, strict=True)]))
-        rows = [_played(steps, *kind, SURVEY_SWEEPS) for kind in kinds]
-        shares = [
-            max(row.difference / other.difference for row, other in zip(rows, others, strict=True))
-            for others in (none, mean)
-        ]
-        least_hz, beta, speed_hz = setting
-        print(
-            f"{least_hz:6g}{beta:6g}{speed_hz:10g} | {100.0 * _jitter(traces, given):15.2f}{lag:8.1f} |"
-            f"{max(row.lag for row in rows):18.1f}{shares[0]:8.3f}{shares[1]:8.3f}",
-            flush=True,
-        )
-
-
-if __name__ == "__main__":
-    survey()

@@ -1,4 +1,4 @@
-"""Crashes of a simulated robot with the gate, compared with the cone method and nav2's collision monitor.
+"""Crashes of a simulated robot with the gate, and without it.
 
 MuJoCo decides what is a crash. Each core has one process, which is faster than real time; see
 `benchmarks.world`. The default takes five to ten minutes on two cores. FLEET_BENCH_REPEATS: seeds of each

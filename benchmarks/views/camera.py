@@ -1,4 +1,4 @@
-"""Live camera: first picture, age on the page beside MJPEG, cost, slow network, stalled viewer, lost right, commands.
+"""Live camera: first picture, age on the page, cost, slow network, stalled viewer, lost right, commands.
 
 The simulated head camera draws the time into its pictures. Chromium's page reads this time from its canvas. A
 picture's age counts from the robot's stamp, so drawing and encoding in the simulator are part of the age.
@@ -13,39 +13,29 @@ import os
 import signal
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
-from typing import NamedTuple
 
 from benchmarks.driving.drive import BARE_STICKS, SLOT, delays, drive
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts import process_stats
 from benchmarks.parts.cable import Cable, Profile
-from benchmarks.parts.observer import SYSTEM_PYTHON, Observer, start_ros_side
+from benchmarks.parts.observer import Observer, start_ros_side
 from benchmarks.parts.priority import prefer_loops_or_say
 from benchmarks.parts.role_switch import role_switch
 from benchmarks.parts.viewer_crowd import Crowd
 from benchmarks.views.camera_page import (
-    CameraPage,
     Measured,
     console_page,
     first_picture_s,
-    mjpeg_page,
-    until_connected,
 )
-from benchmarks.views.mjpeg_crowd import MjpegCrowd
 from robots.bridge.camera.camera_client import LINGER_S
 from script.stack.client import Driver, sign_in
-from script.stack.processes import ReservedPort
 from script.stack.stack import Stack, temporary_stack
 
 ROBOT, CAMERA = "tiago-1", "head"
 ROLES = ("observer", "operator", "supervisor", "staff")
 PLAN = replace(BARE_STICKS[0], options=("--camera-clock",))
-MJPEG = Path(__file__).with_name("mjpeg.py")
 PARTS = ("first", "glass", "slow", "stall", "rights", "cost", "commands")
 MEASURED_S = 20.0
 SETTLED_S = 3.0
@@ -63,15 +53,6 @@ ENDS_S = 1.0
 CORE_PERCENT = 5.0
 COMMAND_TIMES = 1.2
 BAD_PICTURES = "camera_bomb"
-
-PageContext = AbstractAsyncContextManager[CameraPage]
-
-
-class Mjpeg(NamedTuple):
-    """The baseline's server."""
-
-    port: int
-    pid: int
 
 
 def measure() -> list[Figure]:
@@ -103,27 +84,13 @@ async def measure_on(stack: Stack) -> list[Figure]:
 
 
 class Bench:
-    """One robot, its viewers and the baseline."""
+    """One robot and its viewers."""
 
     def __init__(self, stack: Stack, cookies: Sequence[str]) -> None:
         self._stack = stack
         self._cookies = cookies
         self._cookie = cookies[0]
         self._seconds = float(os.environ.get("FLEET_BENCH_SECONDS", MEASURED_S))
-
-    @asynccontextmanager
-    async def _mjpeg(self) -> AsyncIterator[Mjpeg]:
-        """Context: the same camera served as MJPEG over HTTP, the baseline."""
-        port = ReservedPort()
-        robot = self._stack.robots[ROBOT]
-        command = [SYSTEM_PYTHON, str(MJPEG), str(port.number)]
-        child = self._stack.start_child("bench-mjpeg", command, robot.environment)
-        try:
-            await until_connected(port.number)
-            yield Mjpeg(port.number, child.pid)
-        finally:
-            self._stack.release(child)
-            port.close()
 
     # --- first picture -----------------------------------------------------------------------------
 
@@ -135,21 +102,11 @@ class Bench:
             progress(f"page opened without a camera process, {number + 1} of {OPENINGS} ...")
             await self._camera_process_ends()
             for times_s in (cold_s, warm_s):
-                times_s.append(await first_picture_s(self._stack, self._cookie, self._page_of_robot))
-        async with self._mjpeg() as mjpeg:
-            address = f"http://127.0.0.1:{mjpeg.port}/"
-            baseline_s = [
-                await first_picture_s(self._stack, self._cookie, address, "img") for _ in range(OPENINGS)
-            ]
+                times_s.append(await first_picture_s(self._stack, ROBOT, self._cookie))
         return [
-            Figure("MJPEG: first picture, worst", max(baseline_s), "s"),
             Figure("page opened, no camera process: first picture, worst", max(cold_s), "s", FIRST_S),
             Figure("page opened again: first picture, worst", max(warm_s), "s", FIRST_S),
         ]
-
-    @property
-    def _page_of_robot(self) -> str:
-        return f"{self._stack.url}/robots/{ROBOT}/"
 
     async def _camera_process_ends(self) -> None:
         end_s = time.monotonic() + LINGER_S + 10.0
@@ -161,29 +118,18 @@ class Bench:
     # --- glass to glass ----------------------------------------------------------------------------
 
     async def glass_to_glass(self) -> list[Figure]:
-        """Measure the age of pictures on a page: MJPEG and ours, with one and with ten viewers."""
-        figures: list[Figure] = []
-        async with self._mjpeg() as mjpeg:
-            for count in (1, VIEWERS):
-                name = f"MJPEG, {count} viewer{'s' if count > 1 else ''}"
-                async with MjpegCrowd(mjpeg.port, count - 1):
-                    page = partial(mjpeg_page, self._stack, self._cookie, mjpeg.port)
-                    figures += ages(name, await self._watched(name, page))
-        alone = await self._watched("1 viewer", self._console)
-        figures += ages("1 viewer", alone, AGE_P50_MS, AGE_P95_MS)
+        """Measure the age of pictures on a page, with one and with ten viewers."""
+        figures = ages("1 viewer", await self._watched("1 viewer"), AGE_P50_MS, AGE_P95_MS)
+        name = f"{VIEWERS} viewers"
         async with self._crowd(VIEWERS - 1):
-            crowded = await self._watched(f"{VIEWERS} viewers", self._console)
-        figures += ages(f"{VIEWERS} viewers", crowded, AGE_P50_MS, AGE_P95_MS)
+            figures += ages(name, await self._watched(name), AGE_P50_MS, AGE_P95_MS)
         return figures
 
-    async def _watched(self, name: str, page_of: Callable[[], PageContext]) -> Measured:
+    async def _watched(self, name: str) -> Measured:
         progress(f"{name} ...")
-        async with page_of() as page:
+        async with console_page(self._stack, ROBOT, self._cookie) as page:
             await asyncio.sleep(SETTLED_S)
             return await page.measure(self._seconds)
-
-    def _console(self) -> AbstractAsyncContextManager[CameraPage]:
-        return console_page(self._stack, ROBOT, self._cookie)
 
     def _crowd(self, count: int, *, one_stalls: bool = False) -> Crowd:
         return Crowd(self._stack, ROBOT, self._cookies, count, camera=CAMERA, one_stalls=one_stalls)
@@ -196,23 +142,21 @@ class Bench:
         The network is fast while the page loads, then becomes slow.
         """
         figures: list[Figure] = []
-        async with self._mjpeg() as mjpeg:
-            page = partial(mjpeg_page, self._stack, self._cookie)
-            measured = await self._slowly(f"MJPEG at {SLOW.name}", mjpeg.port, page)
-            figures += ages(f"MJPEG at {SLOW.name}", measured)
         for decodes_video in (True, False):
-            title = f"ours at {SLOW.name}, browser {'with' if decodes_video else 'without'} video"
-            page = partial(console_page, self._stack, ROBOT, self._cookie, decodes_video=decodes_video)
-            measured = await self._slowly(title, self._stack.port, page)
+            title = f"{SLOW.name}, browser {'with' if decodes_video else 'without'} video"
+            measured = await self._slowly(title, decodes_video=decodes_video)
             figures += ages(title, measured, None, SLOW_P95_MS)
             period_ms = 1000.0 / measured.rate_hz if measured.rate_hz else math.nan
             figures.append(Figure(f"{title}: between pictures", period_ms, "ms", 1000.0 / SLOW_HZ))
             figures.append(Figure(f"{title}: share of H.264", measured.video_share, ""))
         return figures
 
-    async def _slowly(self, name: str, port: int, page_of: Callable[[int], PageContext]) -> Measured:
+    async def _slowly(self, name: str, *, decodes_video: bool) -> Measured:
         progress(f"{name} ...")
-        async with Cable(("127.0.0.1", 0), ("127.0.0.1", port)) as cable, page_of(cable.port) as page:
+        async with (
+            Cable(("127.0.0.1", 0), ("127.0.0.1", self._stack.port)) as cable,
+            console_page(self._stack, ROBOT, self._cookie, cable.port, decodes_video=decodes_video) as page,
+        ):
             cable.profile = SLOW
             await asyncio.sleep(ADAPTED_S)
             return await page.measure(self._seconds)
@@ -234,21 +178,11 @@ class Bench:
                 rates_hz.append(await self._slowest_hz(crowd))
         alone_hz, beside_hz = rates_hz
         lost = 100.0 * (1.0 - beside_hz / alone_hz) if alone_hz else math.nan
-        baseline_hz = await self._slowest_hz_of_mjpeg()
         return [
-            Figure("MJPEG, one stalls: pictures of the slowest other", baseline_hz, "/s"),
             Figure("none stalls: pictures of the slowest viewer", alone_hz, "/s"),
             Figure("one stalls: pictures of the slowest other", beside_hz, "/s"),
             Figure("one stalls: the slowest other loses", lost, "%", LOST_PERCENT),
         ]
-
-    async def _slowest_hz_of_mjpeg(self) -> float:
-        async with self._mjpeg() as mjpeg, MjpegCrowd(mjpeg.port, VIEWERS, one_stalls=True) as crowd:
-            await asyncio.sleep(SETTLED_S)
-            before, began_s = list(crowd.seen), time.monotonic()
-            await asyncio.sleep(self._seconds)
-            spent_s = time.monotonic() - began_s
-            return min(now - then for now, then in zip(crowd.seen[:-1], before, strict=False)) / spent_s
 
     async def _slowest_hz(self, crowd: Crowd) -> float:
         """Return the lowest number of pictures per second among the viewers that read."""
@@ -296,12 +230,8 @@ class Bench:
             web, process = await self._used(camera)
             shown_hz = sum(len(arrivals) for arrivals in crowd.seen.values()) / VIEWERS / self._seconds
             memory = process_stats.resident_mb(camera)
-        async with self._mjpeg() as mjpeg, MjpegCrowd(mjpeg.port, VIEWERS):
-            await asyncio.sleep(SETTLED_S)
-            _, baseline = await self._used(mjpeg.pid)
         name = f"{VIEWERS} viewers"
         return [
-            Figure(f"MJPEG, {name}: its server", baseline, "%"),
             Figure(f"{name}: web process adds", web - idle, "%"),
             Figure(f"{name}: camera process", process, "%"),
             Figure(f"{name}: both", web - idle + process, "%", CORE_PERCENT),

@@ -6,7 +6,7 @@ import asyncio
 import json
 import time
 from collections.abc import AsyncIterator
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,12 +21,11 @@ from script.stack.stack import Stack
 CANVAS = "canvas.camera-picture"  # of a robot's page
 FIRST_PICTURE_S = 30.0
 
-# At each frame of the page: [time in the picture in 0.1 ms, performance.now()] of each new picture. `from` is an image
-# that is drawn into the canvas first. The code is described in robots/simulator/cameras/clock_code.py.
+# At each frame of the page: [time in the picture in 0.1 ms, performance.now()] of each new picture. The code is
+# described in robots/simulator/cameras/clock_code.py.
 _WATCH = """
-([selector, from, blocks]) => {
+([selector, blocks]) => {
   const canvas = document.querySelector(selector);
-  const image = from && document.querySelector(from);
   const pen = canvas.getContext("2d");
   const seen = (window.benchSeen = []);
   const bits = (ones, begin, end) => ones.slice(begin, end).reduce((number, one) => number * 2 + one, 0);
@@ -45,7 +44,6 @@ _WATCH = """
   };
   let last = null;
   const look = () => {
-    if (image && image.complete !== undefined && image.naturalWidth) pen.drawImage(image, 0, 0);
     const ticks = read();
     if (ticks !== null && ticks !== last) seen.push([ticks, performance.now()]);
     last = ticks ?? last;
@@ -55,13 +53,10 @@ _WATCH = """
 }
 """
 
-# The page sets its canvas to the picture's size when it paints the first picture. An image has the picture's
-# size.
+# The page sets its canvas to the picture's size when it paints the first picture.
 _PAINTED = """
 ([selector, width]) => {
-  const shown = document.querySelector(selector);
-  const isPainted = (shown?.naturalWidth ?? shown?.width) === width;
-  return isPainted ? performance.now() : null;
+  return document.querySelector(selector)?.width === width ? performance.now() : null;
 }
 """
 
@@ -112,9 +107,9 @@ class CameraPage:
         return Measured(shown, seconds, self._formats.count("h264") / max(len(self._formats), 1))
 
 
-async def _watching(page: Page, canvas: str, image: str | None, formats: list[str]) -> CameraPage:
-    await page.wait_for_selector(canvas)
-    await page.evaluate(_WATCH, [canvas, image, BLOCKS])
+async def _watching(page: Page, formats: list[str]) -> CameraPage:
+    await page.wait_for_selector(CANVAS)
+    await page.evaluate(_WATCH, [CANVAS, BLOCKS])
     end_s = time.monotonic() + FIRST_PICTURE_S
     while not await page.evaluate("window.benchSeen.length"):
         if time.monotonic() > end_s:
@@ -149,42 +144,18 @@ async def console_page(
             await page.add_init_script("delete window.VideoDecoder")
         formats = _formats_of(page)
         await page.goto(f"{stack.url}/robots/{slug}/")
-        yield await _watching(page, CANVAS, None, formats)
+        yield await _watching(page, formats)
 
 
-async def first_picture_s(stack: Stack, cookie: str, address: str, element: str = CANVAS) -> float:
-    """Return the seconds from the navigation to an address until its canvas or image shows a camera picture.
+async def first_picture_s(stack: Stack, slug: str, cookie: str) -> float:
+    """Return the seconds from the navigation to the robot's page until its canvas shows a camera picture.
 
     The browser is new: its cache is empty.
     """
     async with signed_in(stack, cookie) as page:
         await page.goto(f"{stack.url}/healthz")  # the browser's own start does not count
-        await page.goto(address, wait_until="commit")
+        await page.goto(f"{stack.url}/robots/{slug}/", wait_until="commit")
         painted = await page.wait_for_function(
-            _PAINTED, arg=[element, WIDTH], polling="raf", timeout=1000.0 * FIRST_PICTURE_S
+            _PAINTED, arg=[CANVAS, WIDTH], polling="raf", timeout=1000.0 * FIRST_PICTURE_S
         )
         return float(await painted.json_value()) / 1000.0
-
-
-@asynccontextmanager
-async def mjpeg_page(stack: Stack, cookie: str, port: int) -> AsyncIterator[CameraPage]:
-    """Context: a page that shows a plain MJPEG stream."""
-    async with AsyncExitStack() as closing:
-        page = await closing.enter_async_context(signed_in(stack, cookie))
-        await until_connected(port)
-        await page.goto(f"http://127.0.0.1:{port}/", wait_until="commit")  # its stream never ends
-        yield await _watching(page, "canvas", "img", [])
-
-
-async def until_connected(port: int) -> None:
-    """Wait until a server listens on this port."""
-    end_s = time.monotonic() + FIRST_PICTURE_S
-    while time.monotonic() < end_s:
-        try:
-            _, writer = await asyncio.open_connection("127.0.0.1", port)
-        except OSError:
-            await asyncio.sleep(0.1)
-        else:
-            writer.close()
-            return
-    raise TimeoutError(f"Nobody listens on port {port}.")

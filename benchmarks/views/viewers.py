@@ -14,7 +14,6 @@ from websockets.asyncio.client import unix_connect
 
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts import process_stats
-from benchmarks.parts.bare_rospy import BareRospy
 from benchmarks.parts.observer import Observer
 from benchmarks.parts.priority import prefer_loops_or_say
 from benchmarks.parts.viewer_crowd import Crowd
@@ -26,7 +25,6 @@ ROBOT = "tiago-1"
 CROWDS = (1, 10, 50)
 MEASURED_S = 20.0
 SETTLED_S = 2.0
-BARE = 250  # messages of bare rospy, before and after the crowds
 DELAY_P99_MS = 5.0  # with the largest crowd
 CORE_PERCENT = 5.0
 BRIDGE_MB = 90.0
@@ -59,19 +57,14 @@ async def measure_on(stack: Stack) -> list[Figure]:
     figures: list[Figure] = []
     async with Observer(stack.robots[ROBOT], "scan") as observer:
         await asyncio.sleep(SETTLED_S)
-        idle = await bench.idle()
+        idle = await bench.used()
         figures += [
             Figure("nobody looks: web", idle[0], "%"),
             Figure("nobody looks: bridge", idle[1], "%"),
         ]
-        with BareRospy(stack, stack.robots[ROBOT], observer) as bare:
-            progress("bare rospy ...")
-            bare_s = await bare.delays_s(BARE)
-            for count in CROWDS:
-                progress(f"{count} viewers ...")
-                figures += await bench.crowd(count, observer)
-            bare_s += await bare.delays_s(BARE)
-        figures += beside(bare_s, figures)
+        for count in CROWDS:
+            progress(f"{count} viewers ...")
+            figures += await bench.crowd(count, observer)
         progress("one viewer stalls ...")
         figures += await bench.stalled(CROWDS[-1])
     cost = bench.cost()
@@ -80,20 +73,6 @@ async def measure_on(stack: Stack) -> list[Figure]:
         Figure("memory: bridge", cost.bridge_mb, "MB", BRIDGE_MB),
         Figure("memory: web process", cost.web_mb, "MB", WEB_MB),
     ]
-
-
-def beside(bare_s: list[float], figures: list[Figure]) -> list[Figure]:
-    """Return bare rospy's delays, and the largest crowd's as a ratio to them."""
-    measured = {figure.name: figure.value for figure in figures}
-    found = []
-    for share in (50, 99):
-        bare_ms = 1000.0 * quantile(bare_s, share / 100)
-        name = f"{CROWDS[-1]} viewers: scan -> viewer p{share}"
-        found += [
-            Figure(f"bare rospy p{share}", bare_ms, "ms"),
-            Figure(f"{name} / bare rospy", measured[name] / bare_ms, "times"),
-        ]
-    return found
 
 
 class Bench:
@@ -120,11 +99,8 @@ class Bench:
             process_stats.resident_mb(self._bridge),
         )
 
-    async def idle(self) -> tuple[float, float]:
-        """Return the percent of a core that web process and bridge use without viewers."""
-        return await self._used()
-
-    async def _used(self) -> tuple[float, float]:
+    async def used(self) -> tuple[float, float]:
+        """Return the percent of a core that web process and bridge use."""
         before, began_s = self.cost(), time.monotonic()
         await asyncio.sleep(MEASURED_S)
         after, seconds = self.cost(), time.monotonic() - began_s
@@ -141,7 +117,7 @@ class Bench:
             observer.forget()
             drawn.clear()
             crowd.seen.clear()
-            web, bridge = await self._used()
+            web, bridge = await self.used()
         shown = [
             (drawn[checksum], at_s)
             for checksum, arrivals in crowd.seen.items()

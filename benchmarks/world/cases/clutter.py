@@ -31,16 +31,13 @@ CLEAR_M = 0.9  # radius without objects around the robot's start
 METRES = float(os.environ.get("FLEET_BENCH_METRES", "100"))  # 10000: some two hours on two cores
 DRAWN_SHARE = 0.25  # of the metres, driven again with drawn conditions
 A_MINUTE_M = 7.0  # about the way of one minute
-OTHERS = 3  # minutes of the other methods, for each repeat
 WORST = 10
 AT_MOST, ENOUGH_M = 0.05, 6000.0  # crashes per 100 m, and the metres needed to show such a low rate
-CONTROLLERS = ("gate", "cone", "monitor")
 
 
 class Minute(NamedTuple):
     """The arguments of one case."""
 
-    controller: str
     seed: int
     drawn: bool = False  # sensors, delays, brakes, slip and drift, by the seed
 
@@ -54,18 +51,13 @@ class Outcome(NamedTuple):
     kept: Keeping
 
 
-def measure(repeats: int) -> list[Figure]:
+def measure(_repeats: int) -> list[Figure]:
     """Return crashes, the way driven, and how much of the asked speed is left where the way is free.
 
     A crash ends its minute.
     """
-    figures = _figures("gate", _driven_far(METRES))
-    figures += _figures("gate, drawn", _driven_far(DRAWN_SHARE * METRES, drawn=True))
-    others = [Minute(name, seed) for name in CONTROLLERS[1:] for seed in range(OTHERS * repeats)]
-    done = list(played("clutter, others", others, play))
-    for name in CONTROLLERS[1:]:
-        figures += _figures(name, [pair for pair in done if pair[0].controller == name])
-    return figures
+    drawn = _figures("gate, drawn", _driven_far(DRAWN_SHARE * METRES, drawn=True))
+    return [*_figures("gate", _driven_far(METRES)), *drawn]
 
 
 def _driven_far(metres: float, *, drawn: bool = False) -> list[tuple[Minute, Outcome]]:
@@ -76,7 +68,7 @@ def _driven_far(metres: float, *, drawn: bool = False) -> list[tuple[Minute, Out
     done: list[tuple[Minute, Outcome]] = []
     while (left_m := metres - sum(outcome.way_m for _, outcome in done)) > 0.0 and len(done) <= metres:
         first, more = len(done), math.ceil(left_m / A_MINUTE_M)
-        jobs = [Minute("gate", seed, drawn) for seed in range(first, first + more)]
+        jobs = [Minute(seed, drawn) for seed in range(first, first + more)]
         done += played(f"clutter, {left_m:.0f} m to go", jobs, play)
     return done
 
@@ -88,45 +80,24 @@ def _figures(name: str, done: list[tuple[Minute, Outcome]]) -> list[Figure]:
     reverse_m = sum(outcome.reverse_m for outcome in outcomes)
     sums = together(outcome.kept for outcome in outcomes)
     where = f"clutter, {name}"
-    figures = [
+    limit = AT_MOST if way_m >= ENOUGH_M else None
+    bound = _bound(met.known, way_m)
+    _name_worst(done)
+    _name_causes("stuck", sums.stuck_by)
+    _name_causes("false stops", sums.stopped_by)
+    return [
         Figure(f"{where}: way in {len(outcomes)} minutes", way_m, "m"),
         Figure(f"{where}: of it in reverse", 100.0 * reverse_m / way_m if way_m else math.nan, "%"),
-    ]
-    limit = AT_MOST if way_m >= ENOUGH_M else None
-    ours = name.startswith("gate")
-    if ours:
-        _name_worst(done)
-        _name_causes("stuck", sums.stuck_by)
-        _name_causes("false stops", sums.stopped_by)
-        figures += [
-            Figure(f"{where}: contacts with what was seen or heard", met.known, "", 0.0),
-            Figure(f"{where}: contacts with what was seen too late", met.late, ""),
-            Figure(f"{where}: contacts with what no sensor can have seen", met.unseen, ""),
-            Figure(
-                f"{where}: contacts with what was seen, bound (95 %)",
-                _bound(met.known, way_m),
-                "/100m",
-                limit,
-            ),
-            Figure(f"{where}: stuck, of the time", sums.stuck_percent, "%", 0.5),
-        ]
-    else:
-        figures.append(Figure(f"{where}: crashes", sum(met), ""))
-    return [
-        *figures,
-        Figure(f"{where}: false stops", sums.false_stop_percent, "%", 1.0 if ours else None),
-        Figure(
-            f"{where}: speed lost with 2 m free", sums.lost_percent, "%"
-        ),  # the gate limits reverse to 0.1 m/s
-        Figure(
-            f"{where}: speed lost with 2 m free ahead", sums.lost_ahead_percent, "%", 10.0 if ours else None
-        ),
-        Figure(
-            f"{where}: of 0.1 m/s lost with 2 m free behind",
-            sums.lost_back_percent,
-            "%",
-            10.0 if ours else None,
-        ),
+        Figure(f"{where}: contacts with what was seen or heard", met.known, "", 0.0),
+        Figure(f"{where}: contacts with what was seen too late", met.late, ""),
+        Figure(f"{where}: contacts with what no sensor can have seen", met.unseen, ""),
+        Figure(f"{where}: contacts with what was seen, bound (95 %)", bound, "/100m", limit),
+        Figure(f"{where}: stuck, of the time", sums.stuck_percent, "%", 0.5),
+        Figure(f"{where}: false stops", sums.false_stop_percent, "%", 1.0),
+        # The gate limits reverse to 0.1 m/s
+        Figure(f"{where}: speed lost with 2 m free", sums.lost_percent, "%"),
+        Figure(f"{where}: speed lost with 2 m free ahead", sums.lost_ahead_percent, "%", 10.0),
+        Figure(f"{where}: of 0.1 m/s lost with 2 m free behind", sums.lost_back_percent, "%", 10.0),
     ]
 
 
@@ -150,7 +121,7 @@ def _name_causes(title: str, causes: Counter[str]) -> None:
 
 def play(minute: Minute) -> Outcome:
     """Play one minute."""
-    loop = loop_of(build(minute.seed, drawn=minute.drawn), minute.controller, minute.seed)
+    loop = loop_of(build(minute.seed, drawn=minute.drawn), "gate", minute.seed)
     truth = Truth(loop.robot.physics)
     trace = loop.play()
     keeping = kept(trace, truth, loop.limits)

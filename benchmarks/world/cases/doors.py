@@ -23,7 +23,6 @@ LONGEST_S = 40.0
 DOORS = {0.90: (0.5, 1.02), 0.80: (0.5, 1.02), 0.70: (0.4, 1.03), 0.64: (0.3, 1.10)}
 WIDE_M = 0.70  # in a door of at least this width nobody may be stuck, whatever conditions are drawn
 RATES_HZ = (5.0, 10.0, 15.0, 30.0)  # of depth pictures
-CONTROLLERS = ("none", "gate", "cone", "monitor")
 
 
 class Passage(NamedTuple):
@@ -32,7 +31,7 @@ class Passage(NamedTuple):
     controller: str
     width_m: float
     seed: int
-    size: tuple[int, int] = STANDARD.depth_size  # of depth pictures, which other controllers do not use
+    size: tuple[int, int] = STANDARD.depth_size  # of depth pictures
     drawn: bool = False  # sensors, delays, brakes, slip and drift, by the seed
 
 
@@ -45,18 +44,13 @@ class Outcome(NamedTuple):
 
 
 def measure(repeats: int) -> list[Figure]:
-    """Return the time with each controller divided by the time without, and how many did not get through.
+    """Return the time with the gate divided by the time without, and how many did not get through.
 
-    Only the courses count that are driven without contact when there is no controller.
+    Only the courses count that are driven without contact when there is no gate.
     """
     seeds = range(max(repeats, 3))
-    jobs = [
-        Passage(name, width, seed, size)
-        for width in DOORS
-        for name in CONTROLLERS
-        for size in (DEPTH_SIZES if name == "gate" else (STANDARD.depth_size,))
-        for seed in seeds
-    ]
+    jobs = [Passage("none", width, seed) for width in DOORS for seed in seeds]
+    jobs += [Passage("gate", width, seed, size) for width in DOORS for size in DEPTH_SIZES for seed in seeds]
     jobs += [
         Passage(name, width, seed, drawn=True)
         for width in DOORS
@@ -68,12 +62,10 @@ def measure(repeats: int) -> list[Figure]:
     for width in DOORS:
         driven = [seed for seed in seeds if _good(done[Passage("none", width, seed)])]
         alone_s = sum(done[Passage("none", width, seed)].time_s for seed in driven)
-        for name in CONTROLLERS[1:]:
-            mine = {
-                size: [done[job] for seed in driven if (job := Passage(name, width, seed, size)) in done]
-                for size in DEPTH_SIZES
-            }
-            figures += _figures(name, width, {size: ends for size, ends in mine.items() if ends}, alone_s)
+        by_size = {
+            size: [done[Passage("gate", width, seed, size)] for seed in driven] for size in DEPTH_SIZES
+        }
+        figures += _figures(width, by_size, alone_s)
         figures += _drawn_figures(width, done)
     return figures
 
@@ -99,19 +91,17 @@ def _drawn_figures(width: float, done: dict[Passage, Outcome]) -> list[Figure]:
     ]
 
 
-def _figures(
-    name: str, width: float, by_size: dict[tuple[int, int], list[Outcome]], alone_s: float
-) -> list[Figure]:
+def _figures(width: float, by_size: dict[tuple[int, int], list[Outcome]], alone_s: float) -> list[Figure]:
     """Return the time with each size of depth pictures, and how many did not get through, over all sizes."""
-    ours, where = name == "gate", f"door of {width:.2f} m, {name}"
+    where = f"door of {width:.2f} m, gate"
     figures = []
     for (columns, rows), ends in by_size.items():
-        ratio = sum(end.time_s for end in ends) / alone_s
-        sized = f"{where}, depth {columns}x{rows}" if ours else where
-        figures.append(Figure(f"{sized}: time / time without", ratio, "", DOORS[width][1] if ours else None))
+        ratio = sum(end.time_s for end in ends) / alone_s if ends else math.nan
+        sized = f"{where}, depth {columns}x{rows}"
+        figures.append(Figure(f"{sized}: time / time without", ratio, "", DOORS[width][1]))
     ends = [end for some in by_size.values() for end in some]
     stuck = sum(not _good(end) for end in ends)
-    return [*figures, Figure(f"{where}: not through of {len(ends)}", stuck, "", 0.0 if ours else None)]
+    return [*figures, Figure(f"{where}: not through of {len(ends)}", stuck, "", 0.0)]
 
 
 def _good(outcome: Outcome) -> bool:

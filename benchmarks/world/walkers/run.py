@@ -12,10 +12,10 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from benchmarks.world.controllers import Controller, Fan, Floats, Ranges
+from benchmarks.world.controllers import Controller, Fan, Ranges
 from benchmarks.world.walkers import plane
 from benchmarks.world.walkers.plan import HULL_M, LASER, WARM_UP_S, Plan
-from benchmarks.world.walkers.plane import Things
+from benchmarks.world.walkers.plane import Floats, Things
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.simulator.physics.base import BaseController, Twist
 from robots.simulator.sensors.odometry import Odometry

@@ -46,7 +46,7 @@ def crossing(mps, side, phase_m):
 @pytest.mark.parametrize(("side", "phase_m"), [(-1, 0.0), (1, 0.3)], ids=["from the left", "from the right"])
 def test_a_robot_stands_before_a_crossing_person_with_swinging_legs(side, phase_m):
     plan = crossing(1.2, side, phase_m)
-    unhindered = played(plan, 1, lambda fan: PassThrough(fan))
+    unhindered = played(plan, 1, lambda _fan: PassThrough())
     assert unhindered.met.mps > 0.9
     ended = played(plan, 1)
     assert ended.met is None or ended.met.mps <= MOVING_MPS
@@ -58,7 +58,7 @@ def test_a_robot_stands_before_a_crossing_person_with_swinging_legs(side, phase_
 @pytest.mark.parametrize("seed", DRAWN)
 def test_a_robot_stands_before_people_drawn_by_seed(seed):
     plan = plans.drawn(seed)
-    unhindered = played(plan, seed, lambda fan: PassThrough(fan))
+    unhindered = played(plan, seed, lambda _fan: PassThrough())
     assert unhindered.met.mps > 0.3
     ended = played(plan, seed)
     assert ended.met is None or ended.met.mps <= MOVING_MPS
