@@ -191,13 +191,9 @@ def _most_and_least(of: str) -> tuple[UUID, UUID]:
 
 async def _export(count: int) -> None:
     """Export all records, and print time, size and memory."""
-    response = await sync_to_async(exports.response)(
-        Selection(Wanted()),
-        Wanted(),
-        actor=await sync_to_async(_staff)(),
-        name="all",
-        format_=exports.Format.CSV,
-    )
+    content = exports.records(Selection(Wanted()), exports.Format.CSV)
+    staff = await sync_to_async(_staff)()
+    response = await sync_to_async(exports.response)(content, Wanted(), actor=staff, name="all")
     before_kb, began_s, size = _memory_kb(), time.monotonic(), 0
     async for piece in cast(AsyncIterator[bytes], response.streaming_content):
         size += len(piece)

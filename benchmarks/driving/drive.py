@@ -20,7 +20,6 @@ from websockets.exceptions import ConnectionClosed
 
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts.bare_rospy import BareRospy
-from benchmarks.parts.chromium import ChromiumPage
 from benchmarks.parts.observer import Observer, Seen, start_ros_side
 from benchmarks.parts.priority import prefer_loops_or_say
 from benchmarks.parts.viewer_crowd import Crowd
@@ -30,11 +29,10 @@ from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
 ROBOT = "tiago-1"
 PERIOD_S = 0.02
-PARTS = ("alone", "viewers", "map", "flood", "chromium")
+PARTS = ("alone", "viewers", "map", "flood")
 SLOTS = 10  # of bare rospy and of the console each, in turn
 SLOT = 150  # commands: three seconds
 WARM_UP = 50  # commands, until the base turns at its speed
-CHROMIUM_SAMPLES = 1000
 VIEWERS = 50
 FLOOD_S = 0.5
 SHARE = 0.4
@@ -88,10 +86,6 @@ async def measure_on(stack: Stack) -> list[Figure]:
                 if "flood" in parts:
                     progress("flood ...")
                     figures += await flood(driver, observer)
-        if "chromium" in parts:
-            progress("Chromium ...")
-            async with ChromiumPage(stack, ROBOT, operator) as page:
-                figures += delays("Chromium", await drive_in_chromium(page, observer))
     return figures
 
 
@@ -211,16 +205,3 @@ async def hold_turn(driver: Driver, numbers: Numbers) -> None:
     for _ in range(WARM_UP):
         await driver.drive(0.0, numbers.turn(0), SHARE)
         await asyncio.sleep(PERIOD_S)
-
-
-async def drive_in_chromium(page: ChromiumPage, observer: Observer) -> list[float]:
-    """Return the delays of commands from a real browser."""
-    observer.forget()
-    numbers = Numbers(page.full_turn_radps)
-    turns = [0.0, *(numbers.turn(number) for number in range(WARM_UP + CHROMIUM_SAMPLES))]
-    _, *sent = await page.drive(turns, PERIOD_S, SHARE)
-    await asyncio.sleep(0.2)
-    arrived = numbers.arrivals(observer.commands)
-    return [
-        arrived.get(number, math.inf) - sent[number] for number in range(WARM_UP, WARM_UP + CHROMIUM_SAMPLES)
-    ]

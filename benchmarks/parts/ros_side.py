@@ -8,7 +8,6 @@ Run by the distribution's Python, on the master in ROS_MASTER_URI:
     ros_side.py publish              Twists at 50 Hz to /bench_bare, each with its time of sending
     ros_side.py map                  a map of 1000 x 1000 cells to /map, once a second
     ros_side.py watch_map            reads the bytes of this map, as a display does
-    ros_side.py live                 strings at 100 Hz to /bench_live
     ros_side.py many                 500 topics without messages
     ros_side.py watch_camera         subscribes to the head camera, so that it takes pictures all the time
 """
@@ -29,7 +28,6 @@ from std_msgs.msg import String
 DRIVE_TOPIC = "/key_vel"
 BARE_TOPIC = "/bench_bare"
 RATE_HZ = 50.0
-LIVE_TOPIC, LIVE_HZ = "/bench_live", 100.0
 CAMERA_TOPIC = "/xtion/rgb/image_raw/compressed"
 MANY = 500
 
@@ -118,15 +116,6 @@ def watch_map() -> None:
     rospy.spin()
 
 
-def publish_live() -> None:
-    """Publish strings on a topic that pages read."""
-    publisher = rospy.Publisher(LIVE_TOPIC, String, queue_size=1)
-    rate = rospy.Rate(LIVE_HZ)
-    while not rospy.is_shutdown():
-        publisher.publish(String(f"{time.monotonic():.6f}"))
-        rate.sleep()
-
-
 def publish_many() -> None:
     """Advertise many topics."""
     names = [f"/bench_many/topic_{number:03}" for number in range(MANY)]
@@ -151,7 +140,6 @@ def main() -> None:
         "publish": publish,
         "map": publish_map,
         "watch_map": watch_map,
-        "live": publish_live,
         "many": publish_many,
         "watch_camera": watch_camera,
     }

@@ -8,6 +8,7 @@ limited, too.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 URL_BYTES = 4096
@@ -56,12 +57,12 @@ class HttpRefusal(Exception):
     reason: str
     code: str
     text: str
-    figures: dict[str, float] = field(default_factory=dict)
+    figures: Mapping[str, float] = field(default_factory=dict)
     retry_after_s: int | None = None
 
     def response(self) -> bytes:
         """Return the whole HTTP response. The connection closes after it."""
-        refusal = {"code": self.code, "text": self.text, "rule": "limits", "figures": self.figures}
+        refusal = {"code": self.code, "text": self.text, "rule": "limits", "figures": dict(self.figures)}
         problem = {"type": "about:blank", "title": self.reason, "status": self.status, "detail": self.text}
         body = json.dumps({**problem, **refusal, "refusals": [refusal]}).encode()
         retry = f"Retry-After: {self.retry_after_s}\r\n" if self.retry_after_s else ""
