@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import datetime
 import json
+import math
 import os
 import platform
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,13 @@ class Figure:
     def holds(self) -> bool:
         """Return whether the limit holds. NaN means "not measured" and breaks the limit."""
         return self.limit is None or self.value <= self.limit
+
+    def as_json(self) -> dict[str, object]:
+        """Return the figure as JSON; a value that is no number is null."""
+        return asdict(self) | {
+            "value": self.value if math.isfinite(self.value) else None,
+            "holds": self.holds,
+        }
 
     def beside_limit(self) -> str:
         """Return the figure with its limit as text, such as ``p50 0.61 <= 0.8 ms ok``."""
@@ -66,16 +74,7 @@ def show(name: str, figures: Sequence[Figure], facts: dict[str, str | int], *, a
     """Print the figures; return True if all hold."""
     holds = all(figure.holds for figure in figures)
     if as_json:
-        rows = [
-            {
-                "name": figure.name,
-                "value": figure.value if np.isfinite(figure.value) else None,
-                "unit": figure.unit,
-                "limit": figure.limit,
-                "holds": figure.holds,
-            }
-            for figure in figures
-        ]
+        rows = [figure.as_json() for figure in figures]
         day = datetime.datetime.now(datetime.UTC).date().isoformat()
         print(json.dumps({"bench": name, "date": day, "machine": facts, "figures": rows, "holds": holds}))
         return holds

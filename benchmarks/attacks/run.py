@@ -73,16 +73,7 @@ def _as_json(facts: dict[str, str | int], seed: int, rows: Sequence[Row]) -> dic
         "attacks": [
             {
                 "name": name,
-                "figures": [
-                    {
-                        "name": figure.name,
-                        "value": figure.value if math.isfinite(figure.value) else None,
-                        "unit": figure.unit,
-                        "limit": figure.limit,
-                        "holds": figure.holds,
-                    }
-                    for figure in measured
-                ],
+                "figures": [figure.as_json() for figure in measured],
                 "broken": list(faults),
             }
             for name, measured, faults in rows

@@ -10,11 +10,11 @@ import ssl
 import time
 import urllib.parse
 import urllib.request
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import suppress
 from itertools import count
 from types import TracebackType
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import msgspec
 from websockets.asyncio.client import ClientConnection, connect
@@ -91,7 +91,80 @@ def open_socket(console: Console, path: str, cookie: str, port: int | None = Non
     )
 
 
-class Driver:
+class _Client:
+    """Async context: one open WebSocket of the console, at `path`. A subclass decodes its messages and keeps them."""
+
+    def __init__(self, console: Console, path: str, cookie: str, port: int | None = None) -> None:
+        self.refused: list[wire.Refused] = []
+        self.gone: wire.BridgeGone | None = None
+        self._address = console, path, cookie, port
+        self._answers: dict[Hashable, asyncio.Future[Any]] = {}
+        self._news = asyncio.Condition()
+
+    async def __aenter__(self) -> Self:
+        self.socket: ClientConnection = await open_socket(*self._address)
+        self._reader = asyncio.create_task(self._read())
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.socket.close()
+        self._reader.cancel()
+        with suppress(asyncio.CancelledError):
+            await self._reader
+
+    async def send(self, message: msgspec.Struct) -> None:
+        """Send one message."""
+        await self.socket.send(wire.encode(message), text=True)
+
+    async def until(self, condition: Callable[[], Any], timeout_s: float = 10.0) -> None:
+        """Wait until `condition()` is true; it is called again after every message."""
+        try:
+            await asyncio.wait_for(self._become(condition), timeout_s)
+        except TimeoutError:
+            raise TimeoutError(f"Waited {timeout_s:g} s in vain; {self.said_last()}") from None
+
+    def said_last(self) -> str:
+        """Return what the console said last, for error texts."""
+        raise NotImplementedError
+
+    async def _become(self, condition: Callable[[], Any]) -> None:
+        async with self._news:
+            await self._news.wait_for(condition)
+
+    async def _read(self) -> None:
+        with suppress(ConnectionClosed):
+            while True:
+                message = self._decoded(await self.socket.recv(decode=False))
+                if isinstance(message, wire.View | wire.Sample):
+                    await self.send(wire.Ack())
+                async with self._news:
+                    self._keep(message)
+                    self._news.notify_all()
+
+    def _decoded(self, raw: bytes) -> Any:
+        raise NotImplementedError
+
+    def _keep(self, message: Any) -> None:
+        raise NotImplementedError
+
+    async def _answer(self, key: Hashable, message: msgspec.Struct) -> Any:
+        """Send a message, and return its answer."""
+        answer = self._answers[key] = asyncio.get_running_loop().create_future()
+        try:
+            await self.send(message)
+            return await asyncio.wait_for(answer, ANSWER_S)
+        finally:
+            del self._answers[key]
+
+    def _answered(self, key: Hashable, message: msgspec.Struct) -> None:
+        answer = self._answers.get(key)
+        if answer is not None and not answer.done():
+            answer.set_result(message)
+
+
+class Driver(_Client):
     """A client like one open control page: it keeps the newest messages of the console, but draws nothing.
 
     async with Driver(stack, "tiago-1", cookie) as driver:
@@ -104,29 +177,20 @@ class Driver:
     def __init__(
         self, console: Console, slug: str, cookie: str, *, port: int | None = None, tab: str | None = None
     ) -> None:
+        super().__init__(console, f"/ws/robots/{slug}/", cookie, port)
         self.tab = tab or secrets.token_urlsafe(24)
         self.robot: wire.RobotFacts | None = None
         self.control: wire.Control | None = None
         self.view: wire.View | None = None
-        self.gone: wire.BridgeGone | None = None
         self.offers: wire.Offers | None = None
         self.path = wire.GoPath([])
-        self.refused: list[wire.Refused] = []
         self.notices: list[wire.Notice] = []
         self.on_frame: Callable[[bytes], Any] | None = None  # called with every message
         self.seq = 0
         self._control_heard_s = 0.0
-        self._console = console
-        self._slug = slug
-        self._cookie = cookie
-        self._port = port
-        self._answers: dict[tuple[str, int], asyncio.Future[wire.Accepted | wire.Refused]] = {}
-        self._news = asyncio.Condition()
 
-    async def __aenter__(self) -> Driver:
-        path = f"/ws/robots/{self._slug}/"
-        self.socket: ClientConnection = await open_socket(self._console, path, self._cookie, self._port)
-        self._reader = asyncio.create_task(self._read())
+    async def __aenter__(self) -> Self:
+        await super().__aenter__()
         self._renewer = asyncio.create_task(self._renew())
         await self.send(wire.Hello(self.tab))
         await self.until(lambda: self.robot and self.control)
@@ -136,16 +200,9 @@ class Driver:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._renewer.cancel()
-        await self.socket.close()
-        self._reader.cancel()
-        with suppress(asyncio.CancelledError):
-            await self._reader
+        await super().__aexit__(kind, error, trace)
 
     # --- messages to the console -----------------------------------------------------------------
-
-    async def send(self, message: msgspec.Struct) -> None:
-        """Send one message."""
-        await self.socket.send(wire.encode(message), text=True)
 
     async def take(self) -> int:
         """Take control of a free robot, and send the stick in the middle. Returns the fence."""
@@ -179,13 +236,10 @@ class Driver:
     async def request_task(self, task: wire.TaskRequest) -> wire.Accepted | wire.Refused:
         """Send a task request with the next number; return the answer."""
         self.seq += 1
-        key = wire.kind_of(task), self.seq
-        answer = self._answers[key] = asyncio.get_running_loop().create_future()
-        try:
-            await self.send(msgspec.structs.replace(task, seq=self.seq))
-            return await asyncio.wait_for(answer, ANSWER_S)
-        finally:
-            del self._answers[key]
+        answer: wire.Accepted | wire.Refused = await self._answer(
+            (wire.kind_of(task), self.seq), msgspec.structs.replace(task, seq=self.seq)
+        )
+        return answer
 
     async def release(self) -> None:
         """Release control."""
@@ -224,17 +278,6 @@ class Driver:
         """Return the robot's pose by its odometry."""
         return self.view.state.odometry if self.view else None
 
-    async def until(self, condition: Callable[[], Any], timeout_s: float = 10.0) -> None:
-        """Wait until `condition()` is true; it is called again after every message."""
-        try:
-            await asyncio.wait_for(self._become(condition), timeout_s)
-        except TimeoutError:
-            raise TimeoutError(f"Waited {timeout_s:g} s in vain; {self.said_last()}") from None
-
-    async def _become(self, condition: Callable[[], Any]) -> None:
-        async with self._news:
-            await self._news.wait_for(condition)
-
     def said_last(self) -> str:
         """Return the last verdict and refusal in words, for error texts."""
         if self.gone:
@@ -247,18 +290,10 @@ class Driver:
         refused = f"last refusal: {self.refused[-1].refusal.text}" if self.refused else "nothing was refused"
         return f"{verdict}; {refused}"
 
-    async def _read(self) -> None:
-        with suppress(ConnectionClosed):
-            while True:
-                raw = await self.socket.recv(decode=False)
-                if self.on_frame:
-                    self.on_frame(raw)
-                message = wire.browser_report(raw)
-                if isinstance(message, wire.View):
-                    await self.send(wire.Ack())
-                async with self._news:
-                    self._keep(message)
-                    self._news.notify_all()
+    def _decoded(self, raw: bytes) -> wire.BrowserReport:
+        if self.on_frame:
+            self.on_frame(raw)
+        return wire.browser_report(raw)
 
     def _keep(self, message: wire.BrowserReport) -> None:
         match message:
@@ -273,21 +308,16 @@ class Driver:
             case wire.BridgeGone():
                 self.gone = message
             case wire.Accepted():
-                self._answered(message)
+                self._answered((message.of, message.seq or 0), message)
             case wire.Refused():
                 self.refused.append(message)
-                self._answered(message)
+                self._answered((message.of, message.seq or 0), message)
             case wire.Offers():
                 self.offers = message
             case wire.GoPath():
                 self.path = message
             case wire.Notice():
                 self.notices.append(message)
-
-    def _answered(self, message: wire.Accepted | wire.Refused) -> None:
-        answer = self._answers.get((message.of, message.seq or 0))
-        if answer is not None and not answer.done():
-            answer.set_result(message)
 
     async def _renew(self) -> None:
         """Ask for a new term of control before the term ends, as a page does."""
@@ -300,7 +330,7 @@ class Driver:
                 await self.send(wire.Renew())
 
 
-class Topics:
+class Topics(_Client):
     """One open connection to a robot's topics. It keeps the newest message of each subscribed topic.
 
     async with Topics(stack, "tiago-1", cookie) as topics:
@@ -310,81 +340,35 @@ class Topics:
     """
 
     def __init__(self, console: Console, slug: str, cookie: str) -> None:
+        super().__init__(console, f"/ws/robots/{slug}/topics/", cookie)
         self.shown: dict[str, wire.Sample] = {}
-        self.refused: list[wire.Refused] = []
-        self.gone: wire.BridgeGone | None = None
-        self._console = console
-        self._slug = slug
-        self._cookie = cookie
         self._numbers = count(1)
-        self._answers: dict[int, asyncio.Future[wire.TopicAnswer]] = {}
-        self._news = asyncio.Condition()
-
-    async def __aenter__(self) -> Topics:
-        path = f"/ws/robots/{self._slug}/topics/"
-        self.socket: ClientConnection = await open_socket(self._console, path, self._cookie)
-        self._reader = asyncio.create_task(self._read())
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self.socket.close()
-        self._reader.cancel()
-        with suppress(asyncio.CancelledError):
-            await self._reader
 
     async def ask(self, question: wire.TopicQuery) -> wire.TopicAnswer:
         """Send one query; return its answer, which may be a refusal."""
         seq = next(self._numbers)
-        answer = self._answers[seq] = asyncio.get_running_loop().create_future()
-        try:
-            await self._send(msgspec.structs.replace(question, seq=seq))
-            return await asyncio.wait_for(answer, ANSWER_S)
-        finally:
-            del self._answers[seq]
+        answer: wire.TopicAnswer = await self._answer(seq, msgspec.structs.replace(question, seq=seq))
+        return answer
 
     async def subscribe(self, topic: str, rate_hz: float = 5.0) -> None:
         """Subscribe to a topic."""
-        await self._send(wire.Subscribe(topic, rate_hz))
+        await self.send(wire.Subscribe(topic, rate_hz))
 
     async def unsubscribe(self, topic: str) -> None:
         """Unsubscribe from a topic."""
-        await self._send(wire.Unsubscribe(topic))
+        await self.send(wire.Unsubscribe(topic))
         self.shown.pop(topic, None)
 
-    async def until(self, condition: Callable[[], Any], timeout_s: float = 10.0) -> None:
-        """Wait until `condition()` is true; it is called again after every message."""
+    def said_last(self) -> str:
+        """Return all refusals, and whether the bridge is gone, for error texts."""
+        return f"refused: {self.refused}; no bridge: {self.gone}"
 
-        async def become() -> None:
-            async with self._news:
-                await self._news.wait_for(condition)
-
-        try:
-            await asyncio.wait_for(become(), timeout_s)
-        except TimeoutError:
-            raise TimeoutError(
-                f"Waited {timeout_s:g} s in vain; refused: {self.refused}; no bridge: {self.gone}"
-            ) from None
-
-    async def _send(self, message: msgspec.Struct) -> None:
-        await self.socket.send(wire.encode(message), text=True)
-
-    async def _read(self) -> None:
-        with suppress(ConnectionClosed):
-            while True:
-                message = wire.topics_report(await self.socket.recv(decode=False))
-                if isinstance(message, wire.Sample):
-                    await self._send(wire.Ack())
-                async with self._news:
-                    self._keep(message)
-                    self._news.notify_all()
+    def _decoded(self, raw: bytes) -> wire.TopicsReport:
+        return wire.topics_report(raw)
 
     def _keep(self, message: wire.TopicsReport) -> None:
         if isinstance(message, wire.TopicAnswer):
-            answer = self._answers.get(message.seq or 0)
-            if answer is not None and not answer.done():
-                answer.set_result(message)
+            self._answered(message.seq or 0, message)
         match message:
             case wire.Sample():
                 self.shown[message.topic] = message
