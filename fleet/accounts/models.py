@@ -82,11 +82,9 @@ class User(RecordedUser):
         return any(roles is not None and roles.filter(role="supervisor").exists() for roles in tables)
 
     def get_full_name(self) -> str:
-        """Return the full name; it may be blank."""
         return self.full_name
 
     def get_short_name(self) -> str:
-        """Return the name to show."""
         return self.display_name
 
 

@@ -44,15 +44,12 @@ class ReadOnly(RecordedAdmin):
     """Rows that nobody can add, change or delete by hand."""
 
     def has_add_permission(self, request: HttpRequest) -> bool:
-        """Refuse everybody."""
         return False
 
     def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        """Refuse everybody."""
         return False
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        """Refuse everybody."""
         return False
 
 
@@ -80,7 +77,6 @@ class ListAdmin(ReadOnly):
     outcomes_are: str | Promise = gettext_lazy("Outcome")
 
     def get_urls(self) -> list[URLPattern]:
-        """Return the URLs of the list and of its export."""
         wrap = self.admin_site.admin_view
         return [
             path("", wrap(require_safe(self.changelist_view)), name=f"{self._name}_changelist"),
@@ -88,7 +84,6 @@ class ListAdmin(ReadOnly):
         ]
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
-        """Show one page of the list."""
         self._look(request)
         form = self.form_for(request)
         context = {
@@ -148,7 +143,6 @@ class RecordsAdmin(ListAdmin):
     without: Sequence[str] = ()  # filters that this list does not show
 
     def get_urls(self) -> list[URLPattern]:
-        """Return the URLs of the list, of its export, and of each record."""
         view = self.admin_site.admin_view(require_safe(self.record_view))
         return [*super().get_urls(), path("<int:object_id>/change/", view, name=f"{self._name}_change")]
 
@@ -246,7 +240,6 @@ class EverythingAdmin(RecordsAdmin):
     """All records."""
 
     def get_urls(self) -> list[URLPattern]:
-        """Add the URL of the names that the person filter suggests."""
         view = self.admin_site.admin_view(require_safe(self.people_view))
         return [path("people/", view, name="audit_people"), *super().get_urls()]
 

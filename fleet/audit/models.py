@@ -42,11 +42,9 @@ class Records(models.QuerySet["Record"]):
     """Records. They can only be read."""
 
     def update(self, **_fields: Any) -> NoReturn:
-        """Raise `AppendOnly`: the table is append-only."""
         raise AppendOnly
 
     def delete(self) -> NoReturn:
-        """Raise `AppendOnly`: the table is append-only."""
         raise AppendOnly
 
 
@@ -153,7 +151,6 @@ class Record(models.Model):
         super().save(**options | {"force_insert": True})
 
     def delete(self, using: Any = None, keep_parents: bool = False) -> NoReturn:
-        """Raise `AppendOnly`: the table is append-only."""
         raise AppendOnly
 
     @property

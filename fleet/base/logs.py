@@ -19,7 +19,6 @@ class Redacted(logging.Formatter):
     """Writes lines, also tracebacks, in which secrets are cut to their first characters."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return the line."""
         return redacted(super().format(record))
 
 

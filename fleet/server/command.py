@@ -42,7 +42,6 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         self.endpoints: list[str] = []
 
     def run(self) -> None:
-        """Run the server until it has to end."""
         _least, most = resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))  # each connection is a file
         if self.keeper is not None:
@@ -102,7 +101,6 @@ class CommandLine(CommandLineInterface):  # type: ignore[misc]
         )
 
     def run(self, args: list[str]) -> None:
-        """Run the server until it has to end."""
         asked: Namespace = self.parser.parse_args(args)
         os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
         from django.conf import settings

@@ -47,7 +47,6 @@ class Front:
         self._behind_proxy = behind_proxy
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Run the ASGI application."""
         guard = GUARD.get()
         guard.begin()
         if scope["type"] == "websocket":

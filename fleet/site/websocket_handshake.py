@@ -49,7 +49,6 @@ class InTurn:
         self._strangers = Turns(STRANGERS_AT_ONCE)
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
-        """Run the ASGI application."""
         credential = _credential(scope["headers"])
         right = await rights.ask(credential) if credential else None
         async with AsyncExitStack() as turn:
@@ -75,7 +74,6 @@ class SameOrigin:
         self._inner = inner
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
-        """Run the ASGI application."""
         if origin_allowed(scope["headers"]):
             return await self._inner(scope, receive, send)
         logger.warning("WebSocket %r refused: its page does not belong to the console.", scope["path"])
@@ -93,7 +91,6 @@ class SignedIn:
         self._inner = inner
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
-        """Run the ASGI application."""
         reason = "Sign in first."
         if scope["user"].is_authenticated:
             if not await database_sync_to_async(is_missing)(scope["user"]):
@@ -112,7 +109,6 @@ class Programs:
         self._people = people
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
-        """Run the ASGI application."""
         credential = _credential(scope["headers"])
         if credential is None or not credential.is_token:
             return await self._people(scope, receive, send)

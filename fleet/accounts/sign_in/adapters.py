@@ -50,7 +50,6 @@ class AccountAdapter(DefaultAccountAdapter):
         return services.address_of(request) or "unknown"
 
     def get_http_user_agent(self, request: HttpRequest) -> str:
-        """Return the User-Agent header, or blank text."""
         return request.headers.get("User-Agent", "")
 
     def pre_login(self, request: HttpRequest, user: Any, **options: Any) -> HttpResponse | None:

@@ -113,7 +113,6 @@ class ExportResponse(StreamingHttpResponse):
         self._export = export
 
     def close(self) -> None:
-        """Close the response and record the outcome."""
         super().close()
         self._export.ended()
 

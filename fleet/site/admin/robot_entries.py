@@ -55,7 +55,6 @@ class SpokenFormSet(BaseInlineFormSet):  # type: ignore[type-arg]  # not subscri
         return super().get_queryset()
 
     def add_fields(self, form: Any, index: int | None) -> None:
-        """Add the labels."""
         super().add_fields(form, index)
         for field in form.fields.values():
             if field.label:
@@ -99,11 +98,9 @@ class EntryAdmin(RecordedAdmin):
         return ["profile", "robot"] if obj else []
 
     def save_model(self, request: HttpRequest, obj: Any, form: Any, change: bool) -> None:
-        """Save by the service."""
         services.entry_save(entry=obj, actor=person_of(request))
 
     def delete_model(self, request: HttpRequest, obj: Any) -> None:
-        """Delete by the service."""
         services.entry_delete(entry=obj, actor=person_of(request))
 
 
@@ -153,7 +150,6 @@ class PhraseAdmin(EntryAdmin):
             return super().changelist_view(request, extra_context)
 
     def get_urls(self) -> list[URLPattern]:
-        """Add the import page."""
         page = self.admin_site.admin_view(self.import_page)
         return [path("import/", page, name="robots_phrase_import"), *super().get_urls()]
 

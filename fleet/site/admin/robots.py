@@ -214,7 +214,6 @@ class RobotAdmin(RecordedAdmin):
         return format_html_join(" · ", "{}", links)
 
     def save_model(self, request: HttpRequest, obj: Robot, form: ModelForm[Robot], change: bool) -> None:
-        """Save by the service."""
         services.robot_save(robot=obj, actor=person_of(request))
 
     def response_add(
@@ -235,7 +234,6 @@ class RobotAdmin(RecordedAdmin):
         return None if stays or not robot.enabled else redirect("robot-check", robot.slug)
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
-        """Save roles and allow-list by the service."""
         if formset.model is not RobotRole:
             save_entries(formset, person_of(request))
             return
@@ -270,11 +268,9 @@ class RobotRoleAdmin(RecordedAdmin):
     def save_model(
         self, request: HttpRequest, obj: RobotRole, form: ModelForm[RobotRole], change: bool
     ) -> None:
-        """Save by the service."""
         _give(obj, person_of(request))
 
     def delete_model(self, request: HttpRequest, obj: RobotRole) -> None:
-        """Take the role away by the service."""
         role_set(robot=obj.robot, user=obj.user, role=None, actor=person_of(request))
 
 
@@ -353,11 +349,9 @@ class RobotProfileAdmin(RecordedAdmin):
             self.message_user(request, text % {"name": obj.name, **figures}, messages.WARNING)
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
-        """Save the allow-list by the service."""
         save_entries(formset, person_of(request))
 
     def delete_model(self, request: HttpRequest, obj: RobotProfile) -> None:
-        """Delete by the service."""
         services.profile_delete(profile=obj, actor=person_of(request))
 
     def has_delete_permission(self, request: HttpRequest, obj: RobotProfile | None = None) -> bool:

@@ -25,12 +25,10 @@ class Command(BaseCommand):
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Add the user name and ``--yes``."""
         parser.add_argument("username")
         parser.add_argument("--yes", action="store_true", help="do not ask")
 
     def handle(self, *args: Any, username: str, yes: bool, **options: Any) -> None:
-        """Ask for confirmation, then erase the person."""
         try:
             person = User.objects.get(username=username)
         except User.DoesNotExist:

@@ -15,13 +15,10 @@ from fleet.audit.command_line import here
 
 
 class Command(BaseCommand):
-    """The command."""
-
     help = "Makes a token with which a program signs in as this person, and prints it once."
     requires_system_checks = []  # the fleet supervisor ran the checks, which take longer than the token
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Add name, scopes and days."""
         parser.add_argument("username")
         parser.add_argument(
             "name", help="what the program is, such as night-tests: people see it beside the name"
@@ -30,7 +27,6 @@ class Command(BaseCommand):
         parser.add_argument("--days", type=int, default=90, help="until it expires (default: 90)")
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """Make the token and print its text."""
         person = User.objects.filter(username=options["username"], is_active=True).first()
         if person is None:
             raise CommandError("There is no open account with this user name.")

@@ -11,12 +11,9 @@ from fleet.accounts.sign_in.second_factor import second_factors_remove
 
 
 class Command(BaseCommand):
-    """Remove the second factor of a person."""
-
     help = "Removes the second factors and recovery codes of a person, who then signs in by password alone."
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Add the user name."""
         parser.add_argument("username")
 
     def handle(self, *args: Any, username: str, **options: Any) -> None:

@@ -15,6 +15,5 @@ class Command(BaseCommand):
     help = "Make and print the one-time code of a new installation. Earlier codes end."
 
     def handle(self, *_arguments: Any, **_options: Any) -> None:
-        """Make a code and print it."""
         if code := code_make():
             self.stdout.write(code)

@@ -21,7 +21,6 @@ class Command(BaseCommand):
     )
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """Record that the clock is right, and print its time."""
         try:
             retention.confirm_clock(here())
         except AuditUnavailable as error:

@@ -25,14 +25,11 @@ _line = msgspec.json.Decoder(Head)
 
 
 class Command(BaseCommand):
-    """Verify the chains, and list each changed record."""
-
     help = (
         "Verifies the audit log (tamper-evident): every record, or those of one robot. Status 1 on a finding."
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Add the chain to verify, and the files of heads to write or read."""
         parser.add_argument(
             "--robot",
             metavar="NAME",

@@ -13,17 +13,13 @@ from robots.shared import wire
 
 
 class Command(BaseCommand):
-    """The robot check."""
-
     help = "Check a robot's master, names, clock and topics; exit 1 if a check fails."
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Add the options: robot and output format."""
         parser.add_argument("slug")
         parser.add_argument("--json", action="store_true", help="print JSON")
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """Print all results."""
         robot = Robot.objects.select_related("profile").filter(slug=options["slug"]).first()
         if robot is None:
             raise CommandError(f"There is no robot {options['slug']!r}.")

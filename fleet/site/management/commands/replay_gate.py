@@ -21,12 +21,9 @@ from robots.shared.records.verdict import Verdict
 
 
 class Command(BaseCommand):
-    """The replay."""
-
     help = "Run a recorded drive through the gate; exit 1 if a verdict differs from the recorded one."
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Add the options: file and robot."""
         parser.add_argument("file", type=Path, metavar="FILE")
         parser.add_argument("--robot", metavar="SLUG", help="FILE is a rosbag of this robot")
 

@@ -20,13 +20,10 @@ from robots.shared.processes import last_words
 
 
 class Command(BaseCommand):
-    """One bridge."""
-
     help = "Run the bridge of one robot, until stdin ends."
     requires_system_checks = []  # the fleet supervisor ran the checks; a bridge must restart quickly
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Add the option: robot."""
         parser.add_argument("slug")
 
     def handle(self, *args: Any, **options: Any) -> None:

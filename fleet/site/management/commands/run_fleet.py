@@ -14,18 +14,14 @@ from robots.supervisor.process_keeper import LOCK, AlreadySupervised, only_insta
 
 
 class Command(BaseCommand):
-    """The fleet supervisor."""
-
     help = "Run a bridge for every enabled robot, and the housekeeping."
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Add the option: robots."""
         parser.add_argument(
             "slugs", nargs="*", metavar="SLUG", help="only these robots, for one of several hosts"
         )
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """Run until a signal comes."""
         wait_shortly()
         only = frozenset(options["slugs"])
         unknown = only - set(Robot.objects.values_list("slug", flat=True))

@@ -88,13 +88,10 @@ class Plan(Struct, frozen=True):
 
 
 class Command(BaseCommand):
-    """Simulated robots and accounts for script/demo."""
-
     help = "Register the simulated robots and accounts of script/demo."
     requires_system_checks = []  # the demo's supervisor runs the checks
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Add the option: file."""
         parser.add_argument("file", type=Path)
 
     def handle(self, *args: Any, **options: Any) -> None:

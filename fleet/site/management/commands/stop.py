@@ -28,13 +28,10 @@ REGISTRY_S = 3.0  # time limit for the database
 
 
 class Command(BaseCommand):
-    """The emergency stop."""
-
     help = "Press the emergency stop of the named robots, or of all."
     requires_system_checks = []  # checks would delay the stop
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Add the options: robots and reason."""
         parser.add_argument("slugs", nargs="*", metavar="SLUG")
         parser.add_argument("--all", action="store_true", help="every robot")
         parser.add_argument("--reason", default="", help="shown on the robot's page and kept")
