@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from ipaddress import IPv4Network, IPv6Network, ip_network
 from pathlib import Path
 from typing import Any, NamedTuple
-from urllib.parse import parse_qsl, unquote, urlsplit
+from urllib.parse import SplitResult, parse_qsl, unquote, urlsplit
 from zoneinfo import available_timezones
 
 from django.core.exceptions import ImproperlyConfigured
@@ -235,6 +235,15 @@ def time_zone(env: Environment) -> str:
     return name
 
 
+def _split(name: str, url: str) -> tuple[SplitResult, int | None]:
+    """Return the parts of a URL, and its port."""
+    try:
+        parts = urlsplit(url)
+        return parts, parts.port
+    except ValueError as error:
+        raise ImproperlyConfigured(f"{name} cannot be read: {error}.") from error
+
+
 def email(env: Environment) -> dict[str, Any]:
     """Return Django's settings for `FLEET_EMAIL_URL`, the mail server.
 
@@ -246,11 +255,7 @@ def email(env: Environment) -> dict[str, Any]:
     url = env.text("FLEET_EMAIL_URL")
     if url is None:
         return {"EMAIL_BACKEND": "django.core.mail.backends.console.EmailBackend"}
-    try:
-        parts = urlsplit(url)
-        port = parts.port
-    except ValueError as error:
-        raise ImproperlyConfigured(f"FLEET_EMAIL_URL cannot be read: {error}.") from error
+    parts, port = _split("FLEET_EMAIL_URL", url)
     if parts.scheme not in ("smtp", "smtps") or not parts.hostname:
         raise ImproperlyConfigured(
             "FLEET_EMAIL_URL looks like smtp://user:password@host:587, or smtps://host:465."
@@ -298,11 +303,7 @@ def database(url: str) -> dict[str, Any]:
     Examples: `sqlite:////var/lib/fleet/fleet.sqlite3` (an absolute path has four slashes) or
     `postgresql://user:password@host:5432/name?sslmode=require`; the part after `?` goes to the driver.
     """
-    try:
-        parts = urlsplit(url)
-        port = parts.port
-    except ValueError as error:
-        raise ImproperlyConfigured(f"FLEET_DATABASE_URL cannot be read: {error}.") from error
+    parts, port = _split("FLEET_DATABASE_URL", url)
     name = unquote(parts.path).removeprefix("/")
     if parts.scheme not in ("sqlite", "postgres", "postgresql") or not name:
         raise ImproperlyConfigured(

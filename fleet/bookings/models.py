@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
 from uuid import uuid4
 
 from django.conf import settings
@@ -98,8 +99,15 @@ class Booking(models.Model):
         return f"{self.robot} {self.starts_at:%Y-%m-%d %H:%M}-{self.ends_at:%H:%M} UTC"
 
 
-def _minutes(least: int, most: int) -> list[MinValueValidator | MaxValueValidator]:
-    return [MinValueValidator(least), MaxValueValidator(most)]
+def _number(label: Any, least: int, most: int, **options: Any) -> models.PositiveIntegerField[int, int]:
+    """Return a column for a whole number in these bounds."""
+    bounds = [MinValueValidator(least), MaxValueValidator(most)]
+    return models.PositiveIntegerField(label, validators=bounds, **options)
+
+
+def _limit(label: Any, least: int, most: int) -> models.PositiveIntegerField[int | None, int | None]:
+    """Return a column for a number in these bounds; None: no limit."""
+    return cast(Any, _number(label, least, most, null=True, blank=True))
 
 
 class Policy(models.Model):
@@ -126,39 +134,18 @@ class Policy(models.Model):
     )
     # By weekday in the lab's zone: {"mon": ["08:00", "20:00"]}. Missing weekday: closed. Empty: always open.
     opening = models.JSONField(_("opening hours"), default=dict, blank=True)
-    shortest_min = models.PositiveIntegerField(
-        _("shortest slot, minutes"), default=15, validators=_minutes(1, 1440)
-    )
-    longest_min = models.PositiveIntegerField(
-        _("longest slot, minutes"), default=240, validators=_minutes(1, 10080)
-    )
-    horizon_days = models.PositiveIntegerField(
-        _("days ahead that may be booked"), default=28, validators=_minutes(0, 730)
-    )
-    notice_min = models.PositiveIntegerField(
-        _("notice to book, minutes"), default=0, validators=_minutes(0, 43200)
-    )
-    cancel_notice_min = models.PositiveIntegerField(
-        _("notice to cancel, minutes"), default=0, validators=_minutes(0, 43200)
-    )
-    gap_min = models.PositiveIntegerField(
-        _("gap between bookings of one person, minutes"), default=0, validators=_minutes(0, 10080)
-    )
-    day_min = models.PositiveIntegerField(
-        _("minutes per person and day"), null=True, blank=True, validators=_minutes(1, 1440)
-    )
-    week_min = models.PositiveIntegerField(
-        _("minutes per person and week"), null=True, blank=True, validators=_minutes(1, 10080)
-    )
-    at_once = models.PositiveIntegerField(
-        _("bookings to come per person"), null=True, blank=True, validators=_minutes(1, 1000)
-    )
-    robots_at_once = models.PositiveIntegerField(
-        _("robots that one person may book for the same time"), default=1, validators=_minutes(1, 100)
-    )
-    grace_min = models.PositiveIntegerField(
-        _("free again if not used for, minutes"), default=15, validators=_minutes(5, 1440)
-    )  # not shorter than the warning that a driver in free time gets before the slot
+    shortest_min = _number(_("shortest slot, minutes"), 1, 1440, default=15)
+    longest_min = _number(_("longest slot, minutes"), 1, 10080, default=240)
+    horizon_days = _number(_("days ahead that may be booked"), 0, 730, default=28)
+    notice_min = _number(_("notice to book, minutes"), 0, 43200, default=0)
+    cancel_notice_min = _number(_("notice to cancel, minutes"), 0, 43200, default=0)
+    gap_min = _number(_("gap between bookings of one person, minutes"), 0, 10080, default=0)
+    day_min = _limit(_("minutes per person and day"), 1, 1440)
+    week_min = _limit(_("minutes per person and week"), 1, 10080)
+    at_once = _limit(_("bookings to come per person"), 1, 1000)
+    robots_at_once = _number(_("robots that one person may book for the same time"), 1, 100, default=1)
+    # Not shorter than the warning that a driver in free time gets before the slot
+    grace_min = _number(_("free again if not used for, minutes"), 5, 1440, default=15)
     needs_approval = models.BooleanField(_("a supervisor approves each booking"), default=False)
     free_time = models.BooleanField(_("unbooked time is free to take"), default=True)
 

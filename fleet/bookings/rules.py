@@ -95,7 +95,7 @@ class Wish(Struct, frozen=True):
     ] = ()  # the person's bookings of other robots, with robot names, without lessons
     lesson: bool = False  # a lesson of a course: a teacher may book several robots at once
     course: Course | None = None  # the slot counts for this course, which lets the person drive the robot
-    quota: Quota | None = None  # of that course
+    quota: Quota = Quota("")  # of that course
     wrong_course: str = ""  # the name of the chosen course, if it does not let the person drive the robot
     taken: tuple[Taken, ...] = ()  # bookings of the robot that overlap
     out: tuple[Taken, ...] = ()  # out-of-service periods that overlap
@@ -384,22 +384,19 @@ def within_week_quota(wish: Wish) -> Refusal | None:
 
 def within_course_day_quota(wish: Wish) -> Refusal | None:
     """Check that the person's minutes of each day stay within the course's quota."""
-    if (quota := wish.quota) is None:
-        return None
+    quota = wish.quota
     return _quota(wish, quota.day_min, quota.own, _days(wish), _DAY, _in_course(quota), "course_")
 
 
 def within_course_week_quota(wish: Wish) -> Refusal | None:
     """Check that the person's minutes of each week stay within the course's quota."""
-    if (quota := wish.quota) is None:
-        return None
+    quota = wish.quota
     return _quota(wish, quota.week_min, quota.own, _weeks(wish), _WEEK, _in_course(quota), "course_")
 
 
 def within_common_quota(wish: Wish) -> Refusal | None:
     """Check that the minutes of all people of the course stay within its quota of each week."""
-    if (quota := wish.quota) is None:
-        return None
+    quota = wish.quota
     subject = say("All of {course} together may", course=quota.course)
     return _quota(wish, quota.course_week_min, quota.all, _weeks(wish), _WEEK, subject, "common_")
 
@@ -447,8 +444,7 @@ def within_count(wish: Wish) -> Refusal | None:
 
 def within_course_count(wish: Wish) -> Refusal | None:
     """Check that the person does not have too many future bookings in the course."""
-    if (quota := wish.quota) is None:
-        return None
+    quota = wish.quota
     return _count(wish, quota.at_once, quota.own, _in_course(quota), "course_open", _no)
 
 

@@ -51,30 +51,24 @@ def policy_set(
 ) -> Policy:
     """Set the booking policy of a robot, of a group, or of all robots. Raises `ValidationError`."""
     with _robots_locked(robot, group, timezone.now()):
-        return _policy_set(robot, group, values, actor)
-
-
-def _policy_set(
-    robot: Robot | None, group: RobotGroup | None, values: Mapping[str, Any], actor: User
-) -> Policy:
-    if robot is None and group is None:
-        lock_chain(NO_ROBOT)  # two requests at the same time would make two policies for all robots
-    stored = Policy.objects.select_for_update(of=("self",)).filter(robot=robot, group=group).first()
-    policy = stored or Policy(robot=robot, group=group)
-    before = {name: getattr(policy, name) for name in POLICY_FIELDS}
-    for name in POLICY_FIELDS:
-        setattr(policy, name, values[name])
-    policy.full_clean()
-    changes = [
-        {"field": name, "from": before[name], "to": values[name]}
-        for name in POLICY_FIELDS
-        if before[name] != values[name]
-    ]
-    if stored is None or changes:
-        policy.save()
-        parameters = {"changes": changes} | ({"group": group.slug} if group else {})
-        record("policy.change", actor=actor, **named(robot), parameters=parameters)
-    return policy
+        if robot is None and group is None:
+            lock_chain(NO_ROBOT)  # two requests at the same time would make two policies for all robots
+        stored = Policy.objects.select_for_update(of=("self",)).filter(robot=robot, group=group).first()
+        policy = stored or Policy(robot=robot, group=group)
+        before = {name: getattr(policy, name) for name in POLICY_FIELDS}
+        for name in POLICY_FIELDS:
+            setattr(policy, name, values[name])
+        policy.full_clean()
+        changes = [
+            {"field": name, "from": before[name], "to": values[name]}
+            for name in POLICY_FIELDS
+            if before[name] != values[name]
+        ]
+        if stored is None or changes:
+            policy.save()
+            parameters = {"changes": changes} | ({"group": group.slug} if group else {})
+            record("policy.change", actor=actor, **named(robot), parameters=parameters)
+        return policy
 
 
 @transaction.atomic
@@ -127,23 +121,19 @@ def out_of_service_end(*, period_id: UUID, actor: User, now: datetime) -> None:
     """End a period now; remove it if it has not begun. Notify the people of affected bookings."""
     robot_id = OutOfService.objects.values_list("robot_id", flat=True).get(pk=period_id)
     with robot_locked(robot_id, now):
-        _out_of_service_end(period_id, actor, now)
-
-
-def _out_of_service_end(period_id: UUID, actor: User, now: datetime) -> None:
-    period = OutOfService.objects.select_related("robot").get(pk=period_id)
-    if period.ends_at is not None and period.ends_at <= now:
-        return  # it ended after the page was opened
-    starts_at, ends_at = max(period.starts_at, now), period.ends_at or FAR
-    if period.starts_at >= now:
-        period.delete()
-    else:
-        period.ends_at = now
-        period.save()
-    parameters = {"period": str(period_id)}
-    record("robot.back_in_service", actor=actor, **named(period.robot), parameters=parameters)
-    for booking in held_between([period.robot], starts_at, ends_at):
-        changed_by_another(booking, actor, lambda: _("the robot is back in service"), now)
+        period = OutOfService.objects.select_related("robot").get(pk=period_id)
+        if period.ends_at is not None and period.ends_at <= now:
+            return  # it ended after the page was opened
+        starts_at, ends_at = max(period.starts_at, now), period.ends_at or FAR
+        if period.starts_at >= now:
+            period.delete()
+        else:
+            period.ends_at = now
+            period.save()
+        parameters = {"period": str(period_id)}
+        record("robot.back_in_service", actor=actor, **named(period.robot), parameters=parameters)
+        for booking in held_between([period.robot], starts_at, ends_at):
+            changed_by_another(booking, actor, lambda: _("the robot is back in service"), now)
 
 
 @receiver(post_save, sender=Robot)
