@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 from uuid import uuid4
 
 from django.conf import settings
@@ -99,7 +99,7 @@ class Booking(models.Model):
         return f"{self.robot} {self.starts_at:%Y-%m-%d %H:%M}-{self.ends_at:%H:%M} UTC"
 
 
-def _number(label: Any, least: int, most: int, **options: Any) -> models.PositiveIntegerField[int, int]:
+def _number(label: Any, least: int, most: int, **options: Any) -> models.PositiveIntegerField[Any, Any]:
     """Return a column for a whole number in these bounds."""
     bounds = [MinValueValidator(least), MaxValueValidator(most)]
     return models.PositiveIntegerField(label, validators=bounds, **options)
@@ -107,7 +107,7 @@ def _number(label: Any, least: int, most: int, **options: Any) -> models.Positiv
 
 def _limit(label: Any, least: int, most: int) -> models.PositiveIntegerField[int | None, int | None]:
     """Return a column for a number in these bounds; None: no limit."""
-    return cast(Any, _number(label, least, most, null=True, blank=True))
+    return _number(label, least, most, null=True, blank=True)
 
 
 class Policy(models.Model):
