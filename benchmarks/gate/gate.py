@@ -8,17 +8,15 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NamedTuple, TypeVar, cast
+from typing import NamedTuple, cast
 
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.world.cases import clutter
 from benchmarks.world.play import loop_of, recorded
-from robots.bridge.audit.records import Records
-from robots.bridge.core import Core
-from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.arm.sweep import Motion, swept
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.motion.safe_twist import is_still
@@ -27,24 +25,12 @@ from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
 from robots.bridge.gate.sensing.depth import DepthImage, Lens, picture_of_image
 from robots.bridge.gate.values import LaserScan
 from robots.bridge.gate_trace import replay
-from robots.bridge.lease.state_store import SavedState
 from robots.bridge.robot_reports import RosStatus
-from robots.shared import wire
-from robots.shared.configuration.bridge_config import BridgeConfig, LinkAddress, Topic, Topics
 from robots.shared.configuration.gate_profile import DepthView, GateProfile, Limits
 from robots.shared.geometry.poses import STILL, Pose, Velocity
-from robots.shared.records.record_sink import (
-    DriveSummary,
-    GateStart,
-    GateSummary,
-    Holder,
-    Parameters,
-    Position,
-    TakenDescription,
-    TakenMap,
-)
 from robots.shared.records.verdict import Verdict
-from robots.shared.wire import Drive, Grant, Refusal
+from robots.shared.wire import Drive, Grant
+from tests.bridge.support import CONFIG, Bench
 
 SEED = 1  # of the recorded minute
 DECISIONS = 3000
@@ -55,7 +41,6 @@ SWEPT = 50
 SWEEP_US = 50_000.0
 FIELD_OF_VIEW = math.radians(190)
 Floats = NDArray[np.float64]
-_P = TypeVar("_P")
 Outline = tuple[tuple[float, float], ...]
 BOX: Outline = ((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25))
 # Straight on, on an arc, and while the base still turns the other way: from first to last, a decision checks
@@ -284,73 +269,6 @@ class _OpenGate(Gate):
         return Verdict(asked, asked, "free", "")
 
 
-class _Base:
-    """Stores the newest twist."""
-
-    listeners = 1
-    newest = STILL
-
-    def publish(self, velocity: Velocity) -> None:
-        self.newest = velocity
-
-    def acknowledged_s(self, now_s: float) -> float | None: ...
-
-    def cancel_all(self) -> None: ...
-
-    def joint(self, name: str) -> float | None: ...
-
-    def part(self, kind: type[_P]) -> _P | None: ...
-
-
-class _NoTopics:
-    """Publishes no topics except velocities."""
-
-    def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None: ...
-
-    def publish(self, order: wire.Publish) -> bool:
-        return False
-
-    def publish_stop(self, topic: str) -> None: ...
-
-    def halt(self) -> None: ...
-
-    def keep_alive(self) -> None: ...
-
-
-class _NoRecords:
-    """Every request counts as recorded at once."""
-
-    def settle(self) -> None: ...
-
-    def test_writable(self) -> None: ...
-
-    def ill_parts(self) -> dict[str, wire.HealthLevel]:
-        return {}
-
-    def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None: ...
-
-    def begin_drive(self, holder: Holder, start: Position) -> int:
-        return 1
-
-    def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None: ...
-
-    def request(self, holder: Holder | None, kind: str, parameters: Parameters) -> int:
-        return 1
-
-    def outcome(
-        self, request: int, holder: Holder | None, kind: str, outcome: str, parameters: Parameters
-    ) -> None: ...
-
-    def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:
-        return 1
-
-    def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None: ...
-
-    def keep_map(self, taken: TakenMap) -> None: ...
-
-    def keep_description(self, taken: TakenDescription) -> None: ...
-
-
 def _drive_path() -> tuple[list[float], list[float]]:
     """Return times from a stick position at the core to the twist at the base, with gate and without, us.
 
@@ -370,23 +288,9 @@ class _Path:
     def __init__(self, clutter: _Clutter) -> None:
         self.spent_us: list[float] = []
         self._clutter = clutter
-        self._base = _Base()
         self._on_its_way = deque([STILL] * 5)
-        topics = Topics(Topic("/cmd_vel", "geometry_msgs/Twist"), Topic("/odom", "nav_msgs/Odometry"))
-        profile = clutter.gate.profile
-        config = BridgeConfig("0", "bench", "Bench", "", None, {}, topics, profile, "turn", LinkAddress(), "")
-        left = SavedState(False, "", "", 0)
-        records = Records(_NoRecords())
-        self._core = Core(
-            config,
-            self._base,
-            clutter.gate,
-            records,
-            DriveLog(records),
-            left,
-            lambda _ended: None,
-            _NoTopics(),
-        )
+        bench = Bench(config=structs.replace(CONFIG, gate=clutter.gate.profile), gate=clutter.gate)
+        self._base, self._core = bench.base, bench.core
         self._core.ros_status(RosStatus("connecting", ""), 0.0)
         self._core.grant(Grant(1, 2.0 * DECISIONS, "session", "Ann", "ann", 1.0), 1, 0.0)
 
@@ -402,8 +306,9 @@ class _Path:
         before = time.perf_counter()
         refusal = self._core.drive(drive, 1, now_s)
         spent_us = 1e6 * (time.perf_counter() - before)
-        self._on_its_way.append(self._base.newest)
+        newest = self._base.sent[-1] if self._base.sent else STILL
+        self._on_its_way.append(newest)
         if refusal is not None:
             raise RuntimeError(f"nothing was driven: {refusal.text}")
-        if self._base.newest != STILL:
+        if newest != STILL:
             self.spent_us.append(spent_us)
