@@ -11,7 +11,6 @@ import urllib.parse
 from collections import Counter
 from collections.abc import Coroutine
 from contextlib import suppress
-from types import TracebackType
 from typing import Any
 
 from websockets.asyncio.client import ClientConnection
@@ -65,9 +64,7 @@ class Doors:
         await asyncio.wait_for(self._opened.wait(), ANSWER_S)
         return self
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         for task in [*self._tasks, *([self._opening] if self._opening else [])]:
             task.cancel()
         if self._fleet is not None:

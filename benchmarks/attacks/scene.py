@@ -128,7 +128,7 @@ class Scene:
         driver, self._driver, self._doors.driver = self._driver, None, None
         if driver is not None:
             with suppress(*FAULTS, asyncio.CancelledError):
-                await asyncio.wait_for(driver.__aexit__(None, None, None), 5.0)
+                await asyncio.wait_for(driver.__aexit__(), 5.0)
 
     async def play(self) -> None:
         """Request a motion, while the base stands."""

@@ -11,7 +11,6 @@ import subprocess
 import time
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 
 from script.stack.stack import PRACTICE_ROBOTS, PracticeRobot
 
@@ -38,9 +37,7 @@ class RobotApart:
         self.join()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._resident.kill()
         self._resident.wait()
 

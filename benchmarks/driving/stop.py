@@ -85,7 +85,7 @@ class Person:
         """Close the page."""
         if self.driver is not None:
             driver, self.driver = self.driver, None
-            await driver.__aexit__(None, None, None)
+            await driver.__aexit__()
 
 
 class Scene:

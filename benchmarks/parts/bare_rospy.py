@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-from types import TracebackType
 
 from benchmarks.parts.observer import Observer, start_ros_side
 from script.stack.stack import SimulatedRobot, Stack
@@ -33,8 +32,6 @@ class BareRospy:
     def __enter__(self) -> BareRospy:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._publisher.signal(signal.SIGCONT)  # a stopped process would not get SIGTERM
         self._stack.release(self._publisher)

@@ -8,7 +8,6 @@ import socket
 import time
 from contextlib import suppress
 from dataclasses import dataclass
-from types import TracebackType
 
 SEGMENT_BYTES = 1400
 QUEUED_SEGMENTS = (
@@ -103,9 +102,7 @@ class Cable:
             self._server = await asyncio.start_server(self._serve, *self._here)
         return self
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         self._server.close()
         self.thawed.set()
         self.cut()

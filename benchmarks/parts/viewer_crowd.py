@@ -8,7 +8,6 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from types import TracebackType
 
 from script.stack.places import REPOSITORY
 from script.stack.stack import Stack
@@ -61,9 +60,7 @@ class Crowd:
         self._reader = asyncio.create_task(self._read(self._process.stdout))
         return self
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         self._process.kill()
         await self._process.wait()
         await self._reader

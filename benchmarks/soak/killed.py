@@ -16,7 +16,6 @@ from collections.abc import Awaitable, Callable
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from itertools import count, cycle
-from types import TracebackType
 from typing import Any, Protocol
 
 import msgspec
@@ -97,9 +96,7 @@ class Witness:
         await asyncio.wait_for(self._ready.wait(), ANSWER_S)
         return self
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         if self._process.returncode is None:
             self._process.terminate()
         await self._process.wait()
@@ -241,7 +238,7 @@ class Rounds:
             session.cancel()
             await asyncio.gather(session, return_exceptions=True)
             with suppress(ConnectionClosed):
-                await driver.__aexit__(None, None, None)
+                await driver.__aexit__()
 
     def _kill(self, victims: tuple[str, ...]) -> None:
         """Kill these parts with SIGKILL, one after the other."""

@@ -14,6 +14,7 @@ import urllib.parse
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
+from typing import NamedTuple
 
 from benchmarks.driving.drive import BARE_STICKS, drive
 from benchmarks.harness import Figure, progress, quantile
@@ -121,13 +122,12 @@ async def _driving(stack: Stack) -> list[Figure]:
     ]
 
 
-class _Answer:
+class _Answer(NamedTuple):
     """An answer of the console, and how long it took."""
 
-    def __init__(self, status: int, body: str, took_ms: float) -> None:
-        self.status = status
-        self.body = body
-        self.took_ms = took_ms
+    status: int
+    body: str
+    took_ms: float
 
 
 def _race(stack: Stack, cookie: str, number: int) -> list[_Answer]:

@@ -13,7 +13,6 @@ import urllib.request
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import suppress
 from itertools import count
-from types import TracebackType
 from typing import Any, Protocol, Self
 
 import msgspec
@@ -106,9 +105,7 @@ class _Client:
         self._reader = asyncio.create_task(self._read())
         return self
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         await self.socket.close()
         self._reader.cancel()
         with suppress(asyncio.CancelledError):
@@ -196,11 +193,9 @@ class Driver(_Client):
         await self.until(lambda: self.robot and self.control)
         return self
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         self._renewer.cancel()
-        await super().__aexit__(kind, error, trace)
+        await super().__aexit__()
 
     # --- messages to the console -----------------------------------------------------------------
 
