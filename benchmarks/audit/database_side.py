@@ -222,9 +222,8 @@ def _say(**measured: object) -> None:
 
 def main() -> None:
     """Run the role of the first argument; Django must be set up."""
-    settings.DEBUG = (
-        False  # DEBUG keeps every query in memory; it was on because the static files are not collected
-    )
+    # DEBUG keeps every query in memory; it was on because the static files are not collected
+    settings.DEBUG = False
     if sys.argv[1] == "reading":
         reading([int(count) for count in sys.argv[2:]])
     else:

@@ -13,12 +13,8 @@ from benchmarks.parts.observer import Observer
 from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack
 
-TURNS = (
-    True,
-    False,
-    False,
-    True,
-) * 10  # whether records are written; in this order a slow drift has no effect
+# Whether records are written; in this order a slow drift has no effect
+TURNS = (True, False, False, True) * 10
 SAMPLES = 100  # of each turn: many short turns, because the machine's speed changes every few seconds
 MOST_TIMES = 1.05
 STANDSTILL_S = 1.5  # until a drive has ended

@@ -10,9 +10,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 SEGMENT_BYTES = 1400
-QUEUED_SEGMENTS = (
-    32  # in each direction: buffer of a radio network; when the buffer is full, the sender waits
-)
+# In each direction: buffer of a radio network; when the buffer is full, the sender waits
+QUEUED_SEGMENTS = 32
 RETRANSMISSION_S = 0.2  # TCP's shortest time-out
 SOCKET_BUFFER_BYTES = 16 * 1024
 

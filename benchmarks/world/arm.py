@@ -48,9 +48,8 @@ class MovingArm(ArmModel):
         self._reported_s = -REPORTED_EVERY_S
         self._watched_s = -WATCHED_EVERY_S
         self._now_s = 0.0
-        self.refused_s = (
-            0.0  # seconds in which a motion was refused, or cancelled because the arm had no room
-        )
+        # Seconds in which a motion was refused, or cancelled because the arm had no room
+        self.refused_s = 0.0
         self.posture = ArmPosture(tiago_arm())
         self.posture.describe(_described(show.lacks))
         self.posture.awaits_description = False  # as the node notes when the master has answered

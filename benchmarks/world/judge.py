@@ -37,9 +37,8 @@ class Keeping(NamedTuple):
     free: int = 0  # moments in which the stopping distance is free
     false_stops: int = 0
     tried: int = 0  # moments in which the stick asked for motion
-    stuck: int = (
-        0  # of `tried`: the robot stood and was held although the way was free, or only a turn was asked
-    )
+    # of `tried`: the robot stood and was held although the way was free, or only a turn was asked
+    stuck: int = 0
     stopped_by: Counter[str] = Counter()  # causes of the false stops, by the gate's text
     stuck_by: Counter[str] = Counter()
 

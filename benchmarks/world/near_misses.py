@@ -32,9 +32,8 @@ from robots.simulator.robot import Robot
 
 Point = tuple[float, float]
 SEED = 2
-LOOKS = {
-    "table_top"
-}  # cases with depth pictures; in the others the laser sees enough, and pictures make large files
+# Cases with depth pictures; in the others the laser sees enough, and pictures make large files
+LOOKS = {"table_top"}
 CASES: dict[str, Callable[[], Case]] = {
     "table_leg_at_45_degrees": lambda: replace(
         objects.build(objects.ObjectJob("gate", "table leg", 45, 1.0, SEED)), longest_s=3.2

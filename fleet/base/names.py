@@ -46,25 +46,13 @@ _BLANK = re.compile(
     "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u2800\u3164\ufe00-\ufe0f\uffa0\U000e0100-\U000e01ef]"
 )
 _NOT_COMPARED = re.compile(f"[{_JOINERS}]|{_BLANK.pattern}")
-_UNSEEN = (
-    "Cc",
-    "Cf",
-    "Cs",
-    "Co",
-    "Cn",
-    "Zl",
-    "Zp",
-)  # controls, line ends, formats such as bidi overrides, unassigned
+# Controls, line ends, formats such as bidi overrides, unassigned
+_UNSEEN = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
 # Marks on one letter; more of them cover the lines around. Burmese has four, so a mark of no script counts twice.
 _MOST_MARKS = 6
 _KEYCAP = "\u20e3"  # makes a key of a digit
-_EAST_ASIAN = {
-    "CJK",
-    "HIRAGANA",
-    "KATAKANA",
-    "HANGUL",
-    "BOPOMOFO",
-}  # written together, and with Latin letters
+# Written together, and with Latin letters
+_EAST_ASIAN = {"CJK", "HIRAGANA", "KATAKANA", "HANGUL", "BOPOMOFO"}
 
 
 if TYPE_CHECKING:

@@ -27,9 +27,8 @@ class Front:
 
     # The application sets these
     rights: Any = None  # who may stop what (`teleop.stop.rights`)
-    metrics: Callable[
-        [], bytes
-    ]  # of this process, for a pages process, which has checked the client's permission
+    # Of this process, for a pages process, which has checked the client's permission
+    metrics: Callable[[], bytes]
 
     def __init__(self, console: Any, *, session_cookie: str, behind_proxy: bool = False) -> None:
         self.session_cookie = session_cookie

@@ -34,9 +34,8 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
     def __init__(self, factory: Any, protocol: Any) -> None:
         super().__init__(factory, protocol)
         self.body = b""  # of the request that is being answered
-        self.when_lost: Callable[[], object] | None = (
-            None  # called when the connection ends before the answer
-        )
+        # Called when the connection ends before the answer
+        self.when_lost: Callable[[], object] | None = None
         self.writable = asyncio.Event()  # set while the client reads what is sent
         self.writable.set()
         self.is_accepted = False  # a WebSocket whose handshake is accepted

@@ -29,19 +29,16 @@ UNREAD_S = 60.0  # the longest time in which a client may read nothing of a resp
 
 # A class of 60 students may share one address. A browser opens six connections, and some WebSockets per page.
 CONNECTIONS = 2000
-BACKLOG = (
-    4096  # connections that the kernel holds until they are accepted; beyond it, clients wait for a second
-)
+# Connections that the kernel holds until they are accepted; beyond it, clients wait for a second
+BACKLOG = 4096
 CONNECTIONS_OF_ADDRESS = 1000
-WEBSOCKETS = (
-    1500  # with `REQUESTS`, fewer than `CONNECTIONS`: so a new connection always finds one that may close
-)
+# With `REQUESTS`, fewer than `CONNECTIONS`: so a new connection always finds one that may close
+WEBSOCKETS = 1500
 WEBSOCKETS_OF_ADDRESS = 600
 REQUESTS = 400  # requests that wait for their responses
 REQUESTS_OF_ADDRESS = 200
-STRANGERS_AT_ONCE = (
-    2  # stops of people who may not stop that robot, which the pages process answers; others wait
-)
+# Stops of people who may not stop that robot, which the pages process answers; others wait
+STRANGERS_AT_ONCE = 2
 
 # One message of a WebSocket: pages send 8 KiB at most; the console answers larger messages with a refusal
 MESSAGE_BYTES = 64 * 1024

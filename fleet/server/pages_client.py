@@ -20,9 +20,8 @@ log = logging.getLogger(__name__)
 READY_S = 30.0  # the longest time that a request waits for a process that is just starting
 RETRY_S = 0.05
 MOST_KEPT = 50  # idle connections to the pages process
-KEPT_S = (
-    5.0  # shorter than the pages process keeps idle connections, so that a request seldom gets a closing one
-)
+# Shorter than the pages process keeps idle connections, so that a request seldom gets a closing one
+KEPT_S = 5.0
 PIECE_BYTES = 65536
 
 REPEATABLE = {"GET", "HEAD", "DELETE", "OPTIONS", "TRACE"}  # they do no harm if they come twice
@@ -67,9 +66,8 @@ class Pages:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._kept: deque[tuple[asyncio.StreamReader, asyncio.StreamWriter, float]] = (
-            deque()
-        )  # and since when
+        # Idle connections, and since when
+        self._kept: deque[tuple[asyncio.StreamReader, asyncio.StreamWriter, float]] = deque()
 
     async def answer(self, guard: Guard, scope: dict[str, Any], send: Any, *, behind_proxy: bool) -> None:
         """Send the answer to this request to its client, as fast as the client reads.

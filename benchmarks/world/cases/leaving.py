@@ -36,9 +36,8 @@ AGAIN_S = 1.0
 DRIVES_MPS = 0.1  # at this speed, or at `DRIVES_SHARE` of the asked speed, the robot drives
 DRIVES_SHARE = 0.3
 TURNING, AWAY = Stick(0.0, 1.0, 0.5, trying=False), Stick(1.0, 0.0, 0.5, trying=False)
-OFF_M = (
-    0.5  # the robot turns around this far from the place: there the whole place is in the camera's picture
-)
+# The robot turns around this far from the place: there the whole place is in the camera's picture
+OFF_M = 0.5
 AROUND_RAD = 0.3  # the turn ends this much before half a turn, because the base turns on by about as much
 HELD_S = 3.0  # from the departure of the object behind the robot until the stick rests
 RESTS_S = 0.5  # rest of the stick, before it goes ahead

@@ -20,9 +20,8 @@ from robots.simulator.ros.messages import stamped, yaw_quaternion
 
 FEEDBACK_S = 0.2
 PAUSES_S = 4.0  # with the fault `navigation_pauses`
-REPLACED = (
-    "This goal was canceled because another goal was recieved by the simple action server"  # actionlib's text
-)
+# actionlib's text
+REPLACED = "This goal was canceled because another goal was recieved by the simple action server"
 INVALID = "Aborting on the goal because it was sent with an invalid quaternion"
 ELSEWHERE = "The goal is not in the frame of the map"
 
