@@ -7,8 +7,6 @@ reality they would be on other computers.
 from __future__ import annotations
 
 import asyncio
-import subprocess
-import sys
 import time
 
 from benchmarks.driving.drive import BARE_STICKS, ROBOT, drive
@@ -18,13 +16,15 @@ from benchmarks.parts.observer import Observer
 from benchmarks.parts.priority import prefer_loops_or_say, prefer_witness
 from benchmarks.parts.viewer_crowd import Crowd
 from script.stack.client import Driver, sign_in
-from script.stack.places import REPOSITORY
 from script.stack.stack import Stack, temporary_stack
+from tests.script.support import manage
+from tests.script.support import token as token_of
 
 OTHER = BARE_STICKS[1].slug  # speaks
 READS = 200
 TEXTS = 20
 VIEWERS = 10
+SCOPES = ("read", "drive", "speak")
 TURNS = 4  # with the page's session, and as many with the token
 ALONE_S = 15.0
 PATHS = ("/robots", f"/robots/{ROBOT}", f"/robots/{ROBOT}/phrases", f"/robots/{OTHER}/speech/history")
@@ -57,7 +57,7 @@ def measure() -> list[Figure]:
 
 
 async def _measure_on(stack: Stack) -> list[Figure]:
-    token = await asyncio.to_thread(_token, stack)
+    token = await asyncio.to_thread(token_of, stack, "operator", *SCOPES)
     figures = await asyncio.to_thread(_alone, stack, token)
     page = await asyncio.to_thread(sign_in, stack, "operator")
     async with Observer(stack.robots[ROBOT]) as observer:
@@ -72,7 +72,7 @@ async def _measure_on(stack: Stack) -> list[Figure]:
             await asyncio.sleep(ALONE_S)
         progress("driving beside reads and viewers ...")
         watching = await asyncio.to_thread(sign_in, stack, "observer")
-        auditor = await asyncio.to_thread(_token, stack, "staff")
+        auditor = await asyncio.to_thread(token_of, stack, "staff", *SCOPES)
         await asyncio.to_thread(_fill_log, stack)
         async with Crowd(stack, ROBOT, watching, VIEWERS), Driver(stack, ROBOT, f"Bearer {token}") as driver:
             await driver.take()
@@ -116,27 +116,10 @@ async def _measure_on(stack: Stack) -> list[Figure]:
     ]
 
 
-def _token(stack: Stack, role: str = "operator") -> str:
-    scopes = ("read", "drive", "speak")
-    return _manage(stack, "make_token", stack.accounts[role].username, "bench", *scopes)
-
-
 def _fill_log(stack: Stack) -> None:
     """Write `RECORDS` requests to the log, for the export."""
     progress(f"writing {RECORDS:,} records ...")
-    _manage(stack, "shell", "--no-imports", "-c", _FILL)
-
-
-def _manage(stack: Stack, *words: str) -> str:
-    done = subprocess.run(  # noqa: S603 - our own program
-        [sys.executable, "manage.py", *words],
-        cwd=REPOSITORY,
-        env=stack.environment,
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    return done.stdout.strip()
+    manage(stack, "shell", "--no-imports", "-c", _FILL)
 
 
 def _alone(stack: Stack, token: str) -> list[Figure]:

@@ -6,8 +6,6 @@ import asyncio
 import http.client
 import json
 import re
-import subprocess
-import sys
 import threading
 import time
 import urllib.parse
@@ -20,9 +18,9 @@ from benchmarks.driving.drive import BARE_STICKS, drive
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts.observer import Observer
 from script.stack.client import Driver, sign_in
-from script.stack.places import REPOSITORY
 from script.stack.stack import Stack, temporary_stack
 from tests.script.servers import postgresql
+from tests.script.support import manage
 
 ROWS = 100_000
 CLIENTS = 50
@@ -89,15 +87,7 @@ def _measure_on(stack: Stack, name: str) -> list[Figure]:
 def _stored(stack: Stack, step: str) -> str:
     """Run a step of `booking_rows` in the console's database, and return its output."""
     program = f"from benchmarks.web.booking_rows import *; {step}"
-    done = subprocess.run(  # noqa: S603  # our own program
-        [sys.executable, "manage.py", "shell", "--no-imports", "-c", program],
-        cwd=REPOSITORY,
-        env=stack.environment,
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    return done.stdout
+    return manage(stack, "shell", "--no-imports", "-c", program)
 
 
 async def _driving(stack: Stack) -> list[Figure]:
