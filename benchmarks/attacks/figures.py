@@ -21,7 +21,6 @@ STILL_RADPS = 0.01
 class Press:
     """One press of the stop. An infinite time: not within the time limit."""
 
-    door: str
     zero_s: float  # until the first zero
     confirmed_s: float  # until the driver's page shows it
     gap_s: float  # the largest between two zeros, until the stop is cleared

@@ -151,7 +151,7 @@ class Scene:
         begin_s = min(zero_s, confirmed_s)
         if math.isfinite(begin_s):
             await asyncio.sleep(max(0.0, begin_s + held_s - (time.monotonic() - pressed_s)))
-        self._note(door, pressed_s, confirmed_s)
+        self._note(pressed_s, confirmed_s)
         self._note_drive(pressed_s)
 
     async def press_quickly(self, door: str) -> None:
@@ -171,19 +171,19 @@ class Scene:
         self._note_drive(time.monotonic())
         struck_s = time.monotonic()
         undo = await incident.strike(self.stack)
-        pressed: list[tuple[str, float]] = []
+        pressed: list[float] = []
         for door, after_s in zip(doors, incident.presses_s, strict=True):
             await asyncio.sleep(max(0.0, struck_s + after_s - time.monotonic()))
-            pressed.append((door, self._doors.press(door)))
+            pressed.append(self._doors.press(door))
         await undo()
-        first_s = pressed[0][1]
+        first_s = pressed[0]
         _, confirmed_s = await asyncio.gather(
             self._first_zero(first_s), self._confirmed(before, first_s, READY_S / 2)
         )
         confirmed_s += first_s
         await asyncio.sleep(LONG_S)
-        for door, pressed_s in pressed:
-            self._note(door, pressed_s, confirmed_s - pressed_s)
+        for pressed_s in pressed:
+            self._note(pressed_s, confirmed_s - pressed_s)
 
     async def _drive(self, patience_s: float, driven_s: float = DRIVEN_S) -> int:
         """Drive for a moment, if control comes within `patience_s`. Return the number of the last stop.
@@ -249,14 +249,14 @@ class Scene:
                 )
         return math.inf
 
-    def _note(self, door: str, pressed_s: float, confirmed_s: float) -> None:
+    def _note(self, pressed_s: float, confirmed_s: float) -> None:
         end_s = time.monotonic()
         zeros = self._zeros(pressed_s)
         gaps = [after - before for before, after in itertools.pairwise([*zeros, end_s])]
         moved = [abs(seen.w) for seen in self._observer.truth if zeros and seen.at_s > zeros[0] + BRAKED_S]
         zero_s = zeros[0] - pressed_s if zeros else math.inf
         self.taken.presses.append(
-            Press(door, zero_s, confirmed_s, max(gaps, default=math.inf), max(moved, default=0.0))
+            Press(zero_s, confirmed_s, max(gaps, default=math.inf), max(moved, default=0.0))
         )
 
     def _note_drive(self, pressed_s: float) -> None:

@@ -126,11 +126,7 @@ def _navigate(asked: argparse.Namespace) -> int:
     trace = loop.play()
     print(*loop.interventions, sep="\n")
     print(f"{loop.arrived} goals, closest at rest {loop.closest_m:.3f} m")
-    for touch in trace.touches:
-        known = seen(loop, touch) or "no sensor that can have seen it"
-        print(
-            f"{touch.time_s:.2f} s: {touch.part} touches {touch.other} at {touch.robot.vx:.2f} m/s; seen by {known}"
-        )
+    _print_touches(loop)
     print(f"{'CRASH' if trace.touches else 'clear'}, {trace.way_m:.2f} m in {trace.time_s:.1f} s")
     return 1 if trace.touches else 0
 
@@ -163,11 +159,15 @@ def _print_moments(trace: Trace) -> None:
         )
 
 
-def _print_end(loop: Loop, trace: Trace) -> None:
-    for touch in trace.touches:
+def _print_touches(loop: Loop) -> None:
+    for touch in loop.trace.touches:
         moving = f"{touch.robot.vx:.2f} m/s, {touch.robot.w:.2f} rad/s"
         known = seen(loop, touch) or "no sensor that can have seen it"
         print(f"{touch.time_s:.2f} s: {touch.part} touches {touch.other} at {moving}; seen by {known}")
+
+
+def _print_end(loop: Loop, trace: Trace) -> None:
+    _print_touches(loop)
     gap_m, ended = trace.moments[-1].gap_m, "CRASH" if trace.touches else "clear"
     print(f"{ended}, gap {gap_m:.3f} m, {trace.way_m:.2f} m in {trace.time_s:.1f} s")
 

@@ -149,7 +149,6 @@ class Outcome(NamedTuple):
     """Result of one run."""
 
     touched: Contact | None
-    least_gap_m: float
     final_gap_m: float
     kept: Keeping
 
@@ -206,8 +205,7 @@ def outcome(case: Case, controller: str, seed: int) -> Outcome:
     loop = loop_of(case, controller, seed)
     truth = Truth(loop.robot.physics)
     trace = loop.play()
-    gaps_m = [moment.gap_m for moment in trace.moments]
-    return Outcome(first_contact(loop), min(gaps_m), gaps_m[-1], kept(trace, truth, loop.limits))
+    return Outcome(first_contact(loop), trace.moments[-1].gap_m, kept(trace, truth, loop.limits))
 
 
 def cases(controller: str, seeds: int, blanked: bool = False) -> list[ObjectJob]:
