@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections import defaultdict
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -222,24 +222,19 @@ def _script(letter: str) -> str:
     return unicodedata.name(letter, "").split(" ")[0].split("-")[0]
 
 
-def require(name: str, *rules: Any) -> None:
-    """Raise `ValidationError` with a code if one of these rules (`fault_of` if none) refuses the name."""
-    for rule in rules or (fault_of,):
-        if fault := rule(name):
-            raise ValidationError(str(fault.text), code=fault.code)
+def require(name: str, rule: Callable[[str], Fault | None] = fault_of) -> None:
+    """Raise `ValidationError` with a code if the rule refuses the name."""
+    if fault := rule(name):
+        raise ValidationError(str(fault.text), code=fault.code)
 
 
 class NameField(_CharField):
-    """A column for a name or short text that people choose. `rules`: what is asked of it."""
-
-    def __init__(self, *args: Any, rules: tuple[Any, ...] = (fault_of,), **options: Any) -> None:
-        super().__init__(*args, **options)
-        self._rules = rules
+    """A column for a name or short text that people choose."""
 
     def run_validators(self, value: Any) -> None:
-        """Check the rules, too."""
+        """Check the rules of names, too."""
         super().run_validators(value)
-        require(value, *self._rules)
+        require(value)
 
     def deconstruct(self) -> Any:
         """Return the column for migrations: the rules are none of the database's business."""

@@ -12,8 +12,8 @@ _CHARGING_PERCENT_PER_S = 100.0 / (2 * 3600)
 class Battery:
     """Charge in percent."""
 
-    def __init__(self, percent: float = 87.0) -> None:
-        self.percent = percent
+    def __init__(self) -> None:
+        self.percent = 87.0
         self.charging = False
 
     def step(self, velocity: Twist, dt: float) -> None:

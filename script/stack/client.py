@@ -25,6 +25,7 @@ from script.stack.stack import Account, Certificate
 RENEW_BEFORE_S = 3.0  # before the end of the term
 DRIVE_PERIOD_S = 0.05
 ANSWER_S = 10.0
+MOST_DRIVEN_S = 20.0
 _CSRF = re.compile(r'name="csrfmiddlewaretoken" value="([^"]+)"')
 
 
@@ -214,18 +215,16 @@ class Driver(_Client):
         await self.send(message)
         return message
 
-    async def hold_stick(
-        self, x: float, w: float, until: Callable[[], Any], *, share: float = 0.4, timeout_s: float = 20.0
-    ) -> None:
+    async def hold_stick(self, x: float, w: float, until: Callable[[], Any]) -> None:
         """Hold the stick until `until()` is true; like a person, let go when the robot demands a neutral stick."""
-        end_s = time.monotonic() + timeout_s
+        end_s = time.monotonic() + MOST_DRIVEN_S
         while not until():
             if time.monotonic() > end_s:
-                raise TimeoutError(f"{timeout_s:g} s of driving were not enough; {self.said_last()}")
+                raise TimeoutError(f"{MOST_DRIVEN_S:g} s of driving were not enough; {self.said_last()}")
             if self.state and self.state.neutral_needed:
                 await self.drive(0.0, 0.0)
             else:
-                await self.drive(x, w, share)
+                await self.drive(x, w)
             await asyncio.sleep(DRIVE_PERIOD_S)
 
     async def request_task(self, task: wire.TaskRequest) -> wire.Accepted | wire.Refused:
