@@ -297,7 +297,7 @@ class _Path:
     def step(self, turn: int, now_s: float) -> None:
         """Give sensor data to the core, then the stick: first neutral, then the most expensive positions."""
         self._core.odometry(now_s, now_s, moved(turn), self._on_its_way.popleft(), now_s)
-        self._core.prepare(now_s)
+        self._clutter.gate.prepare(now_s)
         self._clutter.scan(turn, now_s)
         stick = STICKS[turn // HELD % len(STICKS)] if turn >= HELD else STILL
         limits = self._clutter.gate.profile.limits
