@@ -13,7 +13,7 @@ from benchmarks.attacks.doors import COMMAND_LINE, NAMES, door
 from benchmarks.attacks.figures import Limits, Press, Taken, broken, figures, table
 from benchmarks.attacks.incidents import INCIDENTS
 
-PRESS = Press("page", zero_s=0.01, confirmed_s=0.1, gap_s=0.05, moved_radps=0.0)
+PRESS = Press(zero_s=0.01, confirmed_s=0.1, gap_s=0.05, moved_radps=0.0)
 WEB = Limits(times=1.5)
 
 
