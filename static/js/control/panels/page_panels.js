@@ -30,7 +30,10 @@ import { TaskRequests } from "../../tasks/tasks.js";
  * itself; `silent()`: the robot is out of reach; `gone()`: so is its bridge; `close()`.
  */
 
+const CALLS = ["zero", "silent", "gone"];
+
 export class PagePanels {
+  #state;
   #requests;
   #panels = [];
   #owners = new Map(); // the panel of each kind of request
@@ -41,6 +44,7 @@ export class PagePanels {
    * @param {Omit<Page, "request" | "tell">} page
    */
   constructor(kinds, state, page) {
+    this.#state = state;
     const requests = Object.assign({}, ...kinds.map((kind) => kind.requests));
     this.#requests = new TaskRequests(page.send, page.notify, Math.floor(page.clock()), requests);
     const request = (message) => this.request(message);
@@ -51,6 +55,7 @@ export class PagePanels {
       const panel = new Kind(given);
       this.#panels.push(panel);
       state.subscribe(panel, Kind.hears ?? []);
+      for (const call of CALLS) if (panel[call]) state.on(call, () => panel[call]());
       for (const t of Object.keys(Kind.requests ?? {})) this.#owners.set(t, panel);
       if (Kind.task) state.on(`state.${Kind.task}`, running.row(Kind.task, panel));
     }
@@ -76,26 +81,21 @@ export class PagePanels {
 
   /** End all input that goes on by itself. */
   zero() {
-    this.#call("zero");
+    this.#state.tell({ zero: true });
   }
 
   /** The connection is lost. */
   lost() {
     this.#requests.lost();
-    this.#call("silent");
+    this.#state.tell({ silent: true });
   }
 
   /** The console has lost the robot's bridge. */
   gone() {
-    this.#call("silent");
-    this.#call("gone");
+    this.#state.tell({ silent: true, gone: true });
   }
 
   close() {
-    this.#call("close");
-  }
-
-  #call(method) {
-    for (const panel of this.#panels) panel[method]?.();
+    for (const panel of this.#panels) panel.close?.();
   }
 }

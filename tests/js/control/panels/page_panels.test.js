@@ -40,6 +40,10 @@ class Broken {
   set dance(_) {
     throw new Error("a fault in one panel");
   }
+
+  zero() {
+    throw new Error("a fault in one panel");
+  }
 }
 
 let made;
