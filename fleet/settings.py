@@ -220,7 +220,7 @@ REST_FRAMEWORK = {
     "DEFAULT_PERMISSION_CLASSES": ["rest_framework.permissions.IsAuthenticated"],
     "DEFAULT_RENDERER_CLASSES": ["rest_framework.renderers.JSONRenderer"],
     "DEFAULT_PARSER_CLASSES": ["rest_framework.parsers.JSONParser"],
-    "DEFAULT_SCHEMA_CLASS": "drf_spectacular.openapi.AutoSchema",
+    "DEFAULT_SCHEMA_CLASS": "teleop.api.v1.framework.schema.OperationSchema",
     "URL_FORMAT_OVERRIDE": None,  # the API itself has a parameter `format`
     "EXCEPTION_HANDLER": "teleop.api.v1.framework.problems.response_of",
 }

@@ -14,7 +14,7 @@ from uuid import UUID
 
 from django.db.models import Q, QuerySet
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiExample, OpenApiParameter
+from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -34,7 +34,7 @@ from robots.access.who_sees import reader_of
 from robots.registry.models import Robot
 from robots.shared import wire
 from teleop.api.v1.framework.cursors import page_by_time
-from teleop.api.v1.framework.operation import ApiView, operation
+from teleop.api.v1.framework.operation import ApiView, operation, reads
 from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem, ProblemDetails
 from teleop.api.v1.framework.versions import etag_of, version_seen
@@ -191,14 +191,14 @@ class WaitRequest(Struct, frozen=True, forbid_unknown_fields=True):
     ends_at: Moment
 
 
-_read = partial(operation, scope=Scope.READ, refuses=(404,), tag="bookings")
-_change = partial(operation, scope=Scope.BOOK, answer=BookingEntry, refuses=(404, 409), tag="bookings")
+_change = partial(operation, scope=Scope.BOOK, answer=BookingEntry, refuses=(404, 409))
 _change_seen = partial(_change, refuses=(404, 409, 412, 428), parameters=[IF_MATCH])
 
 
 class BookingsBase(ApiView):
     """Base of the views of bookings."""
 
+    tag = "bookings"
     seen_by = staticmethod(robots_bookable_by)
 
     def concerned(self, *_path: Any, **asked: Any) -> list[Robot]:
@@ -272,7 +272,7 @@ class BookingsBase(ApiView):
 class BookingsView(BookingsBase):
     """`/bookings`."""
 
-    @_read("bookings_list", "List bookings", query=BookingsAsked, answer=BookingList)
+    @reads("bookings_list", "List bookings")
     def get(self, _request: Request, query: BookingsAsked) -> BookingList:
         """Bookings of all robots that you may see, as in the calendar. `from` and `to`: those that overlap this
         time, also cancelled ones. Of other people's bookings that are over, only supervisors of the robot or the course
@@ -300,21 +300,16 @@ class BookingsView(BookingsBase):
     @_change(
         "bookings_make",
         "Book a slot",
-        body=BookRequest,
         status=201,
         problem=BookingProblem,
         keyed=True,
-        examples=[
-            OpenApiExample(
-                "An hour",
-                value={
-                    "robot": "tiago-1",
-                    "starts_at": "2026-03-02T14:00:00Z",
-                    "ends_at": "2026-03-02T15:00:00Z",
-                },
-                request_only=True,
-            )
-        ],
+        examples={
+            "An hour": {
+                "robot": "tiago-1",
+                "starts_at": "2026-03-02T14:00:00Z",
+                "ends_at": "2026-03-02T15:00:00Z",
+            }
+        },
     )
     def post(self, _request: Request, body: BookRequest) -> Response:
         """All rules that refuse stand in `refusals`; if the time is taken, `alternatives` has free slots."""
@@ -345,7 +340,7 @@ class BookingsView(BookingsBase):
 class FreeView(BookingsBase):
     """`/bookings/free`."""
 
-    @_read("bookings_free", "Search free slots", query=FreeAsked, answer=SlotList)
+    @reads("bookings_free", "Search free slots")
     def get(self, _request: Request, query: FreeAsked) -> SlotList:
         """Within seven days from `after` (now, if left out), slots that no rule would refuse to you."""
         now = timezone.now()
@@ -361,14 +356,12 @@ class FreeView(BookingsBase):
 class BookingView(BookingsBase):
     """`/bookings/{id}`."""
 
-    @_read("bookings_read", "Read a booking", answer=BookingEntry)
+    @reads("bookings_read", "Read a booking", answer=BookingEntry)
     def get(self, _request: Request, booking_id: UUID) -> Response:
         """The answer has an ETag: send it as If-Match with a change."""
         return self.answer(self.one(booking_id).pk)
 
-    @_change_seen(
-        "bookings_move", "Move, lengthen or shorten a booking", body=MoveRequest, problem=BookingProblem
-    )
+    @_change_seen("bookings_move", "Move, lengthen or shorten a booking", problem=BookingProblem)
     def patch(self, request: Request, booking_id: UUID, body: MoveRequest) -> Response:
         """For its person, and people who manage it. After the start of a slot, only its end can change."""
         version_seen(request)
@@ -377,7 +370,7 @@ class BookingView(BookingsBase):
         with _alternatives():
             return self.change(request, booking_id, services.booking_move, slot=slot, override=body.override)
 
-    @_change_seen("bookings_cancel", "Cancel a booking, or finish it early", query=CancelAsked)
+    @_change_seen("bookings_cancel", "Cancel a booking, or finish it early")
     def delete(self, request: Request, booking_id: UUID, query: CancelAsked) -> Response:
         """The rest of the slot is free for others at once."""
         return self.change(request, booking_id, services.booking_cancel, reason=query.reason)
@@ -386,7 +379,7 @@ class BookingView(BookingsBase):
 class HandBookingView(BookingsBase):
     """`/bookings/{id}/hand-over`."""
 
-    @_change_seen("bookings_hand_over", "Hand a booking to a colleague", body=HandBookingRequest, keyed=True)
+    @_change_seen("bookings_hand_over", "Hand a booking to a colleague", keyed=True)
     def post(self, request: Request, booking_id: UUID, body: HandBookingRequest) -> Response:
         """The rules must allow it for them."""
         version_seen(request)
@@ -418,20 +411,13 @@ class AcceptView(BookingsBase):
 class WaitingView(BookingsBase):
     """`/waiting`."""
 
-    @_read("waiting_list", "List the slots for which you wait", refuses=(), answer=WaitingList)
+    @reads("waiting_list", "List the slots for which you wait", refuses=())
     def get(self, _request: Request) -> WaitingList:
         """Lists the slots to come for which you wait."""
         found = self.waiting().filter(starts_at__gt=timezone.now()).order_by("starts_at", "pk")
         return WaitingList([_waiting(one) for one in found])
 
-    @_change(
-        "waiting_join",
-        "Wait for a slot that is taken",
-        body=WaitRequest,
-        answer=WaitingEntry,
-        status=201,
-        keyed=True,
-    )
+    @_change("waiting_join", "Wait for a slot that is taken", answer=WaitingEntry, status=201, keyed=True)
     def post(self, _request: Request, body: WaitRequest) -> Response:
         """Refused if the slot is free, or another rule refuses it."""
         slot = _slot(body.starts_at, body.ends_at)
@@ -461,7 +447,7 @@ class WaitingOneView(WaitingView):
             raise Problem(NOT_FOUND)
         return found
 
-    @_change("waiting_leave", "Wait no longer", answer=None, refuses=(404,))
+    @_change("waiting_leave", "Wait no longer", refuses=(404,))
     def delete(self, _request: Request, number: int) -> None:
         """Leave the line for one slot."""
         waiting_leave(person=self.person, waiting_id=self.one_waiting(number).pk)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from datetime import date
-from functools import partial
 from typing import Annotated, Any, Literal
 
 from django.db import transaction
 from django.db.models import Count, Q
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiExample
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -203,11 +201,10 @@ class Changed(Struct, frozen=True):
     people: int
 
 
-_course = partial(manages, tag="courses")
-
-
 class CoursesBase(SetupView):
     """Base of the views of courses."""
+
+    tag = "courses"
 
     def concerned(
         self, slug: str | None = None, qualification: str | None = None, body: Any = None, **_asked: Any
@@ -316,7 +313,7 @@ class CoursesBase(SetupView):
 class CoursesView(CoursesBase):
     """`/courses`."""
 
-    @_course("courses_list", "List the courses that you manage", refuses=(), answer=CourseList)
+    @manages("courses_list", "List the courses that you manage", refuses=())
     def get(self, _request: Request) -> CourseList:
         """Staff manage all."""
         return CourseList([CourseEntry(**_entry(course)) for course in self.courses()])
@@ -324,22 +321,16 @@ class CoursesView(CoursesBase):
     @makes(
         "courses_make",
         "Make a course",
-        body=CourseRequest,
         answer=CourseDetail,
         keyed=True,
-        tag="courses",
-        examples=[
-            OpenApiExample(
-                "A term",
-                value={
-                    "name": "Robotics lab",
-                    "robots": ["tiago-1"],
-                    "starts_on": "2026-09-01",
-                    "ends_on": "2027-01-31",
-                },
-                request_only=True,
-            )
-        ],
+        examples={
+            "A term": {
+                "name": "Robotics lab",
+                "robots": ["tiago-1"],
+                "starts_on": "2026-09-01",
+                "ends_on": "2027-01-31",
+            }
+        },
     )
     def post(self, _request: Request, body: CourseRequest) -> Response:
         """For staff. Its people are enrolled at `/courses/{slug}/members`."""
@@ -352,18 +343,12 @@ class CoursesView(CoursesBase):
 class CourseView(CoursesBase):
     """`/courses/{slug}`."""
 
-    @_course("courses_read", "Read a course", answer=CourseDetail)
+    @manages("courses_read", "Read a course", answer=CourseDetail)
     def get(self, _request: Request, slug: str) -> Response:
         """Robots, dates, quotas, supervisors, and what its robots demand."""
         return self.tagged(self.detail(self.course(slug)))
 
-    @edits(
-        "courses_change",
-        "Change a course, archive it or open it again",
-        body=CourseChange,
-        answer=CourseDetail,
-        tag="courses",
-    )
+    @edits("courses_change", "Change a course, archive it or open it again", answer=CourseDetail)
     def patch(self, request: Request, slug: str, body: CourseChange) -> Response:
         """For staff. An archived course gives its people nothing."""
         staff = self.staff()
@@ -380,7 +365,7 @@ class CourseView(CoursesBase):
 class MembersView(CoursesBase):
     """`/courses/{slug}/members`."""
 
-    @_course("members_list", "List a course’s people", answer=MemberList)
+    @manages("members_list", "List a course’s people")
     def get(self, _request: Request, slug: str) -> MemberList:
         """With the qualifications that they hold."""
         course = self.course(slug)
@@ -403,19 +388,11 @@ class MembersView(CoursesBase):
             ]
         )
 
-    @_course(
+    @manages(
         "members_enrol",
         "Enrol people by a list",
-        body=EnrolRequest,
-        answer=EnrolAnswer,
         keyed=True,
-        examples=[
-            OpenApiExample(
-                "Two people",
-                value={"list": "Ada Lovelace <ada@example.org>\nAlan Turing, alan@example.org"},
-                request_only=True,
-            )
-        ],
+        examples={"Two people": {"list": "Ada Lovelace <ada@example.org>\nAlan Turing, alan@example.org"}},
     )
     def post(self, request: Request, slug: str, body: EnrolRequest) -> EnrolAnswer:
         """A repeated call changes nothing. Lines that cannot be used are left out and named."""
@@ -439,7 +416,7 @@ class MembersView(CoursesBase):
 class MemberView(CoursesBase):
     """`/courses/{slug}/members/{username}`."""
 
-    @_course("members_remove", "Take a person out of a course")
+    @manages("members_remove", "Take a person out of a course")
     def delete(self, _request: Request, slug: str, username: str) -> None:
         """Ends the course’s role, and control by it."""
         course = self.course(slug)
@@ -451,13 +428,7 @@ class MemberView(CoursesBase):
 class GrantView(CoursesBase):
     """`/courses/{slug}/qualifications/{qualification}/grant`."""
 
-    @_course(
-        "qualifications_grant",
-        "Grant a qualification to people of a course",
-        body=GrantRequest,
-        answer=Changed,
-        keyed=True,
-    )
+    @manages("qualifications_grant", "Grant a qualification to people of a course", keyed=True)
     def post(self, _request: Request, slug: str, qualification: str, body: GrantRequest) -> Changed:
         """Replaces an earlier grant."""
         found, people, last_day = self.chosen(slug, qualification, body.people, body.last_day)
@@ -470,13 +441,7 @@ class GrantView(CoursesBase):
 class RevokeView(CoursesBase):
     """`/courses/{slug}/qualifications/{qualification}/revoke`."""
 
-    @_course(
-        "qualifications_revoke",
-        "Revoke a qualification of people of a course",
-        body=PeopleRequest,
-        answer=Changed,
-        keyed=True,
-    )
+    @manages("qualifications_revoke", "Revoke a qualification of people of a course", keyed=True)
     def post(self, _request: Request, slug: str, qualification: str, body: PeopleRequest) -> Changed:
         """Ends their control of robots that demand it."""
         found, people, _ = self.chosen(slug, qualification, body.people)

@@ -20,14 +20,13 @@ from rest_framework.request import Request
 
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
-from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import key_of
 from fleet.audit.models import Record
 from robots.access import who_sees
 from robots.access.selectors import robots_visible_to
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import ApiView, operation
+from teleop.api.v1.framework.operation import ApiView, reads
 from teleop.api.v1.framework.problems import Problem
 from teleop.background.database import in_database
 from teleop.webhooks.event_reader import lines_after, newest_record
@@ -121,17 +120,10 @@ class EventsAsked(Struct, frozen=True, forbid_unknown_fields=True):
 class EventsView(ApiView):
     """`/events`."""
 
+    tag = "events"
     renderer_classes = [JSONRenderer, EventStream]
 
-    @operation(
-        "events",
-        "Follow the events of robots",
-        scope=Scope.READ,
-        refuses=(404,),
-        content_type="text/event-stream",
-        tag="events",
-        query=EventsAsked,
-    )
+    @reads("events", "Follow the events of robots", content_type="text/event-stream")
     def get(self, request: Request, query: EventsAsked) -> HttpResponseBase:
         """Server-sent events: bookings, control, stops, ends of motions and speech, as webhooks have them. Each has the
         number of its record as id; with Last-Event-ID nothing is missed. Events of a robot that the person may no

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from datetime import date
-from functools import partial
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
@@ -15,7 +14,6 @@ from msgspec import Meta, Struct
 from rest_framework.request import Request
 
 from fleet.accounts.models import User
-from fleet.accounts.tokens.models import Scope
 from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.models import Actor, Record
 from fleet.audit.reading import exports, wording
@@ -24,7 +22,7 @@ from fleet.audit.reading.search import words_of
 from robots.registry.models import Robot
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.cursors import decoded, encoded, page_by_time
-from teleop.api.v1.framework.operation import ApiView, operation
+from teleop.api.v1.framework.operation import ApiView, reads
 from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.control.selectors import end_notes
@@ -180,11 +178,10 @@ class ExportAsked(RecordsAsked, frozen=True, forbid_unknown_fields=True):
     format: Literal["jsonl", "csv"] = "jsonl"
 
 
-_records = partial(operation, scope=Scope.READ, refuses=(404,), tag="records")
-
-
 class RecordsBase(ApiView):
     """Base of the views of records."""
+
+    tag = "records"
 
     def reads_of(self, robot_id: UUID | None) -> bool:
         """Return whether the token may be used for this robot.
@@ -243,7 +240,7 @@ class RecordsBase(ApiView):
 class SessionsView(RecordsBase):
     """`/sessions`."""
 
-    @_records("sessions_list", "List control sessions", query=SessionsAsked, answer=SessionList)
+    @reads("sessions_list", "List control sessions")
     def get(self, _request: Request, query: SessionsAsked) -> SessionList:
         """Your own, and those of robots that you supervise; staff read all. `from` and `to`: when they began."""
         found = sessions_visible_to(self.person)
@@ -275,7 +272,7 @@ class SessionsView(RecordsBase):
 class SessionView(RecordsBase):
     """`/sessions/{id}`."""
 
-    @_records("sessions_read", "Read a control session", answer=SessionDetail)
+    @reads("sessions_read", "Read a control session")
     def get(self, _request: Request, session_id: UUID) -> SessionDetail:
         """Figures, and what happened in it."""
         session = session_visible_to(self.person, session_id)
@@ -304,7 +301,7 @@ class SessionView(RecordsBase):
 class AuditView(RecordsBase):
     """`/audit`."""
 
-    @_records("audit_list", "Read the log", query=AuditAsked, answer=AuditList)
+    @reads("audit_list", "Read the log")
     def get(self, _request: Request, query: AuditAsked) -> AuditList:
         """Your own records; staff read all. Each request with its outcome."""
         before = decoded(query.cursor, int)[0] if query.cursor else None
@@ -318,7 +315,7 @@ class AuditView(RecordsBase):
 class RecordView(RecordsBase):
     """`/audit/{number}`."""
 
-    @_records("audit_read", "Read a record", answer=AuditEntry)
+    @reads("audit_read", "Read a record")
     def get(self, _request: Request, number: int) -> AuditEntry:
         """The record and its outcome. If the number is that of an outcome: its request."""
         found = Record.objects.filter(pk=min(number, 2**62)).first()
@@ -338,7 +335,7 @@ class ExportView(RecordsBase):
         """Return the robot whose records are exported."""
         return Robot.objects.filter(pk__in=[self._robot(query.robot)])
 
-    @_records("audit_export", "Export the log", query=ExportAsked, content_type="application/jsonl text/csv")
+    @reads("audit_export", "Export the log", content_type="application/jsonl text/csv")
     def post(self, _request: Request, query: ExportAsked) -> HttpResponseBase:
         """For staff. Streams all records that match, and is itself recorded."""
         if not self.person.is_staff:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import functools
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import KW_ONLY, dataclass
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
+from functools import partial, wraps
+from typing import Any, TypeVar, get_type_hints
 from uuid import UUID
 
 from django.db.models import QuerySet
@@ -60,6 +60,7 @@ class ApiView(APIView):
     authentication_classes = [TokenAuthentication, SessionAuthentication]
     parser_classes = [Unparsed]
     login_required = False  # in Django's middleware; REST framework requires it
+    tag = "robots"  # of the operations in the schema
 
     def setup(self, request: HttpRequest, *args: Any, **kwargs: Any) -> None:
         """Store when the request came: it may wait before it is carried out."""
@@ -147,34 +148,35 @@ class ApiView(APIView):
         return known, role
 
 
-@dataclass(frozen=True)
+@dataclass
 class Operation:
     """A decorator that makes a method of an `ApiView` an operation: `@operation("stop_clear", "Clear the stop", ...)`.
 
     Similar operations share a `partial(operation, ...)`. The method's docstring is the description in the
-    schema. If a method returns a response, for example with headers, then this response is sent.
+    schema. The types of its arguments `body` and `query` say how these are decoded, and the type that it returns is
+    that of the answer. If a method returns a response, for example with headers, then this response is sent.
     """
 
     name: str
     summary: str
     _: KW_ONLY
     scope: Scope | tuple[Scope, ...] | None  # a token needs this scope, or one of these; None: any token
-    body: type[Struct] | None = None  # decoded, and passed as the argument `body`
-    query: type[Struct] | None = None  # of the query parameters, passed as `query`
-    answer: type[Struct] | None = None  # the type that the method returns; None: it returns nothing
+    answer: type[Struct] | None = None  # of a method that returns a response
     status: int | None = None  # of the answer; None: 200, or 204 without an answer
     content_type: str = ""  # of an answer that is not JSON; spaces separate several types
     refuses: tuple[int, ...] = ()  # further statuses of problems
     problem: type[Struct] = ProblemDetails  # the struct of problems
     keyed: bool = False  # the operation accepts an Idempotency-Key
-    tag: str = "robots"
     parameters: Sequence[OpenApiParameter] = ()  # further parameters: of the path, headers
-    examples: Sequence[OpenApiExample] = ()
+    examples: Mapping[str, Any] = field(default_factory=dict)  # bodies, by the examples' names
+    body: type[Struct] | None = field(default=None, init=False)
+    query: type[Struct] | None = field(default=None, init=False)
 
     def __call__(self, method: View) -> View:
         """Return the method with checks of scope, body and query before it, and with its schema."""
+        self._read_types(method)
 
-        @functools.wraps(method)
+        @wraps(method)
         def call(view: ApiView, request: Request, *args: Any, **kwargs: Any) -> HttpResponseBase:
             self._require_scope(view.token)
             kwargs |= self._asked(request)
@@ -188,6 +190,15 @@ class Operation:
 
         documented: View = self._schema(method)(call)
         return documented
+
+    def _read_types(self, method: Callable[..., Any]) -> None:
+        """Take the types of body, query and answer from the method's annotations."""
+        types = get_type_hints(method)
+        self.body, self.query = types.get("body"), types.get("query")
+        if types["return"] is type(None):
+            self.answer = None
+        elif isinstance(types["return"], type) and issubclass(types["return"], Struct):
+            self.answer = types["return"]
 
     @property
     def _scopes(self) -> tuple[Scope, ...]:
@@ -234,9 +245,8 @@ class Operation:
             description=f"{(method.__doc__ or '').strip()}\n\n{needs}".strip(),
             request=self.body,
             responses=self._answers(changes=changes),
-            tags=[self.tag],
             parameters=[*parameters, *([KEY_PARAMETER] if self.keyed else ())] or None,
-            examples=self.examples or None,
+            examples=[OpenApiExample(name, body, request_only=True) for name, body in self.examples.items()],
         )
 
     def _answers(self, *, changes: bool) -> dict[Any, OpenApiResponse]:
@@ -255,6 +265,7 @@ class Operation:
 
 
 operation = Operation  # lower case, because it is used as a decorator
+reads = partial(operation, scope=Scope.READ, refuses=(404,))  # the most usual kind; lists have no 404
 
 
 def _kind_of(content_type: str) -> Any:

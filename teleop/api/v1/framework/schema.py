@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 from drf_spectacular.extensions import OpenApiAuthenticationExtension, OpenApiSerializerExtension
+from drf_spectacular.openapi import AutoSchema
 from drf_spectacular.plumbing import ResolvedComponent
 from msgspec import Struct
 
@@ -13,6 +14,14 @@ from teleop.api.v1.framework.problems import CONTENT_TYPE, OF_THE_DOOR, ProblemD
 
 _SLUG = {"type": "string", "pattern": "^[-a-zA-Z0-9_]+$"}  # as the library describes `<slug:...>`
 REFERENCE = "#/components/schemas/{name}"
+
+
+class OperationSchema(AutoSchema):
+    """The schema of an operation: its view says the tag."""
+
+    def get_tags(self) -> list[str]:
+        """Return the tags."""
+        return [self.view.tag]
 
 
 class StructSchema(OpenApiSerializerExtension):  # type: ignore[no-untyped-call]

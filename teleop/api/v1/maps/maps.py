@@ -11,7 +11,6 @@ from msgspec import Meta, Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
 
-from fleet.accounts.tokens.models import Scope
 from robots.access.selectors import roles_of
 from robots.places import selectors, services
 from robots.places.entries import LONGEST_NAME
@@ -20,10 +19,10 @@ from robots.places.selectors import MapOfRobots, maps_of
 from robots.registry.models import Robot, RobotMap, Role
 from robots.shared import wire
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.operation import reads
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.framework.versions import etag_of
-from teleop.api.v1.setup.base import SetupView, edits, mark_of, reads, require_unchanged
+from teleop.api.v1.setup.base import SetupView, edits, mark_of, require_unchanged
 
 A_YEAR_S = 365 * 24 * 3600
 
@@ -86,6 +85,8 @@ class MapName(Struct, frozen=True, forbid_unknown_fields=True):
 class MapsBase(SetupView):
     """Base of the views of maps."""
 
+    tag = "maps"
+
     def concerned(self, digest: str, **_asked: Any) -> list[Robot]:
         """Return all robots that share the map, also those that the person does not see."""
         self.seen_map(digest)
@@ -143,15 +144,7 @@ class MapsBase(SetupView):
 class MapsView(MapsBase):
     """`/maps`."""
 
-    @operation(
-        "maps_list",
-        "List maps",
-        scope=Scope.READ,
-        query=MapsQuery,
-        answer=MapList,
-        refuses=(404,),
-        tag="maps",
-    )
+    @reads("maps_list", "List maps")
     def get(self, _request: Request, query: MapsQuery) -> MapList:
         """Of the robots that you may see, or of one: their present maps, and earlier ones that have a name or places.
         Empty: the console has no map yet. It reads a robot’s map while somebody has control."""
@@ -162,12 +155,12 @@ class MapsView(MapsBase):
 class OneMapView(MapsBase):
     """`/maps/{digest}`."""
 
-    @reads("maps_read", "Read a map", answer=MapDetail, tag="maps")
+    @reads("maps_read", "Read a map", answer=MapDetail)
     def get(self, _request: Request, digest: str) -> Response:
         """With its places."""
         return self.map_answer(self.seen_map(digest))
 
-    @edits("maps_name", "Name a map", body=MapName, answer=MapDetail, tag="maps")
+    @edits("maps_name", "Name a map", answer=MapDetail)
     def patch(self, request: Request, digest: str, body: MapName) -> Response:
         """For staff and supervisors of a robot that has it."""
         found = self.changeable_map(digest)
@@ -180,14 +173,7 @@ class OneMapView(MapsBase):
 class PictureView(MapsBase):
     """`/maps/{digest}/picture`."""
 
-    @operation(
-        "maps_picture",
-        "Read the picture of a map",
-        scope=Scope.READ,
-        content_type="image/png",
-        refuses=(404,),
-        tag="maps",
-    )
+    @reads("maps_picture", "Read the picture of a map", content_type="image/png")
     def get(self, _request: Request, digest: str) -> HttpResponse:
         """PNG: obstacles are opaque, the floor is faint, the unknown is transparent. It never changes."""
         drawn = RobotMap.objects.get(pk=self.seen_map(digest).drawn.pk)

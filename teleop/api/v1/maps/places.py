@@ -10,7 +10,6 @@ from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
 
-from fleet.accounts.tokens.models import Scope
 from robots.places import entries, selectors, services
 from robots.places.entries import LARGEST_FILE, LONGEST_NAME, PlaceEntry
 from robots.places.models import Place
@@ -19,10 +18,10 @@ from robots.registry.configuration.profile_schema import Problems
 from robots.shared.sentences import joined
 from robots.shared.wire import Refusal
 from robots.shared.wire.navigation import Coordinate, Heading
-from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.operation import reads
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.maps.maps import MapsBase, PlaceDetail, detail_of
-from teleop.api.v1.setup.base import edits, locked, makes, manages, reads, require_unchanged
+from teleop.api.v1.setup.base import edits, locked, makes, manages, require_unchanged
 
 Name = Annotated[str, Meta(min_length=1, max_length=LONGEST_NAME)]
 
@@ -71,21 +70,13 @@ class PlacesBase(MapsBase):
 class PlacesView(PlacesBase):
     """`/maps/{digest}/places`."""
 
-    @reads("places_list", "List the places of a map", answer=PlaceList, tag="maps")
+    @reads("places_list", "List the places of a map")
     def get(self, _request: Request, digest: str) -> PlaceList:
         """By name."""
         found = self.seen_map(digest).digest
         return PlaceList([detail_of(place) for place in selectors.places_of([found]).get(found, [])])
 
-    @makes(
-        "places_add",
-        "Add a place",
-        body=PlaceRequest,
-        answer=PlaceDetail,
-        keyed=True,
-        refuses=(404, 409),
-        tag="maps",
-    )
+    @makes("places_add", "Add a place", answer=PlaceDetail, keyed=True, refuses=(404, 409))
     def post(self, _request: Request, digest: str, body: PlaceRequest) -> Response:
         """For staff and supervisors of a robot that has the map. Refused where no robot of this map has room."""
         found = self.changeable_map(digest).digest
@@ -97,18 +88,12 @@ class PlacesView(PlacesBase):
 class PlaceView(PlacesBase):
     """`/maps/{digest}/places/{number}`."""
 
-    @reads("places_read", "Read a place", answer=PlaceDetail, tag="maps")
+    @reads("places_read", "Read a place", answer=PlaceDetail)
     def get(self, _request: Request, digest: str, number: int) -> Response:
         """With the ETag that a change needs."""
         return self.tagged(detail_of(self.place(digest, number)))
 
-    @edits(
-        "places_change",
-        "Rename or move a place",
-        body=PlaceChange,
-        answer=PlaceDetail,
-        tag="maps",
-    )
+    @edits("places_change", "Rename or move a place", answer=PlaceDetail)
     def patch(self, request: Request, digest: str, number: int, body: PlaceChange) -> Response:
         """For staff and supervisors of a robot that has the map."""
         self.changeable_map(digest)
@@ -121,7 +106,7 @@ class PlaceView(PlacesBase):
             services.place_change(place=place, entry=entry, actor=self.person)
         return self.tagged(detail_of(place))
 
-    @manages("places_delete", "Delete a place", tag="maps")
+    @manages("places_delete", "Delete a place")
     def delete(self, _request: Request, digest: str, number: int) -> None:
         """For staff and supervisors of a robot that has the map. A robot on its way there drives on."""
         self.changeable_map(digest)
@@ -131,14 +116,7 @@ class PlaceView(PlacesBase):
 class ExportView(PlacesBase):
     """`/maps/{digest}/places/export`."""
 
-    @operation(
-        "places_export",
-        "Write the places of a map to a file",
-        scope=Scope.READ,
-        content_type="text/csv",
-        refuses=(404,),
-        tag="maps",
-    )
+    @reads("places_export", "Write the places of a map to a file", content_type="text/csv")
     def get(self, _request: Request, digest: str) -> HttpResponse:
         """CSV in UTF-8: name, x, y (metres), heading (radians)."""
         found = self.seen_map(digest).digest
@@ -150,14 +128,7 @@ class ExportView(PlacesBase):
 class ImportView(PlacesBase):
     """`/maps/{digest}/places/import`."""
 
-    @manages(
-        "places_import",
-        "Add the places of a file to a map",
-        body=PlacesFile,
-        answer=Imported,
-        refuses=(404, 409),
-        tag="maps",
-    )
+    @manages("places_import", "Add the places of a file to a map", refuses=(404, 409))
     def post(self, _request: Request, digest: str, body: PlacesFile) -> Imported:
         """For staff and supervisors of a robot that has the map. A place with the name of another one moves it; places
         that are not in the file stay. All lines or none: the problem names the wrong ones. The same file again changes

@@ -10,7 +10,6 @@ from uuid import UUID
 from asgiref.sync import async_to_sync
 from django.conf import settings
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiExample
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 
@@ -88,11 +87,13 @@ class Driven(Struct, frozen=True):
     fence: int
 
 
-_control = partial(operation, scope=ACTING, refuses=(404, 409), tag="control")
+_control = partial(operation, scope=ACTING, refuses=(404, 409))
 
 
 class ProgramView(ApiView):
     """Base of the views that act through a program's connection, and do not change the robot's row."""
+
+    tag = "control"
 
     def robot(self, slug: str) -> Robot:
         """Return one of the robots that the person may see, for reading only. Raises `Problem`: not found."""
@@ -144,7 +145,7 @@ class ProgramView(ApiView):
 class ControlView(ProgramView):
     """`/robots/{slug}/control`."""
 
-    @_control("control_read", "Read who has control", scope=Scope.READ, answer=ControlEntry, refuses=(404,))
+    @_control("control_read", "Read who has control", scope=Scope.READ, refuses=(404,))
     def get(self, _request: Request, slug: str) -> ControlEntry:
         """Reading keeps a program's control in use."""
         robot = self.robot(slug)
@@ -157,14 +158,7 @@ class ControlView(ProgramView):
         elsewhere = _ELSEWHERE if self.holds_elsewhere(robot) else None
         return ControlEntry("unknown", holder=lease.name, refusal=elsewhere)
 
-    @_control(
-        "control_take",
-        "Take control",
-        keyed=True,
-        body=TakeControl,
-        answer=ControlEntry,
-        examples=[OpenApiExample("Take control", value={}, request_only=True)],
-    )
+    @_control("control_take", "Take control", keyed=True, examples={"Take control": {}})
     def post(self, _request: Request, slug: str, body: TakeControl) -> ControlEntry:
         """By the rules of the pages: account, booking, lease. Control ends with the term, with the slot, when it is
         given back, and when the program asks for nothing for 30 s."""
@@ -183,7 +177,7 @@ class ControlView(ProgramView):
 class RenewView(ProgramView):
     """`/robots/{slug}/control/renew`."""
 
-    @_control("control_renew", "Renew control", answer=ControlEntry)
+    @_control("control_renew", "Renew control")
     def post(self, _request: Request, slug: str) -> ControlEntry:
         """Start the term again; or extend the slot while nobody else has booked."""
         return _entry(async_to_sync(self.connected(self.robot(slug)).change)(wire.Renew()))
@@ -192,7 +186,7 @@ class RenewView(ProgramView):
 class AskView(ProgramView):
     """`/robots/{slug}/control/line`."""
 
-    @_control("control_ask", "Wait in line for control", answer=ControlEntry)
+    @_control("control_ask", "Wait in line for control")
     def post(self, _request: Request, slug: str) -> ControlEntry:
         """Read control at least every 30 s; an offer holds for `offer_s`."""
         return _entry(async_to_sync(self.connection(self.robot(slug)).change)(wire.Ask()))
@@ -206,7 +200,7 @@ class AskView(ProgramView):
 class HandOverView(ProgramView):
     """`/robots/{slug}/control/hand-over`."""
 
-    @_control("control_hand_over", "Hand control over", keyed=True, body=HandOver)
+    @_control("control_hand_over", "Hand control over", keyed=True)
     def post(self, _request: Request, slug: str, body: HandOver) -> None:
         """To somebody who waits in line."""
         async_to_sync(self.connected(self.robot(slug)).change)(wire.HandOver(body.request))
@@ -219,9 +213,7 @@ class VelocityView(ProgramView):
         "velocity",
         "Drive for at most 0.5 s",
         scope=Scope.DRIVE,
-        body=VelocityRequest,
-        answer=Driven,
-        examples=[OpenApiExample("Forward", value={"forward_mps": 0.2, "seconds": 0.5}, request_only=True)],
+        examples={"Forward": {"forward_mps": 0.2, "seconds": 0.5}},
     )
     def post(self, _request: Request, slug: str, body: VelocityRequest) -> Driven:
         """The dead-man rule and the gate apply, as for a stick. For more than a first try use the WebSocket, or

@@ -14,7 +14,6 @@ from msgspec import Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
 
-from fleet.accounts.tokens.models import Scope
 from robots.description.drawable import Drawable, drawable
 from robots.description.meshes import Mesh, NoMesh, mesh_at
 from robots.registry.models import Robot, RobotDescription
@@ -22,7 +21,7 @@ from robots.shared import wire
 from robots.shared.sentences import say
 from robots.shared.urdf.document import BadDescription
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.operation import reads
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.framework.versions import unchanged
@@ -62,13 +61,9 @@ class DescriptionEntry(Struct, frozen=True):
 class DescriptionView(ProgramView):
     """`/robots/{slug}/description`."""
 
-    @operation(
-        "description_read",
-        "Read the robot’s description",
-        scope=Scope.READ,
-        answer=DescriptionEntry,
-        refuses=(404, 409),
-    )
+    tag = "robots"
+
+    @reads("description_read", "Read the robot’s description", answer=DescriptionEntry, refuses=(404, 409))
     def get(self, request: Request, slug: str) -> HttpResponseBase:
         """The newest one that its bridge has read from /robot_description, without collision, inertia and plug-ins.
         With its ETag in If-None-Match the answer is 304 while nothing has changed."""
@@ -92,10 +87,11 @@ class DescriptionView(ProgramView):
 class MeshView(ProgramView):
     """`/robots/{slug}/meshes/{package}/{path}`."""
 
-    @operation(
+    tag = "robots"
+
+    @reads(
         "mesh_read",
         "Read a mesh of the robot",
-        scope=Scope.READ,
         content_type="application/octet-stream",
         refuses=(404, 409),
         parameters=[_VERSION],

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from drf_spectacular.utils import OpenApiExample
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -14,9 +13,8 @@ from robots.registry.selectors import robot_facts
 from robots.shared import wire
 from robots.shared.wire import Limb, Refusal
 from robots.shared.wire.limbs import LimbPosition
-from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.problems import Problem
-from teleop.api.v1.robot.tasks import TaskEntry, TasksBase
+from teleop.api.v1.robot.tasks import TasksBase, acts, starts
 
 
 class GripperRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -56,18 +54,7 @@ class GripperView(LimbView):
 
     limb = "gripper"
 
-    @operation(
-        "gripper_move",
-        "Open or close the gripper",
-        scope=Scope.DRIVE,
-        body=GripperRequest,
-        answer=TaskEntry,
-        keyed=True,
-        status=202,
-        refuses=(404, 409),
-        tag="tasks",
-        examples=[OpenApiExample("Open", value={"to": "open"}, request_only=True)],
-    )
+    @starts("gripper_move", "Open or close the gripper", scope=Scope.DRIVE, examples={"Open": {"to": "open"}})
     def post(self, _request: Request, slug: str, body: GripperRequest) -> Response:
         """Needs control, and a base that stands. The answer’s header Location is the address of its status."""
         if (body.width_m is None) == (body.to is None):
@@ -79,7 +66,7 @@ class GripperView(LimbView):
             return self.move(slug, 0.0)  # the bridge refuses: there is no gripper
         return self.move(slug, ends.most_m if body.to == "open" else ends.least_m)
 
-    @operation("gripper_cancel", "End the gripper’s move", scope=Scope.DRIVE, refuses=(404, 409), tag="tasks")
+    @acts("gripper_cancel", "End the gripper’s move", scope=Scope.DRIVE)
     def delete(self, _request: Request, slug: str) -> None:
         """The fingers stay where they are."""
         self.cancel_move(slug)
@@ -90,22 +77,12 @@ class TorsoView(LimbView):
 
     limb = "torso"
 
-    @operation(
-        "torso_move",
-        "Raise or lower the torso",
-        scope=Scope.DRIVE,
-        body=TorsoRequest,
-        answer=TaskEntry,
-        keyed=True,
-        status=202,
-        refuses=(404, 409),
-        tag="tasks",
-    )
+    @starts("torso_move", "Raise or lower the torso", scope=Scope.DRIVE)
     def post(self, _request: Request, slug: str, body: TorsoRequest) -> Response:
         """Needs control, a base that stands, and the arm at home. Location is the address of its status."""
         return self.move(slug, body.height_m)
 
-    @operation("torso_cancel", "End the torso’s move", scope=Scope.DRIVE, refuses=(404, 409), tag="tasks")
+    @acts("torso_cancel", "End the torso’s move", scope=Scope.DRIVE)
     def delete(self, _request: Request, slug: str) -> None:
         """The torso stays where it is."""
         self.cancel_move(slug)

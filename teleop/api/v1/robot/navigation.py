@@ -6,7 +6,7 @@ from typing import Annotated
 
 from asgiref.sync import async_to_sync
 from django.http import HttpResponse
-from drf_spectacular.utils import OpenApiExample, OpenApiParameter
+from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -18,11 +18,11 @@ from robots.registry.models import Robot, RobotMap
 from robots.shared import wire
 from robots.shared.wire import Refusal
 from robots.shared.wire.navigation import Coordinate, Heading, MapDigest
-from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.operation import reads
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.robot.control import ProgramView
-from teleop.api.v1.robot.tasks import TaskEntry, TasksBase
+from teleop.api.v1.robot.tasks import TasksBase, acts, starts
 
 _NUMBER = OpenApiParameter(
     "number", int, description="The number of the map; the picture of another map has another address."
@@ -76,20 +76,13 @@ class MapEntry(Struct, frozen=True):
 class GoView(TasksBase):
     """`/robots/{slug}/go`."""
 
-    @operation(
+    tag = "control"
+
+    @starts(
         "go",
         "Drive to a place",
         scope=Scope.DRIVE,
-        body=GoRequest,
-        keyed=True,
-        answer=TaskEntry,
-        status=202,
-        refuses=(404, 409),
-        tag="control",
-        examples=[
-            OpenApiExample("A named place", value={"place": "kitchen"}, request_only=True),
-            OpenApiExample("A place", value={"x": 3.4, "y": 1.8, "heading": 1.57}, request_only=True),
-        ],
+        examples={"A named place": {"place": "kitchen"}, "A place": {"x": 3.4, "y": 1.8, "heading": 1.57}},
     )
     def post(self, _request: Request, slug: str, body: GoRequest) -> Response:
         """The robot’s own navigation drives; the gate watches, and takes over where it would touch something. Outcomes:
@@ -99,13 +92,7 @@ class GoView(TasksBase):
         asked = _asked(robot, body)
         return self.start(robot, lambda fence, seq: structs.replace(asked, fence=fence, seq=seq), wire.GO)
 
-    @operation(
-        "go_cancel",
-        "End the drive to a place",
-        scope=Scope.DRIVE,
-        refuses=(404, 409),
-        tag="control",
-    )
+    @acts("go_cancel", "End the drive to a place", scope=Scope.DRIVE)
     def delete(self, _request: Request, slug: str) -> None:
         """The robot stands."""
         self.cancel(slug, wire.GO.name, lambda fence, seq: wire.GoCancel(fence, seq))
@@ -114,14 +101,9 @@ class GoView(TasksBase):
 class PoseView(TasksBase):
     """`/robots/{slug}/pose`."""
 
-    @operation(
-        "pose_set",
-        "Tell the robot where it is on its map",
-        scope=Scope.DRIVE,
-        body=PoseRequest,
-        refuses=(404, 409),
-        tag="control",
-    )
+    tag = "control"
+
+    @acts("pose_set", "Tell the robot where it is on its map", scope=Scope.DRIVE)
     def put(self, _request: Request, slug: str, body: PoseRequest) -> None:
         """Needs control, and a robot that stands. Localisation then looks for its exact place nearby."""
         connection = self.connected(self.robot(slug))
@@ -133,7 +115,9 @@ class PoseView(TasksBase):
 class MapView(ProgramView):
     """`/robots/{slug}/map`."""
 
-    @operation("map_read", "Read the robot’s map", scope=Scope.READ, answer=MapEntry, refuses=(404,))
+    tag = "robots"
+
+    @reads("map_read", "Read the robot’s map")
     def get(self, _request: Request, slug: str) -> MapEntry:
         """The last one that the console knows: it is read while somebody has control."""
         robot = self.robot(slug)
@@ -156,13 +140,10 @@ class MapView(ProgramView):
 class MapPictureView(ProgramView):
     """`/robots/{slug}/map/picture`."""
 
-    @operation(
-        "map_picture",
-        "Read the picture of the robot’s map",
-        scope=Scope.READ,
-        content_type="image/png",
-        refuses=(404,),
-        parameters=[_NUMBER],
+    tag = "robots"
+
+    @reads(
+        "map_picture", "Read the picture of the robot’s map", content_type="image/png", parameters=[_NUMBER]
     )
     def get(self, _request: Request, slug: str) -> HttpResponse:
         """PNG: obstacles are opaque, the floor is faint, the unknown is transparent."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from datetime import datetime, timedelta
-from functools import partial
 
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiParameter
 from msgspec import Struct
 from rest_framework.request import Request
 
-from fleet.accounts.tokens.models import Scope
 from robots.access.selectors import roles_by_id
 from robots.link import stop_courier as courier
 from robots.link.connections import LinkRefused
@@ -19,7 +17,7 @@ from robots.registry.models import Robot, Role
 from robots.registry.selectors import link_address, phrases_of, robot_rows
 from robots.shared.link.pending_stops import name_of
 from robots.shared.wire import PendingStop, Refusal, RobotFacts, State
-from teleop.api.v1.framework.operation import ApiView, operation
+from teleop.api.v1.framework.operation import ApiView, reads
 from teleop.api.v1.framework.parameters import Time, whole_number
 from teleop.control import lease_checks
 from teleop.control.rules import out_of_service
@@ -73,13 +71,10 @@ class PhraseList(Struct, frozen=True):
     phrases: list[PhraseEntry]
 
 
-_read = partial(operation, scope=Scope.READ, refuses=(404,))
-
-
 class RobotsView(ApiView):
     """`/robots`."""
 
-    @_read("robots_list", "List the robots that you may see", refuses=(), answer=RobotList)
+    @reads("robots_list", "List the robots that you may see", refuses=())
     def get(self, _request: Request) -> RobotList:
         """The state of a robot is at its own address."""
         served = [row for row in robot_rows() if self.token_serves(row.id)]
@@ -96,7 +91,7 @@ class RobotsView(ApiView):
 class RobotView(ApiView):
     """`/robots/{slug}`."""
 
-    @_read("robots_read", "Read one robot and its state", answer=RobotDetail)
+    @reads("robots_read", "Read one robot and its state")
     def get(self, _request: Request, slug: str) -> RobotDetail:
         """State, sensors and their ages, battery, stop, gate's verdict, limits."""
         known, role = self.known_robot(slug)
@@ -123,7 +118,7 @@ class RobotView(ApiView):
 class PhrasesView(ApiView):
     """`/robots/{slug}/phrases`."""
 
-    @_read("phrases_list", "List a robot’s phrases", answer=PhraseList)
+    @reads("phrases_list", "List a robot’s phrases")
     def get(self, _request: Request, slug: str) -> PhraseList:
         """Sentences that staff wrote for this robot."""
         known, _ = self.known_robot(slug)
@@ -134,10 +129,9 @@ class PhrasesView(ApiView):
 class SpeechHistoryView(ApiView):
     """`/robots/{slug}/speech/history`."""
 
-    @_read(
+    @reads(
         "speech_history",
         "Read what a robot said",
-        answer=SpeechHistory,
         refuses=(400, 404),
         parameters=[
             OpenApiParameter("before", int, description="Entries with a number below this one."),

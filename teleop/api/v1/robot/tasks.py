@@ -10,7 +10,7 @@ from functools import partial
 from typing import Annotated, Any
 
 from asgiref.sync import async_to_sync
-from drf_spectacular.utils import OpenApiExample, OpenApiParameter
+from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -90,12 +90,14 @@ _STARTING = Refusal(
     "busy", "Another task of this kind is being started. Try again when it has started.", "wire"
 )
 _OVERTAKEN = Refusal("cancelled", "This task was cancelled before it started.", "lease")
-_task = partial(operation, refuses=(404, 409), tag="tasks")
-_start = partial(_task, keyed=True, answer=TaskEntry, status=202)
+acts = partial(operation, refuses=(404, 409))
+starts = partial(acts, keyed=True, answer=TaskEntry, status=202)
 
 
 class TasksBase(ProgramView):
     """Base of the views that request tasks."""
+
+    tag = "tasks"
 
     def start(
         self, robot: Robot, make: Callable[[int, int], Any], kind: wire.TaskKind, part: str = ""
@@ -147,14 +149,11 @@ class TasksBase(ProgramView):
 class SpeechView(TasksBase):
     """`/robots/{slug}/speech`."""
 
-    @_start(
+    @starts(
         "speech_say",
         "Speak a text",
         scope=Scope.SPEAK,
-        body=SayRequest,
-        examples=[
-            OpenApiExample("Greeting", value={"text": "Hello!", "language": "en-GB"}, request_only=True)
-        ],
+        examples={"Greeting": {"text": "Hello!", "language": "en-GB"}},
     )
     def post(self, _request: Request, slug: str, body: SayRequest) -> Response:
         """Needs control. The answer’s header Location is the address of its status."""
@@ -164,7 +163,7 @@ class SpeechView(TasksBase):
             wire.SPEECH,
         )
 
-    @_task("speech_cancel", "Cancel speech", scope=Scope.SPEAK)
+    @acts("speech_cancel", "Cancel speech", scope=Scope.SPEAK)
     def delete(self, _request: Request, slug: str) -> None:
         """The speech of this program’s control."""
         self.cancel(slug, wire.SPEECH.name, lambda fence, seq: wire.SayCancel(fence, seq))
@@ -173,7 +172,7 @@ class SpeechView(TasksBase):
 class MotionsView(TasksBase):
     """`/robots/{slug}/motions`."""
 
-    @_task("motions_list", "List motions", scope=Scope.READ, answer=MotionList)
+    @acts("motions_list", "List motions", scope=Scope.READ)
     def get(self, _request: Request, slug: str) -> MotionList:
         """In the robot’s own words."""
         connection = self.connection(self.robot(slug))
@@ -192,7 +191,7 @@ class MotionsView(TasksBase):
 class MotionView(TasksBase):
     """`/robots/{slug}/motions/{name}`."""
 
-    @_start("motions_play", "Play a motion", scope=Scope.MOTIONS)
+    @starts("motions_play", "Play a motion", scope=Scope.MOTIONS)
     def post(self, _request: Request, slug: str, name: str) -> Response:
         """Needs control. The answer’s header Location is the address of its status."""
         return self.start(self.robot(slug), lambda fence, seq: wire.Play(fence, name[:100], seq), wire.MOTION)
@@ -201,7 +200,7 @@ class MotionView(TasksBase):
 class MotionCancelView(TasksBase):
     """`/robots/{slug}/motion`."""
 
-    @_task("motions_cancel", "Cancel the motion", scope=Scope.MOTIONS)
+    @acts("motions_cancel", "Cancel the motion", scope=Scope.MOTIONS)
     def delete(self, _request: Request, slug: str) -> None:
         """Cancels the motion that this program started."""
         self.cancel(slug, wire.MOTION.name, lambda fence, seq: wire.PlayCancel(fence, seq))
@@ -219,13 +218,13 @@ class DriveByRequest(Struct, frozen=True, forbid_unknown_fields=True):
 class DriveByView(TasksBase):
     """`/robots/{slug}/drive-by`."""
 
-    @_start(
+    tag = "control"
+
+    @starts(
         "drive_by",
         "Drive a distance, or turn by an angle",
         scope=Scope.DRIVE,
-        body=DriveByRequest,
-        tag="control",
-        examples=[OpenApiExample("One metre on", value={"distance_m": 1.0}, request_only=True)],
+        examples={"One metre on": {"distance_m": 1.0}},
     )
     def post(self, _request: Request, slug: str, body: DriveByRequest) -> Response:
         """The bridge drives it through the gate, and ends it with an outcome: done, held_back, stopped, replaced by a
@@ -241,7 +240,7 @@ class DriveByView(TasksBase):
             self.robot(slug), lambda fence, seq: wire.DriveBy(fence, **asked, seq=seq), wire.DRIVE_BY
         )
 
-    @_task("drive_by_cancel", "End the drive", scope=Scope.DRIVE, tag="control")
+    @acts("drive_by_cancel", "End the drive", scope=Scope.DRIVE)
     def delete(self, _request: Request, slug: str) -> None:
         """The robot stands."""
         self.cancel(slug, wire.DRIVE_BY.name, lambda fence, seq: wire.DriveByCancel(fence, seq))
@@ -250,7 +249,7 @@ class DriveByView(TasksBase):
 class LookAheadView(TasksBase):
     """`/robots/{slug}/look-ahead`."""
 
-    @_task("look_ahead", "Turn the head to where the robot drives", scope=Scope.DRIVE)
+    @acts("look_ahead", "Turn the head to where the robot drives", scope=Scope.DRIVE)
     def post(self, _request: Request, slug: str) -> None:
         """Needs control."""
         connection = self.connected(self.robot(slug))
@@ -267,7 +266,7 @@ class HeadRequest(Struct, frozen=True, forbid_unknown_fields=True):
 class HeadView(TasksBase):
     """`/robots/{slug}/head`."""
 
-    @_task("head_turn", "Turn the head", scope=Scope.DRIVE, body=HeadRequest)
+    @acts("head_turn", "Turn the head", scope=Scope.DRIVE)
     def post(self, _request: Request, slug: str, body: HeadRequest) -> None:
         """Needs control. Within the limits of its joints."""
         connection = self.connected(self.robot(slug))
@@ -277,14 +276,9 @@ class HeadView(TasksBase):
 class ClearView(TasksBase):
     """`/robots/{slug}/stop/clear`."""
 
-    @_task(
-        "stop_clear",
-        "Clear the emergency stop",
-        scope=Scope.DRIVE,
-        body=ClearRequest,
-        answer=StopState,
-        tag="stop",
-    )
+    tag = "stop"
+
+    @acts("stop_clear", "Clear the emergency stop", scope=Scope.DRIVE)
     def post(self, _request: Request, slug: str, body: ClearRequest) -> StopState:
         """For the holder of control, supervisors and staff. Nothing moves."""
         robot = self.robot(slug)
@@ -307,7 +301,9 @@ class ClearView(TasksBase):
 class TaskView(ProgramView):
     """`/robots/{slug}/tasks/{number}`."""
 
-    @_task(
+    tag = "tasks"
+
+    @acts(
         "tasks_read",
         "Read what came of a task",
         scope=Scope.READ,

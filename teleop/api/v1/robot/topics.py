@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, TypeVar, get_args
 
 from asgiref.sync import async_to_sync
 from drf_spectacular.utils import OpenApiParameter
@@ -94,21 +94,24 @@ class ChooseRequest(Struct, frozen=True, forbid_unknown_fields=True):
     topic: Annotated[str, Meta(max_length=255)] | None = None
 
 
-_topics = partial(operation, scope=Scope.TOPICS, refuses=(404, 409), tag="topics")
+Answer = TypeVar("Answer", bound=Struct)
+_topics = partial(operation, scope=Scope.TOPICS, refuses=(404, 409))
 
 
 class TopicsBase(ProgramView):
     """Base of the views below."""
 
-    def ask(self, slug: str, query: Any, answer: Any) -> Any:
+    tag = "topics"
+
+    def ask(self, slug: str, query: Any, answer: type[Answer]) -> Answer:
         """Send one query, and return its answer. Raises `Problem` or `NotDone`."""
         return self._answer(slug, topic_queries.ask, query, answer)
 
-    def message(self, slug: str, topic: str) -> Any:
+    def message(self, slug: str, topic: str) -> Sample:
         """Return one message of a topic. Raises `Problem` or `NotDone`."""
         return self._answer(slug, topic_queries.one_message, topic)
 
-    def _answer(self, slug: str, question: Callable[..., Awaitable[Any]], *asked: Any) -> Any:
+    def _answer(self, slug: str, question: Callable[..., Awaitable[Answer]], *asked: Any) -> Answer:
         robot = self.robot(slug)
         if not _asking.acquire(blocking=False):
             raise Problem(_BUSY)
@@ -121,8 +124,8 @@ class TopicsBase(ProgramView):
 class TopicsView(TopicsBase):
     """`/robots/{slug}/topics`."""
 
-    @_topics("topics_list", "List topics, actions and services", answer=Graph)
-    def get(self, _request: Request, slug: str) -> Any:
+    @_topics("topics_list", "List topics, actions and services")
+    def get(self, _request: Request, slug: str) -> Graph:
         """Lists the topics, actions and services that the ROS master knows."""
         return self.ask(slug, wire.ListTopics(), Graph)
 
@@ -130,8 +133,8 @@ class TopicsView(TopicsBase):
 class DefinitionView(TopicsBase):
     """`/robots/{slug}/topics/definition`."""
 
-    @_topics("topics_definition", "Read the definition of a message", query=TypeAsked, answer=Described)
-    def get(self, _request: Request, slug: str, query: TypeAsked) -> Any:
+    @_topics("topics_definition", "Read the definition of a message")
+    def get(self, _request: Request, slug: str, query: TypeAsked) -> Described:
         """As a tree of fields."""
         return self.ask(slug, wire.Describe(query.type, query.topic), Described)
 
@@ -139,8 +142,8 @@ class DefinitionView(TopicsBase):
 class MessageView(TopicsBase):
     """`/robots/{slug}/topics/message`."""
 
-    @_topics("topics_message", "Read one message of a topic", query=TopicAsked, answer=Sample)
-    def get(self, _request: Request, slug: str, query: TopicAsked) -> Any:
+    @_topics("topics_message", "Read one message of a topic")
+    def get(self, _request: Request, slug: str, query: TopicAsked) -> Sample:
         """The next one, within 6 s. Long arrays are shortened. For a stream use the WebSocket of topics."""
         return self.message(slug, query.topic)
 
@@ -148,7 +151,7 @@ class MessageView(TopicsBase):
 class PublishView(TopicsBase):
     """`/robots/{slug}/topics/publish`."""
 
-    @_topics("topics_publish", "Publish a message", body=PublishRequest, keyed=True)
+    @_topics("topics_publish", "Publish a message", keyed=True)
     def post(self, _request: Request, slug: str, body: PublishRequest) -> None:
         """From the allow-list; needs control. A velocity passes the gate, and is valid for 0.3 s."""
         connection = self.connected(self.robot(slug))
@@ -158,7 +161,7 @@ class PublishView(TopicsBase):
             )
         )
 
-    @_topics("topics_publish_end", "Stop publishing at a rate", query=TopicAsked)
+    @_topics("topics_publish_end", "Stop publishing at a rate")
     def delete(self, _request: Request, slug: str, query: TopicAsked) -> None:
         """Ends the publication on this topic."""
         connection = self.connected(self.robot(slug))
@@ -168,8 +171,8 @@ class PublishView(TopicsBase):
 class ServiceView(TopicsBase):
     """`/robots/{slug}/services/definition`."""
 
-    @_topics("services_definition", "Read the request of a service", query=ServiceAsked, answer=Described)
-    def get(self, _request: Request, slug: str, query: ServiceAsked) -> Any:
+    @_topics("services_definition", "Read the request of a service")
+    def get(self, _request: Request, slug: str, query: ServiceAsked) -> Described:
         """As a tree of fields."""
         return self.ask(slug, wire.DescribeService(query.service), Described)
 
@@ -177,8 +180,8 @@ class ServiceView(TopicsBase):
 class CallView(TopicsBase):
     """`/robots/{slug}/services/call`."""
 
-    @_topics("services_call", "Call a service", body=CallRequest, answer=Called, keyed=True)
-    def post(self, _request: Request, slug: str, body: CallRequest) -> Any:
+    @_topics("services_call", "Call a service", keyed=True)
+    def post(self, _request: Request, slug: str, body: CallRequest) -> Called:
         """Staff in control of the robot, from the allow-list."""
         return self.ask(slug, wire.CallService(body.service, body.fields), Called)
 
@@ -186,8 +189,8 @@ class CallView(TopicsBase):
 class ParametersView(TopicsBase):
     """`/robots/{slug}/parameters`."""
 
-    @_topics("parameters_list", "List parameters", answer=Parameters)
-    def get(self, _request: Request, slug: str) -> Any:
+    @_topics("parameters_list", "List parameters")
+    def get(self, _request: Request, slug: str) -> Parameters:
         """Lists the names of all parameters."""
         return self.ask(slug, wire.ListParameters(), Parameters)
 
@@ -195,13 +198,13 @@ class ParametersView(TopicsBase):
 class ParameterView(TopicsBase):
     """`/robots/{slug}/parameters/value`."""
 
-    @_topics("parameters_read", "Read a parameter", query=ParameterAsked, answer=Parameter)
-    def get(self, _request: Request, slug: str, query: ParameterAsked) -> Any:
+    @_topics("parameters_read", "Read a parameter")
+    def get(self, _request: Request, slug: str, query: ParameterAsked) -> Parameter:
         """Reads one parameter, or all parameters below a name."""
         return self.ask(slug, wire.GetParameter(query.name), Parameter)
 
-    @_topics("parameters_set", "Set a parameter", body=SetRequest, answer=Parameter)
-    def put(self, _request: Request, slug: str, body: SetRequest) -> Any:
+    @_topics("parameters_set", "Set a parameter")
+    def put(self, _request: Request, slug: str, body: SetRequest) -> Parameter:
         """Staff in control of the robot, from the allow-list."""
         return self.ask(slug, wire.SetParameter(body.name, body.value), Parameter)
 
@@ -212,7 +215,6 @@ class InputView(TopicsBase):
     @_topics(
         "inputs_choose",
         "Choose where input goes",
-        body=ChooseRequest,
         parameters=[OpenApiParameter("use", str, OpenApiParameter.PATH, enum=list(get_args(Use)))],
     )
     def put(self, _request: Request, slug: str, use: Any, body: ChooseRequest) -> None:
@@ -224,7 +226,9 @@ class InputView(TopicsBase):
 class ForgetView(TopicsBase):
     """`/robots/{slug}/forget`."""
 
-    @_topics("forget", "Forget remembered obstacles", scope=Scope.DRIVE, tag="control")
+    tag = "control"
+
+    @_topics("forget", "Forget remembered obstacles", scope=Scope.DRIVE)
     def post(self, _request: Request, slug: str) -> None:
         """Needs control, and a robot that stands. Current readings stay."""
         connection = self.connected(self.robot(slug))

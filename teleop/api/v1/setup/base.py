@@ -30,7 +30,6 @@ IF_MATCH = OpenApiParameter(
 )
 Entry = TypeVar("Entry", bound=Model)
 # The kinds of most operations here. Lists set `refuses=()`: they have no 404.
-reads = partial(operation, scope=Scope.READ, refuses=(404,))
 manages = partial(operation, scope=Scope.MANAGE, refuses=(404,))
 makes = partial(manages, status=201)
 edits = partial(manages, refuses=(404, 412, 428), parameters=[IF_MATCH])

@@ -101,6 +101,8 @@ class GroupsBase(SetupView):
     A token sees and changes only groups of which it serves all robots.
     """
 
+    tag = "groups"
+
     def concerned(self, slug: str = "", body: Any = None, **_asked: Any) -> Iterable[Robot]:
         """Return the group's robots, and its new ones."""
         found = list(self.group(slug).robots.all()) if slug else []
@@ -117,16 +119,14 @@ class GroupsBase(SetupView):
 class GroupsView(GroupsBase):
     """`/robot-groups`."""
 
-    @manages("groups_list", "List robot groups", answer=GroupList, tag="groups", refuses=())
+    @manages("groups_list", "List robot groups", refuses=())
     def get(self, _request: Request) -> GroupList:
         """For staff."""
         self.staff()
         found = RobotGroup.objects.prefetch_related("robots")
         return GroupList([_group(one) for one in found if self.serves(one.robots.all())])
 
-    @makes(
-        "groups_make", "Make a robot group", body=GroupRequest, answer=GroupEntry, keyed=True, tag="groups"
-    )
+    @makes("groups_make", "Make a robot group", answer=GroupEntry, keyed=True)
     def post(self, _request: Request, body: GroupRequest) -> Response:
         """For staff."""
         self.staff()
@@ -138,12 +138,12 @@ class GroupsView(GroupsBase):
 class GroupView(GroupsBase):
     """`/robot-groups/{slug}`."""
 
-    @manages("groups_read", "Read a robot group", answer=GroupEntry, tag="groups")
+    @manages("groups_read", "Read a robot group", answer=GroupEntry)
     def get(self, _request: Request, slug: str) -> Response:
         """For staff."""
         return self.tagged(_group(self.group(slug)))
 
-    @edits("groups_change", "Change a robot group", body=GroupRequest, answer=GroupEntry, tag="groups")
+    @edits("groups_change", "Change a robot group", answer=GroupEntry)
     def put(self, request: Request, slug: str, body: GroupRequest) -> Response:
         """For staff. Roles and bookings follow at once."""
         with transaction.atomic():
@@ -152,7 +152,7 @@ class GroupView(GroupsBase):
             self.save_group(group, body)
         return self.tagged(_group(self.group(slug)))
 
-    @manages("groups_delete", "Delete a robot group", tag="groups")
+    @manages("groups_delete", "Delete a robot group")
     def delete(self, _request: Request, slug: str) -> None:
         """Its robots stay; roles, courses and policies by it end."""
         services.group_delete(group=self.group(slug), actor=self.staff())
@@ -161,20 +161,14 @@ class GroupView(GroupsBase):
 class GroupRoleView(GroupsBase):
     """`/robot-groups/{slug}/roles/{username}`."""
 
-    @manages(
-        "groups_role_set",
-        "Give a person a role on a group’s robots",
-        body=RoleRequest,
-        answer=Holder,
-        tag="groups",
-    )
+    @manages("groups_role_set", "Give a person a role on a group’s robots")
     def put(self, _request: Request, slug: str, username: str, body: RoleRequest) -> Holder:
         """For staff."""
         group, person = self.group(slug), account_named(username)
         services.group_role_set(group=group, user=person, role=Role(body.role), actor=self.staff())
         return Holder(person.username, body.role)
 
-    @manages("groups_role_remove", "Take a person’s role on a group’s robots away", tag="groups")
+    @manages("groups_role_remove", "Take a person’s role on a group’s robots away")
     def delete(self, _request: Request, slug: str, username: str) -> None:
         """Roles by courses and on single robots stay."""
         group, person = self.group(slug), account_named(username)
@@ -184,20 +178,16 @@ class GroupRoleView(GroupsBase):
 class RobotRolesView(SetupView):
     """`/registry/{slug}/roles/{username}`."""
 
-    @manages(
-        "registry_role_set",
-        "Give a person a role on a robot",
-        body=RoleRequest,
-        answer=Holder,
-        tag="registry",
-    )
+    tag = "registry"
+
+    @manages("registry_role_set", "Give a person a role on a robot")
     def put(self, _request: Request, slug: str, username: str, body: RoleRequest) -> Holder:
         """For staff."""
         staff, robot, person = self.staff(), self.robot(slug), account_named(username)
         services.role_set(robot=robot, user=person, role=Role(body.role), actor=staff)
         return Holder(person.username, body.role)
 
-    @manages("registry_role_remove", "Take a person’s role on a robot away", tag="registry")
+    @manages("registry_role_remove", "Take a person’s role on a robot away")
     def delete(self, _request: Request, slug: str, username: str) -> None:
         """Roles by courses and groups stay."""
         staff, robot, person = self.staff(), self.robot(slug), account_named(username)
@@ -206,6 +196,8 @@ class RobotRolesView(SetupView):
 
 class QualificationsBase(SetupView):
     """Base of the views of qualifications: as for groups."""
+
+    tag = "groups"
 
     def concerned(
         self, slug: str = "", body: QualificationRequest | None = None, **_asked: Any
@@ -239,21 +231,14 @@ class QualificationsBase(SetupView):
 class QualificationsView(QualificationsBase):
     """`/qualifications`."""
 
-    @manages("qualifications_list", "List qualifications", answer=QualificationList, tag="groups", refuses=())
+    @manages("qualifications_list", "List qualifications", refuses=())
     def get(self, _request: Request) -> QualificationList:
         """For staff."""
         self.staff()
         found = Qualification.objects.prefetch_related("robots", "groups__robots")
         return QualificationList([_qualification(one) for one in found if self.serves(_demanding(one))])
 
-    @makes(
-        "qualifications_make",
-        "Make a qualification",
-        body=QualificationRequest,
-        answer=QualificationDetail,
-        keyed=True,
-        tag="groups",
-    )
+    @makes("qualifications_make", "Make a qualification", answer=QualificationDetail, keyed=True)
     def post(self, _request: Request, body: QualificationRequest) -> Response:
         """For staff. From now on only people who hold it drive these robots."""
         self.staff()
@@ -265,18 +250,12 @@ class QualificationsView(QualificationsBase):
 class QualificationView(QualificationsBase):
     """`/qualifications/{slug}`."""
 
-    @manages("qualifications_read", "Read a qualification", answer=QualificationDetail, tag="groups")
+    @manages("qualifications_read", "Read a qualification", answer=QualificationDetail)
     def get(self, _request: Request, slug: str) -> Response:
         """For staff."""
         return self.tagged(_qualification(self.qualification(slug)))
 
-    @edits(
-        "qualifications_change",
-        "Change a qualification",
-        body=QualificationRequest,
-        answer=QualificationDetail,
-        tag="groups",
-    )
+    @edits("qualifications_change", "Change a qualification", answer=QualificationDetail)
     def put(self, request: Request, slug: str, body: QualificationRequest) -> Response:
         """For staff. People who lack it lose control of robots that demand it now."""
         with transaction.atomic():
@@ -285,7 +264,7 @@ class QualificationView(QualificationsBase):
             self.save_qualification(entry, body)
         return self.tagged(_qualification(self.qualification(slug)))
 
-    @manages("qualifications_delete", "Delete a qualification", tag="groups")
+    @manages("qualifications_delete", "Delete a qualification")
     def delete(self, _request: Request, slug: str) -> None:
         """No robot demands it any more, and nobody holds it."""
         services.qualification_delete(qualification=self.qualification(slug), actor=self.staff())

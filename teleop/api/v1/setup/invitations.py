@@ -50,20 +50,13 @@ class InvitationRequest(Struct, frozen=True, forbid_unknown_fields=True):
 class InvitationsView(CoursesBase):
     """`/courses/{slug}/invitations`."""
 
-    @manages("invitations_list", "List the invitations to a course", answer=InvitationList, tag="courses")
+    @manages("invitations_list", "List the invitations to a course")
     def get(self, request: Request, slug: str) -> InvitationList:
         """Also those that are over."""
         found = Invitation.objects.filter(course=self.course(slug)).select_related("course")
         return InvitationList([_entry(request, one) for one in found])
 
-    @makes(
-        "invitations_make",
-        "Make an invitation",
-        body=InvitationRequest,
-        answer=InvitationEntry,
-        keyed=True,
-        tag="courses",
-    )
+    @makes("invitations_make", "Make an invitation", keyed=True)
     def post(self, request: Request, slug: str, body: InvitationRequest) -> InvitationEntry:
         """Make an invitation: a person who opens its link joins the course, with an account or a new one."""
         form = InvitationForm({"last_day": body.last_day, "most_uses": body.most_uses})
@@ -81,7 +74,7 @@ class InvitationsView(CoursesBase):
 class InvitationView(CoursesBase):
     """`/courses/{slug}/invitations/{id}`."""
 
-    @manages("invitations_revoke", "Revoke an invitation", tag="courses")
+    @manages("invitations_revoke", "Revoke an invitation")
     def delete(self, _request: Request, slug: str, invitation_id: UUID) -> None:
         """End an invitation: its link admits nobody any more. A repeated call changes nothing."""
         found = Invitation.objects.select_related("course").filter(pk=invitation_id, course=self.course(slug))
@@ -93,14 +86,7 @@ class InvitationView(CoursesBase):
 class WelcomeView(CoursesBase):
     """`/courses/{slug}/welcome`."""
 
-    @manages(
-        "courses_welcome",
-        "Send people the e-mail with which they set a password",
-        body=PeopleRequest,
-        answer=Changed,
-        keyed=True,
-        tag="courses",
-    )
+    @manages("courses_welcome", "Send people the e-mail with which they set a password", keyed=True)
     def post(self, request: Request, slug: str, body: PeopleRequest) -> Changed:
         """To those who have no password yet; the answer says how many. Others are left out."""
         course = self.course(slug)

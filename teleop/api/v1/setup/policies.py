@@ -13,7 +13,6 @@ from msgspec import Meta, Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
 
-from fleet.accounts.tokens.models import Scope
 from fleet.bookings.changes import policy_changes
 from fleet.bookings.models import OutOfService, Policy
 from fleet.bookings.selectors import policies_of
@@ -22,10 +21,10 @@ from robots.access.selectors import robots_managed_by
 from robots.registry.models import Robot
 from robots.shared import wire
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.operation import reads
 from teleop.api.v1.framework.parameters import Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
-from teleop.api.v1.setup.base import SetupView, edits, faults_named, makes, manages, reads, require_unchanged
+from teleop.api.v1.setup.base import SetupView, edits, faults_named, makes, manages, require_unchanged
 
 Weekday = Literal["mon", "tue", "wed", "thu", "fri", "sat", "sun"]
 Clock = Annotated[str, Meta(pattern=r"^(([01][0-9]|2[0-3]):[0-5][0-9]|24:00)$")]
@@ -108,6 +107,8 @@ class PeriodRequest(Struct, frozen=True, forbid_unknown_fields=True):
 class PoliciesBase(SetupView):
     """Base of the views of policies."""
 
+    tag = "policies"
+
     def managed(self) -> list[Robot]:
         """Return the robots that the person manages and that the token serves."""
         return [robot for robot in robots_managed_by(self.person) if self.serves([robot])]
@@ -142,7 +143,7 @@ class PoliciesBase(SetupView):
 class PoliciesView(PoliciesBase):
     """`/policies`."""
 
-    @operation("policies_list", "List booking policies", scope=Scope.READ, answer=PolicyList, tag="policies")
+    @reads("policies_list", "List booking policies", refuses=())
     def get(self, _request: Request) -> PolicyList:
         """Policies of the robots that you may see: the rules of booking are open to all who may book."""
         robots = self.robots()
@@ -163,25 +164,12 @@ class PoliciesView(PoliciesBase):
 class CommonPolicyView(PoliciesBase):
     """`/policies/all`."""
 
-    @operation(
-        "policies_read_common",
-        "Read the policy of all robots",
-        scope=Scope.READ,
-        answer=PolicyEntry,
-        tag="policies",
-    )
+    @reads("policies_read_common", "Read the policy of all robots", answer=PolicyEntry, refuses=())
     def get(self, _request: Request) -> Response:
         """Robots without a policy of their own or of a group follow this one."""
         return self.tagged(self.entry())
 
-    @edits(
-        "policies_set_common",
-        "Set the policy of all robots",
-        refuses=(412, 428),
-        body=Rules,
-        answer=PolicyEntry,
-        tag="policies",
-    )
+    @edits("policies_set_common", "Set the policy of all robots", refuses=(412, 428), answer=PolicyEntry)
     def put(self, request: Request, body: Rules) -> Response:
         """For staff."""
         self.staff()
@@ -191,17 +179,17 @@ class CommonPolicyView(PoliciesBase):
 class RobotPolicyView(PoliciesBase):
     """`/policies/robots/{slug}`."""
 
-    @reads("policies_read_robot", "Read the policy of a robot", answer=PolicyEntry, tag="policies")
+    @reads("policies_read_robot", "Read the policy of a robot", answer=PolicyEntry)
     def get(self, _request: Request, slug: str) -> Response:
         """The robot’s own policy, or the one that it follows."""
         return self.tagged(self.entry(robot=self.robot(slug)))
 
-    @edits("policies_set_robot", "Set the policy of a robot", body=Rules, answer=PolicyEntry, tag="policies")
+    @edits("policies_set_robot", "Set the policy of a robot", answer=PolicyEntry)
     def put(self, request: Request, slug: str, body: Rules) -> Response:
         """For supervisors of the robot itself, and staff. Bookings that are made stay."""
         return self.changed(request, body, robot=self.managed_robot(slug))
 
-    @manages("policies_remove_robot", "Remove the policy of a robot", tag="policies")
+    @manages("policies_remove_robot", "Remove the policy of a robot")
     def delete(self, _request: Request, slug: str) -> None:
         """The robot follows the policy of its group, or of all robots, again."""
         policy_changes.policy_remove(robot=self.managed_robot(slug), actor=self.person)
@@ -214,23 +202,17 @@ class GroupPolicyView(PoliciesBase):
         """Return the group's robots."""
         return self.group(slug).robots.all()
 
-    @reads("policies_read_group", "Read the policy of a robot group", answer=PolicyEntry, tag="policies")
+    @reads("policies_read_group", "Read the policy of a robot group", answer=PolicyEntry)
     def get(self, _request: Request, slug: str) -> Response:
         """For staff: a group may have robots of several supervisors."""
         return self.tagged(self.entry(group=self.group(slug)))
 
-    @edits(
-        "policies_set_group",
-        "Set the policy of a robot group",
-        body=Rules,
-        answer=PolicyEntry,
-        tag="policies",
-    )
+    @edits("policies_set_group", "Set the policy of a robot group", answer=PolicyEntry)
     def put(self, request: Request, slug: str, body: Rules) -> Response:
         """For staff."""
         return self.changed(request, body, group=self.group(slug))
 
-    @manages("policies_remove_group", "Remove the policy of a robot group", tag="policies")
+    @manages("policies_remove_group", "Remove the policy of a robot group")
     def delete(self, _request: Request, slug: str) -> None:
         """Its robots follow the policy of all robots again."""
         policy_changes.policy_remove(group=self.group(slug), actor=self.person)
@@ -243,27 +225,14 @@ class PeriodsView(PoliciesBase):
         """Return the robot of the period."""
         return [self.robot(body.robot)]
 
-    @operation(
-        "out_of_service_list",
-        "List out-of-service periods",
-        scope=Scope.READ,
-        answer=PeriodList,
-        tag="policies",
-    )
+    @reads("out_of_service_list", "List out-of-service periods", refuses=())
     def get(self, _request: Request) -> PeriodList:
         """Out-of-service periods of the robots that you may see."""
         open_now = Q(ends_at=None) | Q(ends_at__gt=timezone.now())
         found = OutOfService.objects.filter(open_now, robot__in=self.robots()).select_related("robot")
         return PeriodList([PeriodEntry(**_period(one)) for one in found])
 
-    @makes(
-        "out_of_service_add",
-        "Take a robot out of service",
-        body=PeriodRequest,
-        answer=PeriodMade,
-        keyed=True,
-        tag="policies",
-    )
+    @makes("out_of_service_add", "Take a robot out of service", keyed=True)
     def post(self, _request: Request, body: PeriodRequest) -> PeriodMade:
         """For supervisors of the robot itself, and staff. Bookings stay: their people learn that they are affected."""
         now = timezone.now()
@@ -294,7 +263,7 @@ class PeriodView(PoliciesBase):
             raise Problem(NOT_FOUND)
         return found
 
-    @manages("out_of_service_end", "Put a robot back into service", tag="policies")
+    @manages("out_of_service_end", "Put a robot back into service")
     def delete(self, _request: Request, period_id: UUID) -> None:
         """The period ends now; one that has not begun is removed."""
         found = self.period(period_id)

@@ -10,7 +10,6 @@ from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
 
-from fleet.accounts.tokens.models import Scope
 from robots.registry.models import Robot, RobotProfile
 from robots.registry.phrases import (
     MOST_PHRASES,
@@ -23,10 +22,10 @@ from robots.registry.phrases import (
 from robots.registry.services import phrases_import, profile_save
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.operation import reads
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
-from teleop.api.v1.setup.base import SetupView, edits, faults_named, locked, reads, require_unchanged
+from teleop.api.v1.setup.base import SetupView, edits, faults_named, locked, require_unchanged
 
 Topic = Annotated[str, Meta(max_length=200)]
 
@@ -105,9 +104,9 @@ class PhraseTexts(Struct, frozen=True, forbid_unknown_fields=True):
 class ProfilesView(SetupView):
     """`/profiles`."""
 
-    @operation(
-        "profiles_list", "List the kinds of robots", scope=Scope.READ, answer=ProfileList, tag="registry"
-    )
+    tag = "registry"
+
+    @reads("profiles_list", "List the kinds of robots", refuses=())
     def get(self, _request: Request) -> ProfileList:
         """By name."""
         return ProfileList(
@@ -117,6 +116,8 @@ class ProfilesView(SetupView):
 
 class ProfilesBase(SetupView):
     """Base of the views of one profile."""
+
+    tag = "registry"
 
     def concerned(self, slug: str, **_asked: Any) -> Iterable[Robot]:
         """Return the robots of the profile."""
@@ -138,12 +139,12 @@ class ProfilesBase(SetupView):
 class ProfileView(ProfilesBase):
     """`/profiles/{slug}`."""
 
-    @reads("profiles_read", "Read a profile", answer=ProfileDetail, tag="registry")
+    @reads("profiles_read", "Read a profile", answer=ProfileDetail)
     def get(self, _request: Request, slug: str) -> Response:
         """Limits, body, ROS interface, gate and stick of this kind of robots."""
         return self.tagged(_detail(self.profile(slug)))
 
-    @edits("profiles_change", "Change a profile", body=ProfileChange, answer=ProfileDetail, tag="registry")
+    @edits("profiles_change", "Change a profile", answer=ProfileDetail)
     def patch(self, request: Request, slug: str, body: ProfileChange) -> Response:
         """For staff. Bridges of its robots start again, and robots that move stop for it."""
         with faults_named(), transaction.atomic():
@@ -171,18 +172,12 @@ class PhrasesBase(ProfilesBase):
 class ProfilePhrasesView(PhrasesBase):
     """`/profiles/{slug}/phrases`."""
 
-    @reads("profiles_phrases_read", "Read a profile’s phrases", answer=PhraseTexts, tag="registry")
+    @reads("profiles_phrases_read", "Read a profile’s phrases", answer=PhraseTexts)
     def get(self, _request: Request, slug: str) -> Response:
         """In their order."""
         return self.tagged(_phrases(self.profile(slug)))
 
-    @edits(
-        "profiles_phrases_set",
-        "Replace a profile’s phrases",
-        body=PhraseTexts,
-        answer=PhraseTexts,
-        tag="registry",
-    )
+    @edits("profiles_phrases_set", "Replace a profile’s phrases", answer=PhraseTexts)
     def put(self, request: Request, slug: str, body: PhraseTexts) -> Response:
         """For staff."""
         return self.replaced(request, self.changeable(slug), body)
@@ -195,23 +190,12 @@ class RobotPhrasesView(PhrasesBase):
         """Return the robot of the address."""
         return [self.robot(slug)]
 
-    @reads(
-        "registry_phrases_read",
-        "Read the phrases that only one robot has",
-        answer=PhraseTexts,
-        tag="registry",
-    )
+    @reads("registry_phrases_read", "Read the phrases that only one robot has", answer=PhraseTexts)
     def get(self, _request: Request, slug: str) -> Response:
         """In addition to the phrases of its profile."""
         return self.tagged(_phrases(self.robot(slug)))
 
-    @edits(
-        "registry_phrases_set",
-        "Replace the phrases that only one robot has",
-        body=PhraseTexts,
-        answer=PhraseTexts,
-        tag="registry",
-    )
+    @edits("registry_phrases_set", "Replace the phrases that only one robot has", answer=PhraseTexts)
     def put(self, request: Request, slug: str, body: PhraseTexts) -> Response:
         """For staff."""
         self.staff()

@@ -66,11 +66,13 @@ class RegistrationChange(Struct, frozen=True, forbid_unknown_fields=True, omit_d
     max_share: Part | UnsetType = UNSET
 
 
-_registry = partial(operation, scope=Scope.MANAGE, answer=Registration, refuses=(404,), tag="registry")
+_registry = partial(operation, scope=Scope.MANAGE, answer=Registration, refuses=(404,))
 
 
 class RegistryView(SetupView):
     """Base of the views of registrations."""
+
+    tag = "registry"
 
     def answer(self, robot: Robot, status: int = 200) -> Response:
         """Return the response with a registration and its ETag."""
@@ -80,7 +82,7 @@ class RegistryView(SetupView):
 class RegisterView(RegistryView):
     """`/registry`."""
 
-    @_registry("registry_add", "Register a robot", refuses=(), body=RegisterRequest, status=201, keyed=True)
+    @_registry("registry_add", "Register a robot", refuses=(), status=201, keyed=True)
     def post(self, _request: Request, body: RegisterRequest) -> Response:
         """For staff. A bridge is started for it; `GET /robots/{slug}` says how it is. No token that is bound to robots
         serves the new one."""
@@ -107,13 +109,7 @@ class RegistrationView(RegistryView):
         self.staff()
         return self.answer(self.robot(slug))
 
-    @_registry(
-        "registry_change",
-        "Change a registration",
-        body=RegistrationChange,
-        refuses=(404, 412, 428),
-        parameters=[IF_MATCH],
-    )
+    @_registry("registry_change", "Change a registration", refuses=(404, 412, 428), parameters=[IF_MATCH])
     def patch(self, request: Request, slug: str, body: RegistrationChange) -> Response:
         """For staff. The bridge is started again where that is needed."""
         staff, found = self.staff(), self.robot(slug)

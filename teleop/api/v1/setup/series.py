@@ -7,7 +7,6 @@ from typing import Annotated, Any
 from uuid import UUID
 
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiExample
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 
@@ -73,29 +72,25 @@ class SeriesAnswer(Struct, frozen=True):
 class SeriesView(SetupView):
     """`/bookings/series`."""
 
+    tag = "bookings"
+    seen_by = staticmethod(robots_bookable_by)
+
     @operation(
         "bookings_series",
         "Book a weekly series",
         scope=Scope.BOOK,
-        body=SeriesRequest,
-        answer=SeriesAnswer,
         refuses=(404,),
         keyed=True,
-        tag="bookings",
-        examples=[
-            OpenApiExample(
-                "Twelve lessons",
-                value={
-                    "robot": "tiago-1",
-                    "starts_at": "2026-03-02T14:00:00Z",
-                    "ends_at": "2026-03-02T15:00:00Z",
-                    "weeks": 12,
-                    "purpose": "Lab course",
-                    "preview": True,
-                },
-                request_only=True,
-            )
-        ],
+        examples={
+            "Twelve lessons": {
+                "robot": "tiago-1",
+                "starts_at": "2026-03-02T14:00:00Z",
+                "ends_at": "2026-03-02T15:00:00Z",
+                "weeks": 12,
+                "purpose": "Lab course",
+                "preview": True,
+            }
+        },
     )
     def post(self, _request: Request, body: SeriesRequest) -> SeriesAnswer:
         """For supervisors, also of a course, and staff. Weeks that a rule refuses are left out and say why."""
@@ -133,8 +128,6 @@ class SeriesView(SetupView):
             day = booking.starts_at.astimezone(zone).date()
             entries.append(SeriesWeek(day, booking.starts_at, booking.ends_at, booking.pk, []))
         return SeriesAnswer(made[0].series if made else None, sorted(entries, key=lambda week: week.day))
-
-    seen_by = staticmethod(robots_bookable_by)
 
     def concerned(self, body: SeriesRequest, **_asked: Any) -> list[Robot]:
         """Return the robot of the series, and the robots of its course."""

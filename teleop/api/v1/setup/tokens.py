@@ -10,7 +10,6 @@ from uuid import UUID
 from allauth.account.internal.flows.reauthentication import did_recently_reauthenticate
 from django.db.models import Count, Max
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiExample
 from msgspec import Meta, Struct, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -24,7 +23,7 @@ from robots.access.selectors import robots_visible_to
 from robots.registry.models import Robot
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.operation import operation, reads
 from teleop.api.v1.framework.parameters import Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import SetupView, makes, manages
@@ -115,6 +114,8 @@ class ServiceAccountRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 class TokensBase(SetupView):
     """Base of the views of tokens."""
+
+    tag = "tokens"
 
     def concerned(self, *_path: Any, **asked: Any) -> Iterable[Robot]:
         """Return the robots of the token of the request: `_require_no_more` holds a new token to them."""
@@ -207,7 +208,7 @@ class TokensBase(SetupView):
 class TokensView(TokensBase):
     """`/tokens`."""
 
-    @operation("tokens_list", "List your tokens", scope=Scope.READ, answer=TokenList, tag="tokens")
+    @reads("tokens_list", "List your tokens", refuses=())
     def get(self, _request: Request) -> TokenList:
         """With their last use."""
         return self.listed(self.person)
@@ -215,15 +216,9 @@ class TokensView(TokensBase):
     @makes(
         "tokens_make",
         "Make a token",
-        body=TokenRequest,
         answer=TokenMade,
         refuses=(404, 409),
-        tag="tokens",
-        examples=[
-            OpenApiExample(
-                "For a dashboard", value={"name": "dashboard", "scopes": ["read"]}, request_only=True
-            )
-        ],
+        examples={"For a dashboard": {"name": "dashboard", "scopes": ["read"]}},
     )
     def post(self, _request: Request, body: TokenRequest) -> Response:
         """The new token may not do more or last longer than the token of the request, and ends with it. Only this
@@ -240,7 +235,7 @@ class TokenView(TokensBase):
         ending = own if own and own.pk == token_id else Token.objects.filter(pk=token_id).first()
         return Robot.objects.filter(pk__in=ending.robots) if ending else ()
 
-    @operation("tokens_end", "End a token", scope=None, status=204, refuses=(404,), tag="tokens")
+    @operation("tokens_end", "End a token", scope=None, status=204, refuses=(404,))
     def delete(self, _request: Request, token_id: UUID) -> None:
         """Ends its streams, its control and the tokens made with it, within a second. A token ends itself with any
         scope; others with `manage`: those of the same person, for staff everybody's; if bound, those for its robots."""
@@ -256,24 +251,14 @@ class TokenView(TokensBase):
 class ServiceAccountsView(TokensBase):
     """`/service-accounts`."""
 
-    @manages(
-        "service_accounts_list", "List service accounts", answer=ServiceAccountList, tag="tokens", refuses=()
-    )
+    @manages("service_accounts_list", "List service accounts", refuses=())
     def get(self, _request: Request) -> ServiceAccountList:
         """For staff."""
         self.staff()
         found = User.objects.exclude(project="").annotate(count=Count("tokens"), used=Max("tokens__used_at"))
         return ServiceAccountList([_account(one) for one in found.order_by("project", "full_name")])
 
-    @makes(
-        "service_accounts_make",
-        "Make a service account",
-        body=ServiceAccountRequest,
-        answer=ServiceAccount,
-        keyed=True,
-        tag="tokens",
-        refuses=(),
-    )
+    @makes("service_accounts_make", "Make a service account", keyed=True, refuses=())
     def post(self, _request: Request, body: ServiceAccountRequest) -> ServiceAccount:
         """For staff. It needs a role, and a token."""
         require(body.name)
@@ -287,19 +272,12 @@ class ServiceAccountsView(TokensBase):
 class ServiceTokensView(TokensBase):
     """`/service-accounts/{username}/tokens`."""
 
-    @manages("service_tokens_list", "List the tokens of a service account", answer=TokenList, tag="tokens")
+    @manages("service_tokens_list", "List the tokens of a service account")
     def get(self, _request: Request, username: str) -> TokenList:
         """For staff."""
         return self.listed(self.account(username))
 
-    @makes(
-        "service_tokens_make",
-        "Make a token of a service account",
-        body=TokenRequest,
-        answer=TokenMade,
-        refuses=(404, 409),
-        tag="tokens",
-    )
+    @makes("service_tokens_make", "Make a token of a service account", answer=TokenMade, refuses=(404, 409))
     def post(self, _request: Request, username: str, body: TokenRequest) -> Response:
         """For staff, with the rules of `/tokens`. Nobody makes a token of another person."""
         return self.make(self.account(username), body)

@@ -8,7 +8,6 @@ from uuid import UUID
 
 from django.db.models import Count, Q
 from django.utils.dateparse import parse_datetime
-from drf_spectacular.utils import OpenApiExample
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -111,6 +110,8 @@ class TriedAgain(Struct, frozen=True):
 class WebhooksBase(SetupView):
     """Base of the views of webhooks."""
 
+    tag = "webhooks"
+
     def concerned(self, webhook_id: UUID | None = None, body: Any = None, **_asked: Any) -> Iterable[Robot]:
         """Return the webhook's robots, or those of a new one."""
         return self.one(webhook_id).robots.all() if webhook_id else self.named_robots(body.robots)
@@ -136,7 +137,7 @@ class WebhooksBase(SetupView):
 class WebhooksView(WebhooksBase):
     """`/webhooks`."""
 
-    @manages("webhooks_list", "List webhooks", answer=WebhookList, tag="webhooks", refuses=())
+    @manages("webhooks_list", "List webhooks", refuses=())
     def get(self, _request: Request) -> WebhookList:
         """For staff."""
         return WebhookList([WebhookEntry(**_entry(one)) for one in self.seen()])
@@ -144,22 +145,16 @@ class WebhooksView(WebhooksBase):
     @makes(
         "webhooks_make",
         "Make a webhook",
-        body=WebhookRequest,
         answer=WebhookMade,
         refuses=(404, 409),
-        tag="webhooks",
-        examples=[
-            OpenApiExample(
-                "Stops of one robot",
-                value={
-                    "name": "alarm",
-                    "address": "https://alarm.example.org/fleet",
-                    "kinds": ["stops"],
-                    "robots": ["tiago-1"],
-                },
-                request_only=True,
-            )
-        ],
+        examples={
+            "Stops of one robot": {
+                "name": "alarm",
+                "address": "https://alarm.example.org/fleet",
+                "kinds": ["stops"],
+                "robots": ["tiago-1"],
+            }
+        },
     )
     def post(self, _request: Request, body: WebhookRequest) -> Response:
         """For staff; a token needs the scope `read`, too. The answer has its secret, which nothing shows again; so this
@@ -183,25 +178,19 @@ class WebhooksView(WebhooksBase):
 class WebhookView(WebhooksBase):
     """`/webhooks/{id}`."""
 
-    @manages("webhooks_read", "Read a webhook", answer=WebhookEntry, tag="webhooks")
+    @manages("webhooks_read", "Read a webhook")
     def get(self, _request: Request, webhook_id: UUID) -> WebhookEntry:
         """For staff."""
         return WebhookEntry(**_entry(self.one(webhook_id)))
 
-    @manages(
-        "webhooks_change",
-        "Pause or resume a webhook",
-        body=WebhookChange,
-        answer=WebhookEntry,
-        tag="webhooks",
-    )
+    @manages("webhooks_change", "Pause or resume a webhook")
     def patch(self, _request: Request, webhook_id: UUID, body: WebhookChange) -> WebhookEntry:
         """For staff. A paused webhook goes on with the events since then, of at most 7 days."""
         step = services.webhook_pause if body.paused else services.webhook_resume
         step(webhook=self.one(webhook_id), actor=self.staff())
         return WebhookEntry(**_entry(self.one(webhook_id)))
 
-    @manages("webhooks_delete", "Delete a webhook", tag="webhooks")
+    @manages("webhooks_delete", "Delete a webhook")
     def delete(self, _request: Request, webhook_id: UUID) -> None:
         """For staff. Its deliveries are deleted, too."""
         services.webhook_delete(webhook=self.one(webhook_id), actor=self.staff())
@@ -210,7 +199,7 @@ class WebhookView(WebhooksBase):
 class DeliveriesView(WebhooksBase):
     """`/webhooks/{id}/deliveries`."""
 
-    @manages("webhooks_deliveries", "Read the deliveries of a webhook", answer=DeliveryList, tag="webhooks")
+    @manages("webhooks_deliveries", "Read the deliveries of a webhook")
     def get(self, _request: Request, webhook_id: UUID) -> DeliveryList:
         """The last 100, with the answer to each attempt."""
         found = self.one(webhook_id).deliveries.order_by("-pk")[:SHOWN]
@@ -220,7 +209,7 @@ class DeliveriesView(WebhooksBase):
 class TestView(WebhooksBase):
     """`/webhooks/{id}/test`."""
 
-    @manages("webhooks_test", "Send a test", refuses=(404, 409), tag="webhooks")
+    @manages("webhooks_test", "Send a test", refuses=(404, 409))
     def post(self, _request: Request, webhook_id: UUID) -> None:
         """It leaves within about two seconds, and is among the deliveries."""
         services.webhook_test(webhook=self.one(webhook_id), actor=self.staff())
@@ -229,7 +218,7 @@ class TestView(WebhooksBase):
 class AgainView(WebhooksBase):
     """`/webhooks/{id}/again`."""
 
-    @manages("webhooks_again", "Try deliveries again that were given up", answer=TriedAgain, tag="webhooks")
+    @manages("webhooks_again", "Try deliveries again that were given up")
     def post(self, _request: Request, webhook_id: UUID) -> TriedAgain:
         """Sends each of these events once more, with the same pauses."""
         return TriedAgain(services.webhook_again(webhook=self.one(webhook_id), actor=self.staff()))
