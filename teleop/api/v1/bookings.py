@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, get_args
 from uuid import UUID
 
 from django.db.models import Q, QuerySet
+from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct
@@ -34,7 +35,7 @@ from robots.access.who_sees import reader_of
 from robots.registry.models import Robot
 from robots.shared import wire
 from teleop.api.v1.framework.cursors import page_by_time
-from teleop.api.v1.framework.operation import ApiView, operation, reads
+from teleop.api.v1.framework.operation import ApiView, entry_of, operation, reads
 from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem, ProblemDetails
 from teleop.api.v1.framework.versions import etag_of, version_seen
@@ -212,11 +213,8 @@ class BookingsBase(ApiView):
         return Booking.objects.filter(robot__in=self.robots()).select_related("robot", "person", "course")
 
     def one(self, booking_id: UUID) -> Booking:
-        """Return one of these bookings. Raises `Problem`: not found."""
-        found = self.seen().filter(pk=booking_id).first()
-        if found is None:
-            raise Problem(NOT_FOUND)
-        return found
+        """Return one of these bookings. Raises `Http404`."""
+        return get_object_or_404(self.seen(), pk=booking_id)
 
     def entries(self, found: list[Booking]) -> list[BookingEntry]:
         """Return bookings as they are shown to this person."""
@@ -231,21 +229,17 @@ class BookingsBase(ApiView):
             knows = yours or booking.pk in managed
             shown = shows_person(reader, booking, stage)
             entries.append(
-                BookingEntry(
-                    id=booking.pk,
-                    version=booking.version,
+                entry_of(
+                    BookingEntry,
+                    booking,
                     robot=booking.robot.slug,
                     person=booking.person.display_name if shown else None,
                     username=booking.person.username if knows else None,
                     yours=yours,
                     may_change=knows and stage in OPEN,
                     course=booking.course.slug if booking.course and knows else None,
-                    starts_at=booking.starts_at,
-                    ends_at=booking.ends_at,
-                    held_until=booking.held_until,
                     stage=_STAGES[_STAGES.index(stage.name.lower())],
                     purpose=booking.purpose if shown else "",
-                    offer_until=booking.offer_until,
                     series=booking.series if shown else None,
                     made_at=booking.made_at if shown else None,
                 )
@@ -286,10 +280,7 @@ class BookingsView(BookingsBase):
             known = bookings_managed_by(self.person, Booking.objects.all()).values("pk").order_by()
             found = found.filter(Q(person=self.person) | Q(pk__in=known), person__username=query.person)
         if query.course is not None:
-            course = courses_managed_by(self.person).filter(slug=query.course).first()
-            if course is None:
-                raise Problem(NOT_FOUND)
-            found = found.filter(course=course)
+            found = found.filter(course=get_object_or_404(courses_managed_by(self.person), slug=query.course))
         if query.from_ is not None:
             found = found.filter(ends_at__gt=utc(query.from_))
         if query.to is not None:
@@ -319,9 +310,7 @@ class BookingsView(BookingsBase):
             owner = services.account_named(body.person, self.person, robot, slot.starts_at)
         course = None
         if body.course is not None:
-            course = Course.objects.filter(enrolments__person=owner, slug=body.course).first()
-            if course is None:
-                raise Problem(NOT_FOUND)
+            course = get_object_or_404(Course, enrolments__person=owner, slug=body.course)
         with _alternatives(), in_turn() as facts:
             booking = services.booking_make(
                 robot=robot,
@@ -441,11 +430,8 @@ class WaitingOneView(WaitingView):
         return [self.one_waiting(number).robot]
 
     def one_waiting(self, number: int) -> Waiting:
-        """Return one of the slots for which the person waits. Raises `Problem`: not found."""
-        found = self.waiting().filter(pk=min(number, 2**62)).first()
-        if found is None:
-            raise Problem(NOT_FOUND)
-        return found
+        """Return one of the slots for which the person waits. Raises `Http404`."""
+        return get_object_or_404(self.waiting(), pk=min(number, 2**62))
 
     @_change("waiting_leave", "Wait no longer", refuses=(404,))
     def delete(self, _request: Request, number: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from datetime import date
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from django.db import transaction
 from django.db.models import Count, Q
@@ -23,6 +23,7 @@ from robots.access.selectors import courses_managed_by, demanded_in, grants_in, 
 from robots.registry.models import Robot
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
+from teleop.api.v1.framework.operation import entry_of
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import (
@@ -65,6 +66,9 @@ class Quotas(Struct, frozen=True):
     week_min: int | None
     at_once: int | None
     course_week_min: int | None  # of all its people together
+
+
+Kind = TypeVar("Kind", bound=CourseEntry)
 
 
 class QualificationEntry(Struct, frozen=True):
@@ -222,13 +226,14 @@ class CoursesBase(SetupView):
 
     def detail(self, course: Course) -> CourseDetail:
         """Return a course with its robots, supervisors, quotas and qualifications."""
-        return CourseDetail(
-            **_entry(course),
+        return _entry(
+            CourseDetail,
+            course,
             robots=[robot.slug for robot in robots_of(course)],
             groups=[group.slug for group in course.groups.all()],
             supervisors=[person.display_name for person in course.supervisors.all()],
             quotas=Quotas(course.day_min, course.week_min, course.at_once, course.course_week_min),
-            qualifications=[QualificationEntry(one.slug, one.name) for one in self.qualifications(course)],
+            qualifications=[entry_of(QualificationEntry, one) for one in self.qualifications(course)],
         )
 
     def save(self, course: Course, body: CourseRequest | CourseChange) -> None:
@@ -316,7 +321,7 @@ class CoursesView(CoursesBase):
     @manages("courses_list", "List the courses that you manage", refuses=())
     def get(self, _request: Request) -> CourseList:
         """Staff manage all."""
-        return CourseList([CourseEntry(**_entry(course)) for course in self.courses()])
+        return CourseList([_entry(CourseEntry, course) for course in self.courses()])
 
     @makes(
         "courses_make",
@@ -454,14 +459,6 @@ def _not_inside(username: str, course: Course) -> Refusal:
     )
 
 
-def _entry(course: Course) -> dict[str, Any]:
-    return {
-        "slug": course.slug,
-        "name": course.name,
-        "role": course.role,
-        "starts_on": course.starts_on,
-        "ends_on": course.ends_on,
-        "archived": course.archived,
-        "valid": not course.archived and course.starts_on <= lab_date() <= course.ends_on,
-        "people": getattr(course, "people", 0),
-    }
+def _entry(kind: type[Kind], course: Course, **others: Any) -> Kind:
+    valid = not course.archived and course.starts_on <= lab_date() <= course.ends_on
+    return entry_of(kind, course, valid=valid, people=getattr(course, "people", 0), **others)

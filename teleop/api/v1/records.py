@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import date
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 from uuid import UUID
 
 from django.core.exceptions import PermissionDenied
 from django.db.models import Q
 from django.http import HttpResponseBase
+from django.shortcuts import get_object_or_404
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 
@@ -22,7 +23,7 @@ from fleet.audit.reading.search import words_of
 from robots.registry.models import Robot
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.cursors import decoded, encoded, page_by_time
-from teleop.api.v1.framework.operation import ApiView, reads
+from teleop.api.v1.framework.operation import ApiView, entry_of, reads
 from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.control.selectors import end_notes
@@ -53,6 +54,9 @@ class SessionEntry(Struct, frozen=True):
     ended_at: Time | None  # null: it goes on
     end_reason: str
     note: str  # about its end
+
+
+Kind = TypeVar("Kind", bound=SessionEntry)
 
 
 class SessionList(Struct, frozen=True):
@@ -213,6 +217,20 @@ class RecordsBase(ApiView):
             raise Problem(NOT_FOUND)
         return wanted
 
+    def entry(
+        self, kind: type[Kind], session: ControlSession, notes: Mapping[UUID, object], **others: Any
+    ) -> Kind:
+        """Return a session as it is shown to this person."""
+        return entry_of(
+            kind,
+            session,
+            robot=session.robot.slug,
+            person=session.user.display_name,
+            yours=session.user_id == self.person.pk,
+            note=str(notes.get(session.pk, "")),
+            **others,
+        )
+
     def _robot(self, slug: str | None) -> UUID | None:
         """Return the robot of the filter; None: all robots. Raises `Problem`.
 
@@ -263,10 +281,7 @@ class SessionsView(RecordsBase):
             found = found.filter(ended_at__isnull=query.state == "open")
         rows, following = page_by_time(found, "started_at", query.cursor, query.limit)
         notes = end_notes([one.pk for one in rows])
-        return SessionList(
-            [SessionEntry(**_session(one, self.person, str(notes.get(one.pk, "")))) for one in rows],
-            following,
-        )
+        return SessionList([self.entry(SessionEntry, one, notes) for one in rows], following)
 
 
 class SessionView(RecordsBase):
@@ -279,21 +294,12 @@ class SessionView(RecordsBase):
         if session is None or not self.reads_of(session.robot_id):
             raise Problem(NOT_FOUND)
         report = report_of(session)
-        figures = report.figures
-        return SessionDetail(
-            **_session(session, self.person, str(end_notes([session.pk]).get(session.pk, ""))),
-            figures=SessionFigures(
-                report.lasted_s,
-                figures.driven,
-                figures.distance_m,
-                figures.stops,
-                figures.interventions,
-                figures.complete,
-            ),
-            events=[
-                SessionEvent(one.number, one.at, one.what, one.subject, one.facts, one.expired)
-                for one in report.entries
-            ],
+        return self.entry(
+            SessionDetail,
+            session,
+            end_notes([session.pk]),
+            figures=entry_of(SessionFigures, report.figures, lasted_s=report.lasted_s),
+            events=[entry_of(SessionEvent, one) for one in report.entries],
             truncated=report.truncated,
         )
 
@@ -318,10 +324,7 @@ class RecordView(RecordsBase):
     @reads("audit_read", "Read a record")
     def get(self, _request: Request, number: int) -> AuditEntry:
         """The record and its outcome. If the number is that of an outcome: its request."""
-        found = Record.objects.filter(pk=min(number, 2**62)).first()
-        if found is None:
-            raise Problem(NOT_FOUND)
-        row = row_of(found)
+        row = row_of(get_object_or_404(Record, pk=min(number, 2**62)))
         mine = str(self.person.pk) in (row.record.actor_id, row.record.real_actor_id)
         if not (mine or self.person.is_staff) or not self.reads_of(row.record.robot_id):
             raise Problem(NOT_FOUND)
@@ -359,36 +362,19 @@ def _actor(name: str | None, person: User) -> str:
     return str(found or name)
 
 
-def _session(one: ControlSession, person: User, note: str) -> dict[str, Any]:
-    return {
-        "id": one.pk,
-        "robot": one.robot.slug,
-        "person": one.user.display_name,
-        "yours": one.user_id == person.pk,
-        "program": one.program,
-        "fence": one.fence,
-        "started_at": one.started_at,
-        "ended_at": one.ended_at,
-        "end_reason": one.end_reason,
-        "note": note,
-    }
-
-
 def _audit(row: Row) -> AuditEntry:
     record, end = row.record, row.end
     really_by = record.real_actor
-    return AuditEntry(
+    return entry_of(
+        AuditEntry,
+        record,
         number=record.pk,
-        at=record.at,
-        kind=record.kind,
         what=wording.label(record.kind),
         robot=Named(str(record.robot_id), record.robot_name) if record.robot_id else None,
         person=Named(record.actor_id, record.actor_name) if record.actor_id else None,
         really_by=Named(really_by.pk, really_by.name) if really_by else None,
         session=record.session_id,
-        fence=record.fence,
         outcome=row.outcome,
-        details=record.details,
         expired=wording.expired(record),
-        ended=AuditOutcome(end.pk, end.at, end.kind, end.outcome, end.details) if end else None,
+        ended=entry_of(AuditOutcome, end, number=end.pk) if end else None,
     )

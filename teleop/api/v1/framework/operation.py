@@ -48,6 +48,7 @@ from teleop.records import refusals
 from teleop.records.refusals import RefusedRequest
 
 View = TypeVar("View", bound=Callable[..., Any])
+Entry = TypeVar("Entry", bound=Struct)
 
 OTHER_ROBOTS = Refusal(
     "other_robots", "This is about robots that the token does not serve: use another token.", "account"
@@ -266,6 +267,12 @@ class Operation:
 
 operation = Operation  # lower case, because it is used as a decorator
 reads = partial(operation, scope=Scope.READ, refuses=(404,))  # the most usual kind; lists have no 404
+
+
+def entry_of(kind: type[Entry], row: object, **others: Any) -> Entry:
+    """Return an entry of an answer: `others`, and the remaining fields from the row's attributes of these names."""
+    same = {name: getattr(row, name) for name in kind.__struct_fields__ if name not in others}
+    return kind(**same, **others)
 
 
 def _kind_of(content_type: str) -> Any:

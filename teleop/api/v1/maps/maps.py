@@ -19,7 +19,7 @@ from robots.places.selectors import MapOfRobots, maps_of
 from robots.registry.models import Robot, RobotMap, Role
 from robots.shared import wire
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import reads
+from teleop.api.v1.framework.operation import entry_of, reads
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.framework.versions import etag_of
 from teleop.api.v1.setup.base import SetupView, edits, mark_of, require_unchanged
@@ -113,18 +113,15 @@ class MapsBase(SetupView):
         roles = roles_of(self.person, {robot for one in found for robot in [*one.robots, *one.earlier]})
         changed = {robot for robot, role in roles.items() if role >= Role.SUPERVISOR}
         return [
-            MapDetail(
+            entry_of(
+                MapDetail,
+                one.drawn,
                 map=one.digest,
                 name=names.get(one.digest, ""),
                 robots=[robot.slug for robot in one.robots],
                 earlier=[robot.slug for robot in one.earlier],
                 changeable=any(robot.id in changed for robot in [*one.robots, *one.earlier])
                 and self.serves(selectors.robots_with(one.digest)),
-                resolution_m=one.drawn.resolution_m,
-                width=one.drawn.width,
-                height=one.drawn.height,
-                origin_x_m=one.drawn.origin_x_m,
-                origin_y_m=one.drawn.origin_y_m,
                 origin_rad=one.drawn.origin_yaw,
                 picture=f"/api/v1/maps/{one.digest}/picture",
                 places=[detail_of(place) for place in places.get(one.digest, [])],

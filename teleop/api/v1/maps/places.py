@@ -6,6 +6,7 @@ from typing import Annotated
 
 from django.db import transaction
 from django.http import HttpResponse
+from django.shortcuts import get_object_or_404
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -19,7 +20,7 @@ from robots.shared.sentences import joined
 from robots.shared.wire import Refusal
 from robots.shared.wire.navigation import Coordinate, Heading
 from teleop.api.v1.framework.operation import reads
-from teleop.api.v1.framework.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.maps.maps import MapsBase, PlaceDetail, detail_of
 from teleop.api.v1.setup.base import edits, locked, makes, manages, require_unchanged
 
@@ -60,11 +61,8 @@ class PlacesBase(MapsBase):
     """Base of the views of places."""
 
     def place(self, digest: str, number: int) -> Place:
-        """Return a place of a map that the person sees. Raises `Problem`: not found."""
-        found = Place.objects.filter(map=self.seen_map(digest).digest, pk=number).first()
-        if found is None:
-            raise Problem(NOT_FOUND)
-        return found
+        """Return a place of a map that the person sees. Raises `Problem` or `Http404`."""
+        return get_object_or_404(Place, map=self.seen_map(digest).digest, pk=number)
 
 
 class PlacesView(PlacesBase):

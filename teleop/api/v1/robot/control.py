@@ -20,7 +20,7 @@ from robots.registry.selectors import robot_facts
 from robots.shared import wire
 from robots.shared.sentences import say
 from robots.shared.wire import Booked, Control, ControlState, Limits, Refusal
-from teleop.api.v1.framework.operation import ApiView, operation
+from teleop.api.v1.framework.operation import ApiView, entry_of, operation
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.programs.connection import ProgramConnection, ProgramSignIn, Velocity
 from teleop.api.v1.programs.registry import UNUSED_S, programs
@@ -253,19 +253,10 @@ def _velocity(robot: Robot, asked: VelocityRequest) -> Velocity:
 def _entry(control: Control | None) -> ControlEntry:
     if control is None:
         return ControlEntry("unknown")
-    mine = control.state == "yours"
-    return ControlEntry(
-        state=control.state,
-        holder=control.holder,
-        fence=control.fence,
+    return entry_of(
+        ControlEntry,
+        control,
         session=UUID(control.session) if control.session else None,
         term_s=control.remaining_s,
-        unused_s=UNUSED_S if mine else None,
-        requests=control.requests,
-        ahead=control.ahead,
-        offer_s=control.offer_s,
-        refusal=control.refusal,
-        booked=control.booked,
-        next_booked=control.next_booked,
-        out_s=control.out_s,
+        unused_s=UNUSED_S if control.state == "yours" else None,
     )

@@ -18,7 +18,7 @@ from robots.registry.models import Robot, RobotMap
 from robots.shared import wire
 from robots.shared.wire import Refusal
 from robots.shared.wire.navigation import Coordinate, Heading, MapDigest
-from teleop.api.v1.framework.operation import reads
+from teleop.api.v1.framework.operation import entry_of, reads
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.robot.control import ProgramView
@@ -122,17 +122,12 @@ class MapView(ProgramView):
         """The last one that the console knows: it is read while somebody has control."""
         robot = self.robot(slug)
         found = newest_map(robot)
-        return MapEntry(
+        return entry_of(
+            MapEntry,
+            found,
             number=found.pk,
             map=found.digest,
-            resolution_m=found.resolution_m,
-            width=found.width,
-            height=found.height,
-            origin_x_m=found.origin_x_m,
-            origin_y_m=found.origin_y_m,
             origin_rad=found.origin_yaw,
-            first_seen_at=found.first_seen_at,
-            last_seen_at=found.last_seen_at,
             picture=f"/api/v1/robots/{robot.slug}/map/picture?{_NUMBER.name}={found.pk}",
         )
 

@@ -17,7 +17,7 @@ from robots.registry.models import Robot, Role
 from robots.registry.selectors import link_address, phrases_of, robot_rows
 from robots.shared.link.pending_stops import name_of
 from robots.shared.wire import PendingStop, Refusal, RobotFacts, State
-from teleop.api.v1.framework.operation import ApiView, reads
+from teleop.api.v1.framework.operation import ApiView, entry_of, reads
 from teleop.api.v1.framework.parameters import Time, whole_number
 from teleop.control import lease_checks
 from teleop.control.rules import out_of_service
@@ -80,11 +80,7 @@ class RobotsView(ApiView):
         served = [row for row in robot_rows() if self.token_serves(row.id)]
         roles = roles_by_id(self.person, [row.id for row in served])
         return RobotList(
-            [
-                RobotEntry(row.slug, row.name, row.profile, row.practice, row.enabled, roles[row.id].value)
-                for row in served
-                if row.id in roles
-            ]
+            [entry_of(RobotEntry, row, role=roles[row.id].value) for row in served if row.id in roles]
         )
 
 
@@ -99,12 +95,10 @@ class RobotView(ApiView):
         lease = lease_of(robot.id)
         held = lease is not None and lease_checks.lapse_reason(lease, timezone.now()) is None
         state, refusal = _state(robot)
-        return RobotDetail(
-            slug=robot.slug,
-            name=robot.name,
+        return entry_of(
+            RobotDetail,
+            robot,
             profile=robot.profile.slug,
-            practice=robot.practice,
-            enabled=robot.enabled,
             role=role.value,
             facts=known.facts,
             holder=lease.name if lease and held else None,

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 from django.db import transaction
+from django.shortcuts import get_object_or_404
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -16,7 +17,7 @@ from robots.access.models import GroupRole, Qualification, RobotGroup
 from robots.access.pages.forms import free_slug
 from robots.registry.models import Robot, Role
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.setup.base import (
     SetupView,
     edits,
@@ -213,9 +214,7 @@ class QualificationsBase(SetupView):
     def qualification(self, slug: str) -> Qualification:
         """Return a qualification. Raises `Problem`: not found, not staff, or not served by the token."""
         self.staff()
-        found = Qualification.objects.filter(slug=slug).first()
-        if found is None:
-            raise Problem(NOT_FOUND)
+        found = get_object_or_404(Qualification, slug=slug)
         self.require_served(_demanding(found))
         return found
 

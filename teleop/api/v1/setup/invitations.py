@@ -6,6 +6,7 @@ from datetime import date
 from typing import Annotated
 from uuid import UUID
 
+from django.shortcuts import get_object_or_404
 from django.urls import reverse
 from django.utils import timezone
 from msgspec import Meta, Struct
@@ -17,8 +18,9 @@ from robots.access.models import Invitation
 from robots.access.pages.forms import InvitationForm, end_of
 from robots.shared.wire import Refusal
 from teleop.api.v1.courses import Changed, CoursesBase, PeopleRequest
+from teleop.api.v1.framework.operation import entry_of
 from teleop.api.v1.framework.parameters import Time
-from teleop.api.v1.framework.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.setup.base import makes, manages
 
 
@@ -77,10 +79,9 @@ class InvitationView(CoursesBase):
     @manages("invitations_revoke", "Revoke an invitation")
     def delete(self, _request: Request, slug: str, invitation_id: UUID) -> None:
         """End an invitation: its link admits nobody any more. A repeated call changes nothing."""
-        found = Invitation.objects.select_related("course").filter(pk=invitation_id, course=self.course(slug))
-        if (one := found.first()) is None:
-            raise Problem(NOT_FOUND)
-        enrolment.invitation_revoke(invitation=one, actor=self.person)
+        invitations = Invitation.objects.select_related("course").filter(course=self.course(slug))
+        found = get_object_or_404(invitations, pk=invitation_id)
+        enrolment.invitation_revoke(invitation=found, actor=self.person)
 
 
 class WelcomeView(CoursesBase):
@@ -97,12 +98,9 @@ class WelcomeView(CoursesBase):
 
 
 def _entry(request: Request, one: Invitation) -> InvitationEntry:
-    return InvitationEntry(
-        id=one.pk,
+    return entry_of(
+        InvitationEntry,
+        one,
         link=public_url(request._request, reverse("join", args=[one.code])),
-        made_at=one.made_at,
-        expires_at=one.expires_at,
-        most_uses=one.most_uses,
-        uses=one.uses,
         refusal=enrolment.check_invitation(one, timezone.now()),
     )

@@ -8,6 +8,7 @@ from uuid import UUID
 
 from django.db import transaction
 from django.db.models import Q
+from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from msgspec import Meta, Struct
 from rest_framework.request import Request
@@ -21,9 +22,9 @@ from robots.access.selectors import robots_managed_by
 from robots.registry.models import Robot
 from robots.shared import wire
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import reads
+from teleop.api.v1.framework.operation import entry_of, reads
 from teleop.api.v1.framework.parameters import Moment, Time, utc
-from teleop.api.v1.framework.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.setup.base import SetupView, edits, faults_named, makes, manages, require_unchanged
 
 Weekday = Literal["mon", "tue", "wed", "thu", "fri", "sat", "sun"]
@@ -230,7 +231,7 @@ class PeriodsView(PoliciesBase):
         """Out-of-service periods of the robots that you may see."""
         open_now = Q(ends_at=None) | Q(ends_at__gt=timezone.now())
         found = OutOfService.objects.filter(open_now, robot__in=self.robots()).select_related("robot")
-        return PeriodList([PeriodEntry(**_period(one)) for one in found])
+        return PeriodList([entry_of(PeriodEntry, one, robot=one.robot.slug) for one in found])
 
     @makes("out_of_service_add", "Take a robot out of service", keyed=True)
     def post(self, _request: Request, body: PeriodRequest) -> PeriodMade:
@@ -246,7 +247,7 @@ class PeriodsView(PoliciesBase):
                 actor=self.person,
                 now=now,
             )
-        return PeriodMade(**_period(period), affected=[booking.pk for booking in affected])
+        return entry_of(PeriodMade, period, robot=body.robot, affected=[booking.pk for booking in affected])
 
 
 class PeriodView(PoliciesBase):
@@ -257,11 +258,8 @@ class PeriodView(PoliciesBase):
         return [self.period(period_id).robot]
 
     def period(self, period_id: UUID) -> OutOfService:
-        """Return a period of a robot that the person manages. Raises `Problem`: not found."""
-        found = OutOfService.objects.filter(pk=period_id, robot__in=self.managed()).first()
-        if found is None:
-            raise Problem(NOT_FOUND)
-        return found
+        """Return a period of a robot that the person manages. Raises `Http404`."""
+        return get_object_or_404(OutOfService, pk=period_id, robot__in=self.managed())
 
     @manages("out_of_service_end", "Put a robot back into service")
     def delete(self, _request: Request, period_id: UUID) -> None:
@@ -275,17 +273,5 @@ def _common() -> Policy:
 
 
 def _rules(policy: Policy) -> Rules:
-    values = {name: getattr(policy, name) for name in Rules.__struct_fields__ if name != "opening"}
     opening = {day: (opens, closes) for day, (opens, closes) in policy.opening.items()}
-    return Rules(opening=opening, **values)
-
-
-def _period(one: OutOfService) -> dict[str, Any]:
-    return {
-        "id": one.pk,
-        "robot": one.robot.slug,
-        "starts_at": one.starts_at,
-        "ends_at": one.ends_at,
-        "why": one.why,
-        "note": one.note,
-    }
+    return entry_of(Rules, policy, opening=opening)

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 from django.db import transaction
+from django.shortcuts import get_object_or_404
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -22,9 +23,9 @@ from robots.registry.phrases import (
 from robots.registry.services import phrases_import, profile_save
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import reads
+from teleop.api.v1.framework.operation import entry_of, reads
 from teleop.api.v1.framework.parameters import Time
-from teleop.api.v1.framework.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.setup.base import SetupView, edits, faults_named, locked, require_unchanged
 
 Topic = Annotated[str, Meta(max_length=200)]
@@ -109,9 +110,7 @@ class ProfilesView(SetupView):
     @reads("profiles_list", "List the kinds of robots", refuses=())
     def get(self, _request: Request) -> ProfileList:
         """By name."""
-        return ProfileList(
-            [ProfileEntry(one.slug, one.name) for one in RobotProfile.objects.order_by("name")]
-        )
+        return ProfileList([entry_of(ProfileEntry, one) for one in RobotProfile.objects.order_by("name")])
 
 
 class ProfilesBase(SetupView):
@@ -124,14 +123,11 @@ class ProfilesBase(SetupView):
         return self.profile(slug).robots.all()
 
     def profile(self, slug: str) -> RobotProfile:
-        """Return a profile. Raises `Problem`: not found."""
-        found = RobotProfile.objects.filter(slug=slug).first()
-        if found is None:
-            raise Problem(NOT_FOUND)
-        return found
+        """Return a profile. Raises `Http404`."""
+        return get_object_or_404(RobotProfile, slug=slug)
 
     def changeable(self, slug: str) -> RobotProfile:
-        """Return a profile, for staff. Raises `Problem`."""
+        """Return a profile, for staff. Raises `Problem` or `Http404`."""
         self.staff()
         return self.profile(slug)
 
@@ -142,19 +138,19 @@ class ProfileView(ProfilesBase):
     @reads("profiles_read", "Read a profile", answer=ProfileDetail)
     def get(self, _request: Request, slug: str) -> Response:
         """Limits, body, ROS interface, gate and stick of this kind of robots."""
-        return self.tagged(_detail(self.profile(slug)))
+        return self.tagged(entry_of(ProfileDetail, self.profile(slug)))
 
     @edits("profiles_change", "Change a profile", answer=ProfileDetail)
     def patch(self, request: Request, slug: str, body: ProfileChange) -> Response:
         """For staff. Bridges of its robots start again, and robots that move stop for it."""
         with faults_named(), transaction.atomic():
             found = locked(self.changeable(slug))
-            require_unchanged(request, _detail(found))
+            require_unchanged(request, entry_of(ProfileDetail, found))
             for name, value in structs.asdict(body).items():
                 if value is not UNSET:
                     setattr(found, name, value)
             profile_save(profile=found, actor=self.staff())
-        return self.tagged(_detail(self.profile(slug)))
+        return self.tagged(entry_of(ProfileDetail, self.profile(slug)))
 
 
 class PhrasesBase(ProfilesBase):
@@ -224,7 +220,3 @@ def _lines(body: PhraseTexts) -> list[Line]:
 def _phrases(owner: RobotProfile | Robot) -> PhraseTexts:
     lines = [phrase.line for phrase in owner.phrases.all()]
     return PhraseTexts([PhraseText(one.text, one.language, list(one.tags)) for one in lines])
-
-
-def _detail(profile: RobotProfile) -> ProfileDetail:
-    return ProfileDetail(**{name: getattr(profile, name) for name in ProfileDetail.__struct_fields__})

@@ -17,7 +17,7 @@ from robots.registry.models import Robot, RobotProfile
 from robots.registry.selectors import slug_for
 from robots.registry.services import robot_save
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.operation import entry_of, operation
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.setup.base import IF_MATCH, SetupView, faults_named, locked, require_unchanged
@@ -134,9 +134,4 @@ def _saved(robot: Robot, staff: User) -> Robot:
 
 
 def _entry(robot: Robot) -> Registration:
-    columns: dict[str, Any] = {
-        name: getattr(robot, name)
-        for name in Registration.__struct_fields__
-        if name not in ("profile", "updated_at")
-    }
-    return Registration(**columns, profile=robot.profile.slug, updated_at=robot.updated_at)
+    return entry_of(Registration, robot, profile=robot.profile.slug)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from datetime import datetime, timedelta
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 from uuid import UUID
 
 from allauth.account.internal.flows.reauthentication import did_recently_reauthenticate
 from django.db.models import Count, Max
+from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from msgspec import Meta, Struct, structs
+from msgspec import Meta, Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
 
@@ -23,7 +24,7 @@ from robots.access.selectors import robots_visible_to
 from robots.registry.models import Robot
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import operation, reads
+from teleop.api.v1.framework.operation import entry_of, operation, reads
 from teleop.api.v1.framework.parameters import Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import SetupView, makes, manages
@@ -78,6 +79,9 @@ class TokenMade(TokenEntry, frozen=True, kw_only=True):
     token: str
 
 
+Kind = TypeVar("Kind", bound=TokenEntry)
+
+
 class TokenRequest(Struct, frozen=True, forbid_unknown_fields=True):
     """A new token. A field that is left out is as in the token of the request; from a browser: all robots, 90 days."""
 
@@ -124,23 +128,19 @@ class TokensBase(SetupView):
 
     def listed(self, owner: User) -> TokenList:
         """Return the tokens of a person."""
-        return TokenList([self.entry(token, owner) for token in tokens_of(owner)])
+        return TokenList([self.entry(TokenEntry, token, owner) for token in tokens_of(owner)])
 
-    def entry(self, token: Token, owner: User) -> TokenEntry:
+    def entry(self, kind: type[Kind], token: Token, owner: User, **others: str) -> Kind:
         """Return a token as it is shown to its owner."""
         slugs = {str(robot.pk): robot.slug for robot in robots_visible_to(owner)}
-        return TokenEntry(
-            id=token.pk,
-            name=token.name,
-            scopes=list(token.scopes),
+        return entry_of(
+            kind,
+            token,
             robots=[slugs[key] for key in token.robots if key in slugs] if token.robots else None,
-            made_at=token.made_at,
-            expires_at=token.expires_at,
             expired=token.expires_at <= timezone.now(),
-            used_at=token.used_at,
-            used_from=token.used_from,
             made_with=token.made_with_id,
             current=self.token is not None and token.pk == self.token.pk,
+            **others,
         )
 
     def make(self, owner: User, body: TokenRequest) -> Response:
@@ -169,7 +169,7 @@ class TokensBase(SetupView):
             raise Problem(_TOO_MANY) from error
         except TokenInvalid as error:
             raise Problem(Refusal(error.code, error.text, "account")) from error
-        return self.shown_once(TokenMade(**structs.asdict(self.entry(made, owner)), token=text))
+        return self.shown_once(self.entry(TokenMade, made, owner, token=text))
 
     def _robots(self, owner: User, body: TokenRequest) -> list[Robot]:
         """Return the robots to which the new token is bound; an empty list: all robots. Raises `Problem`."""
@@ -283,12 +283,10 @@ class ServiceTokensView(TokensBase):
         return self.make(self.account(username), body)
 
     def account(self, username: str) -> User:
-        """Return an open service account. Raises `Problem`."""
+        """Return an open service account. Raises `Problem` or `Http404`."""
         self.staff()
-        found = User.objects.exclude(project="").filter(username=username.replace("\0", ""), is_active=True)
-        if (account := found.first()) is None:
-            raise Problem(NOT_FOUND)
-        return account
+        accounts = User.objects.exclude(project="").filter(is_active=True)
+        return get_object_or_404(accounts, username=username.replace("\0", ""))
 
 
 def _more(what: str, given: str) -> Refusal:
@@ -297,11 +295,10 @@ def _more(what: str, given: str) -> Refusal:
 
 
 def _account(one: User) -> ServiceAccount:
-    return ServiceAccount(
-        id=one.pk,
-        username=one.username,
+    return entry_of(
+        ServiceAccount,
+        one,
         name=one.full_name,
-        project=one.project,
         active=one.is_active,
         tokens=getattr(one, "count", 0),
         used_at=getattr(one, "used", None),

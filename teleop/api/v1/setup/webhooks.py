@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 from uuid import UUID
 
 from django.db.models import Count, Q
@@ -14,6 +14,7 @@ from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
 from robots.registry.models import Robot
+from teleop.api.v1.framework.operation import entry_of
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import SetupView, makes, manages
@@ -55,6 +56,9 @@ class WebhookMade(WebhookEntry, frozen=True, kw_only=True):
     """A new webhook, with the secret that checks its signatures: shown once."""
 
     secret: str
+
+
+Kind = TypeVar("Kind", bound=WebhookEntry)
 
 
 class WebhookRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -140,7 +144,7 @@ class WebhooksView(WebhooksBase):
     @manages("webhooks_list", "List webhooks", refuses=())
     def get(self, _request: Request) -> WebhookList:
         """For staff."""
-        return WebhookList([WebhookEntry(**_entry(one)) for one in self.seen()])
+        return WebhookList([_entry(WebhookEntry, one) for one in self.seen()])
 
     @makes(
         "webhooks_make",
@@ -171,7 +175,7 @@ class WebhooksView(WebhooksBase):
             texts=body.texts,
             actor=staff,
         )
-        answer = WebhookMade(**_entry(self.one(made.pk)), secret=secret)
+        answer = _entry(WebhookMade, self.one(made.pk), secret=secret)
         return self.shown_once(answer, f"/api/v1/webhooks/{made.pk}")
 
 
@@ -181,14 +185,14 @@ class WebhookView(WebhooksBase):
     @manages("webhooks_read", "Read a webhook")
     def get(self, _request: Request, webhook_id: UUID) -> WebhookEntry:
         """For staff."""
-        return WebhookEntry(**_entry(self.one(webhook_id)))
+        return _entry(WebhookEntry, self.one(webhook_id))
 
     @manages("webhooks_change", "Pause or resume a webhook")
     def patch(self, _request: Request, webhook_id: UUID, body: WebhookChange) -> WebhookEntry:
         """For staff. A paused webhook goes on with the events since then, of at most 7 days."""
         step = services.webhook_pause if body.paused else services.webhook_resume
         step(webhook=self.one(webhook_id), actor=self.staff())
-        return WebhookEntry(**_entry(self.one(webhook_id)))
+        return _entry(WebhookEntry, self.one(webhook_id))
 
     @manages("webhooks_delete", "Delete a webhook")
     def delete(self, _request: Request, webhook_id: UUID) -> None:
@@ -224,33 +228,26 @@ class AgainView(WebhooksBase):
         return TriedAgain(services.webhook_again(webhook=self.one(webhook_id), actor=self.staff()))
 
 
-def _entry(webhook: Webhook) -> dict[str, Any]:
-    robots: list[Robot] = list(webhook.robots.all())
+def _entry(kind: type[Kind], webhook: Webhook, **others: str) -> Kind:
     paused = webhook.paused_at is not None
-    return {
-        "id": webhook.pk,
-        "name": webhook.name,
-        "address": webhook.address,
-        "kinds": list(webhook.kinds),
-        "robots": [robot.slug for robot in robots],
-        "texts": webhook.texts,
-        "paused": paused,
-        "owner": webhook.owner.username if webhook.owner else None,
-        "sends": not paused and not webhook.orphaned,
-        "made_at": webhook.made_at,
-        "waiting": getattr(webhook, "waiting", 0),
-        "given_up": getattr(webhook, "given_up", 0),
-    }
+    return entry_of(
+        kind,
+        webhook,
+        robots=[robot.slug for robot in webhook.robots.all()],
+        paused=paused,
+        owner=webhook.owner.username if webhook.owner else None,
+        sends=not paused and not webhook.orphaned,
+        **others,
+    )
 
 
 def _delivery(one: WebhookDelivery) -> DeliveryEntry:
     waits = one.state == State.WAITING
-    return DeliveryEntry(
+    return entry_of(
+        DeliveryEntry,
+        one,
         number=one.pk,
         type=one.kind,
-        record=one.record,
-        made_at=one.made_at,
-        state=one.state,  # type: ignore[arg-type]  # the names of `State`
         next_at=one.due_at if waits else None,
         answers=[
             Answer(
