@@ -15,7 +15,6 @@ from prometheus_client import CollectorRegistry, Histogram, disable_created_metr
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
 from prometheus_client.registry import Collector
-from rest_framework.request import Request
 
 from fleet.accounts.tokens.models import Scope
 from fleet.audit.models import Record
@@ -168,13 +167,15 @@ class MetricsView(ApiView):
     schema = None
 
     @operation("metrics", "Metrics", scope=Scope.READ, parameters=[OpenApiParameter(OWN, int)])
-    def get(self, request: Request) -> HttpResponse:
+    def get(self) -> HttpResponse:
         """In the text format of Prometheus: robots, and all web processes of this computer."""
         if not self.person.is_staff:
             raise Problem(_STAFF_ONLY)
         found = _own
-        if OWN not in request.query_params:
+        if OWN not in self.request.query_params:
             found = CollectorRegistry(auto_describe=False)
             found.register(RobotCollector())
-            found.register(WebCollector(request.get_host(), request.headers.get("Authorization", "")))
+            found.register(
+                WebCollector(self.request.get_host(), self.request.headers.get("Authorization", ""))
+            )
         return HttpResponse(generate_latest(found), content_type=CONTENT_TYPE_PLAIN_0_0_4)

@@ -17,7 +17,6 @@ from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
@@ -255,9 +254,9 @@ class BookingsBase(ApiView):
             headers["Location"] = f"/api/v1/bookings/{booking.pk}"
         return Response(wire.to_builtins(entry), status, headers=headers)
 
-    def change(self, request: Request, booking_id: UUID, step: Callable[..., Any], **facts: Any) -> Response:
+    def change(self, booking_id: UUID, step: Callable[..., Any], **facts: Any) -> Response:
         """Change a booking if the client has seen its newest version (If-Match)."""
-        version = version_seen(request)
+        version = version_seen(self.request)
         self.one(booking_id)
         step(booking_id=booking_id, version=version, actor=self.person, now=timezone.now(), **facts)
         return self.answer(booking_id)
@@ -267,7 +266,7 @@ class BookingsView(BookingsBase):
     """`/bookings`."""
 
     @reads("bookings_list", "List bookings")
-    def get(self, _request: Request, query: BookingsAsked) -> BookingList:
+    def get(self, query: BookingsAsked) -> BookingList:
         """Bookings of all robots that you may see, as in the calendar. `from` and `to`: those that overlap this
         time, also cancelled ones. Of other people's bookings that are over, only supervisors of the robot or the course
         and staff read the person."""
@@ -302,7 +301,7 @@ class BookingsView(BookingsBase):
             }
         },
     )
-    def post(self, _request: Request, body: BookRequest) -> Response:
+    def post(self, body: BookRequest) -> Response:
         """All rules that refuse stand in `refusals`; if the time is taken, `alternatives` has free slots."""
         robot, slot, now = self.robot(body.robot), _slot(body.starts_at, body.ends_at), timezone.now()
         owner = self.person
@@ -330,7 +329,7 @@ class FreeView(BookingsBase):
     """`/bookings/free`."""
 
     @reads("bookings_free", "Search free slots")
-    def get(self, _request: Request, query: FreeAsked) -> SlotList:
+    def get(self, query: FreeAsked) -> SlotList:
         """Within seven days from `after` (now, if left out), slots that no rule would refuse to you."""
         now = timezone.now()
         robots = [self.robot(query.robot)] if query.robot is not None else self.robots()
@@ -346,51 +345,51 @@ class BookingView(BookingsBase):
     """`/bookings/{id}`."""
 
     @reads("bookings_read", "Read a booking", answer=BookingEntry)
-    def get(self, _request: Request, booking_id: UUID) -> Response:
+    def get(self, booking_id: UUID) -> Response:
         """The answer has an ETag: send it as If-Match with a change."""
         return self.answer(self.one(booking_id).pk)
 
     @_change_seen("bookings_move", "Move, lengthen or shorten a booking", problem=BookingProblem)
-    def patch(self, request: Request, booking_id: UUID, body: MoveRequest) -> Response:
+    def patch(self, booking_id: UUID, body: MoveRequest) -> Response:
         """For its person, and people who manage it. After the start of a slot, only its end can change."""
-        version_seen(request)
+        version_seen(self.request)
         old = self.one(booking_id)
         slot = _slot(body.starts_at or old.starts_at, body.ends_at or old.ends_at)
         with _alternatives():
-            return self.change(request, booking_id, services.booking_move, slot=slot, override=body.override)
+            return self.change(booking_id, services.booking_move, slot=slot, override=body.override)
 
     @_change_seen("bookings_cancel", "Cancel a booking, or finish it early")
-    def delete(self, request: Request, booking_id: UUID, query: CancelAsked) -> Response:
+    def delete(self, booking_id: UUID, query: CancelAsked) -> Response:
         """The rest of the slot is free for others at once."""
-        return self.change(request, booking_id, services.booking_cancel, reason=query.reason)
+        return self.change(booking_id, services.booking_cancel, reason=query.reason)
 
 
 class HandBookingView(BookingsBase):
     """`/bookings/{id}/hand-over`."""
 
     @_change_seen("bookings_hand_over", "Hand a booking to a colleague", keyed=True)
-    def post(self, request: Request, booking_id: UUID, body: HandBookingRequest) -> Response:
+    def post(self, booking_id: UUID, body: HandBookingRequest) -> Response:
         """The rules must allow it for them."""
-        version_seen(request)
+        version_seen(self.request)
         to = services.colleague_named(body.to, self.person, self.one(booking_id))
-        return self.change(request, booking_id, services.booking_hand, to=to)
+        return self.change(booking_id, services.booking_hand, to=to)
 
 
 class ApproveView(BookingsBase):
     """`/bookings/{id}/approve`."""
 
     @_change_seen("bookings_approve", "Approve a booking", keyed=True)
-    def post(self, request: Request, booking_id: UUID) -> Response:
+    def post(self, booking_id: UUID) -> Response:
         """For supervisors of the robot or of the booking’s course, and staff. Refused if the booking has
         changed since they read it."""
-        return self.change(request, booking_id, services.booking_approve)
+        return self.change(booking_id, services.booking_approve)
 
 
 class AcceptView(BookingsBase):
     """`/bookings/{id}/accept`."""
 
     @_change("bookings_accept", "Accept an offer", keyed=True)
-    def post(self, _request: Request, booking_id: UUID) -> Response:
+    def post(self, booking_id: UUID) -> Response:
         """For the person who waited for the slot, before `offer_until`."""
         self.one(booking_id)
         offer_accept(booking_id=str(booking_id), actor=self.person, now=timezone.now())
@@ -401,13 +400,13 @@ class WaitingView(BookingsBase):
     """`/waiting`."""
 
     @reads("waiting_list", "List the slots for which you wait", refuses=())
-    def get(self, _request: Request) -> WaitingList:
+    def get(self) -> WaitingList:
         """Lists the slots to come for which you wait."""
         found = self.waiting().filter(starts_at__gt=timezone.now()).order_by("starts_at", "pk")
         return WaitingList([_waiting(one) for one in found])
 
     @_change("waiting_join", "Wait for a slot that is taken", answer=WaitingEntry, status=201, keyed=True)
-    def post(self, _request: Request, body: WaitRequest) -> Response:
+    def post(self, body: WaitRequest) -> Response:
         """Refused if the slot is free, or another rule refuses it."""
         slot = _slot(body.starts_at, body.ends_at)
         made = waiting_join(robot=self.robot(body.robot), person=self.person, slot=slot, now=timezone.now())
@@ -434,7 +433,7 @@ class WaitingOneView(WaitingView):
         return get_object_or_404(self.waiting(), pk=min(number, 2**62))
 
     @_change("waiting_leave", "Wait no longer", refuses=(404,))
-    def delete(self, _request: Request, number: int) -> None:
+    def delete(self, number: int) -> None:
         """Leave the line for one slot."""
         waiting_leave(person=self.person, waiting_id=self.one_waiting(number).pk)
 

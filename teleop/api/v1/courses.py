@@ -10,7 +10,6 @@ from django.db import transaction
 from django.db.models import Count, Q
 from django.utils import timezone
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
@@ -33,7 +32,6 @@ from teleop.api.v1.setup.base import (
     makes,
     manages,
     named_groups,
-    require_unchanged,
 )
 from teleop.api.v1.setup.groups import account_named
 
@@ -319,7 +317,7 @@ class CoursesView(CoursesBase):
     """`/courses`."""
 
     @manages("courses_list", "List the courses that you manage", refuses=())
-    def get(self, _request: Request) -> CourseList:
+    def get(self) -> CourseList:
         """Staff manage all."""
         return CourseList([_entry(CourseEntry, course) for course in self.courses()])
 
@@ -337,7 +335,7 @@ class CoursesView(CoursesBase):
             }
         },
     )
-    def post(self, _request: Request, body: CourseRequest) -> Response:
+    def post(self, body: CourseRequest) -> Response:
         """For staff. Its people are enrolled at `/courses/{slug}/members`."""
         self.staff()
         course = Course(name=body.name, slug=free_slug(Course, body.name))
@@ -349,18 +347,18 @@ class CourseView(CoursesBase):
     """`/courses/{slug}`."""
 
     @manages("courses_read", "Read a course", answer=CourseDetail)
-    def get(self, _request: Request, slug: str) -> Response:
+    def get(self, slug: str) -> Response:
         """Robots, dates, quotas, supervisors, and what its robots demand."""
         return self.tagged(self.detail(self.course(slug)))
 
     @edits("courses_change", "Change a course, archive it or open it again", answer=CourseDetail)
-    def patch(self, request: Request, slug: str, body: CourseChange) -> Response:
+    def patch(self, slug: str, body: CourseChange) -> Response:
         """For staff. An archived course gives its people nothing."""
         staff = self.staff()
         with transaction.atomic():
             course = self.course(slug)
             list(Course.objects.select_for_update().filter(pk=course.pk))  # locked between check and save
-            require_unchanged(request, self.detail(course))
+            self.require_unchanged(self.detail(course))
             self.save(course, body)
             if isinstance(body.archived, bool):
                 services.course_archive(course=course, archived=body.archived, actor=staff)
@@ -371,7 +369,7 @@ class MembersView(CoursesBase):
     """`/courses/{slug}/members`."""
 
     @manages("members_list", "List a course’s people")
-    def get(self, _request: Request, slug: str) -> MemberList:
+    def get(self, slug: str) -> MemberList:
         """With the qualifications that they hold."""
         course = self.course(slug)
         held = grants_in(course, timezone.now())
@@ -399,13 +397,13 @@ class MembersView(CoursesBase):
         keyed=True,
         examples={"Two people": {"list": "Ada Lovelace <ada@example.org>\nAlan Turing, alan@example.org"}},
     )
-    def post(self, request: Request, slug: str, body: EnrolRequest) -> EnrolAnswer:
+    def post(self, slug: str, body: EnrolRequest) -> EnrolAnswer:
         """A repeated call changes nothing. Lines that cannot be used are left out and named."""
         course, people = self.course(slug), read_people(body.list)
         if body.preview:
             plan = enrolment.plan_of(people, course, self.person)
         else:
-            site = public_origin(request._request)
+            site = public_origin(self.request._request)
             plan = enrolment.enrol_list(course=course, people=people, actor=self.person, site=site)
         return EnrolAnswer(
             enrolled=0 if body.preview else plan.to_enrol,
@@ -422,7 +420,7 @@ class MemberView(CoursesBase):
     """`/courses/{slug}/members/{username}`."""
 
     @manages("members_remove", "Take a person out of a course")
-    def delete(self, _request: Request, slug: str, username: str) -> None:
+    def delete(self, slug: str, username: str) -> None:
         """Ends the course’s role, and control by it."""
         course = self.course(slug)
         people = list(User.objects.filter(username=username.replace("\0", ""), enrolments__course=course))
@@ -434,7 +432,7 @@ class GrantView(CoursesBase):
     """`/courses/{slug}/qualifications/{qualification}/grant`."""
 
     @manages("qualifications_grant", "Grant a qualification to people of a course", keyed=True)
-    def post(self, _request: Request, slug: str, qualification: str, body: GrantRequest) -> Changed:
+    def post(self, slug: str, qualification: str, body: GrantRequest) -> Changed:
         """Replaces an earlier grant."""
         found, people, last_day = self.chosen(slug, qualification, body.people, body.last_day)
         granted = services.qualification_grant(
@@ -447,7 +445,7 @@ class RevokeView(CoursesBase):
     """`/courses/{slug}/qualifications/{qualification}/revoke`."""
 
     @manages("qualifications_revoke", "Revoke a qualification of people of a course", keyed=True)
-    def post(self, _request: Request, slug: str, qualification: str, body: PeopleRequest) -> Changed:
+    def post(self, slug: str, qualification: str, body: PeopleRequest) -> Changed:
         """Ends their control of robots that demand it."""
         found, people, _ = self.chosen(slug, qualification, body.people)
         return Changed(services.qualification_revoke(qualification=found, people=people, actor=self.person))

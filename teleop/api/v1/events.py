@@ -20,7 +20,6 @@ from rest_framework.request import Request
 
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
-from fleet.accounts.tokens.services import key_of
 from fleet.audit.models import Record
 from robots.access import who_sees
 from robots.access.selectors import robots_visible_to
@@ -124,7 +123,7 @@ class EventsView(ApiView):
     renderer_classes = [JSONRenderer, EventStream]
 
     @reads("events", "Follow the events of robots", content_type="text/event-stream")
-    def get(self, request: Request, query: EventsAsked) -> HttpResponseBase:
+    def get(self, query: EventsAsked) -> HttpResponseBase:
         """Server-sent events: bookings, control, stops, ends of motions and speech, as webhooks have them. Each has the
         number of its record as id; with Last-Event-ID nothing is missed. Events of a robot that the person may no
         longer see do not come. What others do comes without names, and at most 15 minutes late, to people who do not
@@ -133,14 +132,13 @@ class EventsView(ApiView):
             self.robot(query.robot)
         token = self.token
         bound = frozenset(UUID(robot) for robot in token.robots) if token else frozenset()
-        key = key_of(token) if token else request.session.session_key or ""
-        start, newest = _last_event(request, query), newest_record()
+        start, newest = _last_event(self.request, query), newest_record()
         start = newest if start is None else min(start, newest)
-        if request.method == "HEAD":  # the stream would never end
+        if self.request.method == "HEAD":  # the stream would never end
             return HttpResponse(content_type="text/event-stream")
         place = _places.reserve(self.person.pk)
         response = StreamingHttpResponse(
-            _stream(Reader(self.person, key, bound, query.robot, place), start),
+            _stream(Reader(self.person, self.sign_in, bound, query.robot, place), start),
             content_type="text/event-stream",
         )
         response["Cache-Control"] = "no-store"

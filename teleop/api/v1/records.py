@@ -12,7 +12,6 @@ from django.db.models import Q
 from django.http import HttpResponseBase
 from django.shortcuts import get_object_or_404
 from msgspec import Meta, Struct
-from rest_framework.request import Request
 
 from fleet.accounts.models import User
 from fleet.audit.integrity.canonical import NO_ROBOT
@@ -259,7 +258,7 @@ class SessionsView(RecordsBase):
     """`/sessions`."""
 
     @reads("sessions_list", "List control sessions")
-    def get(self, _request: Request, query: SessionsAsked) -> SessionList:
+    def get(self, query: SessionsAsked) -> SessionList:
         """Your own, and those of robots that you supervise; staff read all. `from` and `to`: when they began."""
         found = sessions_visible_to(self.person)
         token = self.token
@@ -288,7 +287,7 @@ class SessionView(RecordsBase):
     """`/sessions/{id}`."""
 
     @reads("sessions_read", "Read a control session")
-    def get(self, _request: Request, session_id: UUID) -> SessionDetail:
+    def get(self, session_id: UUID) -> SessionDetail:
         """Figures, and what happened in it."""
         session = session_visible_to(self.person, session_id)
         if session is None or not self.reads_of(session.robot_id):
@@ -308,7 +307,7 @@ class AuditView(RecordsBase):
     """`/audit`."""
 
     @reads("audit_list", "Read the log")
-    def get(self, _request: Request, query: AuditAsked) -> AuditList:
+    def get(self, query: AuditAsked) -> AuditList:
         """Your own records; staff read all. Each request with its outcome."""
         before = decoded(query.cursor, int)[0] if query.cursor else None
         selection = Selection(self.wanted(query))
@@ -322,7 +321,7 @@ class RecordView(RecordsBase):
     """`/audit/{number}`."""
 
     @reads("audit_read", "Read a record")
-    def get(self, _request: Request, number: int) -> AuditEntry:
+    def get(self, number: int) -> AuditEntry:
         """The record and its outcome. If the number is that of an outcome: its request."""
         row = row_of(get_object_or_404(Record, pk=min(number, 2**62)))
         mine = str(self.person.pk) in (row.record.actor_id, row.record.real_actor_id)
@@ -339,7 +338,7 @@ class ExportView(RecordsBase):
         return Robot.objects.filter(pk__in=[self._robot(query.robot)])
 
     @reads("audit_export", "Export the log", content_type="application/jsonl text/csv")
-    def post(self, _request: Request, query: ExportAsked) -> HttpResponseBase:
+    def post(self, query: ExportAsked) -> HttpResponseBase:
         """For staff. Streams all records that match, and is itself recorded."""
         if not self.person.is_staff:
             raise PermissionDenied("Only staff export the log. Your own data are on the page Your data.")

@@ -20,13 +20,10 @@ from django.db import DatabaseError
 from django.http import HttpResponseBase
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiParameter
-from msgspec import Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
-from fleet.accounts.tokens.models import Token
-from fleet.accounts.tokens.services import key_of
 from fleet.audit.errors import TooManyChanges
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
@@ -87,24 +84,21 @@ _UNKNOWN = Refusal(
 )
 
 
-class Requester(Struct, frozen=True):
-    """The person of a request, and their token if it has one."""
+def once(
+    request: Request, person: User, sign_in: str, work: Callable[[], HttpResponseBase]
+) -> HttpResponseBase:
+    """Do `work` and keep its answer, or return the kept answer. Without a key: only do `work`.
 
-    person: User
-    token: Token | None
-
-
-def once(request: Request, requester: Requester, work: Callable[[], HttpResponseBase]) -> HttpResponseBase:
-    """Do `work` and keep its answer, or return the kept answer. Without a key: only do `work`."""
+    `sign_in`: the key of the request's token or session.
+    """
     if (key := request.headers.get(HEADER)) is None:
         return work()
     if not re.fullmatch(r"[\x21-\x7e](?:[\x20-\x7e]{0,98}[\x21-\x7e])?", key):
         raise Problem(_WRONG_KEY)
-    sign_in = key_of(requester.token) if requester.token else request.session.session_key or ""
     digest = _digest(sign_in, key)
     raw = request.data if isinstance(request.data, bytes) else b""
     asked = _digest(request.method or "", request.get_full_path(), sha256(raw).hexdigest())
-    claim, mine = _claimed(digest, asked, requester.person)
+    claim, mine = _claimed(digest, asked, person)
     if not mine:
         if claim.request != asked:
             raise Problem(_REUSED)

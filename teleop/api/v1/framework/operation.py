@@ -30,7 +30,7 @@ from robots.registry.models import Robot, Role
 from robots.shared import wire
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.authentication import TokenAuthentication
-from teleop.api.v1.framework.idempotency import KEY_PARAMETER, Requester, once
+from teleop.api.v1.framework.idempotency import KEY_PARAMETER, once
 from teleop.api.v1.framework.parameters import parameters_of, query_of, require_declared
 from teleop.api.v1.framework.parsing import Nothing, Unparsed, decoded
 from teleop.api.v1.framework.problems import (
@@ -71,8 +71,7 @@ class ApiView(APIView):
     def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:
         """Sign the client in, and refuse clients that send too many requests."""
         super().initial(request, *args, **kwargs)
-        token = self.token
-        if asks_too_often(key_of(token) if token else request.session.session_key or ""):
+        if asks_too_often(self.sign_in):
             raise Problem(TOO_OFTEN)
 
     def get_exception_handler(self) -> Callable[[Exception, dict[str, Any]], Response | None]:
@@ -88,6 +87,11 @@ class ApiView(APIView):
     def token(self) -> Token | None:
         """The token of the request; None: a browser's session."""
         return self.request.auth if isinstance(self.request.auth, Token) else None
+
+    @property
+    def sign_in(self) -> str:
+        """The key of the request's token, or of its session."""
+        return key_of(self.token) if self.token else self.request.session.session_key or ""
 
     def accepted(self, entry: Struct, address: str) -> Response:
         """Return the answer 202: the work goes on, and its status is at this address."""
@@ -155,7 +159,8 @@ class Operation:
 
     Similar operations share a `partial(operation, ...)`. The method's docstring is the description in the
     schema. The types of its arguments `body` and `query` say how these are decoded, and the type that it returns is
-    that of the answer. If a method returns a response, for example with headers, then this response is sent.
+    that of the answer. If a method returns a response, for example with headers, then this response is sent. The
+    request is `self.request`.
     """
 
     name: str
@@ -185,9 +190,9 @@ class Operation:
                 view.require_served(view.concerned(**kwargs))
 
             def work() -> HttpResponseBase:
-                return self._response(method(view, request, *args, **kwargs))
+                return self._response(method(view, *args, **kwargs))
 
-            return once(request, Requester(view.person, view.token), work) if self.keyed else work()
+            return once(request, view.person, view.sign_in, work) if self.keyed else work()
 
         documented: View = self._schema(method)(call)
         return documented

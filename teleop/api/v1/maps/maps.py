@@ -8,7 +8,6 @@ from django.db import transaction
 from django.http import HttpResponse
 from django.utils.cache import patch_cache_control
 from msgspec import Meta, Struct
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from robots.access.selectors import roles_of
@@ -22,7 +21,7 @@ from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import entry_of, reads
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.framework.versions import etag_of
-from teleop.api.v1.setup.base import SetupView, edits, mark_of, require_unchanged
+from teleop.api.v1.setup.base import SetupView, edits, mark_of
 
 A_YEAR_S = 365 * 24 * 3600
 
@@ -142,7 +141,7 @@ class MapsView(MapsBase):
     """`/maps`."""
 
     @reads("maps_list", "List maps")
-    def get(self, _request: Request, query: MapsQuery) -> MapList:
+    def get(self, query: MapsQuery) -> MapList:
         """Of the robots that you may see, or of one: their present maps, and earlier ones that have a name or places.
         Empty: the console has no map yet. It reads a robot’s map while somebody has control."""
         robots: list[Robot] = self.robots() if query.robot is None else [self.robot(query.robot)]
@@ -153,16 +152,16 @@ class OneMapView(MapsBase):
     """`/maps/{digest}`."""
 
     @reads("maps_read", "Read a map", answer=MapDetail)
-    def get(self, _request: Request, digest: str) -> Response:
+    def get(self, digest: str) -> Response:
         """With its places."""
         return self.map_answer(self.seen_map(digest))
 
     @edits("maps_name", "Name a map", answer=MapDetail)
-    def patch(self, request: Request, digest: str, body: MapName) -> Response:
+    def patch(self, digest: str, body: MapName) -> Response:
         """For staff and supervisors of a robot that has it."""
         found = self.changeable_map(digest)
         with transaction.atomic():
-            require_unchanged(request, MapName(services.map_hold(digest).name))
+            self.require_unchanged(MapName(services.map_hold(digest).name))
             services.map_name(digest=digest, name=body.name, actor=self.person)
         return self.map_answer(found)
 
@@ -171,7 +170,7 @@ class PictureView(MapsBase):
     """`/maps/{digest}/picture`."""
 
     @reads("maps_picture", "Read the picture of a map", content_type="image/png")
-    def get(self, _request: Request, digest: str) -> HttpResponse:
+    def get(self, digest: str) -> HttpResponse:
         """PNG: obstacles are opaque, the floor is faint, the unknown is transparent. It never changes."""
         drawn = RobotMap.objects.get(pk=self.seen_map(digest).drawn.pk)
         answer = HttpResponse(bytes(drawn.picture), content_type="image/png")

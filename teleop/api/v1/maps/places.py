@@ -8,7 +8,6 @@ from django.db import transaction
 from django.http import HttpResponse
 from django.shortcuts import get_object_or_404
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from robots.places import entries, selectors, services
@@ -22,7 +21,7 @@ from robots.shared.wire.navigation import Coordinate, Heading
 from teleop.api.v1.framework.operation import reads
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.maps.maps import MapsBase, PlaceDetail, detail_of
-from teleop.api.v1.setup.base import edits, locked, makes, manages, require_unchanged
+from teleop.api.v1.setup.base import edits, locked, makes, manages
 
 Name = Annotated[str, Meta(min_length=1, max_length=LONGEST_NAME)]
 
@@ -69,13 +68,13 @@ class PlacesView(PlacesBase):
     """`/maps/{digest}/places`."""
 
     @reads("places_list", "List the places of a map")
-    def get(self, _request: Request, digest: str) -> PlaceList:
+    def get(self, digest: str) -> PlaceList:
         """By name."""
         found = self.seen_map(digest).digest
         return PlaceList([detail_of(place) for place in selectors.places_of([found]).get(found, [])])
 
     @makes("places_add", "Add a place", answer=PlaceDetail, keyed=True, refuses=(404, 409))
-    def post(self, _request: Request, digest: str, body: PlaceRequest) -> Response:
+    def post(self, digest: str, body: PlaceRequest) -> Response:
         """For staff and supervisors of a robot that has the map. Refused where no robot of this map has room."""
         found = self.changeable_map(digest).digest
         entry = PlaceEntry(body.name, body.x, body.y, body.heading)
@@ -87,25 +86,25 @@ class PlaceView(PlacesBase):
     """`/maps/{digest}/places/{number}`."""
 
     @reads("places_read", "Read a place", answer=PlaceDetail)
-    def get(self, _request: Request, digest: str, number: int) -> Response:
+    def get(self, digest: str, number: int) -> Response:
         """With the ETag that a change needs."""
         return self.tagged(detail_of(self.place(digest, number)))
 
     @edits("places_change", "Rename or move a place", answer=PlaceDetail)
-    def patch(self, request: Request, digest: str, number: int, body: PlaceChange) -> Response:
+    def patch(self, digest: str, number: int, body: PlaceChange) -> Response:
         """For staff and supervisors of a robot that has the map."""
         self.changeable_map(digest)
         with transaction.atomic():
             services.map_hold(digest)  # locked first, as in every change of places
             place = locked(self.place(digest, number))
-            require_unchanged(request, detail_of(place))
+            self.require_unchanged(detail_of(place))
             asked = {name: value for name, value in structs.asdict(body).items() if value is not UNSET}
             entry = structs.replace(services.entry_from(place), **asked)
             services.place_change(place=place, entry=entry, actor=self.person)
         return self.tagged(detail_of(place))
 
     @manages("places_delete", "Delete a place")
-    def delete(self, _request: Request, digest: str, number: int) -> None:
+    def delete(self, digest: str, number: int) -> None:
         """For staff and supervisors of a robot that has the map. A robot on its way there drives on."""
         self.changeable_map(digest)
         services.place_delete(place=self.place(digest, number), actor=self.person)
@@ -115,7 +114,7 @@ class ExportView(PlacesBase):
     """`/maps/{digest}/places/export`."""
 
     @reads("places_export", "Write the places of a map to a file", content_type="text/csv")
-    def get(self, _request: Request, digest: str) -> HttpResponse:
+    def get(self, digest: str) -> HttpResponse:
         """CSV in UTF-8: name, x, y (metres), heading (radians)."""
         found = self.seen_map(digest).digest
         answer = HttpResponse(services.places_export(found), content_type="text/csv; charset=utf-8")
@@ -127,7 +126,7 @@ class ImportView(PlacesBase):
     """`/maps/{digest}/places/import`."""
 
     @manages("places_import", "Add the places of a file to a map", refuses=(404, 409))
-    def post(self, _request: Request, digest: str, body: PlacesFile) -> Imported:
+    def post(self, digest: str, body: PlacesFile) -> Imported:
         """For staff and supervisors of a robot that has the map. A place with the name of another one moves it; places
         that are not in the file stay. All lines or none: the problem names the wrong ones. The same file again changes
         nothing."""

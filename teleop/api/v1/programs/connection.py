@@ -69,6 +69,23 @@ class Velocity(Struct, frozen=True):
     share: float
 
 
+async def open_socket(path: str, address: str, sign_in: ProgramSignIn) -> ClientConnection:
+    """Open a WebSocket of the web process that listens at the Unix socket `path`. Raises `NotDone`."""
+    try:
+        return await unix_connect(
+            path,
+            uri=f"ws://{sign_in.host}{address}",
+            additional_headers=list(sign_in.headers),
+            origin=sign_in.origin,
+            open_timeout=OPEN_S,
+            max_size=None,
+            compression=None,
+        )
+    except (OSError, InvalidHandshake, TimeoutError) as error:
+        log.warning("A program was not connected to %s: %s", address, error)
+        raise NotDone(NOT_CONNECTED) from error
+
+
 class ProgramConnection:
     """A WebSocket like that of a robot page, which this process keeps open for a program."""
 
@@ -93,20 +110,7 @@ class ProgramConnection:
     @classmethod
     async def open(cls, path: str, slug: str, sign_in: ProgramSignIn) -> ProgramConnection:
         """Connect to the web process. Raises `NotDone`."""
-        try:
-            socket = await unix_connect(
-                path,
-                uri=f"ws://{sign_in.host}/ws/robots/{slug}/",
-                additional_headers=list(sign_in.headers),
-                origin=sign_in.origin,
-                open_timeout=OPEN_S,
-                max_size=None,
-                compression=None,
-            )
-        except (OSError, InvalidHandshake, TimeoutError) as error:
-            log.warning("A program was not connected to robot %s: %s", slug, error)
-            raise NotDone(NOT_CONNECTED) from error
-        connection = cls(socket)
+        connection = cls(await open_socket(path, f"/ws/robots/{slug}/", sign_in))
         try:
             await connection._ask(wire.Hello(secrets.token_urlsafe(24)), lambda one: isinstance(one, Control))
         except BaseException:

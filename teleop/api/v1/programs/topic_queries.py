@@ -7,12 +7,11 @@ import time
 from typing import Any, TypeVar
 
 from msgspec import Struct, structs
-from websockets.asyncio.client import unix_connect
-from websockets.exceptions import ConnectionClosed, InvalidHandshake
+from websockets.exceptions import ConnectionClosed
 
 from robots.shared import wire
 from robots.shared.wire import NotDone, Refusal, Refused, Sample, Subscribe, TopicQuery, kind_of
-from teleop.api.v1.programs.connection import GONE, NOT_CONNECTED, OPEN_S, ProgramSignIn
+from teleop.api.v1.programs.connection import GONE, ProgramSignIn, open_socket
 
 ANSWER_S = 12.0  # the inspector may have to start
 MESSAGE_S = 6.0
@@ -51,19 +50,7 @@ async def _exchange(
     raw = wire.encode(message)
     wire.topics_message(raw)  # a message that is not valid is refused here
     until_s = time.monotonic() + within_s
-    connecting = unix_connect(
-        path,
-        uri=f"ws://{sign_in.host}/ws/robots/{slug}/topics/",
-        additional_headers=list(sign_in.headers),
-        origin=sign_in.origin,
-        open_timeout=OPEN_S,
-        max_size=None,
-        compression=None,
-    )
-    try:
-        socket = await connecting
-    except (OSError, InvalidHandshake, TimeoutError) as error:
-        raise NotDone(NOT_CONNECTED) from error
+    socket = await open_socket(path, f"/ws/robots/{slug}/topics/", sign_in)
     try:
         await socket.send(raw.decode())
         while True:

@@ -11,10 +11,8 @@ from asgiref.sync import async_to_sync
 from django.conf import settings
 from django.utils import timezone
 from msgspec import Meta, Struct
-from rest_framework.request import Request
 
 from fleet.accounts.tokens.models import Scope
-from fleet.accounts.tokens.services import key_of
 from robots.registry.models import Robot
 from robots.registry.selectors import robot_facts
 from robots.shared import wire
@@ -105,15 +103,12 @@ class ProgramView(ApiView):
 
     def program_sign_in(self) -> ProgramSignIn:
         """Return how the program is signed in."""
-        request = self.request
-        host = request.get_host()
-        if (token := self.token) is not None:
-            headers = (("Authorization", request.headers["Authorization"]),)
-            return ProgramSignIn(key_of(token), self.person.pk, headers, host, None)
-        origin = f"{'https' if settings.FLEET_TLS else 'http'}://{host}"
-        cookie = request.headers.get("Cookie", "")
-        key = request.session.session_key or ""
-        return ProgramSignIn(key, self.person.pk, (("Cookie", cookie),), host, origin)
+        host = self.request.get_host()
+        name, origin = "Authorization", None
+        if self.token is None:
+            name, origin = "Cookie", f"{'https' if settings.FLEET_TLS else 'http'}://{host}"
+        headers = ((name, self.request.headers.get(name, "")),)
+        return ProgramSignIn(self.sign_in, self.person.pk, headers, host, origin)
 
     def keep_control(self, slug: str) -> None:
         """Count this request as use of the program's control."""
@@ -146,7 +141,7 @@ class ControlView(ProgramView):
     """`/robots/{slug}/control`."""
 
     @_control("control_read", "Read who has control", scope=Scope.READ, refuses=(404,))
-    def get(self, _request: Request, slug: str) -> ControlEntry:
+    def get(self, slug: str) -> ControlEntry:
         """Reading keeps a program's control in use."""
         robot = self.robot(slug)
         found = programs.found(slug, self.program_sign_in())
@@ -159,7 +154,7 @@ class ControlView(ProgramView):
         return ControlEntry("unknown", holder=lease.name, refusal=elsewhere)
 
     @_control("control_take", "Take control", keyed=True, examples={"Take control": {}})
-    def post(self, _request: Request, slug: str, body: TakeControl) -> ControlEntry:
+    def post(self, slug: str, body: TakeControl) -> ControlEntry:
         """By the rules of the pages: account, booking, lease. Control ends with the term, with the slot, when it is
         given back, and when the program asks for nothing for 30 s."""
         connection = self.connection(self.robot(slug))
@@ -169,7 +164,7 @@ class ControlView(ProgramView):
         return _entry(async_to_sync(connection.change)(message))
 
     @_control("control_release", "Release control")
-    def delete(self, _request: Request, slug: str) -> None:
+    def delete(self, slug: str) -> None:
         """The robot stops."""
         async_to_sync(self.connected(self.robot(slug)).change)(wire.Release())
 
@@ -178,7 +173,7 @@ class RenewView(ProgramView):
     """`/robots/{slug}/control/renew`."""
 
     @_control("control_renew", "Renew control")
-    def post(self, _request: Request, slug: str) -> ControlEntry:
+    def post(self, slug: str) -> ControlEntry:
         """Start the term again; or extend the slot while nobody else has booked."""
         return _entry(async_to_sync(self.connected(self.robot(slug)).change)(wire.Renew()))
 
@@ -187,12 +182,12 @@ class AskView(ProgramView):
     """`/robots/{slug}/control/line`."""
 
     @_control("control_ask", "Wait in line for control")
-    def post(self, _request: Request, slug: str) -> ControlEntry:
+    def post(self, slug: str) -> ControlEntry:
         """Read control at least every 30 s; an offer holds for `offer_s`."""
         return _entry(async_to_sync(self.connection(self.robot(slug)).change)(wire.Ask()))
 
     @_control("control_leave", "Leave the line")
-    def delete(self, _request: Request, slug: str) -> None:
+    def delete(self, slug: str) -> None:
         """Does nothing for a program that is not in line."""
         async_to_sync(self.connection(self.robot(slug)).change)(wire.AskCancel())
 
@@ -201,7 +196,7 @@ class HandOverView(ProgramView):
     """`/robots/{slug}/control/hand-over`."""
 
     @_control("control_hand_over", "Hand control over", keyed=True)
-    def post(self, _request: Request, slug: str, body: HandOver) -> None:
+    def post(self, slug: str, body: HandOver) -> None:
         """To somebody who waits in line."""
         async_to_sync(self.connected(self.robot(slug)).change)(wire.HandOver(body.request))
 
@@ -215,7 +210,7 @@ class VelocityView(ProgramView):
         scope=Scope.DRIVE,
         examples={"Forward": {"forward_mps": 0.2, "seconds": 0.5}},
     )
-    def post(self, _request: Request, slug: str, body: VelocityRequest) -> Driven:
+    def post(self, slug: str, body: VelocityRequest) -> Driven:
         """The dead-man rule and the gate apply, as for a stick. For more than a first try use the WebSocket, or
         `drive-by`."""
         robot = self.robot(slug)

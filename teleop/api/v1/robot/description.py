@@ -11,7 +11,6 @@ from django.conf import settings
 from django.http import HttpResponse, HttpResponseBase
 from drf_spectacular.utils import OpenApiParameter
 from msgspec import Struct
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from robots.description.drawable import Drawable, drawable
@@ -64,7 +63,7 @@ class DescriptionView(ProgramView):
     tag = "robots"
 
     @reads("description_read", "Read the robot’s description", answer=DescriptionEntry, refuses=(404, 409))
-    def get(self, request: Request, slug: str) -> HttpResponseBase:
+    def get(self, slug: str) -> HttpResponseBase:
         """The newest one that its bridge has read from /robot_description, without collision, inertia and plug-ins.
         With its ETag in If-None-Match the answer is 304 while nothing has changed."""
         robot = self.robot(slug)
@@ -78,7 +77,7 @@ class DescriptionView(ProgramView):
             problems=found.problems,
         )
         tag = f'"{hashlib.sha256(wire.encode(entry)).hexdigest()[:16]}"'
-        response = unchanged(request, tag) or Response(wire.to_builtins(entry))
+        response = unchanged(self.request, tag) or Response(wire.to_builtins(entry))
         response["Cache-Control"] = "private, no-cache"
         response["ETag"] = tag
         return response
@@ -96,15 +95,15 @@ class MeshView(ProgramView):
         refuses=(404, 409),
         parameters=[_VERSION],
     )
-    def get(self, request: Request, slug: str, package: str, path: str) -> HttpResponseBase:
+    def get(self, slug: str, package: str, path: str) -> HttpResponseBase:
         """STL, Collada or OBJ, one that the robot's description names. With its present version, as
         `GET …/description` gives it, it may be kept for good."""
         mesh = _named(_drawable(_kept(self.robot(slug))), package, path)
         tag = f'"{mesh.version}"'
-        response = unchanged(request, tag) or HttpResponse(
+        response = unchanged(self.request, tag) or HttpResponse(
             _read(mesh), content_type="application/octet-stream"
         )
-        is_fixed = request.query_params.get(_VERSION.name) == mesh.version
+        is_fixed = self.request.query_params.get(_VERSION.name) == mesh.version
         response["Cache-Control"] = (
             f"private, max-age={_YEAR_S}, immutable" if is_fixed else "private, no-cache"
         )

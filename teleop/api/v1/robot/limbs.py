@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
@@ -55,7 +54,7 @@ class GripperView(LimbView):
     limb = "gripper"
 
     @starts("gripper_move", "Open or close the gripper", scope=Scope.DRIVE, examples={"Open": {"to": "open"}})
-    def post(self, _request: Request, slug: str, body: GripperRequest) -> Response:
+    def post(self, slug: str, body: GripperRequest) -> Response:
         """Needs control, and a base that stands. The answer’s header Location is the address of its status."""
         if (body.width_m is None) == (body.to is None):
             raise Problem(Refusal("invalid", "Give either width_m or to.", "wire"))
@@ -67,7 +66,7 @@ class GripperView(LimbView):
         return self.move(slug, ends.most_m if body.to == "open" else ends.least_m)
 
     @acts("gripper_cancel", "End the gripper’s move", scope=Scope.DRIVE)
-    def delete(self, _request: Request, slug: str) -> None:
+    def delete(self, slug: str) -> None:
         """The fingers stay where they are."""
         self.cancel_move(slug)
 
@@ -78,11 +77,11 @@ class TorsoView(LimbView):
     limb = "torso"
 
     @starts("torso_move", "Raise or lower the torso", scope=Scope.DRIVE)
-    def post(self, _request: Request, slug: str, body: TorsoRequest) -> Response:
+    def post(self, slug: str, body: TorsoRequest) -> Response:
         """Needs control, a base that stands, and the arm at home. Location is the address of its status."""
         return self.move(slug, body.height_m)
 
     @acts("torso_cancel", "End the torso’s move", scope=Scope.DRIVE)
-    def delete(self, _request: Request, slug: str) -> None:
+    def delete(self, slug: str) -> None:
         """The torso stays where it is."""
         self.cancel_move(slug)

@@ -8,7 +8,6 @@ from asgiref.sync import async_to_sync
 from django.http import HttpResponse
 from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct, structs
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
@@ -84,7 +83,7 @@ class GoView(TasksBase):
         scope=Scope.DRIVE,
         examples={"A named place": {"place": "kitchen"}, "A place": {"x": 3.4, "y": 1.8, "heading": 1.57}},
     )
-    def post(self, _request: Request, slug: str, body: GoRequest) -> Response:
+    def post(self, slug: str, body: GoRequest) -> Response:
         """The robot’s own navigation drives; the gate watches, and takes over where it would touch something. Outcomes:
         arrived, failed, held_back, cancelled, stopped, replaced by a stick, and others. Needs control. While it drives,
         ask for something at least every 10 s, such as its status."""
@@ -93,7 +92,7 @@ class GoView(TasksBase):
         return self.start(robot, lambda fence, seq: structs.replace(asked, fence=fence, seq=seq), wire.GO)
 
     @acts("go_cancel", "End the drive to a place", scope=Scope.DRIVE)
-    def delete(self, _request: Request, slug: str) -> None:
+    def delete(self, slug: str) -> None:
         """The robot stands."""
         self.cancel(slug, wire.GO.name, lambda fence, seq: wire.GoCancel(fence, seq))
 
@@ -104,7 +103,7 @@ class PoseView(TasksBase):
     tag = "control"
 
     @acts("pose_set", "Tell the robot where it is on its map", scope=Scope.DRIVE)
-    def put(self, _request: Request, slug: str, body: PoseRequest) -> None:
+    def put(self, slug: str, body: PoseRequest) -> None:
         """Needs control, and a robot that stands. Localisation then looks for its exact place nearby."""
         connection = self.connected(self.robot(slug))
         async_to_sync(connection.request)(
@@ -118,7 +117,7 @@ class MapView(ProgramView):
     tag = "robots"
 
     @reads("map_read", "Read the robot’s map")
-    def get(self, _request: Request, slug: str) -> MapEntry:
+    def get(self, slug: str) -> MapEntry:
         """The last one that the console knows: it is read while somebody has control."""
         robot = self.robot(slug)
         found = newest_map(robot)
@@ -140,7 +139,7 @@ class MapPictureView(ProgramView):
     @reads(
         "map_picture", "Read the picture of the robot’s map", content_type="image/png", parameters=[_NUMBER]
     )
-    def get(self, _request: Request, slug: str) -> HttpResponse:
+    def get(self, slug: str) -> HttpResponse:
         """PNG: obstacles are opaque, the floor is faint, the unknown is transparent."""
         return HttpResponse(bytes(newest_map(self.robot(slug), whole=True).picture), content_type="image/png")
 

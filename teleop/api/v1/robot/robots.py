@@ -7,7 +7,6 @@ from datetime import datetime, timedelta
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiParameter
 from msgspec import Struct
-from rest_framework.request import Request
 
 from robots.access.selectors import roles_by_id
 from robots.link import stop_courier as courier
@@ -75,7 +74,7 @@ class RobotsView(ApiView):
     """`/robots`."""
 
     @reads("robots_list", "List the robots that you may see", refuses=())
-    def get(self, _request: Request) -> RobotList:
+    def get(self) -> RobotList:
         """The state of a robot is at its own address."""
         served = [row for row in robot_rows() if self.token_serves(row.id)]
         roles = roles_by_id(self.person, [row.id for row in served])
@@ -88,7 +87,7 @@ class RobotView(ApiView):
     """`/robots/{slug}`."""
 
     @reads("robots_read", "Read one robot and its state")
-    def get(self, _request: Request, slug: str) -> RobotDetail:
+    def get(self, slug: str) -> RobotDetail:
         """State, sensors and their ages, battery, stop, gate's verdict, limits."""
         known, role = self.known_robot(slug)
         robot = known.robot
@@ -113,7 +112,7 @@ class PhrasesView(ApiView):
     """`/robots/{slug}/phrases`."""
 
     @reads("phrases_list", "List a robot’s phrases")
-    def get(self, _request: Request, slug: str) -> PhraseList:
+    def get(self, slug: str) -> PhraseList:
         """Sentences that staff wrote for this robot."""
         known, _ = self.known_robot(slug)
         lines = phrases_of(known.robot)
@@ -134,14 +133,14 @@ class SpeechHistoryView(ApiView):
             ),
         ],
     )
-    def get(self, request: Request, slug: str) -> SpeechHistory:
+    def get(self, slug: str) -> SpeechHistory:
         """Newest first, from the audit log. Only supervisors of the robot and staff get entries of other people."""
         known, role = self.known_robot(slug)
         return speech_history(
             known.robot.id,
             None if role >= Role.SUPERVISOR else self.person.id,
-            before=whole_number(request, "before", HIGHEST_NUMBER, HIGHEST_NUMBER),
-            limit=whole_number(request, "limit", 50, LONGEST_PAGE),
+            before=whole_number(self.request, "before", HIGHEST_NUMBER, HIGHEST_NUMBER),
+            limit=whole_number(self.request, "limit", 50, LONGEST_PAGE),
         )
 
 

@@ -12,7 +12,6 @@ from typing import Annotated, Any
 from asgiref.sync import async_to_sync
 from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct, structs
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
@@ -155,7 +154,7 @@ class SpeechView(TasksBase):
         scope=Scope.SPEAK,
         examples={"Greeting": {"text": "Hello!", "language": "en-GB"}},
     )
-    def post(self, _request: Request, slug: str, body: SayRequest) -> Response:
+    def post(self, slug: str, body: SayRequest) -> Response:
         """Needs control. The answer’s header Location is the address of its status."""
         return self.start(
             self.robot(slug),
@@ -164,7 +163,7 @@ class SpeechView(TasksBase):
         )
 
     @acts("speech_cancel", "Cancel speech", scope=Scope.SPEAK)
-    def delete(self, _request: Request, slug: str) -> None:
+    def delete(self, slug: str) -> None:
         """The speech of this program’s control."""
         self.cancel(slug, wire.SPEECH.name, lambda fence, seq: wire.SayCancel(fence, seq))
 
@@ -173,7 +172,7 @@ class MotionsView(TasksBase):
     """`/robots/{slug}/motions`."""
 
     @acts("motions_list", "List motions", scope=Scope.READ)
-    def get(self, _request: Request, slug: str) -> MotionList:
+    def get(self, slug: str) -> MotionList:
         """In the robot’s own words."""
         connection = self.connection(self.robot(slug))
         offers = connection.offers or self._awaited(connection)
@@ -192,7 +191,7 @@ class MotionView(TasksBase):
     """`/robots/{slug}/motions/{name}`."""
 
     @starts("motions_play", "Play a motion", scope=Scope.MOTIONS)
-    def post(self, _request: Request, slug: str, name: str) -> Response:
+    def post(self, slug: str, name: str) -> Response:
         """Needs control. The answer’s header Location is the address of its status."""
         return self.start(self.robot(slug), lambda fence, seq: wire.Play(fence, name[:100], seq), wire.MOTION)
 
@@ -201,7 +200,7 @@ class MotionCancelView(TasksBase):
     """`/robots/{slug}/motion`."""
 
     @acts("motions_cancel", "Cancel the motion", scope=Scope.MOTIONS)
-    def delete(self, _request: Request, slug: str) -> None:
+    def delete(self, slug: str) -> None:
         """Cancels the motion that this program started."""
         self.cancel(slug, wire.MOTION.name, lambda fence, seq: wire.PlayCancel(fence, seq))
 
@@ -226,7 +225,7 @@ class DriveByView(TasksBase):
         scope=Scope.DRIVE,
         examples={"One metre on": {"distance_m": 1.0}},
     )
-    def post(self, _request: Request, slug: str, body: DriveByRequest) -> Response:
+    def post(self, slug: str, body: DriveByRequest) -> Response:
         """The bridge drives it through the gate, and ends it with an outcome: done, held_back, stopped, replaced by a
         stick, and others. Needs control. While it drives, ask for something at least every 10 s, such as its status."""
         asked = structs.asdict(body)
@@ -241,7 +240,7 @@ class DriveByView(TasksBase):
         )
 
     @acts("drive_by_cancel", "End the drive", scope=Scope.DRIVE)
-    def delete(self, _request: Request, slug: str) -> None:
+    def delete(self, slug: str) -> None:
         """The robot stands."""
         self.cancel(slug, wire.DRIVE_BY.name, lambda fence, seq: wire.DriveByCancel(fence, seq))
 
@@ -250,7 +249,7 @@ class LookAheadView(TasksBase):
     """`/robots/{slug}/look-ahead`."""
 
     @acts("look_ahead", "Turn the head to where the robot drives", scope=Scope.DRIVE)
-    def post(self, _request: Request, slug: str) -> None:
+    def post(self, slug: str) -> None:
         """Needs control."""
         connection = self.connected(self.robot(slug))
         async_to_sync(connection.request)(lambda fence, seq: wire.LookAhead(fence, seq))
@@ -267,7 +266,7 @@ class HeadView(TasksBase):
     """`/robots/{slug}/head`."""
 
     @acts("head_turn", "Turn the head", scope=Scope.DRIVE)
-    def post(self, _request: Request, slug: str, body: HeadRequest) -> None:
+    def post(self, slug: str, body: HeadRequest) -> None:
         """Needs control. Within the limits of its joints."""
         connection = self.connected(self.robot(slug))
         async_to_sync(connection.request)(lambda fence, seq: wire.TurnHead(fence, body.pan, body.tilt, seq))
@@ -279,7 +278,7 @@ class ClearView(TasksBase):
     tag = "stop"
 
     @acts("stop_clear", "Clear the emergency stop", scope=Scope.DRIVE)
-    def post(self, _request: Request, slug: str, body: ClearRequest) -> StopState:
+    def post(self, slug: str, body: ClearRequest) -> StopState:
         """For the holder of control, supervisors and staff. Nothing moves."""
         robot = self.robot(slug)
         connection = self.connection(robot)
@@ -315,17 +314,17 @@ class TaskView(ProgramView):
             )
         ],
     )
-    def get(self, request: Request, slug: str, number: int) -> TaskEntry | LongPoll:
+    def get(self, slug: str, number: int) -> TaskEntry | LongPoll:
         """From the log. Only supervisors of the robot and staff read tasks of other people."""
         robot = self.robot(slug)
         requests = Record.objects.filter(pk=min(number, 2**62), robot_id=robot.id, of=None)
         found = requests.filter(kind__in=list(_FOLLOWED)).first()
         if found is None or not (found.actor_id == str(self.person.pk) or supervises(self.person, robot)):
             raise Problem(NOT_FOUND)
-        wait_s = whole_number(request, "wait", 0, LONGEST_WAIT_S, least=0)
+        wait_s = whole_number(self.request, "wait", 0, LONGEST_WAIT_S, least=0)
         self.keep_control(slug)
         entry = _entry(found, robot)
-        if entry.outcome is not None or not wait_s or request.method == "HEAD":
+        if entry.outcome is not None or not wait_s or self.request.method == "HEAD":
             return entry
         sign_in = self.program_sign_in()
         return LongPoll(

@@ -11,7 +11,6 @@ from typing import Annotated, Any, TypeVar, get_args
 from asgiref.sync import async_to_sync
 from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct
-from rest_framework.request import Request
 
 from fleet.accounts.tokens.models import Scope
 from robots.shared import wire
@@ -125,7 +124,7 @@ class TopicsView(TopicsBase):
     """`/robots/{slug}/topics`."""
 
     @_topics("topics_list", "List topics, actions and services")
-    def get(self, _request: Request, slug: str) -> Graph:
+    def get(self, slug: str) -> Graph:
         """Lists the topics, actions and services that the ROS master knows."""
         return self.ask(slug, wire.ListTopics(), Graph)
 
@@ -134,7 +133,7 @@ class DefinitionView(TopicsBase):
     """`/robots/{slug}/topics/definition`."""
 
     @_topics("topics_definition", "Read the definition of a message")
-    def get(self, _request: Request, slug: str, query: TypeAsked) -> Described:
+    def get(self, slug: str, query: TypeAsked) -> Described:
         """As a tree of fields."""
         return self.ask(slug, wire.Describe(query.type, query.topic), Described)
 
@@ -143,7 +142,7 @@ class MessageView(TopicsBase):
     """`/robots/{slug}/topics/message`."""
 
     @_topics("topics_message", "Read one message of a topic")
-    def get(self, _request: Request, slug: str, query: TopicAsked) -> Sample:
+    def get(self, slug: str, query: TopicAsked) -> Sample:
         """The next one, within 6 s. Long arrays are shortened. For a stream use the WebSocket of topics."""
         return self.message(slug, query.topic)
 
@@ -152,7 +151,7 @@ class PublishView(TopicsBase):
     """`/robots/{slug}/topics/publish`."""
 
     @_topics("topics_publish", "Publish a message", keyed=True)
-    def post(self, _request: Request, slug: str, body: PublishRequest) -> None:
+    def post(self, slug: str, body: PublishRequest) -> None:
         """From the allow-list; needs control. A velocity passes the gate, and is valid for 0.3 s."""
         connection = self.connected(self.robot(slug))
         async_to_sync(connection.request)(
@@ -162,7 +161,7 @@ class PublishView(TopicsBase):
         )
 
     @_topics("topics_publish_end", "Stop publishing at a rate")
-    def delete(self, _request: Request, slug: str, query: TopicAsked) -> None:
+    def delete(self, slug: str, query: TopicAsked) -> None:
         """Ends the publication on this topic."""
         connection = self.connected(self.robot(slug))
         async_to_sync(connection.request)(lambda fence, seq: wire.PublishStop(fence, query.topic, seq))
@@ -172,7 +171,7 @@ class ServiceView(TopicsBase):
     """`/robots/{slug}/services/definition`."""
 
     @_topics("services_definition", "Read the request of a service")
-    def get(self, _request: Request, slug: str, query: ServiceAsked) -> Described:
+    def get(self, slug: str, query: ServiceAsked) -> Described:
         """As a tree of fields."""
         return self.ask(slug, wire.DescribeService(query.service), Described)
 
@@ -181,7 +180,7 @@ class CallView(TopicsBase):
     """`/robots/{slug}/services/call`."""
 
     @_topics("services_call", "Call a service", keyed=True)
-    def post(self, _request: Request, slug: str, body: CallRequest) -> Called:
+    def post(self, slug: str, body: CallRequest) -> Called:
         """Staff in control of the robot, from the allow-list."""
         return self.ask(slug, wire.CallService(body.service, body.fields), Called)
 
@@ -190,7 +189,7 @@ class ParametersView(TopicsBase):
     """`/robots/{slug}/parameters`."""
 
     @_topics("parameters_list", "List parameters")
-    def get(self, _request: Request, slug: str) -> Parameters:
+    def get(self, slug: str) -> Parameters:
         """Lists the names of all parameters."""
         return self.ask(slug, wire.ListParameters(), Parameters)
 
@@ -199,12 +198,12 @@ class ParameterView(TopicsBase):
     """`/robots/{slug}/parameters/value`."""
 
     @_topics("parameters_read", "Read a parameter")
-    def get(self, _request: Request, slug: str, query: ParameterAsked) -> Parameter:
+    def get(self, slug: str, query: ParameterAsked) -> Parameter:
         """Reads one parameter, or all parameters below a name."""
         return self.ask(slug, wire.GetParameter(query.name), Parameter)
 
     @_topics("parameters_set", "Set a parameter")
-    def put(self, _request: Request, slug: str, body: SetRequest) -> Parameter:
+    def put(self, slug: str, body: SetRequest) -> Parameter:
         """Staff in control of the robot, from the allow-list."""
         return self.ask(slug, wire.SetParameter(body.name, body.value), Parameter)
 
@@ -217,7 +216,7 @@ class InputView(TopicsBase):
         "Choose where input goes",
         parameters=[OpenApiParameter("use", str, OpenApiParameter.PATH, enum=list(get_args(Use)))],
     )
-    def put(self, _request: Request, slug: str, use: Any, body: ChooseRequest) -> None:
+    def put(self, slug: str, use: Any, body: ChooseRequest) -> None:
         """From the allow-list; needs control."""
         connection = self.connected(self.robot(slug))
         async_to_sync(connection.request)(lambda fence, seq: wire.Choose(fence, use, body.topic, seq))
@@ -229,7 +228,7 @@ class ForgetView(TopicsBase):
     tag = "control"
 
     @_topics("forget", "Forget remembered obstacles", scope=Scope.DRIVE)
-    def post(self, _request: Request, slug: str) -> None:
+    def post(self, slug: str) -> None:
         """Needs control, and a robot that stands. Current readings stay."""
         connection = self.connected(self.robot(slug))
         async_to_sync(connection.request)(lambda fence, seq: wire.Forget(fence, seq))

@@ -12,7 +12,6 @@ from django.core.exceptions import ValidationError
 from django.db.models import Model
 from drf_spectacular.utils import OpenApiParameter
 from msgspec import Struct
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
@@ -65,6 +64,11 @@ class SetupView(ApiView):
         headers = {"Cache-Control": "no-store"} | ({"Location": location} if location else {})
         return Response(wire.to_builtins(entry), 201, headers=headers)
 
+    def require_unchanged(self, entry: Struct) -> None:
+        """Raise `Problem` if the entry was changed after the client read it (If-Match)."""
+        if version_seen(self.request) != mark_of(entry):
+            raise Problem(_CHANGED)
+
     def group(self, slug: str) -> RobotGroup:
         """Return a robot group, for staff whose token serves all its robots. Raises `Problem`."""
         self.staff()
@@ -89,12 +93,6 @@ def named_groups(slugs: Collection[str]) -> list[RobotGroup]:
 def mark_of(entry: Struct) -> int:
     """Return a number that differs after each change of the entry."""
     return zlib.crc32(wire.encode(entry)) % 10**9
-
-
-def require_unchanged(request: Request, entry: Struct) -> None:
-    """Raise `Problem` if the entry was changed after the client read it."""
-    if version_seen(request) != mark_of(entry):
-        raise Problem(_CHANGED)
 
 
 @contextmanager

@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal
 from django.db import transaction
 from django.shortcuts import get_object_or_404
 from msgspec import Meta, Struct
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
@@ -26,7 +25,6 @@ from teleop.api.v1.setup.base import (
     makes,
     manages,
     named_groups,
-    require_unchanged,
 )
 
 Name = Annotated[str, Meta(min_length=1, max_length=80)]
@@ -121,14 +119,14 @@ class GroupsView(GroupsBase):
     """`/robot-groups`."""
 
     @manages("groups_list", "List robot groups", refuses=())
-    def get(self, _request: Request) -> GroupList:
+    def get(self) -> GroupList:
         """For staff."""
         self.staff()
         found = RobotGroup.objects.prefetch_related("robots")
         return GroupList([_group(one) for one in found if self.serves(one.robots.all())])
 
     @makes("groups_make", "Make a robot group", answer=GroupEntry, keyed=True)
-    def post(self, _request: Request, body: GroupRequest) -> Response:
+    def post(self, body: GroupRequest) -> Response:
         """For staff."""
         self.staff()
         group = RobotGroup()
@@ -140,21 +138,21 @@ class GroupView(GroupsBase):
     """`/robot-groups/{slug}`."""
 
     @manages("groups_read", "Read a robot group", answer=GroupEntry)
-    def get(self, _request: Request, slug: str) -> Response:
+    def get(self, slug: str) -> Response:
         """For staff."""
         return self.tagged(_group(self.group(slug)))
 
     @edits("groups_change", "Change a robot group", answer=GroupEntry)
-    def put(self, request: Request, slug: str, body: GroupRequest) -> Response:
+    def put(self, slug: str, body: GroupRequest) -> Response:
         """For staff. Roles and bookings follow at once."""
         with transaction.atomic():
             group = locked(self.group(slug))
-            require_unchanged(request, _group(group))
+            self.require_unchanged(_group(group))
             self.save_group(group, body)
         return self.tagged(_group(self.group(slug)))
 
     @manages("groups_delete", "Delete a robot group")
-    def delete(self, _request: Request, slug: str) -> None:
+    def delete(self, slug: str) -> None:
         """Its robots stay; roles, courses and policies by it end."""
         services.group_delete(group=self.group(slug), actor=self.staff())
 
@@ -163,14 +161,14 @@ class GroupRoleView(GroupsBase):
     """`/robot-groups/{slug}/roles/{username}`."""
 
     @manages("groups_role_set", "Give a person a role on a group’s robots")
-    def put(self, _request: Request, slug: str, username: str, body: RoleRequest) -> Holder:
+    def put(self, slug: str, username: str, body: RoleRequest) -> Holder:
         """For staff."""
         group, person = self.group(slug), account_named(username)
         services.group_role_set(group=group, user=person, role=Role(body.role), actor=self.staff())
         return Holder(person.username, body.role)
 
     @manages("groups_role_remove", "Take a person’s role on a group’s robots away")
-    def delete(self, _request: Request, slug: str, username: str) -> None:
+    def delete(self, slug: str, username: str) -> None:
         """Roles by courses and on single robots stay."""
         group, person = self.group(slug), account_named(username)
         services.group_role_set(group=group, user=person, role=None, actor=self.staff())
@@ -182,14 +180,14 @@ class RobotRolesView(SetupView):
     tag = "registry"
 
     @manages("registry_role_set", "Give a person a role on a robot")
-    def put(self, _request: Request, slug: str, username: str, body: RoleRequest) -> Holder:
+    def put(self, slug: str, username: str, body: RoleRequest) -> Holder:
         """For staff."""
         staff, robot, person = self.staff(), self.robot(slug), account_named(username)
         services.role_set(robot=robot, user=person, role=Role(body.role), actor=staff)
         return Holder(person.username, body.role)
 
     @manages("registry_role_remove", "Take a person’s role on a robot away")
-    def delete(self, _request: Request, slug: str, username: str) -> None:
+    def delete(self, slug: str, username: str) -> None:
         """Roles by courses and groups stay."""
         staff, robot, person = self.staff(), self.robot(slug), account_named(username)
         services.role_set(robot=robot, user=person, role=None, actor=staff)
@@ -231,14 +229,14 @@ class QualificationsView(QualificationsBase):
     """`/qualifications`."""
 
     @manages("qualifications_list", "List qualifications", refuses=())
-    def get(self, _request: Request) -> QualificationList:
+    def get(self) -> QualificationList:
         """For staff."""
         self.staff()
         found = Qualification.objects.prefetch_related("robots", "groups__robots")
         return QualificationList([_qualification(one) for one in found if self.serves(_demanding(one))])
 
     @makes("qualifications_make", "Make a qualification", answer=QualificationDetail, keyed=True)
-    def post(self, _request: Request, body: QualificationRequest) -> Response:
+    def post(self, body: QualificationRequest) -> Response:
         """For staff. From now on only people who hold it drive these robots."""
         self.staff()
         entry = Qualification()
@@ -250,21 +248,21 @@ class QualificationView(QualificationsBase):
     """`/qualifications/{slug}`."""
 
     @manages("qualifications_read", "Read a qualification", answer=QualificationDetail)
-    def get(self, _request: Request, slug: str) -> Response:
+    def get(self, slug: str) -> Response:
         """For staff."""
         return self.tagged(_qualification(self.qualification(slug)))
 
     @edits("qualifications_change", "Change a qualification", answer=QualificationDetail)
-    def put(self, request: Request, slug: str, body: QualificationRequest) -> Response:
+    def put(self, slug: str, body: QualificationRequest) -> Response:
         """For staff. People who lack it lose control of robots that demand it now."""
         with transaction.atomic():
             entry = locked(self.qualification(slug))
-            require_unchanged(request, _qualification(entry))
+            self.require_unchanged(_qualification(entry))
             self.save_qualification(entry, body)
         return self.tagged(_qualification(self.qualification(slug)))
 
     @manages("qualifications_delete", "Delete a qualification")
-    def delete(self, _request: Request, slug: str) -> None:
+    def delete(self, slug: str) -> None:
         """No robot demands it any more, and nobody holds it."""
         services.qualification_delete(qualification=self.qualification(slug), actor=self.staff())
 

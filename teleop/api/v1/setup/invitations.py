@@ -53,13 +53,13 @@ class InvitationsView(CoursesBase):
     """`/courses/{slug}/invitations`."""
 
     @manages("invitations_list", "List the invitations to a course")
-    def get(self, request: Request, slug: str) -> InvitationList:
+    def get(self, slug: str) -> InvitationList:
         """Also those that are over."""
         found = Invitation.objects.filter(course=self.course(slug)).select_related("course")
-        return InvitationList([_entry(request, one) for one in found])
+        return InvitationList([_entry(self.request, one) for one in found])
 
     @makes("invitations_make", "Make an invitation", keyed=True)
-    def post(self, request: Request, slug: str, body: InvitationRequest) -> InvitationEntry:
+    def post(self, slug: str, body: InvitationRequest) -> InvitationEntry:
         """Make an invitation: a person who opens its link joins the course, with an account or a new one."""
         form = InvitationForm({"last_day": body.last_day, "most_uses": body.most_uses})
         if not form.is_valid():
@@ -70,14 +70,14 @@ class InvitationsView(CoursesBase):
             most_uses=body.most_uses,
             actor=self.person,
         )
-        return _entry(request, made)
+        return _entry(self.request, made)
 
 
 class InvitationView(CoursesBase):
     """`/courses/{slug}/invitations/{id}`."""
 
     @manages("invitations_revoke", "Revoke an invitation")
-    def delete(self, _request: Request, slug: str, invitation_id: UUID) -> None:
+    def delete(self, slug: str, invitation_id: UUID) -> None:
         """End an invitation: its link admits nobody any more. A repeated call changes nothing."""
         invitations = Invitation.objects.select_related("course").filter(course=self.course(slug))
         found = get_object_or_404(invitations, pk=invitation_id)
@@ -88,12 +88,12 @@ class WelcomeView(CoursesBase):
     """`/courses/{slug}/welcome`."""
 
     @manages("courses_welcome", "Send people the e-mail with which they set a password", keyed=True)
-    def post(self, request: Request, slug: str, body: PeopleRequest) -> Changed:
+    def post(self, slug: str, body: PeopleRequest) -> Changed:
         """To those who have no password yet; the answer says how many. Others are left out."""
         course = self.course(slug)
         people = self.members(course, body.people)
         waiting = welcome.waiting_among(people)
-        welcome.send_later(waiting, course=course, site=public_origin(request._request))
+        welcome.send_later(waiting, course=course, site=public_origin(self.request._request))
         return Changed(len(waiting))
 
 

@@ -11,7 +11,6 @@ from django.db.models import Q
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from msgspec import Meta, Struct
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.bookings.changes import policy_changes
@@ -25,7 +24,7 @@ from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import entry_of, reads
 from teleop.api.v1.framework.parameters import Moment, Time, utc
 from teleop.api.v1.framework.problems import Problem
-from teleop.api.v1.setup.base import SetupView, edits, faults_named, makes, manages, require_unchanged
+from teleop.api.v1.setup.base import SetupView, edits, faults_named, makes, manages
 
 Weekday = Literal["mon", "tue", "wed", "thu", "fri", "sat", "sun"]
 Clock = Annotated[str, Meta(pattern=r"^(([01][0-9]|2[0-3]):[0-5][0-9]|24:00)$")]
@@ -129,13 +128,13 @@ class PoliciesBase(SetupView):
             robot.slug if robot else None, group.slug if group else None, stored is not None, _rules(followed)
         )
 
-    def changed(self, request: Request, body: Rules, **of: Any) -> Response:
+    def changed(self, body: Rules, **of: Any) -> Response:
         """Set a policy, if nobody changed it after the client read it. Raises `Problem`."""
         values = wire.to_builtins(body)
         with transaction.atomic():
             place = Policy.objects.filter(robot=of.get("robot"), group=of.get("group"))
             place.select_for_update(of=("self",)).first()  # locked between check and change
-            require_unchanged(request, self.entry(**of))
+            self.require_unchanged(self.entry(**of))
             with faults_named():
                 policy_changes.policy_set(values=values, actor=self.person, **of)
         return self.tagged(self.entry(**of))
@@ -145,7 +144,7 @@ class PoliciesView(PoliciesBase):
     """`/policies`."""
 
     @reads("policies_list", "List booking policies", refuses=())
-    def get(self, _request: Request) -> PolicyList:
+    def get(self) -> PolicyList:
         """Policies of the robots that you may see: the rules of booking are open to all who may book."""
         robots = self.robots()
         entries = [self.entry()]
@@ -166,32 +165,32 @@ class CommonPolicyView(PoliciesBase):
     """`/policies/all`."""
 
     @reads("policies_read_common", "Read the policy of all robots", answer=PolicyEntry, refuses=())
-    def get(self, _request: Request) -> Response:
+    def get(self) -> Response:
         """Robots without a policy of their own or of a group follow this one."""
         return self.tagged(self.entry())
 
     @edits("policies_set_common", "Set the policy of all robots", refuses=(412, 428), answer=PolicyEntry)
-    def put(self, request: Request, body: Rules) -> Response:
+    def put(self, body: Rules) -> Response:
         """For staff."""
         self.staff()
-        return self.changed(request, body)
+        return self.changed(body)
 
 
 class RobotPolicyView(PoliciesBase):
     """`/policies/robots/{slug}`."""
 
     @reads("policies_read_robot", "Read the policy of a robot", answer=PolicyEntry)
-    def get(self, _request: Request, slug: str) -> Response:
+    def get(self, slug: str) -> Response:
         """The robot’s own policy, or the one that it follows."""
         return self.tagged(self.entry(robot=self.robot(slug)))
 
     @edits("policies_set_robot", "Set the policy of a robot", answer=PolicyEntry)
-    def put(self, request: Request, slug: str, body: Rules) -> Response:
+    def put(self, slug: str, body: Rules) -> Response:
         """For supervisors of the robot itself, and staff. Bookings that are made stay."""
-        return self.changed(request, body, robot=self.managed_robot(slug))
+        return self.changed(body, robot=self.managed_robot(slug))
 
     @manages("policies_remove_robot", "Remove the policy of a robot")
-    def delete(self, _request: Request, slug: str) -> None:
+    def delete(self, slug: str) -> None:
         """The robot follows the policy of its group, or of all robots, again."""
         policy_changes.policy_remove(robot=self.managed_robot(slug), actor=self.person)
 
@@ -204,17 +203,17 @@ class GroupPolicyView(PoliciesBase):
         return self.group(slug).robots.all()
 
     @reads("policies_read_group", "Read the policy of a robot group", answer=PolicyEntry)
-    def get(self, _request: Request, slug: str) -> Response:
+    def get(self, slug: str) -> Response:
         """For staff: a group may have robots of several supervisors."""
         return self.tagged(self.entry(group=self.group(slug)))
 
     @edits("policies_set_group", "Set the policy of a robot group", answer=PolicyEntry)
-    def put(self, request: Request, slug: str, body: Rules) -> Response:
+    def put(self, slug: str, body: Rules) -> Response:
         """For staff."""
-        return self.changed(request, body, group=self.group(slug))
+        return self.changed(body, group=self.group(slug))
 
     @manages("policies_remove_group", "Remove the policy of a robot group")
-    def delete(self, _request: Request, slug: str) -> None:
+    def delete(self, slug: str) -> None:
         """Its robots follow the policy of all robots again."""
         policy_changes.policy_remove(group=self.group(slug), actor=self.person)
 
@@ -227,14 +226,14 @@ class PeriodsView(PoliciesBase):
         return [self.robot(body.robot)]
 
     @reads("out_of_service_list", "List out-of-service periods", refuses=())
-    def get(self, _request: Request) -> PeriodList:
+    def get(self) -> PeriodList:
         """Out-of-service periods of the robots that you may see."""
         open_now = Q(ends_at=None) | Q(ends_at__gt=timezone.now())
         found = OutOfService.objects.filter(open_now, robot__in=self.robots()).select_related("robot")
         return PeriodList([entry_of(PeriodEntry, one, robot=one.robot.slug) for one in found])
 
     @makes("out_of_service_add", "Take a robot out of service", keyed=True)
-    def post(self, _request: Request, body: PeriodRequest) -> PeriodMade:
+    def post(self, body: PeriodRequest) -> PeriodMade:
         """For supervisors of the robot itself, and staff. Bookings stay: their people learn that they are affected."""
         now = timezone.now()
         with faults_named():
@@ -262,7 +261,7 @@ class PeriodView(PoliciesBase):
         return get_object_or_404(OutOfService, pk=period_id, robot__in=self.managed())
 
     @manages("out_of_service_end", "Put a robot back into service")
-    def delete(self, _request: Request, period_id: UUID) -> None:
+    def delete(self, period_id: UUID) -> None:
         """The period ends now; one that has not begun is removed."""
         found = self.period(period_id)
         policy_changes.out_of_service_end(period_id=found.pk, actor=self.person, now=timezone.now())

@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal
 from django.db import transaction
 from django.shortcuts import get_object_or_404
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from robots.registry.models import Robot, RobotProfile
@@ -26,7 +25,7 @@ from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import entry_of, reads
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
-from teleop.api.v1.setup.base import SetupView, edits, faults_named, locked, require_unchanged
+from teleop.api.v1.setup.base import SetupView, edits, faults_named, locked
 
 Topic = Annotated[str, Meta(max_length=200)]
 
@@ -108,7 +107,7 @@ class ProfilesView(SetupView):
     tag = "registry"
 
     @reads("profiles_list", "List the kinds of robots", refuses=())
-    def get(self, _request: Request) -> ProfileList:
+    def get(self) -> ProfileList:
         """By name."""
         return ProfileList([entry_of(ProfileEntry, one) for one in RobotProfile.objects.order_by("name")])
 
@@ -136,16 +135,16 @@ class ProfileView(ProfilesBase):
     """`/profiles/{slug}`."""
 
     @reads("profiles_read", "Read a profile", answer=ProfileDetail)
-    def get(self, _request: Request, slug: str) -> Response:
+    def get(self, slug: str) -> Response:
         """Limits, body, ROS interface, gate and stick of this kind of robots."""
         return self.tagged(entry_of(ProfileDetail, self.profile(slug)))
 
     @edits("profiles_change", "Change a profile", answer=ProfileDetail)
-    def patch(self, request: Request, slug: str, body: ProfileChange) -> Response:
+    def patch(self, slug: str, body: ProfileChange) -> Response:
         """For staff. Bridges of its robots start again, and robots that move stop for it."""
         with faults_named(), transaction.atomic():
             found = locked(self.changeable(slug))
-            require_unchanged(request, entry_of(ProfileDetail, found))
+            self.require_unchanged(entry_of(ProfileDetail, found))
             for name, value in structs.asdict(body).items():
                 if value is not UNSET:
                     setattr(found, name, value)
@@ -156,11 +155,11 @@ class ProfileView(ProfilesBase):
 class PhrasesBase(ProfilesBase):
     """Base of the views of phrases."""
 
-    def replaced(self, request: Request, owner: RobotProfile | Robot, body: PhraseTexts) -> Response:
+    def replaced(self, owner: RobotProfile | Robot, body: PhraseTexts) -> Response:
         """Replace phrases, if nobody changed them after the client read them. Raises `Problem`."""
         with transaction.atomic():
             locked(owner)
-            require_unchanged(request, _phrases(owner))
+            self.require_unchanged(_phrases(owner))
             phrases_import(owner=owner, lines=_lines(body), actor=self.staff(), replace=True)
         return self.tagged(_phrases(owner))
 
@@ -169,14 +168,14 @@ class ProfilePhrasesView(PhrasesBase):
     """`/profiles/{slug}/phrases`."""
 
     @reads("profiles_phrases_read", "Read a profile’s phrases", answer=PhraseTexts)
-    def get(self, _request: Request, slug: str) -> Response:
+    def get(self, slug: str) -> Response:
         """In their order."""
         return self.tagged(_phrases(self.profile(slug)))
 
     @edits("profiles_phrases_set", "Replace a profile’s phrases", answer=PhraseTexts)
-    def put(self, request: Request, slug: str, body: PhraseTexts) -> Response:
+    def put(self, slug: str, body: PhraseTexts) -> Response:
         """For staff."""
-        return self.replaced(request, self.changeable(slug), body)
+        return self.replaced(self.changeable(slug), body)
 
 
 class RobotPhrasesView(PhrasesBase):
@@ -187,15 +186,15 @@ class RobotPhrasesView(PhrasesBase):
         return [self.robot(slug)]
 
     @reads("registry_phrases_read", "Read the phrases that only one robot has", answer=PhraseTexts)
-    def get(self, _request: Request, slug: str) -> Response:
+    def get(self, slug: str) -> Response:
         """In addition to the phrases of its profile."""
         return self.tagged(_phrases(self.robot(slug)))
 
     @edits("registry_phrases_set", "Replace the phrases that only one robot has", answer=PhraseTexts)
-    def put(self, request: Request, slug: str, body: PhraseTexts) -> Response:
+    def put(self, slug: str, body: PhraseTexts) -> Response:
         """For staff."""
         self.staff()
-        return self.replaced(request, self.robot(slug), body)
+        return self.replaced(self.robot(slug), body)
 
 
 def _lines(body: PhraseTexts) -> list[Line]:

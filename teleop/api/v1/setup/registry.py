@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 from django.db import transaction
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
@@ -20,7 +19,7 @@ from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import entry_of, operation
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
-from teleop.api.v1.setup.base import IF_MATCH, SetupView, faults_named, locked, require_unchanged
+from teleop.api.v1.setup.base import IF_MATCH, SetupView, faults_named, locked
 
 Name = Annotated[str, Meta(min_length=1, max_length=80)]
 Address = Annotated[str, Meta(max_length=200)]
@@ -83,7 +82,7 @@ class RegisterView(RegistryView):
     """`/registry`."""
 
     @_registry("registry_add", "Register a robot", refuses=(), status=201, keyed=True)
-    def post(self, _request: Request, body: RegisterRequest) -> Response:
+    def post(self, body: RegisterRequest) -> Response:
         """For staff. A bridge is started for it; `GET /robots/{slug}` says how it is. No token that is bound to robots
         serves the new one."""
         staff = self.staff()
@@ -104,18 +103,18 @@ class RegistrationView(RegistryView):
         return [self.robot(slug)] if body.master_uri is UNSET else ()
 
     @_registry("registry_read", "Read a registration")
-    def get(self, _request: Request, slug: str) -> Response:
+    def get(self, slug: str) -> Response:
         """For staff."""
         self.staff()
         return self.answer(self.robot(slug))
 
     @_registry("registry_change", "Change a registration", refuses=(404, 412, 428), parameters=[IF_MATCH])
-    def patch(self, request: Request, slug: str, body: RegistrationChange) -> Response:
+    def patch(self, slug: str, body: RegistrationChange) -> Response:
         """For staff. The bridge is started again where that is needed."""
         staff, found = self.staff(), self.robot(slug)
         with transaction.atomic():
             robot = locked(found)
-            require_unchanged(request, _entry(robot))
+            self.require_unchanged(_entry(robot))
             for name, value in _typed(body).items():
                 setattr(robot, name, value)
             saved = _saved(robot, staff)

@@ -8,7 +8,6 @@ from uuid import UUID
 
 from django.utils import timezone
 from msgspec import Meta, Struct
-from rest_framework.request import Request
 
 from fleet.accounts.tokens.models import Scope
 from fleet.base.zones import names, zone_of
@@ -92,7 +91,7 @@ class SeriesView(SetupView):
             }
         },
     )
-    def post(self, _request: Request, body: SeriesRequest) -> SeriesAnswer:
+    def post(self, body: SeriesRequest) -> SeriesAnswer:
         """For supervisors, also of a course, and staff. Weeks that a rule refuses are left out and say why."""
         robot, course = self._supervised(body.robot), self._course(body.course)
         if body.zone is not None and body.zone not in names():

@@ -12,7 +12,6 @@ from django.db.models import Count, Max
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from msgspec import Meta, Struct
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
@@ -209,7 +208,7 @@ class TokensView(TokensBase):
     """`/tokens`."""
 
     @reads("tokens_list", "List your tokens", refuses=())
-    def get(self, _request: Request) -> TokenList:
+    def get(self) -> TokenList:
         """With their last use."""
         return self.listed(self.person)
 
@@ -220,7 +219,7 @@ class TokensView(TokensBase):
         refuses=(404, 409),
         examples={"For a dashboard": {"name": "dashboard", "scopes": ["read"]}},
     )
-    def post(self, _request: Request, body: TokenRequest) -> Response:
+    def post(self, body: TokenRequest) -> Response:
         """The new token may not do more or last longer than the token of the request, and ends with it. Only this
         answer shows its text; so this takes no Idempotency-Key, and the first of two requests takes the name."""
         return self.make(self.person, body)
@@ -236,7 +235,7 @@ class TokenView(TokensBase):
         return Robot.objects.filter(pk__in=ending.robots) if ending else ()
 
     @operation("tokens_end", "End a token", scope=None, status=204, refuses=(404,))
-    def delete(self, _request: Request, token_id: UUID) -> None:
+    def delete(self, token_id: UUID) -> None:
         """Ends its streams, its control and the tokens made with it, within a second. A token ends itself with any
         scope; others with `manage`: those of the same person, for staff everybody's; if bound, those for its robots."""
         own = self.token
@@ -252,14 +251,14 @@ class ServiceAccountsView(TokensBase):
     """`/service-accounts`."""
 
     @manages("service_accounts_list", "List service accounts", refuses=())
-    def get(self, _request: Request) -> ServiceAccountList:
+    def get(self) -> ServiceAccountList:
         """For staff."""
         self.staff()
         found = User.objects.exclude(project="").annotate(count=Count("tokens"), used=Max("tokens__used_at"))
         return ServiceAccountList([_account(one) for one in found.order_by("project", "full_name")])
 
     @makes("service_accounts_make", "Make a service account", keyed=True, refuses=())
-    def post(self, _request: Request, body: ServiceAccountRequest) -> ServiceAccount:
+    def post(self, body: ServiceAccountRequest) -> ServiceAccount:
         """For staff. It needs a role, and a token."""
         require(body.name)
         require(body.project)
@@ -273,12 +272,12 @@ class ServiceTokensView(TokensBase):
     """`/service-accounts/{username}/tokens`."""
 
     @manages("service_tokens_list", "List the tokens of a service account")
-    def get(self, _request: Request, username: str) -> TokenList:
+    def get(self, username: str) -> TokenList:
         """For staff."""
         return self.listed(self.account(username))
 
     @makes("service_tokens_make", "Make a token of a service account", answer=TokenMade, refuses=(404, 409))
-    def post(self, _request: Request, username: str, body: TokenRequest) -> Response:
+    def post(self, username: str, body: TokenRequest) -> Response:
         """For staff, with the rules of `/tokens`. Nobody makes a token of another person."""
         return self.make(self.account(username), body)
 

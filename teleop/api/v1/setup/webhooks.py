@@ -9,7 +9,6 @@ from uuid import UUID
 from django.db.models import Count, Q
 from django.utils.dateparse import parse_datetime
 from msgspec import Meta, Struct
-from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
@@ -142,7 +141,7 @@ class WebhooksView(WebhooksBase):
     """`/webhooks`."""
 
     @manages("webhooks_list", "List webhooks", refuses=())
-    def get(self, _request: Request) -> WebhookList:
+    def get(self) -> WebhookList:
         """For staff."""
         return WebhookList([_entry(WebhookEntry, one) for one in self.seen()])
 
@@ -160,7 +159,7 @@ class WebhooksView(WebhooksBase):
             }
         },
     )
-    def post(self, _request: Request, body: WebhookRequest) -> Response:
+    def post(self, body: WebhookRequest) -> Response:
         """For staff; a token needs the scope `read`, too. The answer has its secret, which nothing shows again; so this
         takes no Idempotency-Key, and its name is taken by the first of two requests."""
         staff, robots = self.staff(), self.named_robots(body.robots)
@@ -183,19 +182,19 @@ class WebhookView(WebhooksBase):
     """`/webhooks/{id}`."""
 
     @manages("webhooks_read", "Read a webhook")
-    def get(self, _request: Request, webhook_id: UUID) -> WebhookEntry:
+    def get(self, webhook_id: UUID) -> WebhookEntry:
         """For staff."""
         return _entry(WebhookEntry, self.one(webhook_id))
 
     @manages("webhooks_change", "Pause or resume a webhook")
-    def patch(self, _request: Request, webhook_id: UUID, body: WebhookChange) -> WebhookEntry:
+    def patch(self, webhook_id: UUID, body: WebhookChange) -> WebhookEntry:
         """For staff. A paused webhook goes on with the events since then, of at most 7 days."""
         step = services.webhook_pause if body.paused else services.webhook_resume
         step(webhook=self.one(webhook_id), actor=self.staff())
         return _entry(WebhookEntry, self.one(webhook_id))
 
     @manages("webhooks_delete", "Delete a webhook")
-    def delete(self, _request: Request, webhook_id: UUID) -> None:
+    def delete(self, webhook_id: UUID) -> None:
         """For staff. Its deliveries are deleted, too."""
         services.webhook_delete(webhook=self.one(webhook_id), actor=self.staff())
 
@@ -204,7 +203,7 @@ class DeliveriesView(WebhooksBase):
     """`/webhooks/{id}/deliveries`."""
 
     @manages("webhooks_deliveries", "Read the deliveries of a webhook")
-    def get(self, _request: Request, webhook_id: UUID) -> DeliveryList:
+    def get(self, webhook_id: UUID) -> DeliveryList:
         """The last 100, with the answer to each attempt."""
         found = self.one(webhook_id).deliveries.order_by("-pk")[:SHOWN]
         return DeliveryList([_delivery(one) for one in found])
@@ -214,7 +213,7 @@ class TestView(WebhooksBase):
     """`/webhooks/{id}/test`."""
 
     @manages("webhooks_test", "Send a test", refuses=(404, 409))
-    def post(self, _request: Request, webhook_id: UUID) -> None:
+    def post(self, webhook_id: UUID) -> None:
         """It leaves within about two seconds, and is among the deliveries."""
         services.webhook_test(webhook=self.one(webhook_id), actor=self.staff())
 
@@ -223,7 +222,7 @@ class AgainView(WebhooksBase):
     """`/webhooks/{id}/again`."""
 
     @manages("webhooks_again", "Try deliveries again that were given up")
-    def post(self, _request: Request, webhook_id: UUID) -> TriedAgain:
+    def post(self, webhook_id: UUID) -> TriedAgain:
         """Sends each of these events once more, with the same pauses."""
         return TriedAgain(services.webhook_again(webhook=self.one(webhook_id), actor=self.staff()))
 
