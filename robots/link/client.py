@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import cache
-from typing import Protocol, TypeVar, get_args
+from typing import TypeVar, get_args
 from uuid import UUID
 
 import msgspec
@@ -89,8 +89,8 @@ class _Hello(Struct, tag_field="t", tag="bridge_hello"):
 _hello = msgspec.json.Decoder(_Hello)
 
 
-class Listener(Protocol):
-    """Receives a robot's reports. Called on the event loop; must not block."""
+class Listener:
+    """Receives a robot's reports, and ignores them. Called on the event loop; must not block."""
 
     def on_view(self, raw: str) -> None:
         """Receive a view, encoded."""

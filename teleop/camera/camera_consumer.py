@@ -11,14 +11,9 @@ from robots.shared.sentences import say
 from robots.shared.wire import CameraState, Refusal, camera_message, kind_of
 from teleop.background.jobs import run_in_background
 from teleop.camera.feed import CameraFeed, CameraViewer, feed_of
-from teleop.control.scopes import scope_missing
 from teleop.control.status import RobotEntry
-from teleop.live import robot_hub
-from teleop.live.consumers.message_socket import CloseCode
 from teleop.live.consumers.robot_socket import RobotSocket
 from teleop.records.camera_audit import TOO_MANY_CAMERAS, CameraAudit
-
-# Pages start an acknowledgement with this text; any other spelling is handled more slowly, by `on_message`.
 
 WATCHES_WITHIN_S = 10.0  # from opening this connection until a page that shows a camera requests it
 
@@ -38,11 +33,8 @@ class CameraConsumer(RobotSocket):
 
     async def on_open(self) -> None:
         """Join the robot's hub, if this person may see the robot. The camera process starts while the page loads."""
-        entry = await self.find_robot()
-        if entry is not None and not self.opens(Scope.TOPICS):
-            await self.close(CloseCode.NOT_PERMITTED, scope_missing((Scope.TOPICS,)).text)
-        elif entry is not None:
-            self.hub = robot_hub.join(self.robot_id, entry, self)
+        entry = await self.join(Scope.TOPICS)
+        if entry is not None:
             self.camera_audit = CameraAudit(self.user, self.robot_id, entry.facts.name)
             self._start_process()
             await self._send_cameras(entry)

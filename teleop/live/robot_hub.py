@@ -15,15 +15,14 @@ from collections import defaultdict
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from datetime import timedelta
-from typing import Protocol
 from uuid import UUID
 
 from django.db import DatabaseError
 from django.utils import timezone
 
-from robots.link.client import BridgeLink, links
+from robots.link.client import BridgeLink, Listener, links
 from robots.shared.processes.durations import Durations
-from robots.shared.wire import Ended, GoPath, Offers, Refresh, Refusal, Refused, State
+from robots.shared.wire import Ended, GoPath, Offers, Refresh, Refusal, Refused
 from teleop.background.database import in_database
 from teleop.control import lease_checks, line
 from teleop.control.changes import ControlRefused
@@ -44,8 +43,8 @@ REFRESH_S = 1.0  # shortest time between two requests to read the robot's capabi
 FULL_EVERY = 4  # one read out of this many covers everybody's rights and the registry
 
 
-class Member(Protocol):
-    """One connection to the robot: a page, or a program."""
+class Member:
+    """One connection to the robot: a page, or a program. It has no control, and ignores events."""
 
     id: str
     person: SignIn
@@ -57,14 +56,17 @@ class Member(Protocol):
     @property
     def held_session(self) -> UUID | None:
         """Return the control session of this connection; None without control."""
+        return None
 
     @property
     def waits(self) -> bool:
         """Return whether this connection waits in line for control."""
+        return False
 
     @property
     def checked_often(self) -> bool:
         """Return whether the person's rights are read every time, not only at full reads."""
+        return self.held_session is not None or self.waits
 
     async def follow(self, status: ControlStatus) -> None:
         """Follow the status of control, which the hub has just read."""
@@ -88,7 +90,7 @@ class Member(Protocol):
         """The bridge refused a message, of this or another member."""
 
 
-class RobotHub:
+class RobotHub(Listener):
     """The hub of one robot in this web process. `join` creates the hub; it ends with its last member."""
 
     def __init__(self, robot_id: UUID, entry: RobotEntry) -> None:
@@ -314,9 +316,6 @@ class RobotHub:
     def on_view(self, raw: str) -> None:
         """Pass a view to all viewers."""
         self.views.publish(raw)
-
-    def on_status(self, state: State) -> None:
-        """Do nothing: views contain the state."""
 
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
         """Inform all members."""

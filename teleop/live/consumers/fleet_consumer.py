@@ -18,22 +18,12 @@ from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
 from fleet.bookings.schedule import Schedule, schedules_of
 from robots.access.selectors import robots_visible_to, roles_of
-from robots.link.client import BridgeLink, links
+from robots.link.client import BridgeLink, Listener, links
 from robots.registry.models import Role
 from robots.registry.selectors import link_address
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import LinkAddress
-from robots.shared.wire import (
-    Ended,
-    FleetCard,
-    GoPath,
-    NotDone,
-    Offers,
-    Refusal,
-    Refused,
-    State,
-    fleet_message,
-)
+from robots.shared.wire import FleetCard, NotDone, Refusal, Refused, State, fleet_message
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.changes import database_refusal
@@ -94,7 +84,7 @@ class _Sights:
 _sights = _Sights()
 
 
-class FleetConsumer(MessageSocket):
+class FleetConsumer(MessageSocket, Listener):
     """One fleet page. It gets the newest update after it acknowledged the previous one; updates are never queued."""
 
     through = "fleet page"
@@ -269,9 +259,6 @@ class FleetConsumer(MessageSocket):
 
     # --- events of the links (robots.link.client.Listener) --------------------------------------------------
 
-    def on_view(self, raw: str) -> None:
-        """Ignore views: cards show the state."""
-
     def on_status(self, state: State) -> None:
         """Send an update soon if an important value changed."""
         self._wake()
@@ -279,21 +266,6 @@ class FleetConsumer(MessageSocket):
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
         """Send an update soon."""
         self._wake()
-
-    def on_offers(self, offers: Offers) -> None:
-        """Ignore: not on a card."""
-
-    def on_path(self, path: GoPath) -> None:
-        """Ignore: not on a card."""
-
-    def on_sample(self, topic: str, shown: str) -> None:
-        """Ignore: not on a card."""
-
-    def on_ended(self, ended: Ended) -> None:
-        """Ignore: the state shows it."""
-
-    def on_refused(self, refused: Refused) -> None:
-        """Ignore: no request of this page."""
 
 
 def _with_slug(refusal: Refusal, slug: str) -> Refusal:

@@ -28,7 +28,6 @@ from teleop.control.changes import ControlRefused, NotStored, database_refusal
 from teleop.control.lease_checks import Tab, check_fence, fingerprint
 from teleop.control.scopes import needed_scopes, scope_missing
 from teleop.control.status import ControlStatus, RobotEntry
-from teleop.live import robot_hub
 from teleop.live.camera_view_age import CameraViewAge
 from teleop.live.consumers.message_socket import BUSY, CloseCode
 from teleop.live.consumers.robot_socket import RobotSocket
@@ -57,14 +56,12 @@ class RobotConsumer(RobotSocket):
 
     async def on_open(self) -> None:
         """Join the robot's hub, if this person may see the robot."""
-        entry = await self.find_robot()
-        if entry is not None:
+        if await self.join() is not None:
             self.stop_button = emergency_stop.StopButton(
                 self.user, self.through, partial(self.send_refusal, "stop")
             )
             self.requests = RequestQueue()
             self.tasks = TaskSender(self)
-            self.hub = robot_hub.join(self.robot_id, entry, self)
 
     async def on_close(self) -> None:
         """Stop the robot at once. The lease can be resumed if the page comes back."""

@@ -9,9 +9,10 @@ from django.utils import timezone
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope, Token
 from robots.access.selectors import robots_visible_to
-from robots.shared.wire import BridgeGone, Ended, GoPath, Offers, Refusal, Refused
+from robots.shared.wire import BridgeGone, Refusal
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
+from teleop.control.scopes import scope_missing
 from teleop.control.selectors import SignIn, rights_of, robot_entry
 from teleop.control.status import ControlStatus, Rights, RobotEntry
 from teleop.live import notices, robot_hub
@@ -20,8 +21,8 @@ from teleop.models import named
 from teleop.records.refusals import RefusedRequest
 
 
-class RobotSocket(MessageSocket):
-    """Base of the WebSockets about one robot: a member of the hub (`robot_hub.Member`) that ignores its events."""
+class RobotSocket(MessageSocket, robot_hub.Member):
+    """Base of the WebSockets about one robot, which are members of its hub."""
 
     through: str  # name of this interface in the audit log
     hub: robot_hub.RobotHub
@@ -36,8 +37,12 @@ class RobotSocket(MessageSocket):
         self.wants_views = False
         self.draws_joints = False
 
-    async def find_robot(self) -> RobotEntry | None:
-        """Return the entry of the robot in the address; close the connection if this person may not see it."""
+    async def join(self, *scopes: Scope) -> RobotEntry | None:
+        """Join the hub of the robot in the address, and return the robot's entry.
+
+        Closes the connection and returns None if this person may not see the robot, or the connection's token has none
+        of these scopes (no scopes: any token).
+        """
         slug = self.scope["url_route"]["kwargs"]["slug"]
         self.person = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
         self.token: Token | None = self.scope.get("token")
@@ -47,6 +52,10 @@ class RobotSocket(MessageSocket):
             return None
         self.user, self.robot_id, entry, self.rights = found
         self.name = named(self.user.display_name, self.token.name if self.token else None)
+        if scopes and not self.opens(*scopes):
+            await self.close(CloseCode.NOT_PERMITTED, scope_missing(scopes).text)
+            return None
+        self.hub = robot_hub.join(self.robot_id, entry, self)
         return entry
 
     def opens(self, *scopes: Scope) -> bool:
@@ -82,24 +91,9 @@ class RobotSocket(MessageSocket):
     # --- reports from the hub (robot_hub.Member) --------------------------------------------------------
 
     @property
-    def held_session(self) -> UUID | None:
-        """None: this connection has no control."""
-        return None
-
-    @property
-    def waits(self) -> bool:
-        """False: this connection does not wait for control."""
-        return False
-
-    @property
     def fence(self) -> int | None:
         """The fence of its control; None without control."""
         return None
-
-    @property
-    def checked_often(self) -> bool:
-        """Return whether this person's rights are read every time."""
-        return self.held_session is not None or self.waits
 
     async def follow(self, status: ControlStatus) -> None:
         """Follow this person's rights."""
@@ -114,9 +108,6 @@ class RobotSocket(MessageSocket):
         """Return whether this person may still see the robot."""
         return self.rights.active and self.rights.role is not None
 
-    async def robot_edited(self, entry: RobotEntry) -> None:
-        """The registry's entry of the robot changed."""
-
     def link_changed(self, up: bool, refusal: Refusal | None) -> None:
         """Inform the client when the bridge is gone."""
         self.report_bridge_gone()
@@ -128,18 +119,6 @@ class RobotSocket(MessageSocket):
             run_in_background(
                 self.send_message(BridgeGone(refusal, self.hub.link.seen_at, self.hub.link.pending))
             )
-
-    def offers_changed(self, offers: Offers) -> None:
-        """The robot's capabilities changed."""
-
-    def path_changed(self, path: GoPath) -> None:
-        """The path of the robot's navigation changed."""
-
-    def ended_at_bridge(self, ended: Ended) -> None:
-        """The bridge ended control."""
-
-    def refused_at_bridge(self, refused: Refused) -> None:
-        """The bridge refused a message."""
 
 
 def _find(slug: str, person: SignIn) -> tuple[User, UUID, RobotEntry, Rights] | None:

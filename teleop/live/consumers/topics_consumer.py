@@ -10,9 +10,7 @@ from robots.shared import wire
 from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.wire import NotDone, Refusal, Refused, TopicQuery, kind_of, topics_message
 from teleop.background.jobs import run_in_background
-from teleop.control.scopes import scope_missing
-from teleop.live import robot_hub
-from teleop.live.consumers.message_socket import BUSY, CloseCode
+from teleop.live.consumers.message_socket import BUSY
 from teleop.live.consumers.robot_socket import RobotSocket
 from teleop.live.service_calls import ServiceCall, execute
 from teleop.live.topic_feed import SampleWithheld, TopicViewer
@@ -38,11 +36,8 @@ class TopicsConsumer(RobotSocket):
 
     async def on_open(self) -> None:
         """Join the robot's hub, if this person may see the robot."""
-        entry = await self.find_robot()
-        if entry is not None and not self.opens(Scope.TOPICS):
-            await self.close(CloseCode.NOT_PERMITTED, scope_missing((Scope.TOPICS,)).text)
-        elif entry is not None:
-            self.hub = robot_hub.join(self.robot_id, entry, self)
+        entry = await self.join(Scope.TOPICS)
+        if entry is not None:
             self.camera_audit = CameraAudit(self.user, self.robot_id, entry.facts.name)
             self.viewer = TopicViewer(self.hub.topics, self._show)
             await self.hub.wait_for_link()
