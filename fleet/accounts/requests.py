@@ -19,6 +19,14 @@ def person_of(request: HttpRequest) -> User:
     return request.user
 
 
+def staff_of(request: HttpRequest, why: str) -> User:
+    """Return the signed-in person. Raises `PermissionDenied` with the reason `why`: the person is not staff."""
+    person = person_of(request)
+    if not person.is_staff:
+        raise PermissionDenied(why)
+    return person
+
+
 def wants_json(request: HttpRequest) -> bool:
     """Return whether a script sent the request: browsers ask for HTML, scripts for JSON or no type."""
     return request.get_preferred_type(["application/json", "text/html"]) == "application/json"

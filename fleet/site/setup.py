@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import cast
 
 from django import forms
 from django.conf import settings
 from django.contrib.auth import login
 from django.contrib.auth.decorators import login_not_required
 from django.contrib.auth.forms import BaseUserCreationForm
-from django.core.exceptions import PermissionDenied, ValidationError
+from django.core.exceptions import ValidationError
 from django.db import DatabaseError
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import redirect, render
@@ -20,7 +20,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_safe
 
 from fleet.accounts.models import User
-from fleet.accounts.requests import GetResponse, person_of
+from fleet.accounts.requests import GetResponse, staff_of
 from fleet.accounts.sign_in import first_run, throttle
 from fleet.accounts.sign_in.hashing import HashingBusy
 from robots.check.robot_check import FAIL, run_checks
@@ -39,6 +39,7 @@ _OPEN = (
     "/privacy/",
     "/static/",
 )
+_STAFF_ONLY = "These pages are for staff."
 
 
 class AdminForm(BaseUserCreationForm):  # type: ignore[type-arg]  # not subscriptable at run time
@@ -115,7 +116,7 @@ def _made(request: HttpRequest, form: AdminForm) -> int:
 @require_http_methods(["GET", "HEAD", "POST"])
 def first_robot(request: HttpRequest) -> HttpResponse:
     """Add a robot, then check it."""
-    person = _staff(request)
+    person = staff_of(request, _STAFF_ONLY)
     form = RobotForm(request.POST or None)
     if form.is_valid():
         robot = form.save(commit=False)
@@ -133,7 +134,7 @@ def first_robot(request: HttpRequest) -> HttpResponse:
 @require_safe
 def check(request: HttpRequest, slug: str) -> HttpResponse:
     """Show the problems that prevent driving the new robot, with remedies."""
-    _staff(request)
+    staff_of(request, _STAFF_ONLY)
     robot = Robot.objects.filter(slug=slug).first()
     if robot is None:
         return redirect("setup-robot")
@@ -146,15 +147,8 @@ def check(request: HttpRequest, slug: str) -> HttpResponse:
 @require_safe
 def people(request: HttpRequest) -> HttpResponse:
     """Show the ways to give other people access."""
-    _staff(request)
+    staff_of(request, _STAFF_ONLY)
     return render(request, "setup/people.html")
-
-
-def _staff(request: HttpRequest) -> Any:
-    person = person_of(request)
-    if not person.is_staff:
-        raise PermissionDenied("These pages are for staff.")
-    return person
 
 
 urlpatterns = [

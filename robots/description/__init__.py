@@ -1,1 +1,1 @@
-"""Stores, reduces and checks robots' descriptions (URDF) and meshes, from which pages draw robots."""
+"""Reduces and checks robots' descriptions (URDF) and meshes, from which pages draw robots."""

@@ -30,9 +30,8 @@ from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.audit.models import Record
 from fleet.audit.services import record
-from robots.description.store import description_store
 from robots.registry.maps import map_store
-from robots.registry.models import BridgePulse
+from robots.registry.models import BridgePulse, RobotDescription
 from robots.shared import wire
 from robots.shared.geometry.poses import Pose, Velocity
 from robots.shared.records.record_sink import (
@@ -241,11 +240,8 @@ class AuditSink:
         """Commit that a stop reached the robot."""
         record(
             "stop.latch",
-            robot_id=self._robot_id,
-            robot_name=self._robot_name,
-            session_id=UUID(holder.session) if holder else None,
-            fence=holder.fence if holder else None,
             parameters={"number": number, "was_standing": was_standing},
+            **self._by(holder) | {"actor": None},  # the holder need not have pressed it
         )
 
     @_as_record_error
@@ -266,7 +262,10 @@ class AuditSink:
     @_as_record_error
     def keep_description(self, taken: TakenDescription) -> None:
         """Commit that this is the robot's description now."""
-        description_store(self._robot_id, taken, timezone.now())
+        columns = {"digest": taken.digest, "packed": taken.packed, "problem": taken.problem}
+        RobotDescription.objects.update_or_create(
+            robot_id=self._robot_id, defaults={**columns, "seen_at": timezone.now()}
+        )
 
     def _without_end(self, after: int) -> list[Record]:
         """Return this robot's records after `after` that have no end, the newest first."""

@@ -48,20 +48,11 @@ class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
 
     def columns(self) -> dict[str, Any]:
         """Return the values of the profile's columns, except the slug."""
-        return {
-            "name": self.name,
-            "holonomic": self.holonomic,
-            **msgspec.to_builtins(self.limits),
-            "blind_mps": self.blind_mps,
-            "default_share": self.default_share,
-            "reverse_steering": self.reverse_steering,
-            "drive_topic": self.drive.name,
-            "drive_type": self.drive.type,
-            "footprint": self.footprint,
-            "topics": self.topics,
-            "gate": self.gate,
-            "stick": msgspec.to_builtins(list(self.stick)),
-        }
+        columns = msgspec.to_builtins(self)
+        del columns["slug"], columns["phrases"]
+        limits, drive = columns.pop("limits"), columns.pop("drive")
+        columns |= limits | {"drive_topic": drive["name"], "drive_type": drive["type"]}
+        return columns | {"stick": list(columns["stick"])}
 
 
 def profile_files(directory: Path = DIRECTORY) -> list[ProfileFile]:

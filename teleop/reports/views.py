@@ -20,7 +20,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.views.decorators.cache import cache_control, never_cache
 from django.views.decorators.http import require_POST, require_safe
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
@@ -189,16 +189,11 @@ def _line(row: Row) -> RecordLine:
 
 
 def _line_about(row: Row, person: User) -> RecordLine:
-    record = row.record
-    return RecordLine(
-        at=record.at,
-        robot=record.robot_name,
-        what=wording.label(record.kind),
+    return structs.replace(
+        _line(row),
         subject=" · ".join(_facts_about(own_data.visible_details(row, person), person)),
-        outcome=wording.outcome(row.outcome),
-        expired=wording.expired(record),
         session_url="",
-        by=str(_AUTHORS[own_data.author_of(record)]),
+        by=str(_AUTHORS[own_data.author_of(row.record)]),
     )
 
 

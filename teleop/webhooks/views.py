@@ -6,7 +6,7 @@ from typing import Any
 from uuid import UUID
 
 from django.contrib import messages
-from django.core.exceptions import BadRequest, PermissionDenied
+from django.core.exceptions import BadRequest
 from django.db.models import Count, Max, Q
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
@@ -17,7 +17,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_safe
 
 from fleet.accounts.models import User
-from fleet.accounts.requests import person_of
+from fleet.accounts.requests import staff_of
 from fleet.audit.reading import wording
 from fleet.base.zones import viewers
 from robots.shared.wire import NotDone
@@ -29,13 +29,14 @@ from teleop.webhooks.forms import WebhookForm
 SHOWN = 100  # deliveries
 
 State = WebhookDelivery.State
+_STAFF_ONLY = "Webhooks are for staff."
 
 
 @never_cache
 @require_safe
 def webhooks(request: HttpRequest) -> HttpResponse:
     """List all webhooks with the counts of their deliveries."""
-    _staff(request)
+    staff_of(request, _STAFF_ONLY)
     found = Webhook.objects.select_related("owner").annotate(
         waiting=Count("deliveries", filter=Q(deliveries__state=State.WAITING)),
         given_up=Count("deliveries", filter=Q(deliveries__state=State.GIVEN_UP)),
@@ -48,7 +49,7 @@ def webhooks(request: HttpRequest) -> HttpResponse:
 @require_http_methods(["GET", "HEAD", "POST"])
 def webhook_new(request: HttpRequest) -> HttpResponse:
     """Make a webhook, and show its secret once."""
-    staff = _staff(request)
+    staff = staff_of(request, _STAFF_ONLY)
     form = WebhookForm(request.POST or None)
     if request.method == "POST" and form.is_valid():
         try:
@@ -68,7 +69,7 @@ def webhook_new(request: HttpRequest) -> HttpResponse:
 @require_http_methods(["GET", "HEAD", "POST"])
 def webhook(request: HttpRequest, webhook_id: UUID) -> HttpResponse:
     """Show the deliveries of a webhook with their answers; test, pause, resume and delete it."""
-    staff = _staff(request)
+    staff = staff_of(request, _STAFF_ONLY)
     found = get_object_or_404(Webhook.objects.select_related("owner"), pk=webhook_id)
     if request.method == "POST":
         try:
@@ -114,10 +115,3 @@ def _line(delivery: WebhookDelivery) -> dict[str, Any]:
     answers = [{**answer, "at": parse_datetime(answer["at"])} for answer in delivery.answers]
     label = _("test") if delivery.kind == TEST else wording.label(delivery.kind)
     return {"delivery": delivery, "label": label, "answers": answers}
-
-
-def _staff(request: HttpRequest) -> User:
-    person = person_of(request)
-    if not person.is_staff:
-        raise PermissionDenied("Webhooks are for staff.")
-    return person

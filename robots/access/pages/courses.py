@@ -19,7 +19,7 @@ from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
-from fleet.accounts.requests import person_of
+from fleet.accounts.requests import person_of, staff_of
 from fleet.base.origin import public_origin, public_url
 from robots.access import enrolment, services, welcome
 from robots.access.models import Course, Invitation
@@ -40,6 +40,8 @@ from robots.access.selectors import (
     lab_date,
     robots_of,
 )
+
+_STAFF_ONLY = "Only staff make and change courses."
 
 
 @never_cache
@@ -62,7 +64,7 @@ def courses(request: HttpRequest) -> HttpResponse:
 @require_http_methods(["GET", "HEAD", "POST"])
 def course_new(request: HttpRequest) -> HttpResponse:
     """Make a course with its people: show a form, then a preview of the list, then save."""
-    staff = _staff(request)
+    staff = staff_of(request, _STAFF_ONLY)
     if request.method != "POST":
         return _course_form(request, CourseForm())
     form = CourseForm(request.POST, request.FILES)
@@ -77,7 +79,7 @@ def course_new(request: HttpRequest) -> HttpResponse:
 @require_http_methods(["GET", "HEAD", "POST"])
 def course_edit(request: HttpRequest, slug: str) -> HttpResponse:
     """Change a course: robots, dates, quotas, supervisors. Staff only."""
-    staff = _staff(request)
+    staff = staff_of(request, _STAFF_ONLY)
     course = get_object_or_404(Course, slug=slug)
     form = CourseForm(request.POST or None, instance=course)
     if request.method == "POST" and form.is_valid():
@@ -90,7 +92,7 @@ def course_edit(request: HttpRequest, slug: str) -> HttpResponse:
 @require_POST
 def course_archive(request: HttpRequest, slug: str) -> HttpResponse:
     """Archive a course, or open it again."""
-    staff = _staff(request)
+    staff = staff_of(request, _STAFF_ONLY)
     course = get_object_or_404(Course, slug=slug)
     archived = request.POST.get("archived") == "1"
     services.course_archive(course=course, archived=archived, actor=staff)
@@ -235,13 +237,6 @@ def _join_link(request: HttpRequest, found: Invitation) -> str:
 
 
 # --- helpers --------------------------------------------------------------------------------------
-
-
-def _staff(request: HttpRequest) -> Any:
-    person = person_of(request)
-    if not person.is_staff:
-        raise PermissionDenied("Only staff make and change courses.")
-    return person
 
 
 def _managed(request: HttpRequest) -> Any:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 from django.contrib import messages
-from django.core.exceptions import PermissionDenied
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils.translation import gettext as _
@@ -14,7 +13,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods
 
 from fleet.accounts.models import User
-from fleet.accounts.requests import person_of
+from fleet.accounts.requests import staff_of
 from robots.access import services
 from robots.access.models import Qualification, RobotGroup
 from robots.access.pages.forms import GroupForm, QualificationForm
@@ -80,9 +79,7 @@ def _entries(
     delete: Callable[[Any, User], None],
 ) -> HttpResponse:
     """Show a form for each entry and an empty form for a new entry. The prefix of an entry's form is its slug."""
-    staff = person_of(request)
-    if not staff.is_staff:
-        raise PermissionDenied("Only staff change robot groups and qualifications.")
+    staff = staff_of(request, "Only staff change robot groups and qualifications.")
     model: type[RobotGroup] | type[Qualification] = form_class._meta.model
     posted = None
     if request.method == "POST":

@@ -11,7 +11,6 @@ from uuid import UUID
 
 from allauth.account.decorators import reauthentication_required
 from django.contrib import messages
-from django.core.exceptions import PermissionDenied
 from django.db.models import Count, Max
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
@@ -22,7 +21,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 from msgspec import Struct
 
 from fleet.accounts.models import User
-from fleet.accounts.requests import person_of
+from fleet.accounts.requests import person_of, staff_of
 from fleet.accounts.services import service_account_make
 from fleet.accounts.tokens.models import Scope, Token
 from fleet.accounts.tokens.services import (
@@ -35,6 +34,8 @@ from fleet.accounts.tokens.services import (
 )
 from robots.access.pages.forms import ServiceAccountForm, TokenForm
 from robots.access.selectors import robots_visible_to
+
+_STAFF_ONLY = "Only staff manage service accounts."
 
 
 class Shown(Struct, frozen=True):
@@ -83,7 +84,7 @@ def token_new(request: HttpRequest) -> HttpResponse:
 @reauthentication_required  # type: ignore[untyped-decorator]  # of django-allauth
 def service_token_new(request: HttpRequest, person_id: UUID) -> HttpResponse:
     """Make a token of a service account. Nobody can make a token of another person."""
-    _staff(request)
+    staff_of(request, _STAFF_ONLY)
     return _new(request, get_object_or_404(User.objects.exclude(project=""), pk=person_id, is_active=True))
 
 
@@ -107,7 +108,7 @@ def token_remove(request: HttpRequest, token_id: UUID) -> HttpResponse:
 @require_http_methods(["GET", "HEAD", "POST"])
 def service_accounts(request: HttpRequest) -> HttpResponse:
     """List service accounts by project, and make a new one."""
-    staff = _staff(request)
+    staff = staff_of(request, _STAFF_ONLY)
     form = ServiceAccountForm(request.POST if request.method == "POST" else None)
     if form.is_valid():
         made = service_account_make(actor=staff, **form.cleaned_data)
@@ -144,10 +145,3 @@ def _new(request: HttpRequest, owner: User) -> HttpResponse:
         form.add_error(None, _("There are %d tokens, and more are not allowed: end one first.") % MOST)
         return render(request, "access/tokens/token_new.html", context, status=400)
     return render(request, "access/tokens/token_made.html", {**context, "token": made, "text": text})
-
-
-def _staff(request: HttpRequest) -> User:
-    person = person_of(request)
-    if not person.is_staff:
-        raise PermissionDenied("Only staff manage service accounts.")
-    return person

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from django.utils import timezone
 
 from robots.bridge.audit.description import taken_description
-from robots.description.store import description_store
+from robots.records.bridge_records import AuditSink
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -23,7 +22,7 @@ def urdf(*addresses: str) -> str:
 @pytest.fixture
 def describe(robot):
     """`describe(text)`: store the parameter's value as the robot's bridge does."""
-    return lambda found: description_store(robot.pk, taken_description(found), timezone.now())
+    return lambda found: AuditSink(robot.pk, robot.name).keep_description(taken_description(found))
 
 
 @pytest.fixture
