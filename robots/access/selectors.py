@@ -62,12 +62,12 @@ def roles_by_id(user: User, ids: Sequence[UUID], at: datetime | None = None) -> 
     return held
 
 
-def roles_on(robot_id: UUID, users: Iterable[User], at: datetime | None = None) -> dict[UUID, Role]:
+def roles_on(robot_id: UUID, users: Iterable[User]) -> dict[UUID, Role]:
     """Return `role_on` for many people, by one query; people without a role are left out."""
     active = {user.id: user for user in users if user.is_active}
     others = [user.id for user in active.values() if not user.is_staff]
     held = {user.id: Role.STAFF for user in active.values() if user.is_staff}
-    for one in _given(others, [robot_id], at):
+    for one in _given(others, [robot_id]):
         held[one.person] = max(one.role, held.get(one.person, one.role))
     return held
 
@@ -173,11 +173,6 @@ def robots_of(course: Course) -> QuerySet[Robot]:
     return Robot.objects.filter(_of_courses([course.pk]))
 
 
-def robot_ids_of(course: Course) -> set[UUID]:
-    """Return the keys of the course's robots, its own and those of its groups."""
-    return set(robots_of(course).values_list("pk", flat=True))
-
-
 def may_manage(user: User, course: Course) -> bool:
     """Return whether `user` may change the course's people and grant its qualifications."""
     if not user.is_active:
@@ -204,7 +199,7 @@ def courses_to_come(user: User) -> QuerySet[Course]:
 
 def demanded_in(course: Course) -> QuerySet[Qualification]:
     """Return the qualifications that the course's robots demand."""
-    robots = robot_ids_of(course)
+    robots = set(robots_of(course).values_list("pk", flat=True))
     return Qualification.objects.filter(Q(robots__in=robots) | Q(groups__robots__in=robots)).distinct()
 
 

@@ -280,9 +280,7 @@ class BridgeLink:
             await asyncio.sleep(_LINK_STOP_S)
         return await ask_bridge(self.address, stop)
 
-    async def clear(
-        self, clear: wire.LinkClear, asked_s: float, timeout_s: float = _ANSWER_TIMEOUT_S
-    ) -> Stopped:
+    async def clear(self, clear: wire.LinkClear, asked_s: float) -> Stopped:
         """Clear the stop. Raises LinkRefused if the bridge does not confirm.
 
         `asked_s` is the time of day when the person asked. Pending stops from before it do not stop the robot again;
@@ -293,36 +291,34 @@ class BridgeLink:
         with self._latch.waiting_for(number) as answer:
             presses = [stop.press for stop in waiting]
             await self._ask(structs.replace(clear, seq=number, presses=presses))
-            stopped = await _await_answer(answer, timeout_s)
+            stopped = await _await_answer(answer, _ANSWER_TIMEOUT_S)
         for stop in waiting:
             await asyncio.to_thread(self._stops.settle, stop, stopped)
         return stopped
 
-    async def request_task(
-        self, request_task: wire.TaskRequest, timeout_s: float = _TASK_TIMEOUT_S
-    ) -> Accepted | Refused:
+    async def request_task(self, request_task: wire.TaskRequest) -> Accepted | Refused:
         """Send a task request of the person in control. Returns the bridge's answer, or raises LinkRefused."""
         self._require_capacity(self._task_requests, _MOST_TASK_REQUESTS)
         with self._task_requests.waiting_for(
             (wire.kind_of(request_task), request_task.fence, request_task.seq)
         ) as answer:
             await self._ask(request_task)
-            return await _await_answer(answer, timeout_s)
+            return await _await_answer(answer, _TASK_TIMEOUT_S)
 
-    async def cancel(self, cancel: wire.LinkCancel, timeout_s: float = _TASK_TIMEOUT_S) -> Accepted | Refused:
+    async def cancel(self, cancel: wire.LinkCancel) -> Accepted | Refused:
         """Cancel a task for a person, who need not have control. Returns and raises as `request_task`."""
         number = self._task_requests.number()
         with self._task_requests.waiting_for((wire.kind_of(cancel), None, number)) as answer:
             await self._ask(structs.replace(cancel, seq=number))
-            return await _await_answer(answer, timeout_s)
+            return await _await_answer(answer, _TASK_TIMEOUT_S)
 
-    async def query_topics(self, question: wire.TopicQuery, timeout_s: float = _QUERY_TIMEOUT_S) -> str:
+    async def query_topics(self, question: wire.TopicQuery) -> str:
         """Send a query about topics. Returns the encoded `wire.TopicAnswer`, or raises LinkRefused."""
         self._require_capacity(self._queries, _MOST_QUERIES)
         number = self._queries.number()
         with self._queries.waiting_for(number) as answer:
             await self._ask(wire.LinkQuery(number, question))
-            return await _await_answer(answer, timeout_s)
+            return await _await_answer(answer, _QUERY_TIMEOUT_S)
 
     async def close(self) -> None:
         """End the link. It cannot be opened again."""

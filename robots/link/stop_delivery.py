@@ -36,9 +36,9 @@ def stop_message(robot: UUID | None, by: str, reason: str = "", press: UUID | No
     return LinkStop(by[:LONGEST_TEXT], reason[:LONGEST_TEXT], robot=robot, press=press)
 
 
-async def reach(address: LinkAddress, stop: LinkStop, within_s: float = STOP_S) -> Stopped | Refusal:
+async def reach(address: LinkAddress, stop: LinkStop) -> Stopped | Refusal:
     """Send `stop` over new connections. Returns the answer; raises LinkRefused if there is none."""
-    return await first_answer([ask_watchdog(address, stop), ask_bridge(address, stop)], within_s)
+    return await first_answer([ask_watchdog(address, stop), ask_bridge(address, stop)], STOP_S)
 
 
 async def first_answer(ways: Sequence[Answer], within_s: float) -> Stopped | Refusal:

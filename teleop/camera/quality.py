@@ -35,7 +35,7 @@ class Quality:
         self._again_s = FULL_AGAIN_S[0]
         self._damaged = 0
         self._is_trying_full = False  # full pictures are tried again: the first one is not acknowledged yet
-        self._has_failed = False  # the try took too long
+        self.has_failed = False  # the try took too long: then call `decide` at once
         self._offered: deque[float] = deque()  # when pictures arrived from the camera
         self._shown: deque[float] = deque()  # when pictures were acknowledged
 
@@ -50,21 +50,16 @@ class Quality:
         """Note that a picture of the present variant arrived from the camera."""
         self._offered.append(now_s)
 
-    @property
-    def has_failed(self) -> bool:
-        """Return whether a new try of full pictures took too long: then call `decide` at once."""
-        return self._has_failed
-
     def acknowledged(self, now_s: float, sent_s: float) -> None:
         """Note that the viewer has painted a picture that was sent at `sent_s`."""
         self._shown.append(now_s)
         if self._is_trying_full and sent_s >= self._since_s:
             self._is_trying_full = False
-            self._has_failed = now_s - sent_s > SLOWEST_S
+            self.has_failed = now_s - sent_s > SLOWEST_S
 
     def unacknowledged(self, now_s: float, sent_s: float) -> None:
         """Note that the viewer has not yet painted a picture that was sent at `sent_s`."""
-        self._has_failed |= self._is_trying_full and sent_s >= self._since_s and now_s - sent_s > SLOWEST_S
+        self.has_failed |= self._is_trying_full and sent_s >= self._since_s and now_s - sent_s > SLOWEST_S
 
     def painted(self, *, damaged: bool) -> None:
         """Note whether the viewer could decode a picture."""
@@ -80,7 +75,7 @@ class Quality:
             self._lower = "small"
             self._change("small", now_s)
             return True
-        if self._has_failed:
+        if self.has_failed:
             self._change(self._lower, now_s)
             return True
         # Video needs more time: it arrives after the full pictures that still fill a slow connection, and
@@ -110,6 +105,6 @@ class Quality:
 
     def _change(self, variant: Variant, now_s: float) -> None:
         self.variant, self._since_s = variant, now_s
-        self._is_trying_full = self._has_failed = False
+        self._is_trying_full = self.has_failed = False
         self._offered.clear()
         self._shown.clear()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
+from functools import partial
 from uuid import UUID
 
 from django.conf import settings
@@ -99,21 +100,19 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
     ahead = next((n for n, one in enumerate(status.line) if one.tab.connection == tab.connection), None)
     asking = None if ahead is None else status.line[ahead].id
     names = [wire.Request(one.id, one.name) for one in status.line if one.tab.connection]
+    control = partial(
+        wire.Control, asking=asking, ahead=ahead, booked=booked, next_booked=next_booked, out_s=out_s
+    )
     if lease is None or free:
-        return wire.Control(
+        return control(
             "free",
             requests=names if rights.supervises else [],
-            asking=asking,
-            ahead=ahead,
             offer_s=_offer_s(status, user),
             may_take_over=_take_over_only(rights) is not None,
             may_clear=rights.supervises,
             refusal=_refusal(rights) or _take_over_only(rights),
-            booked=booked,
-            next_booked=next_booked,
-            out_s=out_s,
         )
-    return wire.Control(
+    return control(
         state=_state(phase, mine=mine, own=lease.user == user),
         holder=lease.name,
         fence=lease.fence if mine else None,
@@ -121,17 +120,12 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
         remaining_s=round((lease.term_ends_at - now).total_seconds(), 1),
         resumable_s=round(lease_checks.resumable_s(lease, now), 1) if phase is Phase.AWAY else None,
         requests=names if mine or rights.supervises else [],
-        asking=asking,
-        ahead=ahead,
         may_take_over=lease_checks.check_take_over(lease, user=user, supervises=rights.supervises, now=now)
         is None
         and _refusal(rights) is None,
         may_clear=mine or rights.supervises,
         refusal=_refusal(rights)
         or (None if mine else lease_checks.check_take(lease, user=user, tab=tab, now=now)),
-        booked=booked,
-        next_booked=next_booked,
-        out_s=out_s,
     )
 
 

@@ -28,7 +28,7 @@ from teleop.control.lease_checks import offered as offered_now
 from teleop.control.rules import ROLE_LOWERED, Permit
 from teleop.control.status import ControlStatus, Rights, SessionEnd, change_key, control_message
 from teleop.live import notices
-from teleop.live.grant_renewal import GrantRenewer
+from teleop.live.grant_renewal import Delays, GrantRenewer
 from teleop.live.robot_hub import RobotHub
 from teleop.models import EndReason
 
@@ -47,10 +47,7 @@ class ControlHolder:
     `follow`, or earlier by `release`, `revoke`, `leave` or a refusal of the bridge.
 
     The holder sends nothing to its client. It calls `report` with a `Control` when control has changed, and
-    with a `Notice` that contains the reason. `delay_s` returns the round trip time to the client in seconds
-    (None: not known yet). `camera_s` returns the age of the camera picture by which the client drives (None:
-    not by a camera). `silent_s` returns the seconds since the client's last message (None: the client sends
-    no stream of messages).
+    with a `Notice` that contains the reason. `delays` returns how late the client is now.
 
     Requests raise ControlRefused, LinkRefused or DatabaseError.
     """
@@ -62,17 +59,13 @@ class ControlHolder:
         tab: Tab,
         *,
         report: Report,
-        delay_s: Callable[[], float | None],
-        camera_s: Callable[[], float | None],
-        silent_s: Callable[[], float | None] = lambda: None,
+        delays: Callable[[], Delays],
     ) -> None:
         self.tab = tab
         self._hub = hub
         self._user_id = user_id
         self._report = report
-        self._delay_s = delay_s
-        self._camera_s = camera_s
-        self._silent_s = silent_s
+        self._delays = delays
         self._renewer: GrantRenewer | None = None
         self._status: ControlStatus | None = None
         self._rights: Rights | None = None
@@ -239,9 +232,7 @@ class ControlHolder:
                 answered=self._report_control,
                 # The bridge refused: it knows a higher fence, or another session with this fence.
                 refused=partial(self._end, EndReason.BRIDGE),
-                delay_s=self._delay_s,
-                camera_s=self._camera_s,
-                silent_s=self._silent_s,
+                delays=self._delays,
             )
 
     def _is_mine(self, status: ControlStatus) -> bool:

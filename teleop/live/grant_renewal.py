@@ -9,6 +9,7 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 
 from django.utils import timezone
+from msgspec import Struct, structs
 
 from robots.link.client import LinkRefused
 from robots.shared.sentences import say
@@ -25,14 +26,18 @@ RENEW_S = 1.0
 CONFIRMED_S = 2.0  # without confirmation by the database for this time, control is not renewed
 
 
+class Delays(Struct, frozen=True):
+    """How late the holder's client is, in seconds: for the bridge, which does not drive for an absent holder."""
+
+    delay_s: float | None = None  # round trip, which the bridge adds to its latency; None: not known yet
+    camera_s: float | None = None  # age of the picture by which the holder drives; None: not by a camera
+    silent_s: float | None = None  # since the client's last message; None: it sends no stream of messages
+
+
 class GrantRenewer:
     """Renews the grant of one connection's lease from its start until `revoke`, `leave` or `stop_silently`.
 
     `answered` is called after the first grant, `refused` if the bridge's refusal of this control is final.
-    `delay_s` returns the round trip time to the page (None: not known yet); the bridge adds it to its
-    latency. `camera_s` returns the age of the camera picture by which the holder drives (None: not by a
-    camera). `silent_s` returns the time since the client's last message (None: the client sends no stream):
-    the bridge does not drive for an absent holder.
     """
 
     def __init__(
@@ -43,9 +48,7 @@ class GrantRenewer:
         permit: Permit,
         answered: Callable[[], Awaitable[None]],
         refused: Callable[[Refusal], Awaitable[None]],
-        delay_s: Callable[[], float | None],
-        camera_s: Callable[[], float | None],
-        silent_s: Callable[[], float | None],
+        delays: Callable[[], Delays],
     ) -> None:
         self.lease = lease
         self.fence = lease.fence
@@ -54,9 +57,7 @@ class GrantRenewer:
         self._hub = hub
         self._answered = answered
         self._refused = refused
-        self._delay_s = delay_s
-        self._camera_s = camera_s
-        self._silent_s = silent_s
+        self._delays = delays
         self._soon = asyncio.Event()
         self._ended = False
         # Another connection may have had this lease: its drive input ends now, sequence numbers start again.
@@ -136,8 +137,6 @@ class GrantRenewer:
                 holder=self.lease.name,
                 holder_id=str(self.lease.user),
                 max_share=self.permit.max_share,
-                delay_s=self._delay_s(),
-                silent_s=self._silent_s(),
-                camera_s=self._camera_s(),
+                **structs.asdict(self._delays()),
             )
         )

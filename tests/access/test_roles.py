@@ -18,7 +18,7 @@ from robots.access.selectors import (
     manages_robot,
     missing_qualifications,
     reasons,
-    robot_ids_of,
+    robots_of,
     robots_visible_to,
     role_on,
     roles_of,
@@ -83,7 +83,7 @@ def test_a_group_stands_for_its_robots(course: Course, student: User, other_robo
     assert role_on(student, other_robot) is None
     group.robots.add(other_robot)
     assert role_on(student, other_robot) is Role.OPERATOR
-    assert len(robots_visible_to(student)) == len(robot_ids_of(course)) == 2
+    assert len(robots_visible_to(student)) == len(robots_of(course)) == 2
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import re
 import unicodedata
 from codecs import BOM_UTF8
 from collections.abc import Iterable, Sequence
+from itertools import zip_longest
 
 from django.core.exceptions import ValidationError
 from django.core.validators import validate_email
@@ -100,14 +101,12 @@ def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> P
     header, lines = _without_header([line for line in lines if len(line.cells) <= MOST_COLUMNS])
     columns = columns_of(header.cells if header else (), [line.cells for line in lines])
     if roles:
-        columns = tuple(
-            Column(column.title, role)
-            for column, role in zip(columns, [*roles, *_unused(columns, roles)], strict=False)
-        )
+        chosen = zip_longest(columns, roles[: len(columns)], fillvalue=Role.UNUSED)
+        columns = tuple(Column(column.title, role) for column, role in chosen)
     found = _people(lines, columns, usual if len(columns) > 1 else "")
     if wide:
         found = structs.replace(found, wrong=(*found.wrong, *map(_too_wide, wide)))
-    if header and not any(map(_names_a_column, header.cells)):
+    if header and all(role_of(title) is Role.UNUSED for title in header.cells):
         reason = _("It is taken as the titles of the columns.")
         guessed = Wrong(header.number, header.text[:100], reason, header.cells)
         note = _("Line %(line)d is taken as titles: %(text)s") % {
@@ -130,14 +129,6 @@ def _too_wide(line: _Line) -> Wrong:
     reason = _("The line has %(columns)d columns; at most %(most)d are read.")
     facts = {"columns": len(line.cells), "most": MOST_COLUMNS}
     return Wrong(line.number, line.text[:100], reason % facts, line.cells[:1])
-
-
-def _names_a_column(title: str) -> bool:
-    return role_of(title) is not Role.UNUSED
-
-
-def _unused(columns: Sequence[Column], roles: Sequence[Role]) -> list[Role]:
-    return [Role.UNUSED] * (len(columns) - len(roles))
 
 
 def _people(lines: Iterable[_Line], columns: tuple[Column, ...], separator: str) -> PeopleList:

@@ -129,7 +129,7 @@ def of(robot: RobotFields) -> Effective:
     profile, own = robot.profile, overrides(robot)
     expected = profile_topics(profile)
     interface = _own_topics(robot, own, expected)
-    body = footprint(profile)
+    body, depth = footprint(profile), interface.depth
     gate = GateProfile(
         limits=_limits(profile, own),
         radius_m=body.radius_m,
@@ -138,11 +138,11 @@ def of(robot: RobotFields) -> Effective:
         sonar_poses={sonar.frame_id: sonar.pose for sonar in interface.sonars},
         sonar_fov={sonar.frame_id: sonar.fov for sonar in interface.sonars},
         # The profile's limits for depth camera and arm also apply to a robot without them.
-        has_depth=interface.depth is not None or expected.depth is not None,
+        has_depth=depth is not None or expected.depth is not None,
         blind_mps=_lower(profile, own, "blind_mps"),
         parameters=_careful(_own_parameters(robot, own), profile_parameters(profile)),
         has_arm=interface.arm is not None or expected.arm is not None,
-        depth=_depth_view(interface.depth),
+        depth=depth and DepthView(depth.height_m, depth.own_m, depth.blind_m),
     )
     return Effective(interface, gate, stick(robot), _default_share(robot, gate.limits))
 
@@ -230,10 +230,6 @@ def _asked_share(robot: RobotFields) -> float:
 
 def _fastest_mps(given: Limits | ProfileFields) -> float:
     return max(given.forward_mps, given.reverse_mps, given.lateral_mps)
-
-
-def _depth_view(source: DepthSource | None) -> DepthView | None:
-    return DepthView(source.height_m, source.own_m, source.blind_m) if source else None
 
 
 def stick(robot: RobotFields) -> tuple[StickStep, ...]:

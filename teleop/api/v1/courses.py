@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from datetime import date
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from django.db import transaction
 from django.db.models import Count, Q
@@ -22,17 +22,10 @@ from robots.access.selectors import courses_managed_by, demanded_in, grants_in, 
 from robots.registry.models import Robot
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import entry_of
+from teleop.api.v1.framework.operation import Entry, entry_of
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
-from teleop.api.v1.setup.base import (
-    SetupView,
-    edits,
-    faults_named,
-    makes,
-    manages,
-    named_groups,
-)
+from teleop.api.v1.setup.base import SetupView, edits, faults_named, makes, manages, named_groups
 from teleop.api.v1.setup.groups import account_named
 
 _NO_ROBOT = Refusal("robot_needed", "Name at least one robot or robot group.", "wire")
@@ -64,9 +57,6 @@ class Quotas(Struct, frozen=True):
     week_min: int | None
     at_once: int | None
     course_week_min: int | None  # of all its people together
-
-
-Kind = TypeVar("Kind", bound=CourseEntry)
 
 
 class QualificationEntry(Struct, frozen=True):
@@ -457,6 +447,6 @@ def _not_inside(username: str, course: Course) -> Refusal:
     )
 
 
-def _entry(kind: type[Kind], course: Course, **others: Any) -> Kind:
+def _entry(kind: type[Entry], course: Course, /, **others: Any) -> Entry:
     valid = not course.archived and course.starts_on <= lab_date() <= course.ends_on
     return entry_of(kind, course, valid=valid, people=getattr(course, "people", 0), **others)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from datetime import date
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from django.core.exceptions import PermissionDenied
@@ -22,7 +22,7 @@ from fleet.audit.reading.search import words_of
 from robots.registry.models import Robot
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.cursors import decoded, encoded, page_by_time
-from teleop.api.v1.framework.operation import ApiView, entry_of, reads
+from teleop.api.v1.framework.operation import ApiView, Entry, entry_of, reads
 from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.control.selectors import end_notes
@@ -53,9 +53,6 @@ class SessionEntry(Struct, frozen=True):
     ended_at: Time | None  # null: it goes on
     end_reason: str
     note: str  # about its end
-
-
-Kind = TypeVar("Kind", bound=SessionEntry)
 
 
 class SessionList(Struct, frozen=True):
@@ -217,8 +214,8 @@ class RecordsBase(ApiView):
         return wanted
 
     def entry(
-        self, kind: type[Kind], session: ControlSession, notes: Mapping[UUID, object], **others: Any
-    ) -> Kind:
+        self, kind: type[Entry], session: ControlSession, notes: Mapping[UUID, object], /, **others: Any
+    ) -> Entry:
         """Return a session as it is shown to this person."""
         return entry_of(
             kind,

@@ -32,6 +32,7 @@ from teleop.live.camera_view_age import CameraViewAge
 from teleop.live.consumers.message_socket import BUSY, CloseCode
 from teleop.live.consumers.robot_socket import RobotSocket
 from teleop.live.control_holder import ControlHolder
+from teleop.live.grant_renewal import Delays
 from teleop.live.task_sender import TaskSender
 from teleop.live.view_feed import Viewer
 from teleop.stop import emergency_stop
@@ -155,13 +156,7 @@ class RobotConsumer(RobotSocket):
         program = self.token.name if self.token else ""
         tab = Tab(hello.tab, fingerprint(self.person[1]), self.id, program)
         self.control = ControlHolder(
-            self.hub,
-            self.user.id,
-            tab,
-            report=self.send_message,
-            delay_s=lambda: self.viewer.delay_s if self.viewer else None,
-            camera_s=self.camera_view.age_s,
-            silent_s=lambda: time.monotonic() - self.heard_s,
+            self.hub, self.user.id, tab, report=self.send_message, delays=self._delays
         )
         await self._welcome()
         await self.hub.read_status_for(self)
@@ -176,6 +171,10 @@ class RobotConsumer(RobotSocket):
             await self.send_message(self.hub.link.path)
         await self.hub.wait_for_link()
         self.report_bridge_gone()
+
+    def _delays(self) -> Delays:
+        trip_s = self.viewer.delay_s if self.viewer else None
+        return Delays(trip_s, self.camera_view.age_s(), time.monotonic() - self.heard_s)
 
     async def _change(self, message: wire.BrowserMessage, control: ControlHolder) -> None:
         """Change who has control, or clear the stop."""

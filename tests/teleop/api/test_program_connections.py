@@ -179,7 +179,7 @@ async def test_one_person_does_not_take_all_places(tmp_path: Path, monkeypatch: 
         assert await programs.connection("a", mine) is kept[0]
         await programs.connection("c", theirs)
         monkeypatch.setattr(registry, "UNUSED_S", 0.0)
-        await eventually(lambda: not any(one.open_now for one in kept))
+        await eventually(lambda: not any(one.is_open for one in kept))
 
 
 async def test_requests_at_once_share_one_connection(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

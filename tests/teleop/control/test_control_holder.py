@@ -17,6 +17,7 @@ from teleop.control.lease_checks import Tab, fingerprint
 from teleop.control.selectors import lease_of, rights_of, robot_entry
 from teleop.live import robot_hub
 from teleop.live.control_holder import ControlHolder
+from teleop.live.grant_renewal import Delays
 from tests.teleop.support import TIMEOUT_S
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -41,9 +42,7 @@ class Program:
         self.rights = (await in_database(rights_of, [self.person], robot, timezone.now()))[self.person]
         self.hub = robot_hub.join(robot.id, entry, self)
         tab = Tab("program-0123456789", fingerprint(self.person[1]), self.id)
-        self.control = ControlHolder(
-            self.hub, self.user.id, tab, report=self.reports.put, delay_s=lambda: None, camera_s=lambda: None
-        )
+        self.control = ControlHolder(self.hub, self.user.id, tab, report=self.reports.put, delays=Delays)
         await self.hub.wait_for_link()
 
     async def close(self):

@@ -8,7 +8,7 @@ from uuid import uuid4
 from django.utils import timezone
 
 from teleop.live import grant_renewal
-from teleop.live.grant_renewal import GrantRenewer
+from teleop.live.grant_renewal import Delays, GrantRenewer
 from tests.teleop.support import TIMEOUT_S
 
 
@@ -46,9 +46,7 @@ async def test_a_change_during_a_renewal_is_sent_right_after_it(monkeypatch):
         permit=SimpleNamespace(max_share=1.0),
         answered=nothing,
         refused=nothing,
-        delay_s=lambda: None,
-        camera_s=lambda: camera_s[0],
-        silent_s=lambda: None,
+        delays=lambda: Delays(camera_s=camera_s[0]),
     )
     first = await asyncio.wait_for(link.grants.get(), TIMEOUT_S)
     camera_s[0] = 0.9

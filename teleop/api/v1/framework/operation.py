@@ -93,10 +93,6 @@ class ApiView(APIView):
         """The key of the request's token, or of its session."""
         return key_of(self.token) if self.token else self.request.session.session_key or ""
 
-    def accepted(self, entry: Struct, address: str) -> Response:
-        """Return the answer 202: the work goes on, and its status is at this address."""
-        return Response(wire.to_builtins(entry), status=202, headers={"Location": address})
-
     seen_by: Callable[[User], QuerySet[Robot]] = staticmethod(robots_visible_to)
 
     def robots(self) -> list[Robot]:
@@ -265,7 +261,10 @@ class Operation:
         if self.content_type:
             kinds = self.content_type.split()
             return answers | {
-                (self._status, kind): OpenApiResponse(_kind_of(kind), self.summary) for kind in kinds
+                (self._status, kind): OpenApiResponse(
+                    OpenApiTypes.BINARY if kind.startswith("image/") else str, self.summary
+                )
+                for kind in kinds
             }
         return answers | {self._status: OpenApiResponse(self.answer, self.summary)}
 
@@ -274,14 +273,10 @@ operation = Operation  # lower case, because it is used as a decorator
 reads = partial(operation, scope=Scope.READ, refuses=(404,))  # the most usual kind; lists have no 404
 
 
-def entry_of(kind: type[Entry], row: object, **others: Any) -> Entry:
+def entry_of(kind: type[Entry], row: object, /, **others: Any) -> Entry:
     """Return an entry of an answer: `others`, and the remaining fields from the row's attributes of these names."""
     same = {name: getattr(row, name) for name in kind.__struct_fields__ if name not in others}
     return kind(**same, **others)
-
-
-def _kind_of(content_type: str) -> Any:
-    return OpenApiTypes.BINARY if content_type.startswith("image/") else str
 
 
 def _refused(error: Exception, context: dict[str, Any]) -> Response | None:

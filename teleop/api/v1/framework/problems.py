@@ -97,14 +97,9 @@ class Problem(Exception):
     ) -> None:
         super().__init__(refusal.text)
         self.refusal = refusal
-        self.status = status or status_of(refusal)
+        self.status = status or _BY_CODE.get(refusal.code) or _BY_RULE.get(refusal.rule, _CONFLICT)
         self.others = others or []
         self.extensions = extensions or {}  # further members of the problem details
-
-
-def status_of(refusal: Refusal) -> int:
-    """Return the HTTP status of a refusal."""
-    return _BY_CODE.get(refusal.code) or _BY_RULE.get(refusal.rule, _CONFLICT)
 
 
 def problem_of(error: Exception) -> Problem | None:

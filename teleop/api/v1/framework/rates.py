@@ -1,13 +1,17 @@
-"""The rate of requests that one program or browser may send to this process."""
+"""Limits of requests: how often one program or browser may ask this process, how many may wait at once."""
 
 from __future__ import annotations
 
 import time
 from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Lock, Semaphore
 
 from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
+from teleop.api.v1.framework.problems import Problem
 
 PER_S = 200.0  # on average; a lab's dashboard sends a tenth of that
 BURST = 400.0
@@ -20,6 +24,17 @@ TOO_OFTEN = Refusal(
     {"per_s": PER_S},
 )
 _buckets: OrderedDict[str, TokenBucket] = OrderedDict()
+
+
+@contextmanager
+def place_in(places: Semaphore | Lock, full: Refusal) -> Iterator[None]:
+    """Context: hold one of these places. Raises `Problem` with the refusal `full`, without waiting, if none is free."""
+    if not places.acquire(blocking=False):
+        raise Problem(full)
+    try:
+        yield
+    finally:
+        places.release()
 
 
 def asks_too_often(key: str) -> bool:

@@ -103,7 +103,7 @@ class ProgramConnection:
         self._received: deque[tuple[int, Any]] = deque(maxlen=200)
         self._news = asyncio.Condition()
         self._newest_drive = 0
-        self._closed = False
+        self.is_open = True
         self._reading = asyncio.create_task(self._read())
         self._pinging = asyncio.create_task(self._ping())
 
@@ -134,15 +134,10 @@ class ProgramConnection:
         )
 
     @property
-    def open_now(self) -> bool:
-        """Return whether the connection is open."""
-        return not self._closed
-
-    @property
     def fence(self) -> int | None:
         """The fence of the program's control; None without control."""
         control = self._control
-        return control.fence if self.open_now and control and control.state == "yours" else None
+        return control.fence if self.is_open and control and control.state == "yours" else None
 
     async def change(self, message: Any) -> Control:
         """Request a change of control, and return control after the change. Raises `NotDone`."""
@@ -284,7 +279,7 @@ class ProgramConnection:
         async with self._news:
             try:
                 await asyncio.wait_for(
-                    self._news.wait_for(lambda: found() is not None or not self.open_now), within_s
+                    self._news.wait_for(lambda: found() is not None or not self.is_open), within_s
                 )
             except TimeoutError as error:
                 raise NotDone(_SILENT) from error
@@ -313,7 +308,7 @@ class ProgramConnection:
         except (ConnectionClosed, OSError) as error:
             log.info("A program's connection ended: %s", error)
         finally:
-            self._closed = True
+            self.is_open = False
             async with self._news:
                 self._news.notify_all()
 

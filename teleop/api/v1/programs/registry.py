@@ -42,7 +42,7 @@ class _Entry:
     @property
     def open_connection(self) -> ProgramConnection | None:
         found = self.connection
-        return found if found is not None and found.open_now else None
+        return found if found is not None and found.is_open else None
 
     def unused(self, now_s: float) -> bool:
         found = self.open_connection

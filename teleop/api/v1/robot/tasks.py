@@ -29,7 +29,7 @@ from teleop.api.v1.framework.long_poll import LongPoll
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time, whole_number
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
-from teleop.api.v1.programs.connection import ProgramConnection
+from teleop.api.v1.framework.rates import place_in
 from teleop.api.v1.programs.outcomes import outcomes
 from teleop.api.v1.programs.registry import programs
 from teleop.api.v1.robot.control import ProgramView
@@ -115,21 +115,16 @@ class TasksBase(ProgramView):
                 raise NotDone(_OVERTAKEN)
             return make(fence, seq)
 
-        starting = connection.starting.setdefault(kind.name, threading.Lock())
-        if not starting.acquire(blocking=False):
-            raise Problem(_STARTING)
-        try:
+        with place_in(connection.starting.setdefault(kind.name, threading.Lock()), _STARTING):
             control, newest = connection.control, newest_record()
             async_to_sync(connection.request)(in_time)
             session = control.session if control else None
             requests = Record.objects.filter(pk__gt=newest, kind=kind.record, session_id=session, of=None)
             found = requests.select_related("actor").order_by("pk").first()
-        finally:
-            starting.release()
         if found is None:
             raise Problem(_NOT_RECORDED)
         address = f"/api/v1/robots/{robot.slug}/tasks/{found.pk}"
-        return self.accepted(_entry(found, robot), address)
+        return Response(wire.to_builtins(_entry(found, robot)), 202, headers={"Location": address})
 
     def cancel(self, slug: str, what: str, make: Callable[[int, int], Any]) -> None:
         """End the task of this kind or part.
@@ -175,16 +170,11 @@ class MotionsView(TasksBase):
     def get(self, slug: str) -> MotionList:
         """In the robot’s own words."""
         connection = self.connection(self.robot(slug))
-        offers = connection.offers or self._awaited(connection)
+        offers = connection.offers
+        if offers is None:
+            with place_in(_listing, _BUSY):
+                offers = async_to_sync(connection.offered)()
         return MotionList(offers.motions, offers.motions_text)
-
-    def _awaited(self, connection: ProgramConnection) -> wire.Offers:
-        if not _listing.acquire(blocking=False):
-            raise Problem(_BUSY)
-        try:
-            return async_to_sync(connection.offered)()
-        finally:
-            _listing.release()
 
 
 class MotionView(TasksBase):

@@ -28,7 +28,7 @@ from robots.shared.wire import (
     Use,
 )
 from teleop.api.v1.framework.operation import operation
-from teleop.api.v1.framework.problems import Problem
+from teleop.api.v1.framework.rates import place_in
 from teleop.api.v1.programs import topic_queries
 from teleop.api.v1.programs.registry import programs
 from teleop.api.v1.robot.control import ProgramView
@@ -112,12 +112,8 @@ class TopicsBase(ProgramView):
 
     def _answer(self, slug: str, question: Callable[..., Awaitable[Answer]], *asked: Any) -> Answer:
         robot = self.robot(slug)
-        if not _asking.acquire(blocking=False):
-            raise Problem(_BUSY)
-        try:
+        with place_in(_asking, _BUSY):
             return async_to_sync(question)(programs.path(), robot.slug, self.program_sign_in(), *asked)
-        finally:
-            _asking.release()
 
 
 class TopicsView(TopicsBase):

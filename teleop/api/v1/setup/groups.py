@@ -17,15 +17,7 @@ from robots.access.pages.forms import free_slug
 from robots.registry.models import Robot, Role
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.problems import Problem
-from teleop.api.v1.setup.base import (
-    SetupView,
-    edits,
-    faults_named,
-    locked,
-    makes,
-    manages,
-    named_groups,
-)
+from teleop.api.v1.setup.base import SetupView, edits, faults_named, locked, makes, manages, named_groups
 
 Name = Annotated[str, Meta(min_length=1, max_length=80)]
 Slugs = Annotated[list[str], Meta(max_length=1000)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from datetime import datetime, timedelta
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from allauth.account.internal.flows.reauthentication import did_recently_reauthenticate
@@ -23,7 +23,7 @@ from robots.access.selectors import robots_visible_to
 from robots.registry.models import Robot
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import entry_of, operation, reads
+from teleop.api.v1.framework.operation import Entry, entry_of, operation, reads
 from teleop.api.v1.framework.parameters import Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import SetupView, makes, manages
@@ -78,9 +78,6 @@ class TokenMade(TokenEntry, frozen=True, kw_only=True):
     token: str
 
 
-Kind = TypeVar("Kind", bound=TokenEntry)
-
-
 class TokenRequest(Struct, frozen=True, forbid_unknown_fields=True):
     """A new token. A field that is left out is as in the token of the request; from a browser: all robots, 90 days."""
 
@@ -129,7 +126,7 @@ class TokensBase(SetupView):
         """Return the tokens of a person."""
         return TokenList([self.entry(TokenEntry, token, owner) for token in tokens_of(owner)])
 
-    def entry(self, kind: type[Kind], token: Token, owner: User, **others: str) -> Kind:
+    def entry(self, kind: type[Entry], token: Token, owner: User, /, **others: str) -> Entry:
         """Return a token as it is shown to its owner."""
         slugs = {str(robot.pk): robot.slug for robot in robots_visible_to(owner)}
         return entry_of(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from django.db.models import Count, Q
@@ -13,7 +13,7 @@ from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
 from robots.registry.models import Robot
-from teleop.api.v1.framework.operation import entry_of
+from teleop.api.v1.framework.operation import Entry, entry_of
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import SetupView, makes, manages
@@ -55,9 +55,6 @@ class WebhookMade(WebhookEntry, frozen=True, kw_only=True):
     """A new webhook, with the secret that checks its signatures: shown once."""
 
     secret: str
-
-
-Kind = TypeVar("Kind", bound=WebhookEntry)
 
 
 class WebhookRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -227,7 +224,7 @@ class AgainView(WebhooksBase):
         return TriedAgain(services.webhook_again(webhook=self.one(webhook_id), actor=self.staff()))
 
 
-def _entry(kind: type[Kind], webhook: Webhook, **others: str) -> Kind:
+def _entry(kind: type[Entry], webhook: Webhook, /, **others: str) -> Entry:
     paused = webhook.paused_at is not None
     return entry_of(
         kind,
