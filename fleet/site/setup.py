@@ -26,7 +26,7 @@ from fleet.accounts.sign_in.hashing import HashingBusy
 from robots.check.robot_check import FAIL, run_checks
 from robots.registry import services
 from robots.registry.models import Robot
-from robots.registry.selectors import slug_for
+from robots.registry.selectors import free_slug
 
 _OPEN = (
     "/setup/",
@@ -120,7 +120,7 @@ def first_robot(request: HttpRequest) -> HttpResponse:
     form = RobotForm(request.POST or None)
     if form.is_valid():
         robot = form.save(commit=False)
-        robot.slug = slug_for(robot.name)
+        robot.slug = free_slug(Robot, robot.name)
         try:
             services.robot_save(robot=robot, actor=person)
         except ValidationError as error:

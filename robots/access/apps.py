@@ -10,4 +10,3 @@ class AccessConfig(AppConfig):
     name = "robots.access"
     label = "access"
     verbose_name = _("Access")
-    default_auto_field = "django.db.models.BigAutoField"

@@ -72,11 +72,7 @@ def _replace_role(
 @transaction.atomic
 def group_save(*, group: RobotGroup, robots: Collection[Robot], actor: Actor) -> RobotGroup:
     """Make a robot group, or save its changes. Raises `ValidationError`."""
-    new, changes = _save(group, {"robots": robots})
-    if new:
-        record("group.create", actor=actor, parameters={"group": group.slug, "changes": changes})
-    elif changes:
-        record("group.change", actor=actor, parameters={"group": group.slug, "changes": changes})
+    if _save("group", group, {"robots": robots}, actor):
         publish_access_changed(None)
     return group
 
@@ -99,11 +95,7 @@ def course_save(
     actor: Actor,
 ) -> Course:
     """Make a course, or save its changes. Raises `ValidationError`."""
-    new, changes = _save(course, {"robots": robots, "groups": groups, "supervisors": supervisors})
-    if new:
-        record("course.create", actor=actor, parameters={"course": course.slug, "changes": changes})
-    elif changes:
-        record("course.change", actor=actor, parameters={"course": course.slug, "changes": changes})
+    if _save("course", course, {"robots": robots, "groups": groups, "supervisors": supervisors}, actor):
         publish_access_changed(_people_of(course))
     return course
 
@@ -125,12 +117,7 @@ def qualification_save(
     actor: Actor,
 ) -> Qualification:
     """Make a qualification, or save its changes. Raises `ValidationError`."""
-    new, changes = _save(qualification, {"robots": robots, "groups": groups})
-    facts = {"qualification": qualification.slug, "changes": changes}
-    if new:
-        record("qualification.create", actor=actor, parameters=facts)
-    elif changes:
-        record("qualification.change", actor=actor, parameters=facts)
+    _save("qualification", qualification, {"robots": robots, "groups": groups}, actor)
     publish_access_changed(None)
     return qualification
 
@@ -204,8 +191,8 @@ def _people_of(course: Course) -> list[UUID]:
 Entry = TypeVar("Entry", RobotGroup, Course, Qualification)
 
 
-def _save(entry: Entry, lists: dict[str, Collection[Any]]) -> tuple[bool, list[dict[str, Any]]]:
-    """Check and save an entry and its lists. Returns whether the entry is new, and the changes."""
+def _save(what: str, entry: Entry, lists: dict[str, Collection[Any]], actor: Actor) -> bool:
+    """Check, save and record an entry and its lists. Returns whether an entry that is not new has changed."""
     entry.full_clean()
     new = entry._state.adding
     stored = None if new else type(entry)._default_manager.select_for_update().get(pk=entry.pk)
@@ -221,7 +208,10 @@ def _save(entry: Entry, lists: dict[str, Collection[Any]]) -> tuple[bool, list[d
         for name, value in after.items()
         if value != before.get(name)
     ]
-    return new, changes
+    if new or changes:
+        step = "create" if new else "change"
+        record(f"{what}.{step}", actor=actor, parameters={what: entry.slug, "changes": changes})
+    return bool(changes) and not new
 
 
 def _entered(entry: Entry) -> dict[str, Any]:

@@ -10,4 +10,3 @@ class PlacesConfig(AppConfig):
     name = "robots.places"
     label = "places"
     verbose_name = _("Places")
-    default_auto_field = "django.db.models.BigAutoField"

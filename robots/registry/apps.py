@@ -17,7 +17,6 @@ class RobotsConfig(AppConfig):
     name = "robots.registry"
     label = "robots"
     verbose_name = _("Robots")
-    default_auto_field = "django.db.models.BigAutoField"
 
     def ready(self) -> None:
         """Register the steps after a migration and before the deletion of a robot."""

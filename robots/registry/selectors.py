@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 from uuid import UUID
 
 from django.conf import settings
-from django.db.models import Q
+from django.db.models import Model, Q
 from django.utils.text import slugify
 from msgspec import Struct
 
@@ -221,9 +221,9 @@ def _drawn(body: GateProfile) -> list[tuple[float, float]]:
     return [(round(radius_m * math.cos(angle), 4), round(radius_m * math.sin(angle), 4)) for angle in angles]
 
 
-def slug_for(name: str) -> str:
-    """Return a slug made from this name that no robot has: "tiago-1", or "tiago-1-2" if "tiago-1" is taken."""
-    begins = slugify(name)[:40] or "robot"
-    taken = set(Robot.objects.filter(slug__startswith=begins).values_list("slug", flat=True))
+def free_slug(model: type[Model], name: str) -> str:
+    """Return a slug for an entry with this name that no other entry of the model has: "tiago-1", or "tiago-1-2"."""
+    begins = slugify(name)[:40] or model._meta.model_name or "entry"
+    taken = set(model._default_manager.filter(slug__startswith=begins).values_list("slug", flat=True))
     free = chain([begins], (f"{begins}-{n}" for n in count(2)))
-    return next(slug for slug in free if slug not in taken | RESERVED)
+    return next(slug for slug in free if slug not in taken | RESERVED | {"new"})

@@ -26,7 +26,7 @@ from fleet.site.admin.robot_entries import AllowanceInline, SpokenFormSet, list_
 from robots.access.services import role_set
 from robots.registry import services, shipped_profiles
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
-from robots.registry.selectors import last_editor, slug_for
+from robots.registry.selectors import free_slug, last_editor
 from robots.supervisor.process_keeper import LOCK, supervised
 
 
@@ -111,7 +111,7 @@ class RobotForm(FreshForm):
     def clean_slug(self) -> str:
         """Return the typed slug; if it is empty, a slug made from the name that no other robot has."""
         typed: str = self.cleaned_data["slug"]
-        return typed or slug_for(self.cleaned_data.get("name", ""))
+        return typed or free_slug(Robot, self.cleaned_data.get("name", ""))
 
 
 @admin.register(Robot)

@@ -12,10 +12,9 @@ from uuid import UUID, uuid4
 from django import forms
 from django.contrib.auth.forms import BaseUserCreationForm
 from django.core.exceptions import ValidationError
-from django.db.models import Model, Q
+from django.db.models import Q
 from django.utils import timezone
 from django.utils.formats import date_format
-from django.utils.text import slugify
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from msgspec import structs
@@ -24,13 +23,14 @@ from fleet.accounts.models import User
 from fleet.accounts.names import AccountNames
 from fleet.accounts.tokens.models import Scope
 from fleet.base.kept_files import KeptFileForm
-from fleet.base.names import RESERVED, require
+from fleet.base.names import require
 from robots.access.models import Course, Qualification, RobotGroup
 from robots.access.people_lists.columns import Role
 from robots.access.people_lists.encodings import ENCODINGS, Decoded, NotInEncodingError, decoded
 from robots.access.people_lists.reading import PeopleList, read_people
 from robots.access.selectors import lab_date
 from robots.registry.models import Robot
+from robots.registry.selectors import free_slug
 
 FILE_BYTES = 1_500_000  # 5,000 lines of 300 letters; the preview repeats a file within Django's 2.5 MB
 # In small letters: .xlsx and .ods; .xls; pages and XML that programs write as .xls; .pdf; .rtf
@@ -73,14 +73,6 @@ def end_of(day: date | None) -> datetime | None:
     if day is None:
         return None
     return datetime.combine(day + timedelta(days=1), time(), tzinfo=timezone.get_default_timezone())
-
-
-def free_slug(model: type[Model], name: str) -> str:
-    """Return a slug for an entry with this name that no other entry has."""
-    wanted = slugify(name)[:40] or model._meta.model_name or "entry"
-    taken = set(model._default_manager.filter(slug__startswith=wanted).values_list("slug", flat=True))
-    slugs = (wanted, *(f"{wanted}-{number}" for number in range(2, len(taken) + 3)))
-    return next(slug for slug in slugs if slug not in taken | RESERVED | {"new"})
 
 
 class PeopleForm(KeptFileForm):

@@ -16,10 +16,11 @@ from fleet.accounts.models import User
 from fleet.base.origin import public_origin
 from robots.access import enrolment, services
 from robots.access.models import Course, Qualification
-from robots.access.pages.forms import ActionForm, end_of, free_slug
+from robots.access.pages.forms import ActionForm, end_of
 from robots.access.people_lists.reading import read_people
 from robots.access.selectors import courses_managed_by, demanded_in, grants_in, lab_date, robots_of
 from robots.registry.models import Robot
+from robots.registry.selectors import free_slug
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import Entry, entry_of

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Annotated, Any, Literal
 from uuid import UUID
@@ -125,6 +125,10 @@ class ProgramView(ApiView):
         if found is None or found.fence is None:
             raise Problem(_ELSEWHERE if self.holds_elsewhere(robot) else _NOT_TAKEN)
         return found
+
+    def send(self, slug: str, make: Callable[[int, int], Any]) -> None:
+        """Request what `make` builds from fence and sequence number. Raises `Problem` or `NotDone`."""
+        async_to_sync(self.connected(self.robot(slug)).request)(make)
 
     def holds_elsewhere(self, robot: Robot) -> bool:
         """Return whether the lease is this program's.

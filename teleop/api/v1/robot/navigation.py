@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from asgiref.sync import async_to_sync
 from django.http import HttpResponse
 from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct, structs
@@ -94,7 +93,7 @@ class GoView(TasksBase):
     @acts("go_cancel", "End the drive to a place", scope=Scope.DRIVE)
     def delete(self, slug: str) -> None:
         """The robot stands."""
-        self.cancel(slug, wire.GO.name, lambda fence, seq: wire.GoCancel(fence, seq))
+        self.cancel(slug, wire.GO.name, wire.GoCancel)
 
 
 class PoseView(TasksBase):
@@ -105,10 +104,7 @@ class PoseView(TasksBase):
     @acts("pose_set", "Tell the robot where it is on its map", scope=Scope.DRIVE)
     def put(self, slug: str, body: PoseRequest) -> None:
         """Needs control, and a robot that stands. Localisation then looks for its exact place nearby."""
-        connection = self.connected(self.robot(slug))
-        async_to_sync(connection.request)(
-            lambda fence, seq: wire.SetPose(fence, body.x, body.y, body.heading, seq, body.map)
-        )
+        self.send(slug, lambda fence, seq: wire.SetPose(fence, body.x, body.y, body.heading, seq, body.map))
 
 
 class MapView(ProgramView):

@@ -160,7 +160,7 @@ class SpeechView(TasksBase):
     @acts("speech_cancel", "Cancel speech", scope=Scope.SPEAK)
     def delete(self, slug: str) -> None:
         """The speech of this program’s control."""
-        self.cancel(slug, wire.SPEECH.name, lambda fence, seq: wire.SayCancel(fence, seq))
+        self.cancel(slug, wire.SPEECH.name, wire.SayCancel)
 
 
 class MotionsView(TasksBase):
@@ -192,7 +192,7 @@ class MotionCancelView(TasksBase):
     @acts("motions_cancel", "Cancel the motion", scope=Scope.MOTIONS)
     def delete(self, slug: str) -> None:
         """Cancels the motion that this program started."""
-        self.cancel(slug, wire.MOTION.name, lambda fence, seq: wire.PlayCancel(fence, seq))
+        self.cancel(slug, wire.MOTION.name, wire.PlayCancel)
 
 
 class DriveByRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -232,7 +232,7 @@ class DriveByView(TasksBase):
     @acts("drive_by_cancel", "End the drive", scope=Scope.DRIVE)
     def delete(self, slug: str) -> None:
         """The robot stands."""
-        self.cancel(slug, wire.DRIVE_BY.name, lambda fence, seq: wire.DriveByCancel(fence, seq))
+        self.cancel(slug, wire.DRIVE_BY.name, wire.DriveByCancel)
 
 
 class LookAheadView(TasksBase):
@@ -241,8 +241,7 @@ class LookAheadView(TasksBase):
     @acts("look_ahead", "Turn the head to where the robot drives", scope=Scope.DRIVE)
     def post(self, slug: str) -> None:
         """Needs control."""
-        connection = self.connected(self.robot(slug))
-        async_to_sync(connection.request)(lambda fence, seq: wire.LookAhead(fence, seq))
+        self.send(slug, wire.LookAhead)
 
 
 class HeadRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -258,8 +257,7 @@ class HeadView(TasksBase):
     @acts("head_turn", "Turn the head", scope=Scope.DRIVE)
     def post(self, slug: str, body: HeadRequest) -> None:
         """Needs control. Within the limits of its joints."""
-        connection = self.connected(self.robot(slug))
-        async_to_sync(connection.request)(lambda fence, seq: wire.TurnHead(fence, body.pan, body.tilt, seq))
+        self.send(slug, lambda fence, seq: wire.TurnHead(fence, body.pan, body.tilt, seq))
 
 
 class ClearView(TasksBase):

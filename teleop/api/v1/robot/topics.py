@@ -149,18 +149,17 @@ class PublishView(TopicsBase):
     @_topics("topics_publish", "Publish a message", keyed=True)
     def post(self, slug: str, body: PublishRequest) -> None:
         """From the allow-list; needs control. A velocity passes the gate, and is valid for 0.3 s."""
-        connection = self.connected(self.robot(slug))
-        async_to_sync(connection.request)(
+        self.send(
+            slug,
             lambda fence, seq: wire.Publish(
                 fence, body.topic, body.type, body.fields, body.rate_hz, 1000.0 * time.monotonic(), seq
-            )
+            ),
         )
 
     @_topics("topics_publish_end", "Stop publishing at a rate")
     def delete(self, slug: str, query: TopicAsked) -> None:
         """Ends the publication on this topic."""
-        connection = self.connected(self.robot(slug))
-        async_to_sync(connection.request)(lambda fence, seq: wire.PublishStop(fence, query.topic, seq))
+        self.send(slug, lambda fence, seq: wire.PublishStop(fence, query.topic, seq))
 
 
 class ServiceView(TopicsBase):
@@ -214,8 +213,7 @@ class InputView(TopicsBase):
     )
     def put(self, slug: str, use: Any, body: ChooseRequest) -> None:
         """From the allow-list; needs control."""
-        connection = self.connected(self.robot(slug))
-        async_to_sync(connection.request)(lambda fence, seq: wire.Choose(fence, use, body.topic, seq))
+        self.send(slug, lambda fence, seq: wire.Choose(fence, use, body.topic, seq))
 
 
 class ForgetView(TopicsBase):
@@ -226,5 +224,4 @@ class ForgetView(TopicsBase):
     @_topics("forget", "Forget remembered obstacles", scope=Scope.DRIVE)
     def post(self, slug: str) -> None:
         """Needs control, and a robot that stands. Current readings stay."""
-        connection = self.connected(self.robot(slug))
-        async_to_sync(connection.request)(lambda fence, seq: wire.Forget(fence, seq))
+        self.send(slug, wire.Forget)

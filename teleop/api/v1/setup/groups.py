@@ -13,8 +13,8 @@ from rest_framework.response import Response
 from fleet.accounts.models import User
 from robots.access import services
 from robots.access.models import GroupRole, Qualification, RobotGroup
-from robots.access.pages.forms import free_slug
 from robots.registry.models import Robot, Role
+from robots.registry.selectors import free_slug
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.setup.base import SetupView, edits, faults_named, locked, makes, manages, named_groups

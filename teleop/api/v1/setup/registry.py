@@ -13,7 +13,7 @@ from rest_framework.response import Response
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
 from robots.registry.models import Robot, RobotProfile
-from robots.registry.selectors import slug_for
+from robots.registry.selectors import free_slug
 from robots.registry.services import robot_save
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import entry_of, operation
@@ -91,7 +91,7 @@ class RegisterView(RegistryView):
             raise Problem(_NO_PROFILE)
         fields = _typed(body)
         del fields["slug"], fields["profile"]
-        robot = Robot(slug=body.slug or slug_for(body.name), profile=profile, **fields)
+        robot = Robot(slug=body.slug or free_slug(Robot, body.name), profile=profile, **fields)
         return self.answer(_saved(robot, staff), 201)
 
 
