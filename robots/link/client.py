@@ -143,9 +143,7 @@ class BridgeLink:
         self._draw_joints = False  # whether a viewer draws the robot's joints
         self._topics: dict[str, float] = {}  # subscribed topics and their rates (Hz)
         self._camera_listener: Callable[[wire.CameraAt], None] | None = None
-        self._subscriptions_timer: asyncio.TimerHandle | None = (
-            None  # sends changed subscriptions to the bridge
-        )
+        self._subscriptions_timer: asyncio.TimerHandle | None = None  # sends changes of `_topics`
         self._grants: PendingReplies[None] = PendingReplies()  # by fence
         self._latch: PendingReplies[Stopped] = PendingReplies()  # by number
         # By kind, fence and number

@@ -40,9 +40,7 @@ SIGNED_OUT = Refusal("signed_out", "Not done: you are signed out. Sign in again.
 _NO_ROBOT = Refusal("not_found", "There is no such robot, or you may not see it.", "wire")
 _NOT_POST = Refusal("method_not_allowed", "Use POST to stop.", "wire")
 
-OUTCOMES = (
-    "fleet.stop_outcomes"  # in the environment of a request whose stop is already sent (`teleop.stop.door`)
-)
+OUTCOMES = "fleet.stop_outcomes"  # in the environment of a request whose stop `teleop.stop.door` has sent
 
 View = Callable[..., HttpResponse]
 
