@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
+from itertools import chain
 
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.utils import timezone
@@ -150,15 +151,14 @@ class WebCollector(Collector):
         self._asked_with = host, authorization
 
     def collect(self) -> Iterator[Metric]:
-        """Yield the figures of this process together with those of others."""
-        own = list(_own.collect())
-        for metric in of_others(*self._asked_with):
-            same = next((one for one in own if one.name == metric.name), None)
-            if same is None:
-                own.append(metric)
+        """Yield each metric once, with the samples of this process and of others."""
+        found: dict[str, Metric] = {}
+        for metric in chain(_own.collect(), of_others(*self._asked_with)):
+            if metric.name in found:
+                found[metric.name].samples.extend(metric.samples)
             else:
-                same.samples.extend(metric.samples)
-        yield from own
+                found[metric.name] = metric
+        yield from found.values()
 
 
 class MetricsView(ApiView):

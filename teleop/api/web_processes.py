@@ -7,7 +7,7 @@ process number of the web process.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from http.client import HTTPConnection, HTTPException
 from pathlib import Path
@@ -37,7 +37,7 @@ class _UnixConnection(HTTPConnection):
 
 
 def of_others(host: str, authorization: str) -> Iterator[Metric]:
-    """Yield the metrics of all other processes, and which web processes answered.
+    """Yield the metrics of each other process, and which web processes answered.
 
     `host` and `authorization` are headers of the scrape: the other pages processes check the right to read
     again.
@@ -49,7 +49,8 @@ def of_others(host: str, authorization: str) -> Iterator[Metric]:
     asked += [(path, f"{PATH}?{OWN}=1") for path in sorted(run.glob("web-*.sock")) if path.name != own]
     with ThreadPoolExecutor(max_workers=8) as pool:
         texts = list(pool.map(lambda one: _scraped(one[0], one[1], host, authorization), asked))
-    yield from _joined(text for text in texts if text is not None)
+    for text in filter(None, texts):
+        yield from text_string_to_metric_families(text)
     up = GaugeMetricFamily("fleet_web_up", "1: the web process answered the scrape.", labels=["web"])
     for path, text in zip(programs_sockets, texts, strict=False):
         up.add_metric([path.stem.split("-")[1]], float(text is not None))
@@ -66,15 +67,3 @@ def _scraped(path: Path, target: str, host: str, authorization: str) -> str | No
         return None  # the process is ending or hangs: the metrics of the others are still useful
     finally:
         connection.close()
-
-
-def _joined(texts: Iterable[str]) -> Iterator[Metric]:
-    """Yield each metric once, with the samples of all processes."""
-    found: dict[str, Metric] = {}
-    for text in texts:
-        for metric in text_string_to_metric_families(text):
-            if metric.name in found:
-                found[metric.name].samples.extend(metric.samples)
-            else:
-                found[metric.name] = metric
-    yield from found.values()

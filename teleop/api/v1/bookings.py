@@ -15,7 +15,6 @@ from uuid import UUID
 from django.db.models import Q, QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct
 from rest_framework.response import Response
 
@@ -37,7 +36,7 @@ from teleop.api.v1.framework.cursors import page_by_time
 from teleop.api.v1.framework.operation import ApiView, entry_of, operation, reads
 from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem, ProblemDetails
-from teleop.api.v1.framework.versions import etag_of, version_seen
+from teleop.api.v1.framework.versions import IF_MATCH, etag_of, version_seen
 
 ME = "me"  # as value of `person`: the person of the token or session
 
@@ -47,13 +46,6 @@ StageName = Literal[
 Slug = Annotated[str, Meta(min_length=1, max_length=100)]
 Username = Annotated[str, Meta(min_length=1, max_length=150)]
 Reason = Annotated[str, Meta(max_length=200)]
-IF_MATCH = OpenApiParameter(
-    "If-Match",
-    str,
-    OpenApiParameter.HEADER,
-    required=True,
-    description="The ETag of the booking as you read it.",
-)
 _STAGES = get_args(StageName)
 
 

@@ -6,11 +6,15 @@ import re
 
 from django.http import HttpResponseBase, HttpResponseNotModified
 from django.utils.http import parse_etags
+from drf_spectacular.utils import OpenApiParameter
 from rest_framework.request import Request
 
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.problems import Problem
 
+IF_MATCH = OpenApiParameter(
+    "If-Match", str, OpenApiParameter.HEADER, required=True, description="The ETag as you read it."
+)
 _MISSING = Refusal(
     "if_match_missing",
     "Send the header If-Match with the ETag that you read, so that you overwrite no change by others.",

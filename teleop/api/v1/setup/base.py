@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 
 from django.core.exceptions import ValidationError
 from django.db.models import Model
-from drf_spectacular.utils import OpenApiParameter
 from msgspec import Struct
 from rest_framework.response import Response
 
@@ -22,11 +21,8 @@ from robots.shared import wire
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem, fault_refusal
-from teleop.api.v1.framework.versions import etag_of, version_seen
+from teleop.api.v1.framework.versions import IF_MATCH, etag_of, version_seen
 
-IF_MATCH = OpenApiParameter(
-    "If-Match", str, OpenApiParameter.HEADER, required=True, description="The ETag as you read it."
-)
 Entry = TypeVar("Entry", bound=Model)
 # The kinds of most operations here. Lists set `refuses=()`: they have no 404.
 manages = partial(operation, scope=Scope.MANAGE, refuses=(404,))

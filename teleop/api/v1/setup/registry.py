@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import partial
 from typing import Annotated, Any
 
 from django.db import transaction
@@ -11,15 +10,14 @@ from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
-from fleet.accounts.tokens.models import Scope
 from robots.registry.models import Robot, RobotProfile
 from robots.registry.selectors import free_slug
 from robots.registry.services import robot_save
 from robots.shared.wire import Refusal
-from teleop.api.v1.framework.operation import entry_of, operation
+from teleop.api.v1.framework.operation import entry_of
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
-from teleop.api.v1.setup.base import IF_MATCH, SetupView, faults_named, locked
+from teleop.api.v1.setup.base import SetupView, edits, faults_named, locked, makes, manages
 
 Name = Annotated[str, Meta(min_length=1, max_length=80)]
 Address = Annotated[str, Meta(max_length=200)]
@@ -65,9 +63,6 @@ class RegistrationChange(Struct, frozen=True, forbid_unknown_fields=True, omit_d
     max_share: Part | UnsetType = UNSET
 
 
-_registry = partial(operation, scope=Scope.MANAGE, answer=Registration, refuses=(404,))
-
-
 class RegistryView(SetupView):
     """Base of the views of registrations."""
 
@@ -81,7 +76,7 @@ class RegistryView(SetupView):
 class RegisterView(RegistryView):
     """`/registry`."""
 
-    @_registry("registry_add", "Register a robot", refuses=(), status=201, keyed=True)
+    @makes("registry_add", "Register a robot", answer=Registration, refuses=(), keyed=True)
     def post(self, body: RegisterRequest) -> Response:
         """For staff. A bridge is started for it; `GET /robots/{slug}` says how it is. No token that is bound to robots
         serves the new one."""
@@ -102,13 +97,13 @@ class RegistrationView(RegistryView):
         """Return the robot of the address; with another master it is another robot, which no bound token serves."""
         return [self.robot(slug)] if body.master_uri is UNSET else ()
 
-    @_registry("registry_read", "Read a registration")
+    @manages("registry_read", "Read a registration", answer=Registration)
     def get(self, slug: str) -> Response:
         """For staff."""
         self.staff()
         return self.answer(self.robot(slug))
 
-    @_registry("registry_change", "Change a registration", refuses=(404, 412, 428), parameters=[IF_MATCH])
+    @edits("registry_change", "Change a registration", answer=Registration)
     def patch(self, slug: str, body: RegistrationChange) -> Response:
         """For staff. The bridge is started again where that is needed."""
         staff, found = self.staff(), self.robot(slug)
