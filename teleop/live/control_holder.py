@@ -23,7 +23,7 @@ from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control import line, services
 from teleop.control.changes import ControlRefused, NotStored
-from teleop.control.lease_checks import NO_LEASE, LeaseState, Phase, Tab, lapse_reason, phase
+from teleop.control.lease_checks import NO_LEASE, Phase, Tab, lapse_reason, phase
 from teleop.control.lease_checks import offered as offered_now
 from teleop.control.rules import ROLE_LOWERED, Permit
 from teleop.control.status import ControlStatus, Rights, SessionEnd, change_key, control_message
@@ -78,11 +78,6 @@ class ControlHolder:
         self.waits = False  # this connection waits in line
         self._offered = False  # control is offered to this connection
         self._withdrew = False  # this connection left the line, even if an older status still contains it
-
-    @property
-    def lease(self) -> LeaseState | None:
-        """The lease while this connection has control."""
-        return self._renewer.lease if self._renewer else None
 
     @property
     def fence(self) -> int | None:

@@ -21,7 +21,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from robots.shared import wire
 from robots.shared.sentences import say, standing_alone
-from robots.shared.wire import Accepted, Booked, Control, NotDone, Offers, Refusal, Refused, Welcome, kind_of
+from robots.shared.wire import Accepted, Booked, Control, NotDone, Offers, Refusal, Refused, kind_of
 
 log = logging.getLogger(__name__)
 
@@ -92,7 +92,6 @@ class ProgramConnection:
     def __init__(self, socket: ClientConnection) -> None:
         self._control: Control | None = None
         self._control_s = 0.0  # when it was received
-        self.welcome: Welcome | None = None
         self.offers: Offers | None = None
         self.used_s = time.monotonic()  # time of the program's last request
         self.starting: dict[str, threading.Lock] = {}  # by kind of task, held until its record is found
@@ -319,8 +318,6 @@ class ProgramConnection:
             return  # a view of the robot, or another message that programs do not need
         if isinstance(message, Control):
             self._control, self._control_s = message, time.monotonic()
-        elif isinstance(message, Welcome):
-            self.welcome = message
         elif isinstance(message, Offers):
             self.offers = message
         async with self._news:
