@@ -35,7 +35,7 @@ from robots.shared import wire
 from teleop.api.v1.framework.cursors import page_by_time
 from teleop.api.v1.framework.operation import ApiView, entry_of, operation, reads
 from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc
-from teleop.api.v1.framework.problems import NOT_FOUND, Problem, ProblemDetails
+from teleop.api.v1.framework.problems import Problem, ProblemDetails
 from teleop.api.v1.framework.versions import IF_MATCH, etag_of, version_seen
 
 ME = "me"  # as value of `person`: the person of the token or session
@@ -449,7 +449,4 @@ def _slots(found: list[tuple[Robot, Slot]]) -> list[SlotEntry]:
 
 
 def _waiting(one: Waiting) -> WaitingEntry:
-    starts_at, ends_at = one.starts_at, one.ends_at
-    if starts_at is None or ends_at is None:
-        raise Problem(NOT_FOUND)
-    return WaitingEntry(one.pk, one.robot.slug, starts_at, ends_at, one.since)
+    return entry_of(WaitingEntry, one, robot=one.robot.slug)
