@@ -24,46 +24,37 @@ if TYPE_CHECKING:
 @transaction.atomic
 def role_set(*, robot: Robot, user: User, role: Role | None, actor: Actor) -> None:
     """Give `user` this role on `robot`; it replaces an earlier role. None takes the role away."""
-    before, after = _replace_role(RobotRole, role, robot=robot, user=user)
-    if before == after:
-        return
-    record(
-        "role.change",
-        actor=actor,
-        robot_id=robot.id,
-        robot_name=robot.name,
-        parameters={"user": str(user.pk), "from": before, "to": after},
-        private={"name": user.display_name},
-    )
-    publish_access_changed([user.pk])
+    place = {"robot": robot, "user": user}
+    _replace_role(RobotRole, place, role, actor, {}, robot_id=robot.id, robot_name=robot.name)
 
 
 @transaction.atomic
 def group_role_set(*, group: RobotGroup, user: User, role: Role | None, actor: Actor) -> None:
     """Give `user` this role on every robot of a group; it replaces an earlier role. None takes the role away."""
-    before, after = _replace_role(GroupRole, role, group=group, user=user)
-    if before == after:
-        return
-    record(
-        "role.change",
-        actor=actor,
-        parameters={"user": str(user.pk), "group": group.slug, "from": before, "to": after},
-        private={"name": user.display_name},
-    )
-    publish_access_changed([user.pk])
+    _replace_role(GroupRole, {"group": group, "user": user}, role, actor, {"group": group.slug})
 
 
 def _replace_role(
-    table: type[RobotRole] | type[GroupRole], role: Role | None, **place: Any
-) -> tuple[str | None, str | None]:
-    """Store a role on a robot or group; it replaces an earlier role. Returns the roles before and after."""
+    table: type[RobotRole] | type[GroupRole],
+    place: dict[str, Any],
+    role: Role | None,
+    actor: Actor,
+    facts: dict[str, str],
+    **robot: Any,
+) -> None:
+    """Store and record a person's role at a place: a robot or a group."""
+    user: User = place["user"]
     held = table.objects.select_for_update().filter(**place).first()
     before, after = held.role if held else None, role.value if role else None
+    if before == after:
+        return
     if after is None:
         table.objects.filter(**place).delete()
-    elif before != after:
+    else:
         table.objects.update_or_create(**place, defaults={"role": after})
-    return before, after
+    parameters = {"user": str(user.pk), **facts, "from": before, "to": after}
+    record("role.change", actor=actor, parameters=parameters, private={"name": user.display_name}, **robot)
+    publish_access_changed([user.pk])
 
 
 # --- groups, courses, qualifications --------------------------------------------------------------
