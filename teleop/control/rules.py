@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import datetime, timedelta
-from typing import Protocol
 from uuid import UUID
 
 from msgspec import Struct, structs
@@ -104,10 +104,7 @@ class Subject(Struct, frozen=True):
         return self.role is not None and self.role >= Role.SUPERVISOR
 
 
-class Rule(Protocol):
-    """One condition of control: returns a permit or a refusal."""
-
-    def __call__(self, subject: Subject) -> Permit | Refusal: ...
+Rule = Callable[[Subject], Permit | Refusal]  # one condition of control
 
 
 def require_active_account(subject: Subject) -> Permit | Refusal:
