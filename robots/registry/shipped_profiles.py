@@ -48,7 +48,7 @@ class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
 
     def columns(self) -> dict[str, Any]:
         """Return the values of the profile's columns, except the slug."""
-        columns = msgspec.to_builtins(self)
+        columns: dict[str, Any] = msgspec.to_builtins(self)
         del columns["slug"], columns["phrases"]
         limits, drive = columns.pop("limits"), columns.pop("drive")
         columns |= limits | {"drive_topic": drive["name"], "drive_type": drive["type"]}

@@ -49,8 +49,8 @@ def of_others(host: str, authorization: str) -> Iterator[Metric]:
     asked += [(path, f"{PATH}?{OWN}=1") for path in sorted(run.glob("web-*.sock")) if path.name != own]
     with ThreadPoolExecutor(max_workers=8) as pool:
         texts = list(pool.map(lambda one: _scraped(one[0], one[1], host, authorization), asked))
-    for text in filter(None, texts):
-        yield from text_string_to_metric_families(text)
+    for answer in filter(None, texts):
+        yield from text_string_to_metric_families(answer)
     up = GaugeMetricFamily("fleet_web_up", "1: the web process answered the scrape.", labels=["web"])
     for path, text in zip(programs_sockets, texts, strict=False):
         up.add_metric([path.stem.split("-")[1]], float(text is not None))

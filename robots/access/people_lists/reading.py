@@ -8,7 +8,7 @@ import re
 import unicodedata
 from codecs import BOM_UTF8
 from collections.abc import Iterable, Sequence
-from itertools import zip_longest
+from itertools import chain, repeat
 
 from django.core.exceptions import ValidationError
 from django.core.validators import validate_email
@@ -101,7 +101,7 @@ def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> P
     header, lines = _without_header([line for line in lines if len(line.cells) <= MOST_COLUMNS])
     columns = columns_of(header.cells if header else (), [line.cells for line in lines])
     if roles:
-        chosen = zip_longest(columns, roles[: len(columns)], fillvalue=Role.UNUSED)
+        chosen = zip(columns, chain(roles, repeat(Role.UNUSED)), strict=False)
         columns = tuple(Column(column.title, role) for column, role in chosen)
     found = _people(lines, columns, usual if len(columns) > 1 else "")
     if wide:

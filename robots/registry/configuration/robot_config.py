@@ -142,7 +142,7 @@ def of(robot: RobotFields) -> Effective:
         blind_mps=_lower(profile, own, "blind_mps"),
         parameters=_careful(_own_parameters(robot, own), profile_parameters(profile)),
         has_arm=interface.arm is not None or expected.arm is not None,
-        depth=depth and DepthView(depth.height_m, depth.own_m, depth.blind_m),
+        depth=DepthView(depth.height_m, depth.own_m, depth.blind_m) if depth else None,
     )
     return Effective(interface, gate, stick(robot), _default_share(robot, gate.limits))
 

@@ -104,7 +104,8 @@ class TopicsBase(ProgramView):
 
     def ask(self, slug: str, query: Any, answer: type[Answer]) -> Answer:
         """Send one query, and return its answer. Raises `Problem` or `NotDone`."""
-        return self._answer(slug, topic_queries.ask, query, answer)
+        found: Answer = self._answer(slug, topic_queries.ask, query, answer)
+        return found
 
     def message(self, slug: str, topic: str) -> Sample:
         """Return one message of a topic. Raises `Problem` or `NotDone`."""
