@@ -6,7 +6,7 @@ code such as en-GB.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from msgspec import Struct
@@ -140,7 +140,7 @@ def _phrase(line: str, default_language: str) -> Line | str:
     return Line(text, in_usual_case(language), tags)
 
 
-def shortened(problems: list[str]) -> list[str]:
+def shortened(problems: Sequence[str]) -> Sequence[str]:
     """Return the first `MOST_NAMED` faults of a file, and how many more there are."""
     more = len(problems) - MOST_NAMED
     return [*problems[:MOST_NAMED], say("and {count} more.", count=more)] if more > 0 else problems

@@ -108,7 +108,7 @@ def test_every_text_of_pages_and_scripts_is_in_the_catalogue(language: Path) -> 
 def of_pages() -> set[str]:
     """Return the texts of Python and of templates, without blocks."""
     found = {
-        call.args[0].value
+        str(call.args[0].value)
         for _, source in sentences.modules()
         for call in ast.walk(ast.parse(source))
         if isinstance(call, ast.Call) and call.args and isinstance(call.args[0], ast.Constant)

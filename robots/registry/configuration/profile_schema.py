@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
 import msgspec
@@ -109,7 +109,7 @@ for _kind in (Footprint, Overrides, StickChain, Topics, Parameters):
 class Problems(ValueError):
     """Faults of a structured value; one line for each place."""
 
-    def __init__(self, lines: list[str]) -> None:
+    def __init__(self, lines: Sequence[str]) -> None:
         super().__init__(joined("; ", lines))
         self.lines = lines
 
