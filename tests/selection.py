@@ -24,7 +24,7 @@ LONG = re.compile(r"({})([\[/:].*)?".format("|".join(PATTERNS)), re.DOTALL)
 # Every run tries the same examples, so that only a change can cause a new failure. With
 # HYPOTHESIS_PROFILE=search, a run tries new examples. No deadline: a busy machine slows examples.
 UNTIMED = hypothesis.settings(deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
-hypothesis.settings.register_profile("short", UNTIMED, derandomize=True, max_examples=40)
+hypothesis.settings.register_profile("short", UNTIMED, derandomize=True, max_examples=20)
 hypothesis.settings.register_profile("long", UNTIMED, derandomize=True, max_examples=300)
 hypothesis.settings.register_profile("search", UNTIMED, max_examples=300)
 

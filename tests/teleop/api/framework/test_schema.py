@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator
 from copy import deepcopy
@@ -97,7 +98,7 @@ def drawn(strategy: Any) -> list[Parts]:
     found: list[Parts] = []
 
     @settings(
-        max_examples=round(EXAMPLES_SHARE * settings.default.max_examples),
+        max_examples=math.ceil(EXAMPLES_SHARE * settings.default.max_examples),
         deadline=None,
         database=None,
         phases=[Phase.generate],
