@@ -12,7 +12,7 @@ from django.utils.translation import gettext as _
 
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
-from fleet.audit.reading.words import CODED, CODES
+from fleet.audit.reading.words import CODED, WORDS
 from fleet.base.formats.sentences import in_words
 from fleet.base.zones import viewers
 from robots.shared.sentences import of_parts
@@ -110,7 +110,7 @@ def _coded(name: str, value: Any) -> Any:
     if name not in CODED:
         return value
     codes = value if isinstance(value, list) else [value]
-    return [in_words(code.replace("_", " ")) if code in CODES else code for code in codes]
+    return [in_words(word) if (word := str(code).replace("_", " ")) in WORDS else code for code in codes]
 
 
 def _moment(value: Any) -> str:

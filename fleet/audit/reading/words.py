@@ -36,9 +36,21 @@ wire, actor, address_digest, also, at, bearing, because, connection, digest, ent
 fields, figures, format, holder, host, interventions, invitation, left, lesson, list, made_with,
 map_to_odom, most_uses, motion, name_digest, nearest, override, part, parts, path, period, pose, publishers,
 records, request, robots, rows, sensor, service, side, since, stays, supervisors, tab, token, topic, user,
-value, webhook, words
+value, webhook, words,
+around_the_gate, backwards, bad_definition, bad_description, bad_field, bad_picture, bridge_fault,
+bridge_unresolvable, broken, control_characters, definition_differs, duplicate_field, fence_taken,
+goal_in_obstacle, held_away, hello_first, hello_twice, if_match_missing, in_past, in_progress,
+inspector_fault, key_reused, localisation_missing, localisation_uncertain, map_changed, map_unknown,
+may_not_clear, method_not_allowed, more_than_own, name_alike, name_mixed, name_reserved, name_taken,
+name_unseen, navigation_goes_on, no_account, no_colleague, no_invitation, no_listener, no_message,
+no_outline, no_parameter, no_programs, no_publisher, no_reason, no_service, no_such_request, no_such_robot,
+not_connected, not_for_others, not_json, not_offered, not_publishing, not_text, not_utf8, not_yours,
+other_link, other_process, other_robots, out_of_order, outcome_unknown, password_needed, permission_denied,
+protocol, publishers_differ, recording, robot_misdescribed, robot_needed, role_of_control, service_failed,
+service_lost, service_silent, somebody_asks, state_not_saved, time_gap, too_long, too_many_keys,
+too_many_subscriptions, too_much, too_often, type_unknown, unknown_motion, waits_enough, watchdog_missing,
+wrong_type, wrong_year, zero_length
 """
-CODES = frozenset(name.strip() for name in _NAMES.split(","))
-WORDS = frozenset(code.replace("_", " ") for code in CODES)
-_CODED = "also, because, by, cause, from, limb, part, role, rule, through, to, use, what, why"
+WORDS = frozenset(name.strip().replace("_", " ") for name in _NAMES.split(","))
+_CODED = "also, because, by, cause, from, limb, of, part, role, rule, through, to, use, what, why"
 CODED = frozenset(_CODED.split(", "))  # fields whose values are codes
