@@ -84,7 +84,7 @@ def entry_of(name: str, x: float, y: float, heading: float) -> PlaceEntry:
                 [
                     say(
                         "{x} is not a valid coordinate: a number of metres, at most {most:.0f}.",
-                        x=coordinate,
+                        x=str(coordinate),  # JSON has no nan
                         most=FARTHEST_PLACE_M,
                     )
                 ]
@@ -94,7 +94,7 @@ def entry_of(name: str, x: float, y: float, heading: float) -> PlaceEntry:
             [
                 say(
                     "{heading} is not a valid heading: a number of radians between -6.28 and 6.28.",
-                    heading=heading,
+                    heading=str(heading),
                 )
             ]
         )
