@@ -557,9 +557,10 @@ class ObedientBench(Bench):
         self.core.tick(self.now_s)
         self.recorded()
 
-    def reports(self) -> None:
-        """Let the robot report its goals: one ends if it was cancelled, else it goes on."""
+    def reports(self, obeys: bool = True) -> None:
+        """Let the robot report its goals: one that was cancelled ends, unless it has not obeyed yet."""
         tasks, now_s = self.core.tasks, self.now_s
+        over = self.base.cancelled_goals if obeys else []
         begun = [
             (tasks.motions, "/play_motion", self.base.played),
             (tasks.speech, "/tts", self.base.said),
@@ -567,15 +568,22 @@ class ObedientBench(Bench):
         ]
         for part, action, goals in begun:
             for goal_id, _ in goals:
-                if goal_id in self.base.cancelled_goals:
+                if goal_id in over:
                     part.ended(goal_id, "cancelled", "", now_s)
                 else:
                     part.running(action, {goal_id: "speaking"}, now_s)
         for limb, goal_id, *_ in self.base.moves:
-            if goal_id in self.base.cancelled_goals:
+            if goal_id in over:
                 tasks.limbs.move(limb).ended(goal_id, "cancelled", "", now_s)
             else:
                 tasks.limbs.move(limb).running({goal_id: True}, now_s)
+
+    @property
+    def goals(self) -> list[str]:
+        """Ids of the goals that were sent to the robot."""
+        base = self.base
+        begun = [goal_id for goals in (base.played, base.said, base.goals) for goal_id, _ in goals]
+        return begun + [goal_id for _, goal_id, *_ in base.moves]
 
     @property
     def begun(self) -> list[object]:

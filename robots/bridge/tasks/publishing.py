@@ -125,10 +125,11 @@ class Publications(TaskPart):
 
     def cancel_request(self, order: wire.PublishStop, why: str, now_s: float) -> Refusal | None:
         topic = order.topic
-        if topic not in self._running:
+        if topic not in self._topics:
             return Refusal(
                 "not_publishing", say("There is no publication at a rate on {topic}.", topic=topic), "robot"
             )
+        self._deny("cancelled", Refusal("cancelled", why, "robot"), now_s, topic)
         self._end(topic, "cancelled", now_s)
         return None
 
@@ -143,9 +144,11 @@ class Publications(TaskPart):
         self._deny("inspector_ended", HALTED, now_s)
         self._halt("inspector_ended", now_s)
 
-    def _deny(self, outcome: str, refusal: Refusal, now_s: float) -> None:
-        waiting, self._waiting = self._waiting, []
-        for publishing in waiting:
+    def _deny(self, outcome: str, refusal: Refusal, now_s: float, topic: str | None = None) -> None:
+        """Refuse what waits: on this topic, or (None) on all."""
+        denied = [publishing for publishing in self._waiting if topic in (None, publishing.order.topic)]
+        self._waiting = [publishing for publishing in self._waiting if publishing not in denied]
+        for publishing in denied:
             publishing.requester.answer(refusal)
             self._report_end(publishing, outcome, now_s)
 
@@ -155,9 +158,13 @@ class Publications(TaskPart):
             self._end(topic, outcome, now_s)
 
     @property
+    def _topics(self) -> set[str]:
+        """The topics of all publications, waiting or running."""
+        return {*self._running, *(publishing.order.topic for publishing in self._waiting)}
+
+    @property
     def under_way(self) -> list[str]:
-        topics = {*self._running, *(publishing.order.topic for publishing in self._waiting)}
-        return [say("publishing on {topic}", topic=topic) for topic in sorted(topics)]
+        return [say("publishing on {topic}", topic=topic) for topic in sorted(self._topics)]
 
     def state(self, now_s: float) -> dict[str, Any]:
         return {"publishing": self._view}

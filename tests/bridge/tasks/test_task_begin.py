@@ -30,14 +30,11 @@ def comes_back(bench):
 @pytest.mark.parametrize(
     "happens",
     [
-        lambda bench: bench.core.pause(1, "the page was left", 1, bench.now_s),
         lambda bench: bench.core.link_lost(1, bench.now_s),
         lambda bench: bench.granted(link=2),
         lambda bench: bench.granted(fence=2),
         runs_out,
         comes_back,
-        lambda bench: bench.core.revoke(1, "over", bench.now_s),
-        lambda bench: bench.core.stop("Bob", "", bench.now_s),
     ],
 )
 def test_waiting_task_is_refused_and_recorded_without_control(bench, what, happens):
@@ -74,17 +71,6 @@ def test_page_that_goes_without_waiting_tasks_changes_nothing(bench, what):
     bench.obeys()
     assert answers == [None]
     assert (len(bench.begun), len(bench.sink.records)) == (1, records)
-
-
-@pytest.mark.parametrize("what", ORDERS)
-def test_waiting_tasks_are_refused_when_the_bridge_ends(bench, what):
-    bench.sink.open.clear()
-    answers = bench.ask(ORDERS[what])
-    bench.core.close(bench.now_s)
-    assert [refusal.code for refusal in answers] == ["bridge_ended"]
-    bench.sink.open.set()
-    bench.obeys()
-    assert bench.sink.records[-1][1].outcome.replace(" ", "_") == "bridge_ended"
 
 
 @pytest.mark.parametrize("what", ORDERS)
