@@ -16,6 +16,7 @@ from msgspec import Struct
 
 from robots.shared.configuration.bridge_config import (
     GRIPPER_COMMAND,
+    TOPIC_TYPES,
     TRAJECTORY,
     ArmSource,
     CameraSource,
@@ -28,7 +29,7 @@ from robots.shared.configuration.bridge_config import (
     Topic,
     Topics,
 )
-from robots.shared.configuration.denylist import FULL_NAME, USE_TYPES
+from robots.shared.configuration.denylist import FULL_NAME
 from robots.shared.configuration.gate_profile import Parameters
 from robots.shared.configuration.input_filters import SMOOTHING, STEPS, StickStep
 from robots.shared.sentences import joined
@@ -36,17 +37,6 @@ from robots.shared.wire import MOST_CAMERAS
 
 T = TypeVar("T", bound=Struct)
 V = TypeVar("V")
-
-UNDERSTOOD_TYPES = {
-    **USE_TYPES,
-    "odometry": ("nav_msgs/Odometry",),
-    "depth": ("sensor_msgs/Image", "sensor_msgs/PointCloud2"),
-    "joint_states": ("sensor_msgs/JointState",),
-    "battery": ("std_msgs/Float32", "sensor_msgs/BatteryState"),
-    "charging": ("std_msgs/Bool",),
-    "diagnostics": ("diagnostic_msgs/DiagnosticArray",),
-    "map": ("nav_msgs/OccupancyGrid",),
-}
 
 CAMERA_TYPES = ("sensor_msgs/CompressedImage", "sensor_msgs/Image")
 CAMERA_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
@@ -178,7 +168,7 @@ def _join(path: str, key: str | int) -> str:
 
 def topic_problems(topics: Topics) -> Iterator[str]:
     """Yield faults of names, types and poses, and duplicates."""
-    for field, understood in UNDERSTOOD_TYPES.items():
+    for field, understood in TOPIC_TYPES.items():
         source = getattr(topics, field)
         if source is None:
             continue

@@ -20,7 +20,7 @@ from fleet.base.formats.sentences import in_words
 from fleet.base.names import Looks, NameField, fault_of_word, folded, require
 from robots.registry.configuration import addresses, profile_schema, robot_config
 from robots.shared.configuration import input_filters as stick
-from robots.shared.configuration.denylist import USE_TYPES
+from robots.shared.configuration.bridge_config import TOPIC_TYPES
 
 T = TypeVar("T")
 
@@ -147,8 +147,8 @@ class RobotProfile(models.Model):
     drive_type = models.CharField(
         _("drive type"),
         max_length=80,
-        choices=[(name, name) for name in USE_TYPES["drive"]],
-        default=USE_TYPES["drive"][0],
+        choices=[(name, name) for name in TOPIC_TYPES["drive"]],
+        default=TOPIC_TYPES["drive"][0],
     )
     footprint = models.JSONField(
         _("footprint"),
@@ -160,10 +160,8 @@ class RobotProfile(models.Model):
     topics = models.JSONField(
         _("topics"),
         help_text=_(
-            "The rest of the ROS interface: odometry, scans, sonars, depth, head, arm, joint_states, battery, "
-            "charging, diagnostics, speech, languages, motions, cameras, map, navigation, gripper, torso, "
-            "cancel_on_stop. Poses are [x, y, yaw] in the base frame, metres and radians. Leave out what the robot "
-            "does not have."
+            "The rest of the ROS interface: odometry, sensors, actions (docs/profile.md explains the keys). Poses are "
+            "[x, y, yaw] in the base frame, metres and radians. Leave out what the robot does not have."
         ),
     )
     gate = models.JSONField(

@@ -135,25 +135,40 @@ class NavigationSource(Struct, frozen=True):
     frame: str = "map"
 
 
+# The types that are understood, by field of `Topics`
+TOPIC_TYPES = {
+    "drive": ("geometry_msgs/Twist", "geometry_msgs/TwistStamped"),
+    "speech": ("pal_interaction_msgs/TtsAction", "std_msgs/String", "sound_play/SoundRequest"),
+    "motions": ("play_motion_msgs/PlayMotionAction",),
+    "odometry": ("nav_msgs/Odometry",),
+    "depth": ("sensor_msgs/Image", "sensor_msgs/PointCloud2"),
+    "joint_states": ("sensor_msgs/JointState",),
+    "battery": ("std_msgs/Float32", "sensor_msgs/BatteryState"),  # a Float32 in percent
+    "charging": ("std_msgs/Bool",),
+    "diagnostics": ("diagnostic_msgs/DiagnosticArray",),
+    "map": ("nav_msgs/OccupancyGrid",),  # in the frame "map", latched
+}
+
+
 class Topics(Struct, frozen=True):
     """The robot's ROS interface. None: the robot has no such topic."""
 
-    drive: Topic  # geometry_msgs/Twist or geometry_msgs/TwistStamped
-    odometry: Topic  # nav_msgs/Odometry
+    drive: Topic
+    odometry: Topic
     scans: list[ScanSource] = []
     sonars: list[SonarSource] = []
     depth: DepthSource | None = None
     head: HeadSource | None = None
     arm: ArmSource | None = None
     joint_states: Topic | None = None
-    battery: Topic | None = None  # std_msgs/Float32 percent, or sensor_msgs/BatteryState
-    charging: Topic | None = None  # std_msgs/Bool
-    diagnostics: Topic | None = None  # diagnostic_msgs/DiagnosticArray
+    battery: Topic | None = None
+    charging: Topic | None = None
+    diagnostics: Topic | None = None
     speech: Topic | None = None
     languages: list[str] = []  # spoken languages, BCP 47, the default first
     motions: Topic | None = None
     cameras: list[CameraSource] = []
-    map: Topic | None = None  # nav_msgs/OccupancyGrid in the frame "map", latched
+    map: Topic | None = None
     navigation: NavigationSource | None = None
     gripper: LimbSource | None = None
     torso: LimbSource | None = None

@@ -12,16 +12,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from typing import get_args
 
 from robots.shared.configuration.bridge_config import Allowed, Topic, Topics
 from robots.shared.sentences import Sentence, say
-from robots.shared.wire import Field
-
-USE_TYPES = {
-    "drive": ("geometry_msgs/Twist", "geometry_msgs/TwistStamped"),
-    "speech": ("pal_interaction_msgs/TtsAction", "std_msgs/String", "sound_play/SoundRequest"),
-    "motions": ("play_motion_msgs/PlayMotionAction",),
-}
+from robots.shared.wire import Field, Use
 
 # names that ROS does not change when it resolves them
 FULL_NAME = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
@@ -133,7 +128,7 @@ def _why_topic_denied(name: str, type: str, topics: Topics, use: str) -> str | N
 
     For driving, only the rules about overriding apply: the input has passed the gate.
     """
-    default: Topic | None = getattr(topics, use) if use in USE_TYPES else None
+    default: Topic | None = getattr(topics, use) if use in get_args(Use) else None
     if default is None:
         return say("this robot takes no input for {use}", use=use or say("no use"))
     if type != default.type:

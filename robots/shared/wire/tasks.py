@@ -192,11 +192,13 @@ class TaskKind(NamedTuple):
     end_label: str = ""
     cancel: type[Struct] | None = None
     cancelled_by_others: bool = False  # supervisors and staff may cancel it without control
-    followed: bool = False  # REST gives each task an address, where a program reads its outcome
     address: str = ""  # of its request in REST, below the robot; empty: its views have several
     # Actions, as fields of `Topics` (`robots.shared.configuration.bridge_config`), whose goals a stop cancels; the
     # watchdog does so without a bridge
     stopped_actions: tuple[str, ...] = ()
+    # Codes of its outcomes, and names of its parameters, that people read in their language in the log, separated by
+    # blanks. Words of several kinds are in `fleet.audit.reading.words`
+    words: str = ""
 
     @property
     def outcome(self) -> str:
@@ -225,8 +227,8 @@ SPEECH = TaskKind(
     end_label=gettext_noop("end of speech"),
     cancel=SayCancel,
     cancelled_by_others=True,
-    followed=True,
     address="speech",
+    words="no_speech speaking empty_text text_too_long control_characters",
 )
 DRIVE_BY = TaskKind(
     name="drive_by",
@@ -235,8 +237,8 @@ DRIVE_BY = TaskKind(
     record="drive.by",
     label=gettext_noop("drive by a distance or angle"),
     cancel=DriveByCancel,
-    followed=True,
     address="drive-by",
+    words="no_drive driving no_progress",
 )
 GO = TaskKind(
     name="go",
@@ -247,9 +249,10 @@ GO = TaskKind(
     end_record="go.end",
     end_label=gettext_noop("end of a drive to a place"),
     cancel=GoCancel,
-    followed=True,
     address="go",
     stopped_actions=("navigation.action",),
+    words="arrived going goal_in_obstacle goal_outside localisation_missing localisation_old localisation_uncertain "
+    "map_changed map_unknown navigation_busy navigation_goes_on no_goal no_navigation too_close",
 )
 LIMB = TaskKind(
     name="limb",
@@ -260,8 +263,8 @@ LIMB = TaskKind(
     end_record="limb.end",
     end_label=gettext_noop("end of a move of gripper or torso"),
     cancel=LimbCancel,
-    followed=True,
     stopped_actions=("gripper.action", "torso.action"),
+    words="limb_busy limb_moving limb_unknown no_limb no_move not_there out_of_range stalled",
 )
 SET_POSE = TaskKind("set_pose", SetPose, "drive", "pose.set", gettext_noop("pose on the map set"))
 MOTION = TaskKind(
@@ -274,7 +277,7 @@ MOTION = TaskKind(
     end_label=gettext_noop("end of motion"),
     cancel=PlayCancel,
     cancelled_by_others=True,
-    followed=True,
+    words="motion_blocked motion_running no_motion unknown_motion",
 )
 LOOK_AHEAD = TaskKind(
     name="look_ahead",
@@ -302,6 +305,7 @@ PUBLISH = TaskKind(
     end_label=gettext_noop("end of message"),
     cancel=PublishStop,
     address="topics/publish",
+    words="not_publishing",
 )
 
 TASK_KINDS = (

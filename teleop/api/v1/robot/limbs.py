@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct
 from rest_framework.response import Response
 
-from fleet.accounts.tokens.models import Scope
 from robots.registry.selectors import robot_facts
 from robots.shared import wire
 from robots.shared.wire import Limb, Refusal
@@ -53,7 +52,7 @@ class GripperView(LimbView):
 
     limb = "gripper"
 
-    @starts("gripper_move", "Open or close the gripper", scope=Scope.DRIVE, examples={"Open": {"to": "open"}})
+    @starts("gripper_move", "Open or close the gripper", wire.LIMB, examples={"Open": {"to": "open"}})
     def post(self, slug: str, body: GripperRequest) -> Response:
         """Needs control, and a base that stands. The answer’s header Location is the address of its status."""
         if (body.width_m is None) == (body.to is None):
@@ -65,7 +64,7 @@ class GripperView(LimbView):
             return self.move(slug, 0.0)  # the bridge refuses: there is no gripper
         return self.move(slug, ends.most_m if body.to == "open" else ends.least_m)
 
-    @acts("gripper_cancel", "End the gripper’s move", scope=Scope.DRIVE)
+    @acts("gripper_cancel", "End the gripper’s move", wire.LIMB)
     def delete(self, slug: str) -> None:
         """The fingers stay where they are."""
         self.cancel_move(slug)
@@ -76,12 +75,12 @@ class TorsoView(LimbView):
 
     limb = "torso"
 
-    @starts("torso_move", "Raise or lower the torso", scope=Scope.DRIVE)
+    @starts("torso_move", "Raise or lower the torso", wire.LIMB)
     def post(self, slug: str, body: TorsoRequest) -> Response:
         """Needs control, a base that stands, and the arm at home. Location is the address of its status."""
         return self.move(slug, body.height_m)
 
-    @acts("torso_cancel", "End the torso’s move", scope=Scope.DRIVE)
+    @acts("torso_cancel", "End the torso’s move", wire.LIMB)
     def delete(self, slug: str) -> None:
         """The torso stays where it is."""
         self.cancel_move(slug)

@@ -9,7 +9,6 @@ from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct, structs
 from rest_framework.response import Response
 
-from fleet.accounts.tokens.models import Scope
 from robots.places.entries import LONGEST_NAME
 from robots.places.selectors import place_of_robot
 from robots.registry.models import Robot, RobotMap
@@ -79,7 +78,7 @@ class GoView(TasksBase):
     @starts(
         "go",
         "Drive to a place",
-        scope=Scope.DRIVE,
+        wire.GO,
         examples={"A named place": {"place": "kitchen"}, "A place": {"x": 3.4, "y": 1.8, "heading": 1.57}},
     )
     def post(self, slug: str, body: GoRequest) -> Response:
@@ -90,7 +89,7 @@ class GoView(TasksBase):
         asked = _asked(robot, body)
         return self.start(robot, lambda fence, seq: structs.replace(asked, fence=fence, seq=seq), wire.GO)
 
-    @acts("go_cancel", "End the drive to a place", scope=Scope.DRIVE)
+    @acts("go_cancel", "End the drive to a place", wire.GO)
     def delete(self, slug: str) -> None:
         """The robot stands."""
         self.cancel(slug, wire.GO.name, wire.GoCancel)
@@ -101,7 +100,7 @@ class PoseView(TasksBase):
 
     tag = "control"
 
-    @acts("pose_set", "Tell the robot where it is on its map", scope=Scope.DRIVE)
+    @acts("pose_set", "Tell the robot where it is on its map", wire.SET_POSE)
     def put(self, slug: str, body: PoseRequest) -> None:
         """Needs control, and a robot that stands. Localisation then looks for its exact place nearby."""
         self.send(slug, lambda fence, seq: wire.SetPose(fence, body.x, body.y, body.heading, seq, body.map))

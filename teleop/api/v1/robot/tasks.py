@@ -26,7 +26,7 @@ from robots.shared.sentences import say
 from robots.shared.wire import MotionOffer, NotDone, Refusal, StopState
 from robots.shared.wire.base import FARTHEST_HEAD_RAD
 from teleop.api.v1.framework.long_poll import LongPoll
-from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.operation import Operation, operation
 from teleop.api.v1.framework.parameters import Time, whole_number
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.framework.rates import place_in
@@ -39,8 +39,8 @@ LONGEST_WAIT_S = 30
 CHECK_S = 0.2
 CLEARED_S = 3.0
 
-# Kinds of tasks whose outcome a program can read, by the kind of the record of their request
-_FOLLOWED = {kind.record: kind for kind in wire.TASK_KINDS if kind.followed}
+# Kinds of tasks whose outcome a program can read, by the kind of the record of their request: see `starts`
+_FOLLOWED: dict[str, wire.TaskKind] = {}
 _NOT_RECORDED = Refusal("not_recorded", "The console took the request, and has no record of it yet.", "audit")
 _NOT_CLEARED = Refusal("not_cleared", "The stop is not cleared: look at the robot’s state.", "stop")
 
@@ -63,7 +63,7 @@ class TaskEntry(Struct, frozen=True):
     """A task that somebody asked a robot for. `outcome` null: it is not over."""
 
     number: int
-    kind: str  # speech, motion, drive_by, go, limb
+    kind: str  # its name
     robot: str
     by: str
     asked_at: Time
@@ -89,8 +89,18 @@ _STARTING = Refusal(
     "busy", "Another task of this kind is being started. Try again when it has started.", "wire"
 )
 _OVERTAKEN = Refusal("cancelled", "This task was cancelled before it started.", "lease")
-acts = partial(operation, refuses=(404, 409))
-starts = partial(acts, keyed=True, answer=TaskEntry, status=202)
+_of_robot = partial(operation, refuses=(404, 409))
+
+
+def acts(name: str, summary: str, kind: wire.TaskKind, **more: Any) -> Operation:
+    """Make a method an operation on tasks of this kind. A token needs the kind's scope."""
+    return _of_robot(name, summary, scope=Scope(kind.scope), **more)
+
+
+def starts(name: str, summary: str, kind: wire.TaskKind, **more: Any) -> Operation:
+    """Make a method an operation that calls `TasksBase.start`. Programs can read the outcomes of this kind of tasks."""
+    _FOLLOWED[kind.record] = kind
+    return acts(name, summary, kind, keyed=True, answer=TaskEntry, status=202, **more)
 
 
 class TasksBase(ProgramView):
@@ -146,7 +156,7 @@ class SpeechView(TasksBase):
     @starts(
         "speech_say",
         "Speak a text",
-        scope=Scope.SPEAK,
+        wire.SPEECH,
         examples={"Greeting": {"text": "Hello!", "language": "en-GB"}},
     )
     def post(self, slug: str, body: SayRequest) -> Response:
@@ -157,7 +167,7 @@ class SpeechView(TasksBase):
             wire.SPEECH,
         )
 
-    @acts("speech_cancel", "Cancel speech", scope=Scope.SPEAK)
+    @acts("speech_cancel", "Cancel speech", wire.SPEECH)
     def delete(self, slug: str) -> None:
         """The speech of this program’s control."""
         self.cancel(slug, wire.SPEECH.name, wire.SayCancel)
@@ -166,7 +176,7 @@ class SpeechView(TasksBase):
 class MotionsView(TasksBase):
     """`/robots/{slug}/motions`."""
 
-    @acts("motions_list", "List motions", scope=Scope.READ)
+    @_of_robot("motions_list", "List motions", scope=Scope.READ)
     def get(self, slug: str) -> MotionList:
         """In the robot’s own words."""
         connection = self.connection(self.robot(slug))
@@ -180,7 +190,7 @@ class MotionsView(TasksBase):
 class MotionView(TasksBase):
     """`/robots/{slug}/motions/{name}`."""
 
-    @starts("motions_play", "Play a motion", scope=Scope.MOTIONS)
+    @starts("motions_play", "Play a motion", wire.MOTION)
     def post(self, slug: str, name: str) -> Response:
         """Needs control. The answer’s header Location is the address of its status."""
         return self.start(self.robot(slug), lambda fence, seq: wire.Play(fence, name[:100], seq), wire.MOTION)
@@ -189,7 +199,7 @@ class MotionView(TasksBase):
 class MotionCancelView(TasksBase):
     """`/robots/{slug}/motion`."""
 
-    @acts("motions_cancel", "Cancel the motion", scope=Scope.MOTIONS)
+    @acts("motions_cancel", "Cancel the motion", wire.MOTION)
     def delete(self, slug: str) -> None:
         """Cancels the motion that this program started."""
         self.cancel(slug, wire.MOTION.name, wire.PlayCancel)
@@ -212,7 +222,7 @@ class DriveByView(TasksBase):
     @starts(
         "drive_by",
         "Drive a distance, or turn by an angle",
-        scope=Scope.DRIVE,
+        wire.DRIVE_BY,
         examples={"One metre on": {"distance_m": 1.0}},
     )
     def post(self, slug: str, body: DriveByRequest) -> Response:
@@ -229,7 +239,7 @@ class DriveByView(TasksBase):
             self.robot(slug), lambda fence, seq: wire.DriveBy(fence, **asked, seq=seq), wire.DRIVE_BY
         )
 
-    @acts("drive_by_cancel", "End the drive", scope=Scope.DRIVE)
+    @acts("drive_by_cancel", "End the drive", wire.DRIVE_BY)
     def delete(self, slug: str) -> None:
         """The robot stands."""
         self.cancel(slug, wire.DRIVE_BY.name, wire.DriveByCancel)
@@ -238,7 +248,7 @@ class DriveByView(TasksBase):
 class LookAheadView(TasksBase):
     """`/robots/{slug}/look-ahead`."""
 
-    @acts("look_ahead", "Turn the head to where the robot drives", scope=Scope.DRIVE)
+    @acts("look_ahead", "Turn the head to where the robot drives", wire.LOOK_AHEAD)
     def post(self, slug: str) -> None:
         """Needs control."""
         self.send(slug, wire.LookAhead)
@@ -254,7 +264,7 @@ class HeadRequest(Struct, frozen=True, forbid_unknown_fields=True):
 class HeadView(TasksBase):
     """`/robots/{slug}/head`."""
 
-    @acts("head_turn", "Turn the head", scope=Scope.DRIVE)
+    @acts("head_turn", "Turn the head", wire.TURN_HEAD)
     def post(self, slug: str, body: HeadRequest) -> None:
         """Needs control. Within the limits of its joints."""
         self.send(slug, lambda fence, seq: wire.TurnHead(fence, body.pan, body.tilt, seq))
@@ -265,7 +275,7 @@ class ClearView(TasksBase):
 
     tag = "stop"
 
-    @acts("stop_clear", "Clear the emergency stop", scope=Scope.DRIVE)
+    @_of_robot("stop_clear", "Clear the emergency stop", scope=Scope.DRIVE)
     def post(self, slug: str, body: ClearRequest) -> StopState:
         """For the holder of control, supervisors and staff. Nothing moves."""
         robot = self.robot(slug)
@@ -290,7 +300,7 @@ class TaskView(ProgramView):
 
     tag = "tasks"
 
-    @acts(
+    @_of_robot(
         "tasks_read",
         "Read what came of a task",
         scope=Scope.READ,

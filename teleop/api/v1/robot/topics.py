@@ -32,6 +32,7 @@ from teleop.api.v1.framework.rates import place_in
 from teleop.api.v1.programs import topic_queries
 from teleop.api.v1.programs.registry import programs
 from teleop.api.v1.robot.control import ProgramView
+from teleop.api.v1.robot.tasks import acts
 
 MOST_ASKING = 6  # queries at the same time: each occupies a thread, and pages need threads, too
 
@@ -147,7 +148,7 @@ class MessageView(TopicsBase):
 class PublishView(TopicsBase):
     """`/robots/{slug}/topics/publish`."""
 
-    @_topics("topics_publish", "Publish a message", keyed=True)
+    @acts("topics_publish", "Publish a message", wire.PUBLISH, keyed=True)
     def post(self, slug: str, body: PublishRequest) -> None:
         """From the allow-list; needs control. A velocity passes the gate, and is valid for 0.3 s."""
         self.send(
@@ -157,7 +158,7 @@ class PublishView(TopicsBase):
             ),
         )
 
-    @_topics("topics_publish_end", "Stop publishing at a rate")
+    @acts("topics_publish_end", "Stop publishing at a rate", wire.PUBLISH)
     def delete(self, slug: str, query: TopicAsked) -> None:
         """Ends the publication on this topic."""
         self.send(slug, lambda fence, seq: wire.PublishStop(fence, query.topic, seq))
@@ -207,9 +208,10 @@ class ParameterView(TopicsBase):
 class InputView(TopicsBase):
     """`/robots/{slug}/inputs/{use}`."""
 
-    @_topics(
+    @acts(
         "inputs_choose",
         "Choose where input goes",
+        wire.CHOOSE,
         parameters=[OpenApiParameter("use", str, OpenApiParameter.PATH, enum=list(get_args(Use)))],
     )
     def put(self, slug: str, use: Any, body: ChooseRequest) -> None:
@@ -222,7 +224,7 @@ class ForgetView(TopicsBase):
 
     tag = "control"
 
-    @_topics("forget", "Forget remembered obstacles", scope=Scope.DRIVE)
+    @acts("forget", "Forget remembered obstacles", wire.FORGET)
     def post(self, slug: str) -> None:
         """Needs control, and a robot that stands. Current readings stay."""
         self.send(slug, wire.Forget)
