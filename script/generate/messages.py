@@ -82,6 +82,7 @@ def page() -> str:
                 sections.append(_section(kind, common))
         if before:
             sections.append(f"As above: {', '.join(map(_link, before))}.\n")
+    sections.append(_kinds_of_tasks())
     sections.append("## Parts of messages\n")
     sections += [
         _section(kind, common)
@@ -89,6 +90,23 @@ def page() -> str:
         if kind not in described_at and kind not in left_out and not kind.__name__.startswith("_")
     ]
     return "\n".join(sections)
+
+
+def _kinds_of_tasks() -> str:
+    """Return the table of `wire.TASK_KINDS`."""
+    lines = [
+        "## Kinds of tasks\n",
+        "A token needs the scope. The address in REST is below `/api/v1`; [api.md](api.md#page-and-api) has those of "
+        "kinds with several.\n",
+        "| kind | request, and cancel | scope | REST | records |\n|---|---|---|---|---|",
+    ]
+    for kind in wire.TASK_KINDS:
+        requests = ", ".join(map(_link, kind.requests))
+        methods = "POST" if kind.cancel is None else "POST, DELETE"
+        address = f"`{methods} /robots/{{slug}}/{kind.address}`" if kind.address else ""
+        records = ", ".join(f"`{name}`: {label}" for name, label in kind.records.items())
+        lines.append(f"| `{kind.name}` | {requests} | `{kind.scope}` | {address} | {records} |")
+    return "\n".join([*lines, ""])
 
 
 def _kinds(union: Any) -> list[Kind]:

@@ -35,7 +35,7 @@ from robots.access.services import qualification_grant, role_set
 from robots.places.entries import PlaceEntry
 from robots.places.services import place_add
 from robots.registry.models import Robot, RobotProfile, Role
-from robots.shared.wire import StopState
+from robots.shared.wire import TASK_KINDS, StopState
 from script.generate.messages import openapi
 from teleop.control.scopes import ACTING
 from teleop.models import ControlSession
@@ -132,7 +132,7 @@ class Row:
     also: tuple[Scope, ...] = ()  # scopes that the token of a person with the right also needs
 
 
-READ, DRIVE, SPEAK, MOTIONS, TOPICS, BOOK, MANAGE = ((scope,) for scope in Scope)
+READ, DRIVE, _SPEAK, MOTIONS, TOPICS, BOOK, MANAGE = ((scope,) for scope in Scope)
 # The web process decides about control and all that needs control, but does not run here: the API only checks
 # that the person may see the robot. `tests/script/programs/test_programs.py` has the rest.
 NO_LEASE, NO_PROGRAMS = seen("no_lease"), seen("no_programs")
@@ -163,10 +163,7 @@ TABLE: dict[str, Row] = {
     "control_leave": Row(ACTING, "/robots/{robot}/control/line", NO_PROGRAMS),
     "control_hand_over": Row(ACTING, "/robots/{robot}/control/hand-over", NO_LEASE, {"request": 1}),
     "velocity": Row(DRIVE, "/robots/{robot}/velocity", NO_LEASE, {"forward_mps": 0.1}),
-    "drive_by": Row(DRIVE, "/robots/{robot}/drive-by", NO_LEASE, {"distance_m": 1.0}),
-    "drive_by_cancel": Row(DRIVE, "/robots/{robot}/drive-by", NO_LEASE),
     "go": Row(DRIVE, "/robots/{robot}/go", NO_LEASE, {"x": 1.0, "y": 2.0}),
-    "go_cancel": Row(DRIVE, "/robots/{robot}/go", NO_LEASE),
     "pose_set": Row(DRIVE, "/robots/{robot}/pose", NO_LEASE, {"x": 1.0, "y": 2.0}),
     "description_read": Row(READ, "/robots/{robot}/description", seen("not_found")),
     "mesh_read": Row(READ, "/robots/{robot}/meshes/tiago/base.stl", seen("not_found")),
@@ -188,19 +185,14 @@ TABLE: dict[str, Row] = {
     "places_import": Row(
         MANAGE, "/maps/{map}/places/import", supervised("200"), {"csv": "name,x,y,heading\nhall,1,1,0\n"}
     ),
-    "look_ahead": Row(DRIVE, "/robots/{robot}/look-ahead", NO_LEASE),
-    "head_turn": Row(DRIVE, "/robots/{robot}/head", NO_LEASE, {"pan": 0.1, "tilt": 0.0}),
     "gripper_move": Row(DRIVE, "/robots/{robot}/gripper", NO_LEASE, {"width_m": 0.05}),
     "gripper_cancel": Row(DRIVE, "/robots/{robot}/gripper", NO_LEASE),
     "torso_move": Row(DRIVE, "/robots/{robot}/torso", NO_LEASE, {"height_m": 0.1}),
     "torso_cancel": Row(DRIVE, "/robots/{robot}/torso", NO_LEASE),
-    "forget": Row(DRIVE, "/robots/{robot}/forget", NO_LEASE),
     "stop_clear": Row(DRIVE, "/robots/{robot}/stop/clear", NO_PROGRAMS, {"number": 1}),
     "stop": Row((), "/robots/{robot}/stop", seen("200")),
     "stop_all": Row((), "/stop", everywhere("200")),
     # tasks
-    "speech_say": Row(SPEAK, "/robots/{robot}/speech", NO_LEASE, {"text": "Hi", "language": "en"}),
-    "speech_cancel": Row(SPEAK, "/robots/{robot}/speech", NO_LEASE),
     "motions_list": Row(READ, "/robots/{robot}/motions", NO_PROGRAMS),
     "motions_play": Row(MOTIONS, "/robots/{robot}/motions/wave", NO_LEASE),
     "motions_cancel": Row(MOTIONS, "/robots/{robot}/motion", NO_LEASE),
@@ -642,13 +634,38 @@ def filled(value: Any, objects: dict[str, str]) -> Any:
 
 
 @cache
+def paths() -> dict[str, dict[str, Any]]:
+    """Return the operations of the schema by path and method."""
+    return {path.removeprefix("/api/v1"): methods for path, methods in json.loads(openapi())["paths"].items()}
+
+
 def operations() -> dict[str, tuple[str, str]]:
     """Return the operations of the schema: method and path by name."""
     return {
-        operation["operationId"]: (method.upper(), path.removeprefix("/api/v1"))
-        for path, methods in json.loads(openapi())["paths"].items()
+        operation["operationId"]: (method.upper(), path)
+        for path, methods in paths().items()
         for method, operation in methods.items()
     }
+
+
+@cache
+def table() -> dict[str, Row]:
+    """Return all rows: kinds of tasks with one address need none of their own, unless their request does."""
+    of_tasks = {
+        operation["operationId"]: Row(
+            (Scope(kind.scope),), f"/robots/{{robot}}/{kind.address}", NO_LEASE, example(operation)
+        )
+        for kind in TASK_KINDS
+        for operation in paths().get(f"/robots/{{slug}}/{kind.address}", {}).values()
+    }
+    return of_tasks | TABLE
+
+
+def example(operation: dict[str, Any]) -> Any:
+    """Return the first example of an operation's body; None if it has no body."""
+    for content in operation.get("requestBody", {}).get("content", {}).values():
+        return next((one["value"] for one in content.get("examples", {}).values()), {})
+    return None
 
 
 def stopped(robots: Sequence[Robot], **_press: Any) -> emergency_stop.Outcomes:
@@ -664,7 +681,7 @@ class Door:
 
     def __call__(self, name: str, caller: Caller, objects: dict[str, str]) -> str:
         """Return the status of success, or the code of the refusal."""
-        row = TABLE[name]
+        row = table()[name]
         headers = {"If-Match": '"1"'} if row.version else {}
         with undone():
             answer = caller.stream(
@@ -685,8 +702,8 @@ def lab(tiago: RobotProfile) -> Lab:
 
 def test_each_operation_of_the_schema_has_a_row() -> None:
     methods = operations()
-    assert set(TABLE) == set(methods)
-    for name, row in TABLE.items():
+    assert set(table()) == set(methods)
+    for name, row in table().items():
         asked = row.path.partition("?")[0]
         assert re.fullmatch(re.sub(r"{\w+}", "[^/]+", methods[name][1]), asked), name
 
@@ -694,7 +711,7 @@ def test_each_operation_of_the_schema_has_a_row() -> None:
 @pytest.mark.django_db
 def test_nobody_gets_anything(lab: Lab) -> None:
     door, nobody, objects = Door(operations()), Caller(Client(), {}), lab.objects["operator", "own"]
-    assert {name: door(name, nobody, objects) for name in TABLE} == dict.fromkeys(TABLE, "signed_out")
+    assert {name: door(name, nobody, objects) for name in table()} == dict.fromkeys(table(), "signed_out")
 
 
 class Check:
@@ -707,7 +724,7 @@ class Check:
 
     def __call__(self, name: str, how: str, scopes: tuple[Scope, ...], caller: Caller, place: str) -> None:
         """Ask for an operation at a place. A browser's `scopes` are all."""
-        row = TABLE[name]
+        row = table()[name]
         opens = how == "browser" or not row.scopes or any(scope in scopes for scope in row.scopes)
         expected = row.ends[PLACES.index(place)].split()[self._number] if opens else "scope_missing"
         if expected.isdigit() and how != "browser" and not set(row.also) <= set(scopes):
@@ -735,7 +752,7 @@ def test_role_operation_and_place_decide(who: str, lab: Lab, check: Check) -> No
     found = {place: role for place, robot in lab.robots.items() if (role := role_on(person, robot))}
     assert found == ROLES[who]
     [(how, scopes, caller)] = [one for one in sign_ins(person) if one[0] == "all"]
-    for name in TABLE:
+    for name in table():
         for place in PLACES:
             check(name, how, scopes, caller, place)
 
@@ -746,6 +763,6 @@ def test_role_operation_and_place_decide(who: str, lab: Lab, check: Check) -> No
 def test_scope_and_operation_decide(who: str, lab: Lab, check: Check) -> None:
     """Every single scope, none, and a browser: each operation at one place in turn."""
     for turn, (how, scopes, caller) in enumerate(sign_ins(lab.people[who]), PEOPLE.index(who)):
-        for step, name in enumerate(TABLE):
+        for step, name in enumerate(table()):
             if how != "all":
                 check(name, how, scopes, caller, PLACES[(turn + step) % len(PLACES)])

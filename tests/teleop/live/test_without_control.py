@@ -12,6 +12,7 @@ from robots.shared.configuration.bridge_config import Allowed
 from robots.shared.wire.decoders import BrowserMessage
 from robots.shared.wire.topics import TopicQuery
 from teleop.background.database import in_database
+from tests.bridge import support
 from tests.teleop.live.test_task_sender import FENCE, ORDERS
 from tests.teleop.support import Page
 
@@ -23,12 +24,16 @@ ALLOWED = (
     Allowed("set", "/volume", "", "", "operator"),
     Allowed("publish", "/notes", "std_msgs/String", "", "operator"),
 )
-FIELDS = ORDERS | {
-    "turn_head": {"pan": 0.1, "tilt": 0.0},
-    "publish": {"topic": "/notes", "type": "std_msgs/String", "fields": {}, "sent_ms": 1.0},
-    "drive": {"sent_ms": 1.0, "x": 0.5, "w": 0.0, "y": 0.0, "share": 0.5},
-    "hand_over": {"request": 1},
-}
+TASKS = {one.__struct_config__.tag for one in get_args(wire.TaskRequest)}
+FIELDS = (
+    {wire.kind_of(order): wire.to_builtins(order) for order in support.ORDERS.values()}
+    | ORDERS
+    | {
+        "publish": {"topic": "/notes", "type": "std_msgs/String", "fields": {}, "sent_ms": 1.0},
+        "drive": {"sent_ms": 1.0, "x": 0.5, "w": 0.0, "y": 0.0, "share": 0.5},
+        "hand_over": {"request": 1},
+    }
+)
 CALLS = {
     "call": {"service": "/clear_costmaps", "fields": {}},
     "set_parameter": {"name": "/volume", "value": 50},
@@ -40,7 +45,10 @@ def table():
     section = PROTOCOL.read_text().split("## Commands and control")[1].split("## ")[0]
     lines = [line for line in section.splitlines() if line.startswith("| ")][1:]
     cells = [[cell.strip() for cell in line.strip("| ").split("|")] for line in lines]
-    return {who: set(re.findall(r"`([a-z_]+)`", commands)) - {"fence"} for who, commands in cells}
+    found = {who: set(re.findall(r"`([a-z_]+)`", commands)) - {"fence"} for who, commands in cells}
+    [by_fence] = (commands for who, commands in found.items() if "`fence`" in who)
+    by_fence |= TASKS.difference(*found.values())
+    return found
 
 
 def by_fence():
@@ -58,7 +66,7 @@ async def test_staff_without_control_command_nothing(open_page, bridge):
     page = await open_page("staff")
     for kind in sorted(set(by_fence()) - {"release", "camera_view"}):  # these two end, or report, nothing
         fence = {"fence": FENCE, "seq": 1} if kind not in ("renew", "hand_over") else {}
-        await page.say(kind, **fence, **FIELDS.get(kind, {}))
+        await page.say(**{"t": kind} | FIELDS.get(kind, {}) | fence)
         refused = await page.hears("refused", of=kind)
         assert refused["refusal"]["rule"] == "lease", refused
     assert not any(bridge.all(command) for command in get_args(wire.TaskRequest))
