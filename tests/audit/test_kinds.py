@@ -32,6 +32,9 @@ INDIRECT = {
         "allowance.create",
         "allowance.delete",
     },
+    ("robots/access/services.py", "f'{what}.{step}'"): {
+        f"{what}.{step}" for what in ("group", "course", "qualification") for step in ("create", "change")
+    },
     ("teleop/live/service_calls.py", "kind"): {"service.call", "parameter.set"},
     ("teleop/live/task_sender.py", "f'{what}.cancel'"): {"speech.cancel", "motion.cancel"},
     ("robots/records/bridge_records.py", "kind"): {end for end, _ in ENDS.values()},
