@@ -188,8 +188,9 @@ class TaskKind(NamedTuple):
     scope: Literal["drive", "speak", "motions", "topics"]  # that the token of a program needs
     record: str  # kind of the record of its request
     label: str  # of this record in the log and in a person's own data
-    end_record: str = ""  # kind of the record of its outcome; empty: as of its request
-    end_label: str = ""
+    end_label: str = (
+        ""  # of the record of its outcome, if that has a kind of its own: `….end` after `….start`
+    )
     cancel: type[Struct] | None = None
     cancelled_by_others: bool = False  # supervisors and staff may cancel it without control
     address: str = ""  # of its request in REST, below the robot; empty: its views have several
@@ -203,13 +204,12 @@ class TaskKind(NamedTuple):
     @property
     def outcome(self) -> str:
         """Kind of the record of its outcome."""
-        return self.end_record or self.record
+        return self.record.replace(".start", ".end")
 
     @property
     def records(self) -> dict[str, str]:
         """Its kinds of records with their labels."""
-        ends = {self.end_record: self.end_label} if self.end_record else {}
-        return {self.record: self.label} | ends
+        return {self.record: self.label} | ({self.outcome: self.end_label} if self.end_label else {})
 
     @property
     def requests(self) -> tuple[type[Struct], ...]:
@@ -223,7 +223,6 @@ SPEECH = TaskKind(
     scope="speak",
     record="speech.start",
     label=gettext_noop("asked to say"),
-    end_record="speech.end",
     end_label=gettext_noop("end of speech"),
     cancel=SayCancel,
     cancelled_by_others=True,
@@ -246,7 +245,6 @@ GO = TaskKind(
     scope="drive",
     record="go.start",
     label=gettext_noop("drive to a place"),
-    end_record="go.end",
     end_label=gettext_noop("end of a drive to a place"),
     cancel=GoCancel,
     address="go",
@@ -260,7 +258,6 @@ LIMB = TaskKind(
     scope="drive",
     record="limb.start",
     label=gettext_noop("move of gripper or torso"),
-    end_record="limb.end",
     end_label=gettext_noop("end of a move of gripper or torso"),
     cancel=LimbCancel,
     stopped_actions=("gripper.action", "torso.action"),
@@ -273,7 +270,6 @@ MOTION = TaskKind(
     scope="motions",
     record="motion.start",
     label=gettext_noop("motion asked for"),
-    end_record="motion.end",
     end_label=gettext_noop("end of motion"),
     cancel=PlayCancel,
     cancelled_by_others=True,
@@ -301,23 +297,10 @@ PUBLISH = TaskKind(
     scope="topics",
     record="publish.start",
     label=gettext_noop("message asked for"),
-    end_record="publish.end",
     end_label=gettext_noop("end of message"),
     cancel=PublishStop,
     address="topics/publish",
     words="not_publishing",
 )
 
-TASK_KINDS = (
-    SPEECH,
-    DRIVE_BY,
-    GO,
-    LIMB,
-    SET_POSE,
-    MOTION,
-    LOOK_AHEAD,
-    TURN_HEAD,
-    FORGET,
-    CHOOSE,
-    PUBLISH,
-)
+TASK_KINDS = (SPEECH, DRIVE_BY, GO, LIMB, SET_POSE, MOTION, LOOK_AHEAD, TURN_HEAD, FORGET, CHOOSE, PUBLISH)

@@ -91,7 +91,7 @@ urlpatterns = [
     path("robots/<slug:slug>/inputs/<str:use>", topics.InputView.as_view()),
     path("robots/<slug:slug>/gripper", limbs.GripperView.as_view()),
     path("robots/<slug:slug>/torso", limbs.TorsoView.as_view()),
-    *(path(f"robots/<slug:slug>/{kind.address}", view.as_view()) for kind, view in tasks.VIEWS.items()),
+    *(path(f"robots/<slug:slug>/{view.kind.address}", view.as_view()) for view in tasks.VIEWS),
     path("robots/<slug:slug>/tasks/<int:number>", tasks.TaskView.as_view()),
     path("robots/<slug:slug>/stop/clear", tasks.ClearView.as_view()),
     path("robots/<slug:slug>/stop", stop_views.rest_stop, name="api-stop"),

@@ -41,6 +41,11 @@ class Node(Protocol):
 class RobotPart:
     """A capability of the robot. Its class also says what it does, for example `MotionPlayer`."""
 
+    @classmethod
+    def of(cls, node: Node) -> RobotPart | None:
+        """Return the part, connected; None: the robot's profile does not have it."""
+        raise NotImplementedError
+
     @property
     def cancels(self) -> list[Callable[[], None]]:
         """For the emergency stop: each cancels all goals of one action, from any sender."""

@@ -31,6 +31,7 @@ class TorsoRequest(Struct, frozen=True, forbid_unknown_fields=True):
 class LimbView(TasksBase):
     """Base of the views of limbs."""
 
+    kind = wire.LIMB
     limb: Limb
 
     def move(self, slug: str, to_m: float) -> Response:
@@ -38,13 +39,12 @@ class LimbView(TasksBase):
         return self.start(
             self.robot(slug),
             lambda fence, seq: wire.MoveLimb(fence, self.limb, to_m, seq),
-            wire.LIMB,
             self.limb,
         )
 
     def cancel_move(self, slug: str) -> None:
         """End the limb's move."""
-        self.cancel(slug, self.limb, lambda fence, seq: wire.LimbCancel(fence, self.limb, seq))
+        self.cancel(slug, lambda fence, seq: wire.LimbCancel(fence, self.limb, seq), self.limb)
 
 
 class GripperView(LimbView):

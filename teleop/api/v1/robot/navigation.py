@@ -73,12 +73,12 @@ class MapEntry(Struct, frozen=True):
 class GoView(TasksBase):
     """`/robots/{slug}/go`."""
 
-    tag = "control"
+    kind, tag = wire.GO, "control"
 
     @starts(
         "go",
         "Drive to a place",
-        wire.GO,
+        kind,
         examples={"A named place": {"place": "kitchen"}, "A place": {"x": 3.4, "y": 1.8, "heading": 1.57}},
     )
     def post(self, slug: str, body: GoRequest) -> Response:
@@ -87,20 +87,20 @@ class GoView(TasksBase):
         ask for something at least every 10 s, such as its status."""
         robot = self.robot(slug)
         asked = _asked(robot, body)
-        return self.start(robot, lambda fence, seq: structs.replace(asked, fence=fence, seq=seq), wire.GO)
+        return self.start(robot, lambda fence, seq: structs.replace(asked, fence=fence, seq=seq))
 
-    @acts("go_cancel", "End the drive to a place", wire.GO)
+    @acts("go_cancel", "End the drive to a place", kind)
     def delete(self, slug: str) -> None:
         """The robot stands."""
-        self.cancel(slug, wire.GO.name, wire.GoCancel)
+        self.cancel(slug, wire.GoCancel)
 
 
 class PoseView(TasksBase):
     """`/robots/{slug}/pose`."""
 
-    tag = "control"
+    kind, tag = wire.SET_POSE, "control"
 
-    @acts("pose_set", "Tell the robot where it is on its map", wire.SET_POSE)
+    @acts("pose_set", "Tell the robot where it is on its map", kind)
     def put(self, slug: str, body: PoseRequest) -> None:
         """Needs control, and a robot that stands. Localisation then looks for its exact place nearby."""
         self.send(slug, lambda fence, seq: wire.SetPose(fence, body.x, body.y, body.heading, seq, body.map))

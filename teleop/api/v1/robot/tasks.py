@@ -106,17 +106,16 @@ def starts(name: str, summary: str, kind: wire.TaskKind, **more: Any) -> Operati
 class TasksBase(ProgramView):
     """Base of the views that request tasks."""
 
+    kind: wire.TaskKind  # of its tasks
     tag = "tasks"
 
-    def start(
-        self, robot: Robot, make: Callable[[int, int], Any], kind: wire.TaskKind, part: str = ""
-    ) -> Response:
+    def start(self, robot: Robot, make: Callable[[int, int], Any], part: str = "") -> Response:
         """Request a task, and return the answer 202 with its status and address.
 
         `part`: the part of the robot that the task moves, if several parts have tasks of this kind. Raises
         `Problem` or `NotDone`.
         """
-        connection = self.connected(robot)
+        connection, kind = self.connected(robot), self.kind
 
         # A robot that starts late surprises people. So a task does not wait for another one, and does not
         # start if its cancel came first.
@@ -136,12 +135,12 @@ class TasksBase(ProgramView):
         address = f"/api/v1/robots/{robot.slug}/tasks/{found.pk}"
         return Response(wire.to_builtins(_entry(found, robot)), 202, headers={"Location": address})
 
-    def cancel(self, slug: str, what: str, make: Callable[[int, int], Any]) -> None:
-        """End the task of this kind or part.
+    def cancel(self, slug: str, make: Callable[[int, int], Any], part: str = "") -> None:
+        """End the task of this kind, or of this part.
 
         A task that was requested earlier, but not sent yet, does not start.
         """
-        connection = self.connected(self.robot(slug))
+        connection, what = self.connected(self.robot(slug)), part or self.kind.name
 
         def noted(fence: int, seq: int) -> Any:
             connection.cancelled_s[what] = max(self.came_s, connection.cancelled_s.get(what, -math.inf))
@@ -153,10 +152,12 @@ class TasksBase(ProgramView):
 class SpeechView(TasksBase):
     """`/robots/{slug}/speech`."""
 
+    kind = wire.SPEECH
+
     @starts(
         "speech_say",
         "Speak a text",
-        wire.SPEECH,
+        kind,
         examples={"Greeting": {"text": "Hello!", "language": "en-GB"}},
     )
     def post(self, slug: str, body: SayRequest) -> Response:
@@ -164,13 +165,12 @@ class SpeechView(TasksBase):
         return self.start(
             self.robot(slug),
             lambda fence, seq: wire.Say(fence, body.text, body.language, body.topic, seq),
-            wire.SPEECH,
         )
 
-    @acts("speech_cancel", "Cancel speech", wire.SPEECH)
+    @acts("speech_cancel", "Cancel speech", kind)
     def delete(self, slug: str) -> None:
         """The speech of this program’s control."""
-        self.cancel(slug, wire.SPEECH.name, wire.SayCancel)
+        self.cancel(slug, wire.SayCancel)
 
 
 class MotionsView(TasksBase):
@@ -190,19 +190,23 @@ class MotionsView(TasksBase):
 class MotionView(TasksBase):
     """`/robots/{slug}/motions/{name}`."""
 
-    @starts("motions_play", "Play a motion", wire.MOTION)
+    kind = wire.MOTION
+
+    @starts("motions_play", "Play a motion", kind)
     def post(self, slug: str, name: str) -> Response:
         """Needs control. The answer’s header Location is the address of its status."""
-        return self.start(self.robot(slug), lambda fence, seq: wire.Play(fence, name[:100], seq), wire.MOTION)
+        return self.start(self.robot(slug), lambda fence, seq: wire.Play(fence, name[:100], seq))
 
 
 class MotionCancelView(TasksBase):
     """`/robots/{slug}/motion`."""
 
-    @acts("motions_cancel", "Cancel the motion", wire.MOTION)
+    kind = wire.MOTION
+
+    @acts("motions_cancel", "Cancel the motion", kind)
     def delete(self, slug: str) -> None:
         """Cancels the motion that this program started."""
-        self.cancel(slug, wire.MOTION.name, wire.PlayCancel)
+        self.cancel(slug, wire.PlayCancel)
 
 
 class DriveByRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -217,12 +221,12 @@ class DriveByRequest(Struct, frozen=True, forbid_unknown_fields=True):
 class DriveByView(TasksBase):
     """`/robots/{slug}/drive-by`."""
 
-    tag = "control"
+    kind, tag = wire.DRIVE_BY, "control"
 
     @starts(
         "drive_by",
         "Drive a distance, or turn by an angle",
-        wire.DRIVE_BY,
+        kind,
         examples={"One metre on": {"distance_m": 1.0}},
     )
     def post(self, slug: str, body: DriveByRequest) -> Response:
@@ -235,20 +239,20 @@ class DriveByView(TasksBase):
             raise Problem(
                 Refusal("invalid", say("The body does not fit: {error}.", error=error), "wire")
             ) from error
-        return self.start(
-            self.robot(slug), lambda fence, seq: wire.DriveBy(fence, **asked, seq=seq), wire.DRIVE_BY
-        )
+        return self.start(self.robot(slug), lambda fence, seq: wire.DriveBy(fence, **asked, seq=seq))
 
-    @acts("drive_by_cancel", "End the drive", wire.DRIVE_BY)
+    @acts("drive_by_cancel", "End the drive", kind)
     def delete(self, slug: str) -> None:
         """The robot stands."""
-        self.cancel(slug, wire.DRIVE_BY.name, wire.DriveByCancel)
+        self.cancel(slug, wire.DriveByCancel)
 
 
 class LookAheadView(TasksBase):
     """`/robots/{slug}/look-ahead`."""
 
-    @acts("look_ahead", "Turn the head to where the robot drives", wire.LOOK_AHEAD)
+    kind = wire.LOOK_AHEAD
+
+    @acts("look_ahead", "Turn the head to where the robot drives", kind)
     def post(self, slug: str) -> None:
         """Needs control."""
         self.send(slug, wire.LookAhead)
@@ -264,7 +268,9 @@ class HeadRequest(Struct, frozen=True, forbid_unknown_fields=True):
 class HeadView(TasksBase):
     """`/robots/{slug}/head`."""
 
-    @acts("head_turn", "Turn the head", wire.TURN_HEAD)
+    kind = wire.TURN_HEAD
+
+    @acts("head_turn", "Turn the head", kind)
     def post(self, slug: str, body: HeadRequest) -> None:
         """Needs control. Within the limits of its joints."""
         self.send(slug, lambda fence, seq: wire.TurnHead(fence, body.pan, body.tilt, seq))
@@ -348,9 +354,4 @@ def _entry(start: Record, robot: Robot) -> TaskEntry:
 
 
 # Views of kinds of tasks with one address each
-VIEWS: dict[wire.TaskKind, type[TasksBase]] = {
-    wire.SPEECH: SpeechView,
-    wire.DRIVE_BY: DriveByView,
-    wire.LOOK_AHEAD: LookAheadView,
-    wire.TURN_HEAD: HeadView,
-}
+VIEWS: tuple[type[TasksBase], ...] = (SpeechView, DriveByView, LookAheadView, HeadView)
