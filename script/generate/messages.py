@@ -69,6 +69,7 @@ def page() -> str:
     """Return the text of the page."""
     described_at: dict[Kind, str] = {}  # for each message, the section that describes it
     left_out = _parts(*INTERNAL) - _parts(*DIRECTIONS.values(), wire.PictureHeader)  # of a binary message
+    left_out.add(wire.TaskStates)  # `State` has its fields
     common = _common()
     fields = "\n".join(f"* {line}" for line in common.values())
     sections = [f"{HEAD}Fields that several messages have in common:\n\n{fields}\n"]
@@ -163,7 +164,9 @@ def _section(kind: Kind, common: Mapping[str, str]) -> str:
 
 def _fields(kind: Kind) -> dict[str, str]:
     """Return the description of each field."""
-    comments, hints = _comments(kind), get_type_hints(kind, include_extras=True)
+    structs_of_wire = [base for base in reversed(kind.__mro__) if base.__module__.startswith(wire.__name__)]
+    comments = {name: words for base in structs_of_wire for name, words in _comments(base).items()}
+    hints = get_type_hints(kind, include_extras=True)
     lines = {}
     for field in structs.fields(kind):
         default, comment = _default(field), comments.get(field.name, "")

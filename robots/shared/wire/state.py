@@ -9,8 +9,8 @@ from msgspec import Struct
 from robots.shared.records.verdict import Side, Way
 from robots.shared.wire.base import Refusal, Role, Use, Worded
 from robots.shared.wire.health import Health
-from robots.shared.wire.limbs import Limb, LimbState
-from robots.shared.wire.navigation import GoEnd, GoProgress, Location
+from robots.shared.wire.navigation import Location
+from robots.shared.wire.tasks import TaskStates
 
 
 class SpeedLimit(Worded, frozen=True, omit_defaults=True):
@@ -92,106 +92,6 @@ class MovesAlthoughStopped(Worded, frozen=True):
     text: str  # the motion and its possible cause, in words
 
 
-class Motion(Struct, frozen=True):
-    """A recorded motion that this console started, from its request on."""
-
-    name: str
-    who: str
-    since_s: float
-
-
-class MotionEnd(Worded, frozen=True):
-    """The end of a motion that this console started. `number` grows with each end.
-
-    `outcome`: succeeded, rejected or failed (by the robot); cancelled, stopped, intruder, not_watched, control_ended,
-    link_lost, not_recorded, unheard.
-    """
-
-    number: int
-    name: str
-    outcome: str
-    text: str
-
-
-SpeechStatus = Literal["sent", "accepted", "speaking"]
-
-
-class Speech(Struct, frozen=True):
-    """A text that the robot speaks for this console, from the moment it was sent.
-
-    `status` comes from the robot's action; a robot that takes plain messages reports no progress: "sent".
-    """
-
-    number: int  # of its record
-    text: str
-    language: str
-    topic: str
-    who: str
-    status: SpeechStatus
-    since_s: float
-    # the word being spoken, if reported: its first character, last + 1 (code points)
-    word: tuple[int, int] | None = None
-
-
-class SpeechEnd(Worded, frozen=True):
-    """The end of a speech.
-
-    `outcome`: done, failed or rejected (by the robot); sent (a plain message: the end is not known); cancelled,
-    stopped, unheard; or the code of a refusal if the speech was recorded but could not begin.
-    """
-
-    number: int  # of its record, as in `Speech`
-    outcome: str
-    text: str  # the reason, or the robot's own words
-
-
-class DriveByProgress(Struct, frozen=True):
-    """A drive by a distance or an angle, from its start: the request, and the progress by odometry."""
-
-    number: int  # of its record
-    who: str
-    goal_m: float | None
-    goal_rad: float | None
-    distance_m: float  # along the heading at the start
-    angle_rad: float
-    since_s: float
-
-
-class DriveByEnd(Worded, frozen=True):
-    """The end of a drive by a distance or an angle.
-
-    `outcome`: done; held_back (the gate allowed no more, or a sensor that it needs is silent); stopped; control_lost;
-    replaced (by the stick or a published velocity); no_odometry; late (the bridge was late); no_progress (the robot
-    does not obey); cancelled, input_moved, bridge_ended; or the code of a refusal.
-    """
-
-    number: int  # of its record, as in `DriveByProgress`
-    seq: int  # of the request, as `fence`
-    fence: int
-    outcome: str
-    text: str
-    because: str | None  # the code of the verdict, refusal or halt that ended it
-    distance_m: float  # as in `DriveByProgress`, at the end
-    angle_rad: float
-
-
-class ChoiceEnd(Worded, frozen=True):
-    """Automatic end of a choice: its topic is gone, and input goes to the default topic `to` again."""
-
-    number: int  # of the choice's record
-    topic: str
-    to: str
-    text: str
-
-
-class Publishing(Struct, frozen=True):
-    """A message that is published at a rate."""
-
-    topic: str
-    type: str
-    rate_hz: float
-
-
 class Forgotten(Worded, frozen=True):
     """The last time at which the robot forgot what it had seen. `number` grows with each; a new bridge begins at 0.
 
@@ -227,7 +127,7 @@ class Overload(Struct, frozen=True):
     late_s: float
 
 
-class State(Worded, frozen=True):
+class State(TaskStates, frozen=True, kw_only=True):
     """The state of the robot, as its bridge knows it."""
 
     SENTENCES = ("text", "navigation_held")
@@ -253,20 +153,7 @@ class State(Worded, frozen=True):
     # parts of the arm beyond the base: discs x, y, radius (base frame)
     arm: list[tuple[float, float, float]] = []
     watchers_more: int = 0
-    motion: Motion | None = None
-    motion_ended: MotionEnd | None = None  # the last one
-    speech: Speech | None = None
-    speech_ended: SpeechEnd | None = None  # the last one
-    drive_by: DriveByProgress | None = None
-    drive_by_ended: DriveByEnd | None = None  # the last one
     location: Location | None = None  # None: not known
-    going: GoProgress | None = None
-    going_ended: GoEnd | None = None  # the last one
-    navigation_held: str = ""  # reason why the bridge holds the base although no goal is under way
-    limbs: dict[Limb, LimbState] = {}  # by limb of the robot
-    chosen: dict[Use, str] = {}  # topics that receive input instead of the default topic
-    choice_ended: dict[Use, ChoiceEnd] = {}  # the last choice that ended automatically, until the next choice
-    publishing: list[Publishing] = []
     overload: Overload | None = None
     unseen_s: float | None = None  # since the last odometry; None: none ever came
     # the watchdog is missing for 5 s or more: only the bridge can stop the robot

@@ -1,4 +1,4 @@
-"""Tasks: motions, speech, publishing, head, limbs, drives by a distance or an angle or to a place. Page to bridge."""
+"""Tasks: motions, speech, publishing, head, limbs, drives by a distance or an angle or to a place. Requests, state."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ from robots.shared.wire.base import (
     TopicName,
     TypeName,
     Use,
+    Worded,
     _require_shallow,
 )
-from robots.shared.wire.limbs import LimbCancel, MoveLimb
-from robots.shared.wire.navigation import Go, GoCancel, SetPose
+from robots.shared.wire.limbs import Limb, LimbCancel, LimbState, MoveLimb
+from robots.shared.wire.navigation import Go, GoCancel, GoEnd, GoProgress, SetPose
 
 
 class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
@@ -170,6 +171,124 @@ TaskRequest = (
     | Publish
     | PublishStop
 )
+
+
+class Motion(Struct, frozen=True):
+    """A recorded motion that this console started, from its request on."""
+
+    name: str
+    who: str
+    since_s: float
+
+
+class MotionEnd(Worded, frozen=True):
+    """The end of a motion that this console started. `number` grows with each end.
+
+    `outcome`: succeeded, rejected or failed (by the robot); cancelled, stopped, intruder, not_watched, control_ended,
+    link_lost, not_recorded, unheard.
+    """
+
+    number: int
+    name: str
+    outcome: str
+    text: str
+
+
+SpeechStatus = Literal["sent", "accepted", "speaking"]
+
+
+class Speech(Struct, frozen=True):
+    """A text that the robot speaks for this console, from the moment it was sent.
+
+    `status` comes from the robot's action; a robot that takes plain messages reports no progress: "sent".
+    """
+
+    number: int  # of its record
+    text: str
+    language: str
+    topic: str
+    who: str
+    status: SpeechStatus
+    since_s: float
+    # the word being spoken, if reported: its first character, last + 1 (code points)
+    word: tuple[int, int] | None = None
+
+
+class SpeechEnd(Worded, frozen=True):
+    """The end of a speech.
+
+    `outcome`: done, failed or rejected (by the robot); sent (a plain message: the end is not known); cancelled,
+    stopped, unheard; or the code of a refusal if the speech was recorded but could not begin.
+    """
+
+    number: int  # of its record, as in `Speech`
+    outcome: str
+    text: str  # the reason, or the robot's own words
+
+
+class DriveByProgress(Struct, frozen=True):
+    """A drive by a distance or an angle, from its start: the request, and the progress by odometry."""
+
+    number: int  # of its record
+    who: str
+    goal_m: float | None
+    goal_rad: float | None
+    distance_m: float  # along the heading at the start
+    angle_rad: float
+    since_s: float
+
+
+class DriveByEnd(Worded, frozen=True):
+    """The end of a drive by a distance or an angle.
+
+    `outcome`: done; held_back (the gate allowed no more, or a sensor that it needs is silent); stopped; control_lost;
+    replaced (by the stick or a published velocity); no_odometry; late (the bridge was late); no_progress (the robot
+    does not obey); cancelled, input_moved, bridge_ended; or the code of a refusal.
+    """
+
+    number: int  # of its record, as in `DriveByProgress`
+    seq: int  # of the request, as `fence`
+    fence: int
+    outcome: str
+    text: str
+    because: str | None  # the code of the verdict, refusal or halt that ended it
+    distance_m: float  # as in `DriveByProgress`, at the end
+    angle_rad: float
+
+
+class ChoiceEnd(Worded, frozen=True):
+    """Automatic end of a choice: its topic is gone, and input goes to the default topic `to` again."""
+
+    number: int  # of the choice's record
+    topic: str
+    to: str
+    text: str
+
+
+class Publishing(Struct, frozen=True):
+    """A message that is published at a rate."""
+
+    topic: str
+    type: str
+    rate_hz: float
+
+
+class TaskStates(Worded, frozen=True):
+    """What `State` shows of tasks."""
+
+    motion: Motion | None = None
+    motion_ended: MotionEnd | None = None  # the last one
+    speech: Speech | None = None
+    speech_ended: SpeechEnd | None = None  # the last one
+    drive_by: DriveByProgress | None = None
+    drive_by_ended: DriveByEnd | None = None  # the last one
+    going: GoProgress | None = None
+    going_ended: GoEnd | None = None  # the last one
+    navigation_held: str = ""  # reason why the bridge holds the base although no goal is under way
+    limbs: dict[Limb, LimbState] = {}  # by limb of the robot
+    chosen: dict[Use, str] = {}  # topics that receive input instead of the default topic
+    choice_ended: dict[Use, ChoiceEnd] = {}  # the last choice that ended automatically, until the next choice
+    publishing: list[Publishing] = []
 
 
 def gettext_noop(text: str) -> str:

@@ -15,5 +15,4 @@ for module in iter_modules(tasks.__path__, f"{tasks.__name__}."):
 
 def parts_of(node: Node) -> Iterator[RobotPart]:
     """Make the parts that the robot's profile has."""
-    parts = (kind.of(node) for kind in RobotPart.__subclasses__())
-    return (part for part in parts if part is not None)
+    return filter(None, (kind.of(node) for kind in RobotPart.__subclasses__()))
