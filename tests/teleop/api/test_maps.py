@@ -152,7 +152,7 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[wire.Go]:
     """The messages to the robot; this test has no robot."""
     orders: list[wire.Go] = []
 
-    def start(_view: TasksBase, _robot: Robot, order: Callable[[int, int], wire.Go], _kind: str) -> None:
+    def start(_view: TasksBase, _robot: Robot, order: Callable[[int, int], wire.Go]) -> None:
         orders.append(order(7, 1))
 
     monkeypatch.setattr(TasksBase, "start", start)
