@@ -1,6 +1,10 @@
 """The server of the web process: Daphne, with limits for unknown clients before Django handles a request.
 
-`limits` has the limits, `connections` counts. `channel` applies both to HTTP, `websocket` to WebSockets.
+`limits` has the limits, `connections` counts; `guard` applies both to each connection, and `front` to each request.
 
     python -m fleet.server --port 8000 fleet.site.asgi:application      # same options as Daphne
 """
+
+# Extension of a WebSocket's scope: the application passes it a function that gets each text first, if no other waits.
+# If the function returns False, the text comes as an event. An event costs a turn of the loop and a queue.
+AT_ONCE = "fleet.at_once"

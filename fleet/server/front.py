@@ -11,7 +11,7 @@ from typing import Any
 
 from fleet.base import stop_addresses
 from fleet.base.network_addresses import network_of
-from fleet.server import limits
+from fleet.server import AT_ONCE, limits
 from fleet.server.connections import Connections, Places
 from fleet.server.credentials import Credential, credentials_of, likely_credentials
 from fleet.server.guard import GUARD, Guard
@@ -62,8 +62,9 @@ class Front:
             guard.abortConnection()
             return
         socket = WebSocket(guard, receive, send)
+        extensions = {**scope.get("extensions", {}), AT_ONCE: socket.receive_at_once}
         try:
-            await self._console(scope, socket.receive, socket.send)
+            await self._console({**scope, "extensions": extensions}, socket.receive, socket.send)
         finally:
             self.websockets.give_back(address)
 

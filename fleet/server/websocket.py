@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import Any
 
 from fleet.server import limits
@@ -16,6 +17,20 @@ class WebSocket:
         self._guard = guard
         self._receive = receive
         self._send = send
+
+    def receive_at_once(self, take: Callable[[str], bool]) -> None:
+        """Pass each text to `take` first, by Autobahn's callback."""
+        socket = self._guard.wrappedProtocol
+        if socket is None:
+            return
+        queue = socket.onMessage
+
+        def on_message(payload: bytes, is_binary: bool) -> None:
+            if is_binary or not self._guard.is_heard or not take(payload.decode()):
+                self._guard.is_heard = False
+                queue(payload, is_binary)
+
+        socket.onMessage = on_message
 
     async def receive(self) -> Any:
         """Return the next event. While the application does not ask, the client can send only `UNREAD_BYTES`."""

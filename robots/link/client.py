@@ -218,10 +218,19 @@ class BridgeLink:
 
     # --- sending --------------------------------------------------------------------------------------
 
+    @property
+    def has_lane(self) -> bool:
+        """Whether the bridge is on this computer, and its drive lane is open."""
+        return self._lane is not None
+
+    def forward_by_lane(self, raw: str) -> bool:
+        """Send a page's drive input unchanged by the drive lane. Returns False if it is dropped."""
+        return self._lane is not None and self._lane.send(raw.encode())
+
     async def forward(self, raw: str) -> bool:
         """Send a page's drive input unchanged. Returns False if it is dropped: no link, or older bytes wait."""
-        if self._lane is not None:
-            return self._lane.send(raw.encode())
+        if self.has_lane:
+            return self.forward_by_lane(raw)
         socket = self._socket
         if socket is None or self._is_behind:
             return False

@@ -37,6 +37,8 @@ from robots.shared.sentences import Sentence, joined, say
 REVERSE_RAD = 0.75 * math.pi  # directions beyond this angle count as reverse
 CAMERA_LATE_S = 0.5  # if a person drives by a camera picture that is older, the speed is limited
 FELT_SHARE = 0.95  # of the top speed: nobody feels a limit above
+THE_ROBOT, THE_PAGE = say("the robot answers"), say("the page answers")
+THE_CAMERA = say("the camera’s picture comes")
 AHEAD = Velocity(1.0, 0.0, 0.0)
 ABOVE_MPS = 0.03  # a robot that obeys a limit may exceed it briefly by this much
 ALONG = (0.0, math.pi)  # the directions of a differential base
@@ -236,13 +238,14 @@ class SensorLimits:
         limits = []
         camera_s = self.camera_view_s or 0.0
         page_s = self.operator_delay_s or 0.0
-        page, camera = say("the page answers"), say("the camera’s picture comes")
         for code, delay_s, assumed_s, who in (
-            ("robot_late", latency_s, parameters.latency_s, say("the robot answers")),
-            ("operator_late", page_s, parameters.operator_delay_s, page),
-            ("camera_late", camera_s, CAMERA_LATE_S, camera),
+            ("robot_late", latency_s, parameters.latency_s, THE_ROBOT),
+            ("operator_late", page_s, parameters.operator_delay_s, THE_PAGE),
+            ("camera_late", camera_s, CAMERA_LATE_S, THE_CAMERA),
         ):
             mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)
+            if mps >= FELT_SHARE * full_mps:
+                continue
             why = say("{late} after {delay:.2f} s", late=who, delay=delay_s)
             if code == "robot_late" and slow_clock is not None:
                 why = say(
@@ -250,8 +253,7 @@ class SensorLimits:
                     late=why,
                     pace=slow_clock,
                 )
-            if mps < FELT_SHARE * full_mps:
-                limits.append(_limit(code, why, mps))
+            limits.append(_limit(code, why, mps))
         return limits
 
     def _depth_limit(self, wanted: Velocity, now_s: float) -> list[SpeedLimit]:

@@ -24,7 +24,17 @@ from robots.bridge.tasks.named_ends import NamedEnds
 from robots.bridge.tasks.parts import PARTS
 from robots.bridge.tasks.publishing import Publications
 from robots.bridge.tasks.speech import SpeechTasks
-from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Publisher, Robot, TaskPart, TaskRules
+from robots.bridge.tasks.task import (
+    Activity,
+    Cause,
+    Context,
+    Ending,
+    Publisher,
+    Reaction,
+    Robot,
+    TaskPart,
+    TaskRules,
+)
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.configuration.denylist import admissible
@@ -80,6 +90,14 @@ class HolderTasks:
         self.parts = [kind(context) for kind in kinds]
         self._of_request = {
             request: part for part in self.parts for kind in part.kinds for request in kind.requests
+        }
+        # Looked up for each stick position
+        self._excluding = {
+            activity: [part for part in self.parts if activity in part.excludes] for activity in Activity
+        }
+        self._told = {
+            cause: [part for part in self.parts if part.reactions[cause] is not Reaction.GO_ON]
+            for cause in Cause
         }
         self._begins = {kind.request for part in self.parts for kind in part.kinds}
         self._rules = rules
@@ -146,11 +164,7 @@ class HolderTasks:
 
     def blocks(self, activity: Activity, now_s: float, but: TaskPart | None = None) -> Refusal | None:
         """Return the first refusal of a part, `but` this one, whose task forbids this activity."""
-        refusals = (
-            part.blocks(activity, now_s)
-            for part in self.parts
-            if activity in part.excludes and part is not but
-        )
+        refusals = (part.blocks(activity, now_s) for part in self._excluding[activity] if part is not but)
         return next((refusal for refusal in refusals if refusal is not None), None)
 
     def topics_in_use(self, use: wire.Use, now_s: float) -> set[str]:
@@ -192,8 +206,9 @@ class HolderTasks:
         self._named.tick((shown for part in self.parts for shown in part.ends), now_s)
 
     def superseded(self, now_s: float) -> None:
-        """End drives by tasks: the holder's own drive input took over."""
-        self._tell(_SUPERSEDED, now_s)
+        """End drives by tasks: the holder's own drive input took over. Called for each stick position."""
+        if any(part.in_progress for part in self._told[Cause.SUPERSEDED]):
+            self._tell(_SUPERSEDED, now_s)
 
     def held_back(self, code: str, text: str, now_s: float) -> None:
         """End drives by tasks: the gate's verdict forbids them."""
@@ -227,9 +242,9 @@ class HolderTasks:
         self._tell(_BRIDGE_ENDED, now_s)
 
     def _tell(self, ending: Ending, now_s: float) -> None:
-        """Tell all parts, also if one of them fails. Raises the first error at the end."""
+        """Tell all parts that it may concern, also if one of them fails. Raises the first error at the end."""
         failed: Exception | None = None
-        for part in self.parts:
+        for part in self._told[ending.cause]:
             try:
                 part.tell(ending, now_s)
             except Exception as error:

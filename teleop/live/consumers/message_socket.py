@@ -14,6 +14,7 @@ from typing import Any
 
 from channels.consumer import AsyncConsumer
 
+from fleet.server import AT_ONCE
 from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.sentences import say
 from robots.shared.wire import (
@@ -69,6 +70,10 @@ class MessageSocket(AsyncConsumer):
         """Act on a text message. Raises WireError if it is not valid. Must not wait for slow work."""
         raise NotImplementedError
 
+    def on_message_at_once(self, raw: str) -> bool:
+        """Act on a text in the turn of the loop in which it arrives. Return False: `on_message` gets it."""
+        return False
+
     async def on_close(self) -> None:
         """Run after the connection is gone."""
 
@@ -80,6 +85,8 @@ class MessageSocket(AsyncConsumer):
         await send({"type": "websocket.accept"})
         try:
             await self.on_open()
+            if offer := scope.get("extensions", {}).get(AT_ONCE):
+                offer(self._received_at_once)
             while (event := await receive())["type"] != "websocket.disconnect":
                 if not self._closing:
                     await self._received(event)
@@ -89,6 +96,12 @@ class MessageSocket(AsyncConsumer):
                 log.info(
                     "%s: messages refused on this connection, by code: %s", scope["path"], dict(self.refused)
                 )
+
+    def _received_at_once(self, raw: str) -> bool:
+        if self._closing or not self.on_message_at_once(raw):
+            return False
+        self.heard_s = time.monotonic()
+        return True
 
     async def _received(self, event: dict[str, Any]) -> None:
         self.heard_s = time.monotonic()

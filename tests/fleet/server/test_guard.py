@@ -12,7 +12,7 @@ from twisted.internet.testing import StringTransport
 from twisted.python.failure import Failure
 from zope.interface import directlyProvides
 
-from fleet.server import limits
+from fleet.server import AT_ONCE, limits
 from fleet.server.command import daphne_server  # first: it chooses Twisted's reactor
 from fleet.server.front import Front
 from fleet.server.guard import Factory
@@ -130,6 +130,36 @@ async def test_a_websocket_opens_by_tls():
         await asyncio.sleep(0)
     assert transport.value().startswith(b"HTTP/1.1 101 ")
     guard.connectionLost(Failure(ConnectionAborted()))
+
+
+async def test_a_text_at_once_never_overtakes_one_that_waits():
+    heard = []
+
+    async def console(scope, receive, send):
+        await receive()
+        await send({"type": "websocket.accept"})
+        scope["extensions"][AT_ONCE](lambda text: not text.startswith("later") and not heard.append(text))
+        while (event := await receive())["type"] != "websocket.disconnect":
+            heard.append(f"event {event['text']}")
+
+    guard = by_daphne(console)
+    transport = StringTransport()
+    transport.setTcpNoDelay = lambda _on: None
+    guard.makeConnection(transport)
+    guard.dataReceived(
+        HANDSHAKE[:-2] + b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    )
+    for texts in (["now 1", "later", "now 2"], ["now 3"]):
+        for _ in range(10):
+            await asyncio.sleep(0)
+        guard.dataReceived(b"".join(text_frame(text) for text in texts))
+    assert heard == ["now 1", "event later", "event now 2", "now 3"]
+    guard.connectionLost(Failure(ConnectionAborted()))
+
+
+def text_frame(text):
+    """A text as a browser sends it, with a mask of zeros."""
+    return bytes([0x81, 0x80 | len(text)]) + bytes(4) + text.encode()
 
 
 def test_daphne_keeps_no_time():
