@@ -12,6 +12,7 @@ from uuid import uuid4
 
 import pytest
 
+from robots.link import stop_delivery
 from robots.link.connections import LinkRefused
 from robots.link.stop_delivery import reach, stop_message, wait_for
 from robots.shared import wire
@@ -58,9 +59,14 @@ def closing() -> Iterator[ExitStack]:
         yield stack
 
 
-def press(path: Path, within_s: float = PATIENCE_S) -> wire.Stopped | wire.Refusal:
+@pytest.fixture(autouse=True)
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stop_delivery, "STOP_S", PATIENCE_S)
+
+
+def press(path: Path) -> wire.Stopped | wire.Refusal:
     stop = stop_message(ROBOT, "Ann", press=uuid4())
-    return wait_for(reach(LinkAddress(unix_path=str(path)), stop, within_s))
+    return wait_for(reach(LinkAddress(unix_path=str(path)), stop))
 
 
 def frozen_bridge(path: Path, closing: ExitStack) -> None:
@@ -70,21 +76,27 @@ def frozen_bridge(path: Path, closing: ExitStack) -> None:
     listener.listen()
 
 
-def test_the_watchdog_confirms_while_the_bridge_is_frozen(path: Path, closing: ExitStack) -> None:
+def test_the_watchdog_confirms_while_the_bridge_is_frozen(
+    path: Path, closing: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
     frozen_bridge(path, closing)
     watchdog = Watchdog(path.with_suffix(".stop"), wire.Stopped(wire.StopState("stopping", "Ann")))
     closing.callback(watchdog.close)
+    monkeypatch.setattr(stop_delivery, "STOP_S", 60.0)
     began_s = time.monotonic()
-    assert isinstance(press(path, 60.0), wire.Stopped)
+    assert isinstance(press(path), wire.Stopped)
     assert time.monotonic() - began_s < 30.0  # `press` did not wait for the bridge
     (heard,) = watchdog.heard
     assert isinstance(heard, wire.LinkStop) and heard.robot == ROBOT and heard.by == "Ann"
 
 
-def test_a_bridge_that_is_frozen_and_has_no_watchdog_is_silent(path: Path, closing: ExitStack) -> None:
+def test_a_bridge_that_is_frozen_and_has_no_watchdog_is_silent(
+    path: Path, closing: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stop_delivery, "STOP_S", 0.2)
     frozen_bridge(path, closing)
     with pytest.raises(LinkRefused) as refused:
-        press(path, 0.2)
+        press(path)
     assert refused.value.refusal.code == "bridge_silent"
 
 

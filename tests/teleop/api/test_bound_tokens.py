@@ -16,7 +16,7 @@ from teleop.records import refusals
 from teleop.stop import emergency_stop
 from tests.robots.places.maps import map_of
 from tests.teleop.api.conftest import Caller
-from tests.teleop.api.test_matrix import TABLE, Door, Lab, operations, stopped
+from tests.teleop.api.test_matrix import Door, Lab, operations, stopped, table
 
 CLOSED = {"other_robots", "not_found", "more_than_own"}
 # Operations of things that several robots share in this test, or that concern all robots: closed also to a token of one
@@ -82,7 +82,7 @@ def test_a_token_of_one_robot_leaves_shared_things_alone(lab: Lab) -> None:
     wrong = {}
     for name in changes():
         end = door(name, program, lab.objects["staff", "own"])
-        expected = TABLE[name].ends[0].split()[-1]  # of staff, on their own robot
+        expected = table()[name].ends[0].split()[-1]  # of staff, on their own robot
         closed = name in SHARED or name in OF_ALL_ROBOTS
         if (end in CLOSED) if not closed and expected not in CLOSED else (end not in CLOSED):
             wrong[name] = end

@@ -186,7 +186,7 @@ def test_each_kind_of_record_has_a_bound():
 
 def test_accounts_of_a_list_end_at_their_own_rate(monkeypatch, robot, operator, staff):
     monkeypatch.setattr(
-        rates, "OFTEN", ((("account.create",), "made %s accounts", ((rates.DAY, "day", 3),)),)
+        rates, "OFTEN", ((("account.create",), "made {most} accounts", ((rates.DAY, "day", 3),)),)
     )
     course = Course.objects.create(name="HRI", slug="hri", starts_on=lab_date(), ends_on=lab_date())
 
