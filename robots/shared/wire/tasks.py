@@ -274,7 +274,7 @@ class Publishing(Struct, frozen=True):
 
 
 class TaskStates(Worded, frozen=True):
-    """What `State` shows of tasks."""
+    """The fields of `State` about tasks."""
 
     motion: Motion | None = None
     motion_ended: MotionEnd | None = None  # the last one
