@@ -1,1 +1,1 @@
-"""Shared by the console and a robot’s processes. No Django; rospy only in `ros/`."""
+"""Shared by the console and a robot’s processes. No Django, no rospy."""

@@ -12,6 +12,7 @@ from pathlib import Path
 import rospy
 from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist, TwistStamped
+from rospy.impl.registration import get_service_manager, get_topic_manager
 
 from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.shutdown import refuse_shutdown
@@ -128,7 +129,7 @@ class WatchdogNode:
         while not self._ending.is_set():
             if self._master.node_uri(self._config.node) != rospy.get_node_uri():
                 log.warning("the robot's master does not know this watchdog any more: registering again")
-                register_again(self._master)
+                register_again(self._master, rospy.get_node_uri(), get_topic_manager(), get_service_manager())
             self._attend()
             if watch.wait(CHECK_S):
                 return

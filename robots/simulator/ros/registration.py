@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import rosgraph
 import rospy
+from rospy.impl.registration import get_service_manager, get_topic_manager
 
 from robots.shared.ros.master import Master, MasterError
 from robots.shared.ros.registration import register_again
@@ -29,7 +30,7 @@ def _watch(stop: threading.Event, set_parameters: Callable[[], None]) -> None:
         try:
             known = known and master.node_uri(rospy.get_name()) is not None
             if not known:  # repeated until everything is registered
-                register_again(master)
+                register_again(master, rospy.get_node_uri(), get_topic_manager(), get_service_manager())
                 set_parameters()
                 known = True
                 log.info("registered again with the master, which had been restarted")

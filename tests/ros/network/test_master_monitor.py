@@ -174,7 +174,7 @@ def test_a_failed_task_is_not_repeated_in_the_process(rosmaster, soon):
 def test_a_master_restarted_during_joining_gets_everything(make_master, soon, monkeypatch):
     master = make_master()
     again = []
-    monkeypatch.setattr(master_monitor, "register_again", again.append)
+    monkeypatch.setattr(master_monitor, "register_again", lambda *node: again.append(node))
 
     def restart() -> None:
         master.kill()
@@ -193,7 +193,7 @@ def test_the_master_monitor_survives_its_failures(rosmaster, soon, monkeypatch):
             monkeypatch.setattr(Failing, "surveyed", NotingNode.surveyed)
             raise RecursionError("of what a master answered")
 
-    monkeypatch.setattr(master_monitor, "register_again", lambda _: None)
+    monkeypatch.setattr(master_monitor, "register_again", lambda *_: None)
     node = Failing()
     with watching(rosmaster.uri, node):
         node.until("waiting: Watching the robot’s ROS master failed (of what a master answered).")

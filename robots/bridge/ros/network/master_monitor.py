@@ -10,6 +10,7 @@ from typing import Protocol
 from urllib.parse import urlsplit
 
 import rospy
+from rospy.impl.registration import get_service_manager, get_topic_manager
 
 from robots.bridge.robot_reports import RosStatus
 from robots.shared.processes.probe_findings import BRIDGE
@@ -102,7 +103,7 @@ class MasterMonitor:
         with closing(DeathWatch(self._master.uri)) as watch:  # first: the master may die during the join
             self._require_no_namesake()
             if self._begun:
-                register_again(self._master)
+                register_again(self._master, rospy.get_node_uri(), get_topic_manager(), get_service_manager())
                 self._node.restarted()
             else:
                 require_ipv4(self._master.uri)
