@@ -7,10 +7,10 @@ from xml.etree import ElementTree
 
 from benchmarks.world.controllers import GateController
 from benchmarks.world.robot import tiago_arm
+from robots.bridge.arm.clearance import ArmClearance, ArmModel
+from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.gate.arm.discs import Disc
 from robots.bridge.gate.arm.sweep import Motion
-from robots.bridge.tasks.arm_clearance import ArmClearance, ArmModel
-from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.shared.wire import Refusal
 from robots.simulator.joints.arm import SEGMENTS
 from robots.simulator.joints.frames import urdf

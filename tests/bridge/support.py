@@ -19,10 +19,10 @@ from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.sensor_limits import Fault
 from robots.bridge.gate.timing.latency import Latency
 from robots.bridge.gate.values import ForgetCode, Forgotten, Obstacles, SensorHealth
+from robots.bridge.head.head import Aim
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.navigation.localisation import Spread
 from robots.bridge.robot_reports import RosStatus
-from robots.bridge.tasks.head import Aim
 from robots.bridge.tasks.motions import Swept
 from robots.bridge.tasks.speech import Utterance
 from robots.shared import wire

@@ -15,8 +15,8 @@ from benchmarks.world.play import at_most, loop_of
 from benchmarks.world.sensors import STANDARD, Sensors
 from benchmarks.world.truth import Truth
 from benchmarks.world.witness import seen
+from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.gate.arm.discs import AT_HOME
-from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.shared.geometry.poses import STILL, Velocity
 from robots.simulator.faults import Faults
 from robots.simulator.physics.base import Twist

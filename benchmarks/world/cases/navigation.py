@@ -21,8 +21,8 @@ from benchmarks.world.play import SCAN, played
 from benchmarks.world.robot import tiago_profile
 from benchmarks.world.witness import Contact, first_contact
 from robots.bridge.gate import navigation_watch
+from robots.bridge.head.head import AHEAD_TAKES_S, Aim
 from robots.bridge.navigation.navigation_goals import LEAST_SPARE_M
-from robots.bridge.tasks.head import AHEAD_TAKES_S, Aim
 from robots.shared.configuration.gate_profile import GateProfile
 from robots.shared.geometry.poses import STILL, Pose, Velocity
 from robots.shared.records.verdict import Verdict

@@ -21,6 +21,7 @@ from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist, TwistStamped
 from msgspec import structs
 
+from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.audit.description import taken_description
 from robots.bridge.core import Core
 from robots.bridge.gate.arm.discs import Posture
@@ -48,7 +49,6 @@ from robots.bridge.ros.tasks.parts import parts_of
 from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
 from robots.bridge.ros.tasks.robot_part import RobotPart
 from robots.bridge.ros.tasks.speech import SpeechTopics
-from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.bridge.tasks.holder_tasks import HolderTasks
 from robots.bridge.tasks.input_routing import InputSwitch
 from robots.shared.configuration.bridge_config import BridgeConfig, Topic

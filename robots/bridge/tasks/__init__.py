@@ -1,1 +1,1 @@
-"""Tasks except driving: motions, speech, publishing, head, and the rules for their start."""
+"""Tasks except driving: their protocol, motions, speech, publishing, and the rules for their start."""

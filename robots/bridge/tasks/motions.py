@@ -15,10 +15,10 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
+from robots.bridge.arm.clearance import ArmClearance, ArmModel
 from robots.bridge.audit.records import Requester
 from robots.bridge.gate.arm.discs import Disc
 from robots.bridge.gate.arm.sweep import Motion
-from robots.bridge.tasks.arm_clearance import ArmClearance, ArmModel
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
 from robots.bridge.tasks.input_routing import InputRouting
 from robots.bridge.tasks.task import WHILE_HELD, Activity, Context, Ending, TaskPart

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from robots.bridge.drive.drive_by import DrivesBy
+from robots.bridge.head.head_tasks import HeadTasks
 from robots.bridge.limbs.limbs import Limbs
 from robots.bridge.navigation.navigation_goals import NavigationGoals
 from robots.bridge.navigation.pose_estimates import PoseEstimates
 from robots.bridge.tasks.at_once import Memory
-from robots.bridge.tasks.head_tasks import HeadTasks
 from robots.bridge.tasks.input_routing import InputRouting
 from robots.bridge.tasks.motions import Motions
 from robots.bridge.tasks.publishing import Publications

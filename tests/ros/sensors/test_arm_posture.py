@@ -12,13 +12,13 @@ import yaml
 from actionlib_msgs.msg import GoalStatus
 from sensor_msgs.msg import JointState
 
+from robots.bridge.arm.posture import END_M, HAND_M, MOST_LINKS, SHOULDER_M, ArmPosture
+from robots.bridge.arm.tree import Tree
 from robots.bridge.gate.arm.discs import AT_HOME, UNKNOWN, Posture
 from robots.bridge.gate.arm.sweep import Motion
 from robots.bridge.ros.sensors import posture_topics
 from robots.bridge.ros.sensors.posture_topics import PostureTopics
-from robots.bridge.tasks.arm_posture import END_M, HAND_M, MOST_LINKS, SHOULDER_M, ArmPosture
 from robots.bridge.tasks.motions import recorded
-from robots.bridge.tasks.urdf import Tree
 from robots.shared.configuration.bridge_config import ArmSource
 from robots.simulator.joints.joint_table import HOME, JOINTS
 from tests.processes import REPOSITORY

@@ -7,9 +7,9 @@ import rospy
 from msgspec import structs
 from sensor_msgs.msg import JointState
 
+from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.ros import node
 from robots.bridge.ros.node import RosBase
-from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.shared import wire
 from robots.shared.ros.master import MasterError, SystemState
 from tests.bridge.support import CONFIG

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 
+from robots.bridge.arm.clearance import ArmClearance
+from robots.bridge.arm.posture import ArmPosture
+from robots.bridge.arm.tree import Tree
 from robots.bridge.gate.arm.sweep import Motion
 from robots.bridge.ros.sensors import posture_topics
 from robots.bridge.ros.sensors.posture_topics import PostureTopics
-from robots.bridge.tasks.arm_clearance import ArmClearance
-from robots.bridge.tasks.arm_posture import ArmPosture
-from robots.bridge.tasks.urdf import Tree
 from robots.simulator.joints.joint_table import HOME
 from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, Looker, camera
 from tests.ros.tiago_arm import ARM, DESCRIPTION, JOINTS, without_hand

@@ -23,8 +23,8 @@ from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 import msgspec
 from rosgraph.network import get_host_name
 
+from robots.bridge.arm.tree import Tree
 from robots.bridge.ros.network.tcpros import Conversation, first_response
-from robots.bridge.tasks.urdf import Tree
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import ArmSource
 from robots.shared.processes.probe_findings import (

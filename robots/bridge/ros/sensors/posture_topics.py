@@ -13,10 +13,10 @@ import rospy
 from actionlib_msgs.msg import GoalStatus
 from sensor_msgs.msg import JointState
 
+from robots.bridge.arm.posture import ArmPosture
 from robots.bridge.gate.arm.discs import Posture
 from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.bounds.sizes import expect
-from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.shared.configuration.bridge_config import Topic
 from robots.shared.ros.message_types.classes import message_class
 from robots.shared.ros.texts import NAME, cut

@@ -12,12 +12,12 @@ from geometry_msgs.msg import Point, PointStamped
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from robots.bridge.head.head import Aim
+from robots.bridge.head.head_tasks import HeadMover
 from robots.bridge.ros.bounds.sizes import expect
 from robots.bridge.ros.tasks.publishing import heard_by, publish
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
 from robots.bridge.tasks.goals import OURS
-from robots.bridge.tasks.head import Aim
-from robots.bridge.tasks.head_tasks import HeadMover
 from robots.shared.configuration.bridge_config import HeadSource
 from robots.shared.ros.message_types.classes import message_class
 

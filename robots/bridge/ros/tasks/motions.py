@@ -9,6 +9,7 @@ from typing import Any
 
 from msgspec import structs
 
+from robots.bridge.arm.clearance import ArmModel
 from robots.bridge.gate.arm.discs import Disc
 from robots.bridge.gate.arm.sweep import Motion
 from robots.bridge.ros.inspector import services
@@ -16,7 +17,6 @@ from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.ros_worker import RateLimit, RosWorker
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics, GoalListener
 from robots.bridge.ros.tasks.robot_part import Node, RobotPart
-from robots.bridge.tasks.arm_clearance import ArmModel
 from robots.bridge.tasks.goals import OURS
 from robots.bridge.tasks.input_routing import goal_topic
 from robots.bridge.tasks.motions import MotionPlayer, Swept, offered, recorded

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.tasks.urdf import Tree
+from robots.bridge.arm.tree import Tree
 from robots.shared.urdf.document import BadDescription
 from robots.simulator.joints.frames import frames, place, urdf
 from robots.simulator.joints.joint_table import HOME

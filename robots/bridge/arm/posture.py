@@ -8,9 +8,9 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from typing import NamedTuple
 
+from robots.bridge.arm.tree import Tree
 from robots.bridge.gate.arm.discs import AT_HOME, KNOWN_S, Disc, Posture, discs_along, is_home
 from robots.bridge.gate.arm.sweep import Motion, swept
-from robots.bridge.tasks.urdf import Tree
 from robots.shared.configuration.bridge_config import ArmSource
 from robots.shared.sentences import say
 from robots.shared.urdf.document import BadDescription

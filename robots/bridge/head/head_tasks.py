@@ -6,9 +6,9 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from robots.bridge.audit.records import Requester
+from robots.bridge.head.head import Aim, Head
 from robots.bridge.navigation.navigation_goals import NavigationGoals
 from robots.bridge.tasks.at_once import Asked, AtOnce
-from robots.bridge.tasks.head import Aim, Head
 from robots.bridge.tasks.task import Activity, Context, Ending
 from robots.shared import wire
 from robots.shared.geometry.poses import STILL

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from robots.bridge.audit.records import unrecorded
-from robots.bridge.tasks.head import (
+from robots.bridge.head.head import (
     AHEAD_TAKES_S,
     ARRIVED_S,
     DOWN_S,

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from robots.bridge.arm.clearance import BESIDE_ARM_M, LATELY_S, ArmClearance
 from robots.bridge.gate.values import Obstacles
-from robots.bridge.tasks.arm_clearance import BESIDE_ARM_M, LATELY_S, ArmClearance
 from robots.shared.geometry.footprint import Disc
 
 SPACE = ((0.8, 0.0, 0.5),)

@@ -1,0 +1,1 @@
+"""The arm: its posture by the robot’s description, and its room for a motion."""

@@ -1,0 +1,1 @@
+"""Moves of gripper and torso."""
