@@ -4,7 +4,7 @@ The key is the English sentence with named figures in braces, and the key in the
 `say("{sensor} is {age:age} old", sensor=say("laser"), age=0.61)` is the text "laser is 0.6 s old". A figure that is a
 sentence, or an error with one, is said in the reader's language, too; a plain text (a name, a topic) stays as it is. A
 colon begins the format of a figure: one of Python's (`.1f`), or one of `FORMATS`; the same are
-in `static/js/lib/sentences.js`.
+in `static/js/formats/sentences.js`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Sentences about robots in the language of the person whose request runs; scripts: `static/js/lib/sentences.js`."""
+"""Sentences about robots in the language of the person whose request runs (scripts: `formats/sentences.js`)."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
+import { pageLanguage } from "../formats/languages.js";
 import { make, mark, parts, setText, show } from "../lib/dom.js";
-import { pageLanguage } from "../lib/languages.js";
 import { correctRoles } from "./accessible.js";
 import { BookingDialog } from "./booking_dialog.js";
 import { bookingsChannel, readFeed, send } from "./bookings_api.js";

@@ -1,7 +1,7 @@
 /** One camera on the page: its picture, the age of the picture, or the reason why there is no picture. */
 
+import { number } from "../formats/numbers.js";
 import { make, mark, setTextOrHide } from "../lib/dom.js";
-import { number } from "../lib/numbers.js";
 import { CameraPicture } from "./camera_picture.js";
 import { scaleText } from "./scale.js";
 

@@ -1,6 +1,6 @@
 /** The meaning of the darkest and the brightest grey of a picture of depth or heat. */
 
-import { number } from "../lib/numbers.js";
+import { number } from "../formats/numbers.js";
 
 const SMALL_PX = 300; // pictures that are not higher are shown small
 const SHARES = { small: 10, large: 20 }; // such a picture is so many times as high as the text

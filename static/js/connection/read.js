@@ -1,6 +1,6 @@
 /** Requests of a page to the console, in addition to the live connection. */
 
-import { inPageLanguage } from "../lib/sentences.js";
+import { inPageLanguage } from "../formats/sentences.js";
 
 /** The JSON of an answer, with sentences in the page's language; null if it has none. @param {?Response} answer */
 export async function bodyOf(answer) {

@@ -1,6 +1,6 @@
 /** A WebSocket that connects again by itself: JSON in and out, bytes in, as DOM events. */
 
-import { inPageLanguage } from "../lib/sentences.js";
+import { inPageLanguage } from "../formats/sentences.js";
 import { waitBefore } from "./backoff.js";
 
 // An attempt that began without a network may wait much longer for its next packet.

@@ -1,6 +1,6 @@
 /** A program's drive by a distance or an angle: shown while it runs. */
 
-import { number } from "../lib/numbers.js";
+import { number } from "../formats/numbers.js";
 
 /**
  * Return a text about a drive by a distance or an angle, with the part that is done. Robots report radians.

@@ -2,8 +2,8 @@
  * A person's choices for driving: speed, sideways as turning or sliding, a sticky stick, side of the stick.
  */
 
+import { number } from "../formats/numbers.js";
 import { make, makeButton, mark, setText, show } from "../lib/dom.js";
-import { number } from "../lib/numbers.js";
 import { recall, remember } from "../lib/prefs.js";
 
 /** Words for speeds, each with its highest speed in m/s. */

@@ -1,6 +1,6 @@
 /** Speed over the last seconds: as asked, as allowed by the gate, as measured by the odometry. */
 
-import { number } from "../lib/numbers.js";
+import { number } from "../formats/numbers.js";
 import { RollingPlot } from "../plots/rolling_plot.js";
 
 const TIME = { windowS: 20, stepS: 5 };

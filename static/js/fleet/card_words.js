@@ -12,8 +12,8 @@ import {
   unknownText,
   verdictText,
 } from "../control/status/status_text.js";
+import { number } from "../formats/numbers.js";
 import { batteryText, cardHealth, MARKS } from "../health/health_words.js";
-import { number } from "../lib/numbers.js";
 import { movingText } from "../limbs/words.js";
 import { shortened } from "../tasks/tasks.js";
 

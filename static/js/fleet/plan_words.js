@@ -1,7 +1,7 @@
 /** Texts about where a robot is on the fleet map. Pure. */
 
 import { isSeen, seenAt, unknownText } from "../control/status/status_text.js";
-import { number } from "../lib/numbers.js";
+import { number } from "../formats/numbers.js";
 
 const THERE_M = 0.5;
 const NEAR_M = 2;

@@ -1,7 +1,7 @@
 /** Texts about the robot's health. Pure. Names and texts of parts are the robot's own. */
 
 import { minutesText } from "../control/lease.js";
-import { whenText } from "../lib/times.js";
+import { whenText } from "../formats/times.js";
 
 export const LOW_BATTERY_PERCENT = 20;
 

@@ -1,7 +1,7 @@
 /** The tabs of the control page. The address names the tab, so that back and reload work. */
 
+import { readingKey } from "../formats/languages.js";
 import { mark } from "./dom.js";
-import { readingKey } from "./languages.js";
 
 /** The tab that an address names: null if it names none. */
 export function tabIn(hash, tabs) {

@@ -1,6 +1,6 @@
 /** Texts about gripper and torso. Pure. */
 
-import { number } from "../lib/numbers.js";
+import { number } from "../formats/numbers.js";
 
 /** Return a length in centimetres, the unit in which people think of a hand's width. */
 export function centimetres(metres) {

@@ -1,6 +1,6 @@
 /** Texts about drives to a place. Pure. */
 
-import { number } from "../lib/numbers.js";
+import { number } from "../formats/numbers.js";
 
 /** Return a text about the end of a drive. @param {{outcome: string, text: string}} end */
 function endText({ outcome, text }) {

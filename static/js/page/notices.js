@@ -1,9 +1,9 @@
 /** Results of a person's input: shown once at the edge of the screen, and kept in a log. */
 
+import { timeText } from "../formats/times.js";
 import { closable } from "../lib/dialog.js";
 import { make, makeButton, mark, setText } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
-import { timeText } from "../lib/times.js";
 
 const SHOWN_MS = 5000;
 const SHOWN_AT_MOST = 3;

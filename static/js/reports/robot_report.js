@@ -1,7 +1,7 @@
 /** The report of a robot: when it was driven, as bars. The page also has the same figures as text. */
 
+import { pageLanguage } from "../formats/languages.js";
 import { parts } from "../lib/dom.js";
-import { pageLanguage } from "../lib/languages.js";
 import { drawBars } from "./bars.js";
 
 const A_MONDAY = Date.UTC(2024, 0, 1);

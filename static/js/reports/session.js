@@ -3,9 +3,9 @@
  * script, the page has both without the choice.
  */
 
+import { readingKey } from "../formats/languages.js";
+import { clockText } from "../formats/times.js";
 import { parts, setText, show } from "../lib/dom.js";
-import { readingKey } from "../lib/languages.js";
-import { clockText } from "../lib/times.js";
 import { lastAt, placeAt } from "./replay.js";
 
 const page = parts(document.querySelector("[data-page=session]"));

@@ -2,10 +2,10 @@
 
 import { readJson } from "../connection/read.js";
 import { takeControlFirst } from "../control/lease.js";
+import { inLanguage, languageName } from "../formats/languages.js";
+import { whenText } from "../formats/times.js";
 import { make, makeButton, mark, setTextOrHide, show } from "../lib/dom.js";
-import { inLanguage, languageName } from "../lib/languages.js";
 import { SearchList } from "../lib/list.js";
-import { whenText } from "../lib/times.js";
 
 const PAGE = 50;
 

@@ -1,9 +1,9 @@
 /** The robot's recorded motions, searchable: a press plays a motion, a second press cancels it. */
 
 import { takeControlFirst } from "../control/lease.js";
+import { number } from "../formats/numbers.js";
 import { dim, make, makeButton, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
-import { number } from "../lib/numbers.js";
 import { Endings, levelOf } from "./task_ends.js";
 
 // A press this soon after the end of a motion was meant to cancel it: people need longer to react to the end.

@@ -2,8 +2,8 @@
 
 import { readJson } from "../connection/read.js";
 import { takeControlFirst } from "../control/lease.js";
+import { inLanguage, languageName } from "../formats/languages.js";
 import { make, makeButton, mark, setTextOrHide } from "../lib/dom.js";
-import { inLanguage, languageName } from "../lib/languages.js";
 import { SearchList } from "../lib/list.js";
 import { muteText } from "./say.js";
 

@@ -1,8 +1,8 @@
 /** Speech: a free text in a chosen language. */
 
 import { takeControlFirst } from "../control/lease.js";
+import { inLanguage, isolated, languageChoices, languageName } from "../formats/languages.js";
 import { dim, mark, setText, setTextOrHide, show } from "../lib/dom.js";
-import { inLanguage, isolated, languageChoices, languageName } from "../lib/languages.js";
 import { SearchList } from "../lib/list.js";
 import { recall, remember } from "../lib/prefs.js";
 import { SpeechLine } from "./speech_line.js";

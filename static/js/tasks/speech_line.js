@@ -1,7 +1,7 @@
 /** The text that the robot speaks, with the spoken word marked and in sight. */
 
+import { inLanguage } from "../formats/languages.js";
 import { make, setText } from "../lib/dom.js";
-import { inLanguage } from "../lib/languages.js";
 
 /** Split a text into three: before the spoken word, the word, the rest. `word` counts code points. */
 export function aroundWord(text, word) {

@@ -1,6 +1,6 @@
 /** A message's fields, as rows with dotted paths. Pure. */
 
-import { number } from "../lib/numbers.js";
+import { number } from "../formats/numbers.js";
 
 export const PATHS_AT_MOST = 400; // rows of one message: nobody would read more
 

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { languageChoices, languageName } from "../../../static/js/lib/languages.js";
-import { whenText } from "../../../static/js/lib/times.js";
+import { languageChoices, languageName } from "../../../static/js/formats/languages.js";
+import { whenText } from "../../../static/js/formats/times.js";
 import { History, outcomeText } from "../../../static/js/tasks/history.js";
 import { Phrases } from "../../../static/js/tasks/phrases.js";
 import { Say, speechEndNotice } from "../../../static/js/tasks/say.js";

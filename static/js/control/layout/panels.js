@@ -3,8 +3,8 @@
  * each account.
  */
 
+import { readingKey } from "../../formats/languages.js";
 import { mark } from "../../lib/dom.js";
-import { readingKey } from "../../lib/languages.js";
 
 const PLACES = ["left", "top", "bottom"]; // beside the stick; at the other side, above and below
 const STANDARD = { chart: "left", motions: "top", phrases: "bottom" };

@@ -1,9 +1,9 @@
 /** The side panel: sensors, speed limits, watchers, refusals. */
 
+import { pageLanguage } from "../../formats/languages.js";
+import { number } from "../../formats/numbers.js";
+import { timeText } from "../../formats/times.js";
 import { fill, make, setText, setTextOrHide, show } from "../../lib/dom.js";
-import { pageLanguage } from "../../lib/languages.js";
-import { number } from "../../lib/numbers.js";
-import { timeText } from "../../lib/times.js";
 import { namesOf, plain, sensorName, stickWords } from "./plain_words.js";
 import { overloadText, watchdogText } from "./status_text.js";
 

@@ -1,6 +1,6 @@
 /** Plain words for the technical names of robots and bridges. *Details* has both. Pure. */
 
-import { sentence } from "../../lib/sentences.js";
+import { sentence } from "../../formats/sentences.js";
 
 const EIGHTH = Math.PI / 4;
 

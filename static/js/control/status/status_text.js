@@ -1,7 +1,7 @@
 /** Texts about the state of connection, robot, stop and gate. Pure. */
 
-import { number } from "../../lib/numbers.js";
-import { whenText } from "../../lib/times.js";
+import { number } from "../../formats/numbers.js";
+import { whenText } from "../../formats/times.js";
 
 const STALE_MS = 1000;
 const SILENT_MS = 3000;

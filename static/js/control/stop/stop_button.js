@@ -3,7 +3,7 @@
  * answer in time, it uses the form's own address.
  */
 
-import { inPageLanguage } from "../../lib/sentences.js";
+import { inPageLanguage } from "../../formats/sentences.js";
 
 const ANSWER_MS = 400;
 const PATIENCE_MS = 4000; // the server itself reports a stop as pending after 2 s

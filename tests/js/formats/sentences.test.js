@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, expect, test } from "vitest";
 
-import { inPageLanguage, sentence } from "../../../static/js/lib/sentences.js";
+import { inPageLanguage, sentence } from "../../../static/js/formats/sentences.js";
 
 const SPANISH = {
   "{sensor} is {age:age} old": "{sensor}: hace {age:age}",
