@@ -151,9 +151,7 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
             self.wrappedProtocol.dataReceived(first + b"".join(lines) + b"\r\n")
         finally:
             GUARD.reset(current)
-        if self._is_websocket and self._unhandled:
-            data, self._unhandled = self._unhandled, b""
-            self._pass_on(data)
+        self.read_on()
 
     @property
     def patience_s(self) -> float | None:
@@ -165,21 +163,38 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
         return limits.HEAD_S if self._incoming.head is None else limits.BODY_S
 
     def _pass_on(self, data: bytes) -> None:
-        """Let Daphne handle bytes of a WebSocket. Until it is accepted, a page may send only its handshake."""
-        self.unread_bytes = len(data) + (0 if self.is_heard and self.is_accepted else self.unread_bytes)
-        if not self.is_accepted and self.unread_bytes > limits.HANDSHAKE_BYTES:
-            self.transport.abortConnection()
-            return
-        self.wrappedProtocol.dataReceived(data)
+        """Let Daphne handle bytes of a WebSocket. Until it is accepted, a page may send only its handshake.
+
+        One read may hold thousands of tiny messages: Daphne gets a piece at a time, while the client may send more.
+        """
+        self._unhandled += data
+        while (unhandled := self._unhandled) and self._may_send:
+            piece, self._unhandled = unhandled[: limits.PIECE_BYTES], unhandled[limits.PIECE_BYTES :]
+            self.unread_bytes = len(piece) + (0 if self.is_heard and self.is_accepted else self.unread_bytes)
+            if not self.is_accepted and self.unread_bytes > limits.HANDSHAKE_BYTES:
+                self.transport.abortConnection()
+                return
+            self.wrappedProtocol.dataReceived(piece)
+        self.read_or_pause()
+
+    @property
+    def _may_send(self) -> bool:
+        """Whether the client may send more."""
+        if self._is_websocket:
+            has_room = self.unread_bytes <= limits.UNREAD_BYTES and self.writable.is_set()
+        else:
+            has_room = len(self._unhandled) <= limits.UNHANDLED_BYTES
+        return has_room and not self._leaving
+
+    def read_on(self) -> None:
+        """Handle what waits, then read on."""
+        if self._is_websocket:
+            self._pass_on(b"")
         self.read_or_pause()
 
     def read_or_pause(self) -> None:
         """Read from the client only while it may send more."""
-        if self._is_websocket:
-            reads = self.unread_bytes <= limits.UNREAD_BYTES and self.writable.is_set()
-        else:
-            reads = len(self._unhandled) <= limits.UNHANDLED_BYTES
-        reads = reads and not self._leaving
+        reads = self._may_send
         if reads != self._reads:
             self._reads = reads
             (self.transport.resumeProducing if reads else self.transport.pauseProducing)()
@@ -276,7 +291,7 @@ class _Flow:
     def resumeProducing(self) -> None:
         self._guard.setTimeout(self._guard.patience_s)
         self._guard.writable.set()
-        self._guard.read_or_pause()
+        self._guard.read_on()
 
     def stopProducing(self) -> None:
         pass

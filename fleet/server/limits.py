@@ -44,6 +44,8 @@ STRANGERS_AT_ONCE = 2
 MESSAGE_BYTES = 64 * 1024
 HANDSHAKE_BYTES = 16384  # bytes that a WebSocket may send before it is accepted
 UNREAD_BYTES = 256 * 1024  # of one WebSocket, while the console handles older ones; then reading pauses
+MESSAGE_COST_BYTES = 256  # of these, for each message that waits: about a thousand messages wait at most
+PIECE_BYTES = 4096  # of a WebSocket's bytes, handled before the next look at these limits
 
 
 @dataclass(eq=False)

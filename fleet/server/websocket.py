@@ -17,20 +17,21 @@ class WebSocket:
         self._guard = guard
         self._receive = receive
         self._send = send
+        self._take: Callable[[str], bool] | None = None
+        if (socket := guard.wrappedProtocol) is not None:
+            self._queue, socket.onMessage = socket.onMessage, self._on_message
 
     def receive_at_once(self, take: Callable[[str], bool]) -> None:
-        """Pass each text to `take` first, by Autobahn's callback."""
-        socket = self._guard.wrappedProtocol
-        if socket is None:
-            return
-        queue = socket.onMessage
+        """Pass each text to `take` first, unless other messages wait."""
+        self._take = take
 
-        def on_message(payload: bytes, is_binary: bool) -> None:
-            if is_binary or not self._guard.is_heard or not take(payload.decode()):
-                self._guard.is_heard = False
-                queue(payload, is_binary)
-
-        socket.onMessage = on_message
+    def _on_message(self, payload: bytes, is_binary: bool) -> None:
+        """Take a message, by Autobahn's callback."""
+        take = self._take if self._guard.is_heard and not is_binary else None
+        if take is None or not take(payload.decode()):
+            self._guard.is_heard = False
+            self._guard.unread_bytes += limits.MESSAGE_COST_BYTES
+            self._queue(payload, is_binary)
 
     async def receive(self) -> Any:
         """Return the next event. While the application does not ask, the client can send only `UNREAD_BYTES`."""
@@ -45,7 +46,7 @@ class WebSocket:
     def _read_on(self) -> None:
         if self._guard.is_heard:  # no other message waits
             self._guard.unread_bytes = 0
-            self._guard.read_or_pause()
+            self._guard.read_on()
 
     async def send(self, event: dict[str, Any]) -> None:
         """Send an event. Daphne closes without a reason, and its limit for messages is that of clients."""

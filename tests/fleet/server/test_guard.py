@@ -1,6 +1,7 @@
 """Guards before Daphne's protocols, without a network."""
 
 import asyncio
+import struct
 from types import SimpleNamespace
 
 import pytest
@@ -16,9 +17,12 @@ from fleet.server import AT_ONCE, limits
 from fleet.server.command import daphne_server  # first: it chooses Twisted's reactor
 from fleet.server.front import Front
 from fleet.server.guard import Factory
-from fleet.server.websocket import WebSocket
 
-HANDSHAKE = b"GET /ws/ HTTP/1.1\r\nHost: lab\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\r\n"
+HANDSHAKE = (
+    b"GET /ws/ HTTP/1.1\r\nHost: lab\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+)
+READ_BYTES = 64 * 1024  # Twisted's largest read
 
 
 @pytest.fixture
@@ -29,24 +33,31 @@ def guard():
     return found
 
 
-async def test_a_client_sends_little_while_its_messages_wait(guard):
-    guard.dataReceived(HANDSHAKE)
-    await asyncio.sleep(0)
-    guard.is_accepted = True
-    messages = asyncio.Queue()
-    socket = WebSocket(guard, messages.get, None)
-    for _ in range(1 + limits.UNREAD_BYTES // limits.MESSAGE_BYTES):
-        guard.dataReceived(bytes(limits.MESSAGE_BYTES))
-        messages.put_nowait("a message")
-    assert guard.transport.producerState == "paused"
-    while not messages.empty():
-        await socket.receive()
-    assert guard.transport.producerState == "paused"
-    waits = asyncio.ensure_future(socket.receive())
+@pytest.mark.parametrize("text", ["", "9" * limits.MESSAGE_BYTES])
+async def test_a_client_sends_little_while_its_messages_wait(text):
+    asks, heard = asyncio.Event(), asyncio.Queue()
+
+    async def console(_scope, receive, send):
+        await receive()
+        await send({"type": "websocket.accept"})
+        await asks.wait()
+        while (event := await receive())["type"] != "websocket.disconnect":
+            heard.put_nowait(event["text"])
+
+    guard = await opened(console)
+    frame, sent = text_frame(text), 0
+    while guard.transport.producerState == "producing":
+        frames = max(READ_BYTES // len(frame), 1)
+        guard.dataReceived(frame * frames)
+        sent += frames
+    waiting = guard.wrappedProtocol.application_queue.qsize()
+    assert waiting < 2000 and waiting * len(text) < 2 * limits.UNREAD_BYTES
+    asks.set()
+    for _ in range(sent):
+        assert await heard.get() == text
     await asyncio.sleep(0.01)
     assert guard.transport.producerState == "producing"
-    messages.put_nowait("a message")
-    assert await waits == "a message"
+    guard.connectionLost(Failure(ConnectionAborted()))
 
 
 def test_browsers_may_choose_http_over_tls():
@@ -111,6 +122,19 @@ def by_daphne(console):
     return guard
 
 
+async def opened(console, *kinds):
+    """A guard before a WebSocket that the console has accepted."""
+    guard = by_daphne(console)
+    transport = StringTransport()
+    transport.setTcpNoDelay = lambda _on: None
+    directlyProvides(transport, kinds)
+    guard.makeConnection(transport)
+    guard.dataReceived(HANDSHAKE)
+    for _ in range(10):
+        await asyncio.sleep(0)
+    return guard
+
+
 async def test_a_websocket_opens_by_tls():
     """Autobahn asks a connection that looks like TLS for its certificate."""
 
@@ -118,17 +142,8 @@ async def test_a_websocket_opens_by_tls():
         await receive()
         await send({"type": "websocket.accept"})
 
-    guard = by_daphne(console)
-    transport = StringTransport()
-    transport.setTcpNoDelay = lambda _on: None
-    directlyProvides(transport, ISSLTransport)
-    guard.makeConnection(transport)
-    guard.dataReceived(
-        HANDSHAKE[:-2] + b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
-    )
-    for _ in range(10):
-        await asyncio.sleep(0)
-    assert transport.value().startswith(b"HTTP/1.1 101 ")
+    guard = await opened(console, ISSLTransport)
+    assert guard.transport.value().startswith(b"HTTP/1.1 101 ")
     guard.connectionLost(Failure(ConnectionAborted()))
 
 
@@ -142,13 +157,7 @@ async def test_a_text_at_once_never_overtakes_one_that_waits():
         while (event := await receive())["type"] != "websocket.disconnect":
             heard.append(f"event {event['text']}")
 
-    guard = by_daphne(console)
-    transport = StringTransport()
-    transport.setTcpNoDelay = lambda _on: None
-    guard.makeConnection(transport)
-    guard.dataReceived(
-        HANDSHAKE[:-2] + b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
-    )
+    guard = await opened(console)
     for texts in (["now 1", "later", "now 2"], ["now 3"]):
         for _ in range(10):
             await asyncio.sleep(0)
@@ -159,7 +168,8 @@ async def test_a_text_at_once_never_overtakes_one_that_waits():
 
 def text_frame(text):
     """A text as a browser sends it, with a mask of zeros."""
-    return bytes([0x81, 0x80 | len(text)]) + bytes(4) + text.encode()
+    length = bytes([0xFF]) + struct.pack("!Q", len(text)) if len(text) > 125 else bytes([0x80 | len(text)])
+    return b"\x81" + length + bytes(4) + text.encode()
 
 
 def test_daphne_keeps_no_time():
