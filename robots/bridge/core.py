@@ -40,7 +40,7 @@ from robots.shared.processes.durations import Durations
 from robots.shared.processes.overload import LoopLateness
 from robots.shared.records.record_sink import TakenDescription
 from robots.shared.records.verdict import Verdict
-from robots.shared.sentences import Sentence, catalogued, joined, say
+from robots.shared.sentences import Sentence, catalogued, joined, say, standing_alone
 from robots.shared.wire import Drive, Ended, Grant, Refusal, StopState
 
 log = logging.getLogger(__name__)
@@ -219,6 +219,11 @@ class Core:
             return  # this stop was already in the state file
         self.stop(by, reason, now_s, press)
         self.latch.correct_time(press, pressed_s, now_s)
+
+    def cancelled_by_watchdog(self, silent_s: float, now_s: float) -> None:
+        """Note that the watchdog cancelled all goals, because this process was silent for `silent_s`."""
+        text = standing_alone(say(BRIDGE_LATE, seconds=silent_s))
+        self.tasks.navigation.end("overloaded", text, now_s)
 
     def clear(self, number: int, now_s: float, presses: Sequence[UUID] = ()) -> Refusal | None:
         """Clear stop `number`; this moves nothing. Return a refusal if somebody has pressed stop again.

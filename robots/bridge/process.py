@@ -101,7 +101,11 @@ class Bridge:
         self._links = LinkServer(
             config.link, handler.opened, handler.received, handler.closed, handler.handle
         )
-        self._watchdog = WatchdogClient(lane_path(config), self._pressed)
+        self._watchdog = WatchdogClient(
+            lane_path(config),
+            self._pressed,
+            lambda silent_s: self._core.cancelled_by_watchdog(silent_s, time.monotonic()),
+        )
         self._goal = saved.goal  # navigation's goal in the state file
         self._ended = False
         self._rests = True
@@ -155,8 +159,9 @@ class Bridge:
         self._after_commands(piece)
 
     def _after_commands(self, piece: Callable[[], None]) -> None:
-        """Handle waiting commands first: they wait for one piece of work at most."""
+        """Handle waiting commands and the watchdog's messages first: they wait for one piece of work at most."""
         try:
+            self._watchdog.read()
             self._links.read_lanes()
         finally:  # run the piece in any case: without it, its source would never be read again
             piece()

@@ -603,7 +603,4 @@ def _result(outcome: str, text: str) -> str:
     if outcome == "succeeded":
         return ""
     said = say("Navigation said: {text}", text=text) if text else say("Navigation did not say why.")
-    by_others = say(
-        "Another program cancelled it, or the watchdog did, because the console’s computer hung for a second."
-    )
-    return joined(" ", [by_others, said]) if outcome == "cancelled" else said
+    return joined(" ", [say("Another program cancelled it."), said]) if outcome == "cancelled" else said

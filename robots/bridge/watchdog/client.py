@@ -10,7 +10,7 @@ from collections.abc import Callable
 import msgspec
 from msgspec import structs
 
-from robots.bridge.watchdog.rules import Heartbeat, StopPress
+from robots.bridge.watchdog.rules import GoalsCancelled, Heartbeat, StopPress
 from robots.bridge.watchdog.socket import LARGEST
 from robots.shared import wire
 
@@ -18,15 +18,21 @@ log = logging.getLogger(__name__)
 
 MISSING_S = 5.0  # s: a watchdog that ended is back within about one second
 
-_decoder = msgspec.json.Decoder(StopPress)
+_decoder: msgspec.json.Decoder[StopPress | GoalsCancelled] = msgspec.json.Decoder(StopPress | GoalsCancelled)
 
 
 class WatchdogClient:
-    """Connects whenever a watchdog runs. `on_press` is called once for each stop of the watchdog."""
+    """Connects whenever a watchdog runs. `on_press` is called once for each stop of the watchdog.
 
-    def __init__(self, path: str, on_press: Callable[[StopPress], None]) -> None:
+    `on_cancel` is called with the time (s) for which this process was silent, when the watchdog cancelled its goals.
+    """
+
+    def __init__(
+        self, path: str, on_press: Callable[[StopPress], None], on_cancel: Callable[[float], None]
+    ) -> None:
         self._path = path
         self._on_press = on_press
+        self._on_cancel = on_cancel
         self._socket: socket.socket | None = None
         self._handed_on = 0  # number of the last press passed to `on_press`
         self._heard = 0  # number of the last press written to the state file
@@ -78,9 +84,10 @@ class WatchdogClient:
         log.info("connected to the watchdog")
         self._missed = False
         self._socket = connection
-        asyncio.get_running_loop().add_reader(connection, self._read)
+        asyncio.get_running_loop().add_reader(connection, self.read)
 
-    def _read(self) -> None:
+    def read(self) -> None:
+        """Handle the next message, if one waits."""
         if self._socket is None:
             return
         try:
@@ -93,15 +100,17 @@ class WatchdogClient:
             self._lost()
             return
         try:
-            press = _decoder.decode(message)
+            said = _decoder.decode(message)
         except (msgspec.DecodeError, UnicodeError):
             log.exception("a message of the watchdog could not be handled")
             return
         # compare for equality only: the clock may have been set back since the last watchdog began
-        if press.number != self._handed_on:
-            self._on_press(press)
+        if isinstance(said, GoalsCancelled):
+            self._on_cancel(said.silent_s)
+        elif said.number != self._handed_on:
+            self._on_press(said)
             # only after success: the watchdog sends a failed press again after the next heartbeat
-            self._handed_on = press.number
+            self._handed_on = said.number
 
     def _lost(self) -> None:
         self.close()

@@ -130,6 +130,11 @@ class Watchdog:
                 self._answer(now_s)
         if self._rules.cancel(now_s) and now_s - self._cancelled_s >= CANCEL_AGAIN_S:
             self._cancelled_s = now_s
+            hung = self._rules.hung(now_s)
+            if (
+                hung is not None and self._bridge is not None
+            ):  # first: the bridge must know why before the robot reports
+                self._lane.send(self._bridge, wire.encode(hung))
             self._robot.cancel()
 
     def _answer(self, now_s: float) -> None:

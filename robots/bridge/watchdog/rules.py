@@ -42,6 +42,12 @@ class StopPress(Struct, frozen=True, tag_field="t", tag="press"):
     at_s: float | None = None  # when it was received, this computer's monotonic clock
 
 
+class GoalsCancelled(Struct, frozen=True, tag_field="t", tag="goals_cancelled"):
+    """Watchdog to bridge: all goals are cancelled, because the bridge was silent for `silent_s` in a drive."""
+
+    silent_s: float
+
+
 class StopRules:
     """One robot's latch. Presses are numbered from `first` on.
 
@@ -108,5 +114,10 @@ class StopRules:
     def cancel(self, now_s: float) -> bool:
         """Return whether the watchdog must cancel goals, because no bridge that reaches the robot does it."""
         works = self._bridge_lives and self._beat.publishing and now_s - self._beat_s < SILENT_S
-        lost = not self._bridge_lives or now_s - self._beat_s >= LOST_S
+        lost = not self._bridge_lives or self.hung(now_s) is not None
         return (lost and self._unwatched(now_s)) or (self.latched and (self.own is not None or not works))
+
+    def hung(self, now_s: float) -> GoalsCancelled | None:
+        """Return the message for a bridge that hangs while navigation drives, and whose goals are cancelled."""
+        silent_s = now_s - self._beat_s
+        return GoalsCancelled(silent_s) if self._unwatched(now_s) and silent_s >= LOST_S else None

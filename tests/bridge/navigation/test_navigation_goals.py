@@ -76,6 +76,14 @@ def ended(bench):
     return bench.core.state(bench.now_s, []).going_ended
 
 
+def test_the_watchdogs_cancel_is_no_other_programs(bench):
+    goal = gone(bench)
+    bench.core.cancelled_by_watchdog(1.2, bench.now_s)
+    bench.navigation.ended(goal, "cancelled", "", bench.now_s)
+    assert ended(bench).outcome == "overloaded"
+    assert ended(bench).text == "This computer is overloaded: the bridge was 1.2 s late."
+
+
 def test_it_is_sent_only_when_it_is_recorded(bench):
     bench.sink.open.clear()
     answers = bench.ask(GO)

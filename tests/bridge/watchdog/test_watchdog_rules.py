@@ -129,5 +129,7 @@ def test_navigation_goes_on_after_a_bridge_that_hung_for_a_moment(rules: StopRul
     assert rules.zeros(10.1 + SILENT_S) and not rules.cancel(10.1 + SILENT_S)
     rules.beat(driven, 10.6)
     assert not rules.zeros(10.6) and not rules.cancel(10.6)
-    assert not rules.cancel(11.5)
+    assert not rules.cancel(11.5) and rules.hung(11.5) is None
     assert rules.zeros(10.61 + LOST_S) and rules.cancel(10.61 + LOST_S)
+    hung = rules.hung(10.61 + LOST_S)
+    assert hung is not None and hung.silent_s == pytest.approx(LOST_S + 0.01)

@@ -59,7 +59,7 @@ async def test_stops_with_lower_numbers_of_a_new_watchdog_are_heard(
 ) -> None:
     """The clock was set back between the two watchdogs."""
     presses: asyncio.Queue[StopPress] = asyncio.Queue()
-    beats = WatchdogClient(str(tmp_path / "robot.stop"), presses.put_nowait)
+    beats = WatchdogClient(str(tmp_path / "robot.stop"), presses.put_nowait, lambda _: None)
     for number in (100, 50):
         lane = open_lane()
         beats.beat(Heartbeat(), 0.0)
@@ -91,7 +91,7 @@ async def test_stop_that_the_bridge_failed_on_is_sent_again(
         presses.put_nowait(press)
 
     asyncio.get_running_loop().set_exception_handler(lambda *_: None)
-    beats, lane = WatchdogClient(str(tmp_path / "robot.stop"), hear), open_lane()
+    beats, lane = WatchdogClient(str(tmp_path / "robot.stop"), hear, lambda _: None), open_lane()
     beats.beat(Heartbeat(), 0.0)
     connection, _ = await said(lane)
     for _ in range(2):
@@ -128,7 +128,7 @@ def test_latch_in_the_state_file_is_not_an_unheard_stop(tmp_path: Path) -> None:
 async def test_watchdog_without_reading_is_missing_after_seconds(
     tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
-    beats = WatchdogClient(str(tmp_path / "robot.stop"), lambda _: None)
+    beats = WatchdogClient(str(tmp_path / "robot.stop"), lambda _: None, lambda _: None)
     assert not beats.missing(0.0)  # no heartbeat was sent yet
     beats.beat(Heartbeat(), 100.0)  # no watchdog is there
     assert not beats.missing(100.0 + MISSING_S)

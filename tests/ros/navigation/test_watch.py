@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 from contextlib import contextmanager
 
 import pytest
@@ -71,6 +72,22 @@ def test_a_bridge_that_dies_leaves_no_robot_that_drives_itself(ros, rosmaster, t
             assert math.dist(before[:2], place(truth)[:2]) < 0.02
     finally:
         watchdog.stop()
+
+
+def test_a_bridge_that_hung_knows_its_watchdogs_cancel(ros, traveller):
+    """It is no other program's, although both arrive while the bridge hangs."""
+    seq = traveller.go_away()
+    traveller.drives()
+    with ros.listen("/move_base/status", GoalStatusArray) as statuses:
+        traveller.process.process.send_signal(signal.SIGSTOP)
+        try:
+            statuses.until(
+                lambda message: all(one.status != GoalStatus.ACTIVE for one in message.status_list)
+            )
+        finally:
+            traveller.process.process.send_signal(signal.SIGCONT)
+    end = traveller.ended(seq)
+    assert end.outcome == "overloaded" and "the bridge was 1." in end.text
 
 
 @pytest.fixture
