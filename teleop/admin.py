@@ -44,7 +44,6 @@ class ControlSessionAdmin(ListAdmin):
     outcomes_are = gettext_lazy("Ended by")
 
     def form_for(self, request: HttpRequest) -> FilterForm:
-        """Return the form that filters by day, robot, person and end reason."""
         form = FilterForm(
             request.GET, kinds=[], without=["q", "kind", "session"], outcomes_are=self.outcomes_are
         )

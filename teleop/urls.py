@@ -1,7 +1,5 @@
 """Addresses of the pages of this app."""
 
-from __future__ import annotations
-
 from django.urls import path
 
 from teleop import views

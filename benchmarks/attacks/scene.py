@@ -282,7 +282,6 @@ class Scene:
     # --- a slot --------------------------------------------------------------------------------------
 
     def begin_slot(self, *, calm: bool) -> None:
-        """Begin a new slot."""
         self.calm = calm
         self._drives = False
         self.taken = Taken()

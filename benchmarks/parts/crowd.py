@@ -105,7 +105,6 @@ class Page(asyncio.Protocol):
                 sys.stdout.write(f"{self._number} {now_ns} {seen[0]}\n")
 
     def send(self, text_frame: bytes) -> None:
-        """Send one frame."""
         self._transport.write(text_frame)
 
     def _open(self) -> None:

@@ -59,11 +59,9 @@ class MovingArm(ArmModel):
             physics.geom(f"robot {segment.name}").group = SEEN_GROUP
 
     def arm(self) -> tuple[Disc, ...] | None:
-        """Return the discs that the arm covers now."""
         return self.posture.arm(self._now_s)
 
     def arm_problem(self) -> str:
-        """Return in words why the arm's position is unknown; empty: it is known."""
         return self.posture.problem(self._now_s)
 
     @property

@@ -170,7 +170,6 @@ class Leaving(NamedTuple):
     mps: float
 
     def place(self, time_s: float) -> tuple[float, float]:
-        """Return its place at that time."""
         share = min(max((time_s - self.since_s) * self.mps / math.hypot(*self.way), 0.0), 1.0)
         return self.at[0] + share * self.way[0], self.at[1] + share * self.way[1]
 

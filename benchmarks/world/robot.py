@@ -18,7 +18,6 @@ def tiago_profile() -> GateProfile:
 
 
 def tiago_arm() -> ArmSource:
-    """Return the arm of this TIAGo."""
     arm = _config().topics.arm
     if arm is None:
         raise RuntimeError("the shipped profile of a TIAGo has no arm")
@@ -26,7 +25,6 @@ def tiago_arm() -> ArmSource:
 
 
 def tiago_head() -> HeadSource:
-    """Return the head of this TIAGo."""
     head = _config().topics.head
     if head is None:
         raise RuntimeError("the shipped profile of a TIAGo has no head")

@@ -202,7 +202,6 @@ def known_in_time(contact: Contact | None) -> bool:
 
 
 def count(contacts: Iterable[Contact | None]) -> Count:
-    """Count contacts."""
     met = [contact for contact in contacts if contact]
     known = sum(known_in_time(contact) for contact in met)
     unseen = sum(contact.seen is None for contact in met)

@@ -147,7 +147,6 @@ class RecordsAdmin(ListAdmin):
         return [*super().get_urls(), path("<int:object_id>/change/", view, name=f"{self._name}_change")]
 
     def form_for(self, request: HttpRequest) -> FilterForm:
-        """Return the form with the filters for the list's kinds."""
         return FilterForm(
             request.GET, kinds=self._kinds(), without=self.without, outcomes_are=self.outcomes_are
         )

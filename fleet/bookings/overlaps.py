@@ -4,8 +4,6 @@ PostgreSQL has an exclusion constraint, SQLite two triggers. Both compare the ha
 `held_until`, which is empty for a booking that was cancelled in time. The errors of both contain `NAME`.
 """
 
-from __future__ import annotations
-
 NAME = "bookings_do_not_overlap"
 
 _TAKEN = f"""

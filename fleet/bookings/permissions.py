@@ -60,7 +60,6 @@ def awaiting_approval(person: User, now: datetime) -> list[Booking]:
 
 
 def may_book_for(person: User, owner: User, robot: Robot, at: datetime) -> bool:
-    """Return whether the person may book the robot for `owner`."""
     if person == owner or manages_robot(person, robot):
         return True
     return any(_manages(person, course) for course in courses_for(robot, owner, at))

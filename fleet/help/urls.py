@@ -1,7 +1,5 @@
 """URLs of help."""
 
-from __future__ import annotations
-
 from django.urls import path
 
 from fleet.help import views

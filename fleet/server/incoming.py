@@ -160,7 +160,6 @@ class IncomingRequest:
             self._target += part
 
     def on_header(self, name: bytes, value: bytes) -> None:
-        """Take a header."""
         if not self.is_whole and _NEXT_LINE not in value:
             self._headers.append((name.lower(), value.strip()))
 

@@ -29,7 +29,6 @@ class FairQueue(Generic[T]):
         return self._number
 
     def add(self, key: Key, item: T) -> None:
-        """Add an item."""
         self._number += 1
         if key:
             self._parts.setdefault(key[0], FairQueue()).add(key[1:], item)

@@ -354,7 +354,6 @@ class Core:
         self._report_changes()
 
     def laser(self, scan: LaserScan) -> None:
-        """Take one laser scan."""
         self._gate.observe_scan(scan)
         self._report_changes()
         self._on_scan()
@@ -371,7 +370,6 @@ class Core:
         self._report_changes()
 
     def posture(self, arm: Posture, arrival_s: float) -> None:
-        """Take the arm's posture."""
         self._gate.observe_posture(arm, arrival_s)
         self.tasks.navigation.arm(arm.at_home, arrival_s)
         self.tasks.limbs.arm(arm.at_home, arrival_s)

@@ -83,7 +83,6 @@ def place_change(*, place: Place, entry: PlaceEntry, actor: Actor) -> Place:
 
 @transaction.atomic
 def place_delete(*, place: Place, actor: Actor) -> None:
-    """Delete a place."""
     map_hold(place.map_id)
     record("place.delete", actor=actor, parameters=_facts(place))
     place.delete()

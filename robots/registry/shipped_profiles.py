@@ -81,7 +81,6 @@ def is_edited(profile: RobotProfile) -> bool:
 
 
 def differs(profile: RobotProfile, file: ProfileFile) -> bool:
-    """Return whether profile and file differ."""
     columns = file.columns()
     return _now(profile, columns) != columns
 

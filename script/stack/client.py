@@ -113,7 +113,6 @@ class _Client:
             await self._reader
 
     async def send(self, message: msgspec.Struct) -> None:
-        """Send one message."""
         await self.socket.send(wire.encode(message), text=True)
 
     async def until(self, condition: Callable[[], Any], timeout_s: float = 10.0) -> None:
@@ -273,7 +272,6 @@ class Driver(_Client):
         return self.view.state.odometry if self.view else None
 
     def said_last(self) -> str:
-        """Return the last verdict and refusal in words, for error texts."""
         if self.gone:
             return f"no bridge: {self.gone.refusal.text}"
         verdict = (
@@ -345,7 +343,6 @@ class Topics(_Client):
         return answer
 
     async def subscribe(self, topic: str, rate_hz: float = 5.0) -> None:
-        """Subscribe to a topic."""
         await self.send(wire.Subscribe(topic, rate_hz))
 
     async def unsubscribe(self, topic: str) -> None:
@@ -354,7 +351,6 @@ class Topics(_Client):
         self.shown.pop(topic, None)
 
     def said_last(self) -> str:
-        """Return all refusals, and whether the bridge is gone, for error texts."""
         return f"refused: {self.refused}; no bridge: {self.gone}"
 
     def _decoded(self, raw: bytes) -> wire.TopicsReport:

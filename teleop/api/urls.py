@@ -1,7 +1,5 @@
 """Addresses of the REST API, under /api/."""
 
-from __future__ import annotations
-
 from django.urls import include, path
 
 from teleop.api.v1 import unknown_address

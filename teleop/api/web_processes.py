@@ -30,7 +30,6 @@ class _UnixConnection(HTTPConnection):
         self._path = str(path)
 
     def connect(self) -> None:
-        """Connect."""
         self.sock = socket(AF_UNIX, SOCK_STREAM)
         self.sock.settimeout(self.timeout)
         self.sock.connect(self._path)

@@ -63,7 +63,6 @@ class CameraConsumer(RobotSocket):
     # --- messages ----------------------------------------------------------------------------------
 
     async def on_message(self, raw: str) -> None:
-        """Act on one message."""
         message = camera_message(raw)
         if not self.joined or not await self.within_budget(kind_of(message)):
             return

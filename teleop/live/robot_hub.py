@@ -314,11 +314,9 @@ class RobotHub(Listener):
     # --- the link (robots.link.client.Listener) -------------------------------------------------------------
 
     def on_view(self, raw: str) -> None:
-        """Pass a view to all viewers."""
         self.views.publish(raw)
 
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
-        """Inform all members."""
         if up:
             self.link_is_up.set()
         else:
@@ -328,17 +326,14 @@ class RobotHub(Listener):
             member.link_changed(up, refusal)
 
     def on_offers(self, offers: Offers) -> None:
-        """Inform all members."""
         for member in list(self.members.values()):
             member.offers_changed(offers)
 
     def on_path(self, path: GoPath) -> None:
-        """Inform all members."""
         for member in list(self.members.values()):
             member.path_changed(path)
 
     def on_sample(self, topic: str, sample: str) -> None:
-        """Pass a sample to all subscribers of its topic."""
         self.topics.publish(topic, sample)
 
     def on_ended(self, ended: Ended) -> None:

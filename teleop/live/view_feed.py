@@ -82,7 +82,6 @@ class ViewFeed:
         return self._added
 
     def remove(self, viewer: Viewer) -> None:
-        """Remove a viewer."""
         self._viewers.discard(viewer)
         self.ready.discard(viewer)
         self._set_turn_length()

@@ -36,7 +36,6 @@ class Reason(Struct, frozen=True):
 
     @property
     def words_of_code(self) -> str:
-        """The code in words."""
         return wording.outcome(self.code)
 
 

@@ -61,7 +61,6 @@ def play(seed: int) -> End:
 
 
 def build(seed: int) -> Case:
-    """Build the case."""
     random = np.random.default_rng([seed, 29])
     world = World(name="hall", size=(-ROOM_M, -ROOM_M, ROOM_M, ROOM_M))
     lacks = seed // len(MOTIONS) % (MOST_LACKING + 1)

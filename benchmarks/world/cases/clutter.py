@@ -120,7 +120,6 @@ def _name_causes(title: str, causes: Counter[str]) -> None:
 
 
 def play(minute: Minute) -> Outcome:
-    """Play one minute."""
     loop = loop_of(build(minute.seed, drawn=minute.drawn), "gate", minute.seed)
     truth = Truth(loop.robot.physics)
     trace = loop.play()
@@ -129,7 +128,6 @@ def play(minute: Minute) -> Outcome:
 
 
 def build(seed: int, *, drawn: bool = False) -> Case:
-    """Build the case of a seed."""
     random = np.random.default_rng([seed, 21])
     return Case(
         _room(random),

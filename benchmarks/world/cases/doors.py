@@ -109,7 +109,6 @@ def _good(outcome: Outcome) -> bool:
 
 
 def play(passage: Passage) -> Outcome:
-    """Play one passage."""
     case = build(passage.width_m, passage.seed, passage.size, drawn=passage.drawn)
     trace = loop_of(case, passage.controller, passage.seed).play()
     return Outcome(bool(trace.touches), trace.arrived, trace.time_s)

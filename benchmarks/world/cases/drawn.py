@@ -111,7 +111,6 @@ def words_of(seed: int) -> str:
 
 
 def build(seed: int) -> Case:
-    """Build the case of a seed."""
     return replace(objects.build(job_of(seed)), conditions=conditions_of(seed))
 
 

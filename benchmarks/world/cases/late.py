@@ -124,7 +124,6 @@ def play(late: Late) -> float | None:
 
 
 def build(late: Late) -> Case:
-    """Build the case."""
     random = np.random.default_rng([late.seed, late.ms, round(10 * late.share)])
     nearest, farthest = FIRST_WALL_M if late.way == "first" else WALL_M
     gap_m = float(random.uniform(nearest, farthest))

@@ -10,7 +10,6 @@ from django.conf import settings
 
 
 def encrypted(text: str) -> str:
-    """Encrypt a text."""
     return _fernet().encrypt(text.encode()).decode()
 
 

@@ -64,7 +64,6 @@ class Token(models.Model):
         return self.name
 
     def opens(self, scope: Scope) -> bool:
-        """Return whether it has this scope."""
         return scope in self.scopes
 
     def serves(self, robot_id: uuid.UUID) -> bool:

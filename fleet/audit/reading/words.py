@@ -4,8 +4,6 @@ Each is a key of the catalogue of sentences, with blanks in place of underscores
 Words of one kind of task stand in its `TaskKind`.
 """
 
-from __future__ import annotations
-
 from robots.shared.wire import TASK_KINDS
 
 _NAMES = """

@@ -1,7 +1,5 @@
 """Filters of templates."""
 
-from __future__ import annotations
-
 from django import template
 
 from fleet.base.formats.sentences import words_of

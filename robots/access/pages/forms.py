@@ -113,7 +113,6 @@ class PeopleForm(KeptFileForm):
     encoding_fault = ""  # why the chosen encoding was not used
 
     def clean(self) -> dict[str, Any]:
-        """Read the list."""
         values = super().clean()
         typed, how = values.get("people", ""), self._how(values)
         if values.get("file") is not None:
@@ -173,7 +172,6 @@ class EnrolForm(PeopleForm):
     """People for a course that exists."""
 
     def clean(self) -> dict[str, Any]:
-        """Read the list; refuse an empty list."""
         values = super().clean()
         if not self.errors and self.people_list.is_empty:
             raise ValidationError(_("Paste a list or choose a file."))

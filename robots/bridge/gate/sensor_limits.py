@@ -90,7 +90,6 @@ class SensorLimits:
         self._arm_moved: tuple[arm_discs.Disc, float] | None = None
 
     def observe_posture(self, arm: arm_discs.Posture, arrival_s: float) -> None:
-        """Take the arm's posture."""
         self._posture, self._posture_s = arm, arrival_s
         if arm.reach is not None:
             self._arm_moved = arm.reach, arrival_s

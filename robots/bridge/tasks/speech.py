@@ -118,7 +118,6 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
             voice.cancel_speech(goal_id, topic)
 
     def take(self, order: wire.Say, grant: Grant, requester: Requester, now_s: float) -> None:
-        """Record the request. `tick` then sends the text and answers the requester."""
         routing = self._context.tasks.part(InputRouting)
         refusal = why_not_speakable(order.text) or self._context.rules.why_not_begin(requester, now_s)
         refusal = refusal or routing.refuse("speech", order.topic) or self.refuse(now_s)
@@ -133,7 +132,6 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
         self._current = Goal(requester, number, now_s, _SpeechGoal(utterance), topic)
 
     def topics_in_use(self, use: wire.Use, now_s: float) -> set[str]:
-        """Return topics on which a text is being spoken or is about to be."""
         if use != "speech":
             return set()
         self._sent = {topic: sent_s for topic, sent_s in self._sent.items() if now_s - sent_s <= LINGER_S}
@@ -179,7 +177,6 @@ class SpeechTasks(Goals[_SpeechGoal], TaskPart):
         return {"speech": self.view(now_s), "speech_ended": self.last}
 
     def headline(self, now_s: float) -> tuple[object, ...]:
-        """Return what is reported at once: each word."""
         speech = self.view(now_s)
         return (speech and (speech.number, speech.status, speech.word), self.last)
 

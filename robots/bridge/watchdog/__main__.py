@@ -1,7 +1,5 @@
 """``python -m robots.bridge.watchdog CONFIG``: the watchdog of one robot, until stdin ends. CONFIG is JSON."""
 
-from __future__ import annotations
-
 import sys
 
 import msgspec

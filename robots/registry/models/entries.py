@@ -48,7 +48,6 @@ class OfProfileOrRobot(models.Model):
 
     @property
     def owner(self) -> RobotProfile | Robot:
-        """Return the owner."""
         owner = self.profile or self.robot
         if owner is None:
             raise ValueError(f"this {self._meta.verbose_name} belongs to no profile and to no robot")

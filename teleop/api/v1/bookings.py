@@ -194,7 +194,6 @@ class BookingsBase(ApiView):
     seen_by = staticmethod(robots_bookable_by)
 
     def concerned(self, *_path: Any, **asked: Any) -> list[Robot]:
-        """Return the robot of the booking, or of the slot in the body."""
         if "booking_id" in asked:
             return [self.one(asked["booking_id"]).robot]
         return [self.robot(asked["body"].robot)]
@@ -417,7 +416,6 @@ class WaitingOneView(WaitingView):
     http_method_names = ["delete", "options"]
 
     def concerned(self, number: int, **_asked: Any) -> list[Robot]:
-        """Return the robot of the slot."""
         return [self.one_waiting(number).robot]
 
     def one_waiting(self, number: int) -> Waiting:

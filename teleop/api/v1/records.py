@@ -331,7 +331,6 @@ class ExportView(RecordsBase):
     """`/audit/export`."""
 
     def concerned(self, query: ExportAsked, **_asked: Any) -> Iterable[Robot]:
-        """Return the robot whose records are exported."""
         return Robot.objects.filter(pk__in=[self._robot(query.robot)])
 
     @reads("audit_export", "Export the log", content_type="application/jsonl text/csv")

@@ -24,7 +24,6 @@ class UnknownAddress(ApiView):
     """404, or a redirect to the address without its last slash."""
 
     def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:
-        """Raise 404 with a sentence."""
         super().initial(request, *args, **kwargs)
         raise Problem(_NO_ADDRESS)
 

@@ -3,8 +3,6 @@
 No address ends with a slash: with a slash, the client is redirected.
 """
 
-from __future__ import annotations
-
 from django.urls import path, re_path
 
 from teleop.api.v1 import bookings, courses, events, records, unknown_address, views

@@ -28,16 +28,13 @@ class BookingsConsumer(MessageSocket):
     """One calendar. It gets a hint about `CHECK_S` after a change, and one hint when it opens."""
 
     async def on_open(self) -> None:
-        """Send the first hint, and subscribe to changes."""
         await self.send_message(wire.BookingsChanged())
         _reader.join(self)
 
     async def on_close(self) -> None:
-        """Unsubscribe from changes."""
         _reader.leave(self)
 
     async def on_message(self, raw: str) -> None:
-        """Answer pings."""
         match fleet_message(raw):
             case wire.Ping(sent_ms=sent_ms):
                 if await self.within_budget("ping"):

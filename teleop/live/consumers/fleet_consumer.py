@@ -110,7 +110,6 @@ class FleetConsumer(MessageSocket, Listener):
         self._loops = [run_in_background(self._keep_reading()), run_in_background(self._keep_showing())]
 
     async def on_close(self) -> None:
-        """Unsubscribe from all robots."""
         for loop in self._loops:
             loop.cancel()
         for link in self._links.values():
@@ -260,11 +259,9 @@ class FleetConsumer(MessageSocket, Listener):
     # --- events of the links (robots.link.client.Listener) --------------------------------------------------
 
     def on_status(self, state: State) -> None:
-        """Send an update soon if an important value changed."""
         self._wake()
 
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
-        """Send an update soon."""
         self._wake()
 
 

@@ -232,7 +232,6 @@ class RobotConsumer(RobotSocket):
 
     @property
     def fence(self) -> int | None:
-        """The fence of this page's control; None without control."""
         return self.control.fence if self.control else None
 
     @property
@@ -241,7 +240,6 @@ class RobotConsumer(RobotSocket):
         return self.control.role if self.control else None
 
     async def follow(self, status: ControlStatus) -> None:
-        """Follow this person's rights and the lease."""
         role_before = self.rights.role
         await super().follow(status)
         if not self.may_see:

@@ -69,7 +69,6 @@ class TopicsConsumer(RobotSocket):
     # --- messages ----------------------------------------------------------------------------------
 
     async def on_message(self, raw: str) -> None:
-        """Act on one message."""
         message = topics_message(raw)
         if self.viewer is None or not await self.within_budget(kind_of(message)):
             return

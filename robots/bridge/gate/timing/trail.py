@@ -40,7 +40,6 @@ class Trail:
 
     @property
     def newest(self) -> Pose | None:
-        """The newest pose."""
         return self._poses[-1] if self._poses else None
 
     def add(self, stamp_s: float, pose: Pose, velocity: Velocity) -> None:

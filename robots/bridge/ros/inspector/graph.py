@@ -65,7 +65,6 @@ def _action_type(parts: dict[str, wire.TopicRow | None]) -> str:
 
 
 def parameter_names(master: Master, seq: int) -> wire.Parameters:
-    """Return the names of all parameters."""
     names = [cut(str(name), NAME) for name in master.call("getParamNames")[:MOST_TOPICS]]
     return wire.Parameters(sorted(names), seq)
 

@@ -42,7 +42,6 @@ class HeadTopics(HeadMover, RobotPart):
 
     @classmethod
     def of(cls, node: Node) -> HeadTopics | None:
-        """Return the head of a robot that has one."""
         head = node.config.topics.head
         return cls(head, node.joint) if head else None
 

@@ -31,7 +31,6 @@ class LimbsTopics(LimbMover, RobotPart):
 
     @classmethod
     def of(cls, node: Node) -> LimbsTopics | None:
-        """Return the limbs of a robot that has some."""
         return cls(node) if node.config.topics.limbs else None
 
     def limb_at(self, limb: Limb) -> float | None:

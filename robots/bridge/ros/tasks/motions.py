@@ -70,7 +70,6 @@ class MotionTopics(MotionPlayer, ArmModel, RobotPart, GoalListener):
 
     @classmethod
     def of(cls, node: Node) -> MotionTopics | None:
-        """Return the motions of a robot that has some."""
         motions = node.config.topics.motions
         return cls(node, motions.type) if motions else None
 

@@ -57,12 +57,10 @@ class NavigationTopics(Navigator, RobotPart, GoalListener):
 
     @classmethod
     def of(cls, node: Node) -> NavigationTopics | None:
-        """Return the navigation of a robot that has one."""
         source = node.config.topics.navigation
         return cls(source, node.mail, node.tasks.navigation, node.located) if source else None
 
     def located(self) -> tuple[float, Pose] | None:
-        """Return the newest transform from map to odometry and its stamp, if a person drives."""
         return self._located()
 
     def navigates(self) -> bool:
@@ -110,7 +108,6 @@ class NavigationTopics(Navigator, RobotPart, GoalListener):
         self._mail.post("goals", lambda: self._goals.running(action, goals.keys(), time.monotonic()))
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
-        """Report that navigation works on this goal."""
         self._mail.post(
             "goal feedback", lambda: self._goals.answered(goal_id, time.monotonic()), can_wait=True
         )

@@ -37,7 +37,6 @@ class SpeechTopics(SpeechOutput, RobotPart):
 
     @classmethod
     def of(cls, node: Node) -> SpeechTopics | None:
-        """Return the voice of a robot that has one."""
         speech = node.config.topics.speech
         return cls(speech, node.mail, node.tasks.speech) if speech else None
 

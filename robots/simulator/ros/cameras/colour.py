@@ -89,7 +89,6 @@ class CameraPublisher:
         self._thread.request(self, Moment(stamp, now_s, self._robot.physics.snapshot(), self._model.pose()))
 
     def draw_and_publish(self, thread: DrawingThread, moment: Moment) -> None:
-        """Draw and publish, on the drawing thread."""
         if not self._repeats():
             pixels = thread.colour(moment, self._model.lens)
             if pixels is None:

@@ -20,7 +20,6 @@ class OperationSchema(AutoSchema):
     """The schema of an operation: its view says the tag."""
 
     def get_tags(self) -> list[str]:
-        """Return the tags."""
         return [self.view.tag]  # type: ignore[attr-defined]  # of `ApiView`
 
 

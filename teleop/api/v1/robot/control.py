@@ -98,7 +98,6 @@ class ProgramView(ApiView):
         return self.known_robot(slug)[0].robot
 
     def concerned(self, slug: str, **_asked: Any) -> Iterable[Robot]:
-        """Return the robot of the address."""
         return [self.robot(slug)]
 
     def program_sign_in(self) -> ProgramSignIn:

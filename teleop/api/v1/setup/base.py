@@ -37,7 +37,6 @@ class SetupView(ApiView):
     """Base of these views."""
 
     def concerned(self, *_path: Any, **asked: Any) -> Iterable[Robot]:
-        """Return the robot of the address."""
         return [self.robot(asked["slug"])] if "slug" in asked else ()
 
     def staff(self) -> User:

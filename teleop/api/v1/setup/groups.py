@@ -95,7 +95,6 @@ class GroupsBase(SetupView):
     tag = "groups"
 
     def concerned(self, slug: str = "", body: Any = None, **_asked: Any) -> Iterable[Robot]:
-        """Return the group's robots, and its new ones."""
         found = list(self.group(slug).robots.all()) if slug else []
         return found + self.named_robots(getattr(body, "robots", ()))
 

@@ -199,7 +199,6 @@ class GroupPolicyView(PoliciesBase):
     """`/policies/groups/{slug}`."""
 
     def concerned(self, slug: str, **_asked: Any) -> Iterable[Robot]:
-        """Return the group's robots."""
         return self.group(slug).robots.all()
 
     @reads("policies_read_group", "Read the policy of a robot group", answer=PolicyEntry)
@@ -222,7 +221,6 @@ class PeriodsView(PoliciesBase):
     """`/out-of-service`."""
 
     def concerned(self, body: PeriodRequest, **_asked: Any) -> Iterable[Robot]:
-        """Return the robot of the period."""
         return [self.robot(body.robot)]
 
     @reads("out_of_service_list", "List out-of-service periods", refuses=())
@@ -253,7 +251,6 @@ class PeriodView(PoliciesBase):
     """`/out-of-service/{id}`."""
 
     def concerned(self, period_id: UUID, **_asked: Any) -> Iterable[Robot]:
-        """Return the robot of the period."""
         return [self.period(period_id).robot]
 
     def period(self, period_id: UUID) -> OutOfService:

@@ -118,7 +118,6 @@ class ProfilesBase(SetupView):
     tag = "registry"
 
     def concerned(self, slug: str, **_asked: Any) -> Iterable[Robot]:
-        """Return the robots of the profile."""
         return self.profile(slug).robots.all()
 
     def profile(self, slug: str) -> RobotProfile:
@@ -182,7 +181,6 @@ class RobotPhrasesView(PhrasesBase):
     """`/registry/{slug}/phrases`."""
 
     def concerned(self, slug: str, **_asked: Any) -> Iterable[Robot]:
-        """Return the robot of the address."""
         return [self.robot(slug)]
 
     @reads("registry_phrases_read", "Read the phrases that only one robot has", answer=PhraseTexts)

@@ -129,7 +129,6 @@ class SeriesView(SetupView):
         return SeriesAnswer(made[0].series if made else None, sorted(entries, key=lambda week: week.day))
 
     def concerned(self, body: SeriesRequest, **_asked: Any) -> list[Robot]:
-        """Return the robot of the series, and the robots of its course."""
         course = self._course(body.course)
         return [self.robot(body.robot), *(robots_of(course) if course else ())]
 

@@ -113,7 +113,6 @@ class WebhooksBase(SetupView):
     tag = "webhooks"
 
     def concerned(self, webhook_id: UUID | None = None, body: Any = None, **_asked: Any) -> Iterable[Robot]:
-        """Return the webhook's robots, or those of a new one."""
         return self.one(webhook_id).robots.all() if webhook_id else self.named_robots(body.robots)
 
     def seen(self) -> list[Webhook]:
