@@ -32,6 +32,9 @@ class Base(Robot, Protocol):
     def cancel_all(self) -> None:
         """Cancel every goal of every action in `Topics.cancelled`, from any sender."""
 
+    def take_odometry(self) -> None:
+        """Handle odometry that has arrived and waits for the event loop."""
+
     def acknowledged_s(self, now_s: float) -> float | None:
         """Return the time until the robot's computer acknowledged a twist (s); None: no new measurement."""
 

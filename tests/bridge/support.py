@@ -188,6 +188,7 @@ class MemoryBase:
     readings: int = 0  # how often its motions were read
     cancelled: int = 0
     listeners: int = 1
+    waiting: list[Callable[[], None]] = field(default_factory=list)  # odometry that waits for the event loop
 
     def part(self, kind: type) -> object:
         """This base does all that a part of the robot may do."""
@@ -198,6 +199,10 @@ class MemoryBase:
 
     def joint(self, name: str) -> float | None:
         return self.joints.get(name)
+
+    def take_odometry(self) -> None:
+        while self.waiting:
+            self.waiting.pop(0)()
 
     def acknowledged_s(self, now_s: float) -> float | None:
         return self.echo_s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from robots.bridge.gate.sensor_limits import Fault
 from robots.shared.geometry.poses import STILL
 from robots.shared.processes.overload import KEPT_S, LoopLateness
 from robots.shared.wire import Overload
@@ -34,6 +35,13 @@ def test_commands_unread_by_a_late_bridge_do_not_blame_operator(bench):
     assert needed(bench).code == "overloaded"
     assert needed(bench).text == "this computer is overloaded: the bridge was 0.4 s late"
     assert bench.core.state(bench.now_s, []).overload == Overload("bridge", 0.4)
+
+
+def test_odometry_that_waits_beside_a_command_is_not_silent(bench):
+    bench.gate.misses = Fault("odometry_stale", "odometry is 0.3 s old", "odometry")
+    bench.base.waiting = [lambda: setattr(bench.gate, "misses", None)]
+    assert bench.stick(0.5) is None
+    assert bench.last != STILL and needed(bench) is None
 
 
 def test_operator_silent_longer_than_the_bridge_is_named(bench):

@@ -139,6 +139,12 @@ class RosBase(InputSwitch):
             if self._acknowledgements is not None:
                 self._acknowledgements.wrote(self._drive, time.monotonic())
 
+    def take_odometry(self) -> None:
+        try:
+            self.mail.take("odometry")
+        except Exception:  # the decision that needs it must be made
+            log.exception("odometry could not be handled")
+
     def acknowledged_s(self, now_s: float) -> float | None:
         """Return how long (s) the robot's computer takes to acknowledge a twist; None if nothing is new."""
         return None if self._acknowledgements is None else self._acknowledgements.took_s(now_s)

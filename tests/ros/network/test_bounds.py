@@ -196,6 +196,18 @@ def test_only_the_newest_message_of_a_source_waits():
     assert done[-1] == "again"
 
 
+def test_a_source_may_be_taken_before_its_turn():
+    loop, done = _Loop(), []
+    mail = Mailboxes(loop.later)
+    mail.take("odometry")  # nothing has ever come
+    for number in range(2):
+        mail.post("odometry", lambda number=number: done.append(number), depth=2)
+    mail.take("odometry")
+    assert done == [0, 1]
+    loop.run()
+    assert done == [0, 1]
+
+
 def test_deferrable_work_wakes_no_thread_and_goes_first():
     loop, done, hurry = _Loop(), [], [False]
     mail = Mailboxes(loop.later, lambda: hurry[0])

@@ -78,18 +78,20 @@ class Mailboxes:
             with self._lock:
                 source = next(iter(self._waiting))
                 del self._waiting[source]
-            self._take(source)
+            self.take(source)
 
     def _take_with(self, source: Hashable) -> None:
         try:
             self.take_waiting()  # a scan is paired with odometry that came before it
         finally:
-            self._take(source)
+            self.take(source)
 
-    def _take(self, source: Hashable) -> None:
+    def take(self, source: Hashable) -> None:
+        """Take all messages of a source now, on the event loop."""
         with self._lock:
-            calls = list(self._boxes[source])
-            self._boxes[source].clear()
+            box = self._boxes.get(source, deque())
+            calls = list(box)
+            box.clear()
         budget = self._budgets.setdefault(source, TokenBucket(LOOP_SHARE, LOOP_SHARE))
         for call, speaker in calls:
             began_s = self._worked()
