@@ -15,7 +15,6 @@ import gc
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -57,7 +56,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """With `--dist loadfile`, let one worker run all tests that share the web process of `tests/fleet/server`."""
+    """With `--dist loadfile`, let one worker run all tests that share the web process of `tests/fleet/server`.
+
+    `--dist loadgroup` does not: xdist 3.8 appends the group to a private name that pytest 9.2 does not have, and so
+    spreads a group over all workers.
+    """
     from xdist.scheduler import LoadFileScheduling
 
     class ByWebProcess(LoadFileScheduling):
@@ -128,42 +131,41 @@ def disk(transactional_db: None) -> Iterator[Disk]:
 
 
 @pytest.fixture(autouse=True)
-def refusal_log(
-    monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
-) -> Iterator[RepeatSuppressor[refusals.RefusedRequest]]:
-    """The log of this test's refusals. They are written before the test ends, or not at all.
+def late_records(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A test with a database has its own logs of refusals and stop presses, which write before it ends, or not at all.
 
-    Without `transactional_db`, not at all: the writing thread would wait for the test's open transaction until
-    the write fails.
+    A late write would delay the next test. Without `transactional_db`, no refusal is written: the writing thread would
+    wait for the test's open transaction until the write fails.
     """
-    own = RepeatSuppressor(refusals.write_record if _commits(request) else lambda _event, _times: None)
-    yield from _while_test_lasts(own, refusals, "refusal_records", monkeypatch)
-
-
-@pytest.fixture(autouse=True)
-def press_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RepeatSuppressor[emergency_stop.Press]]:
-    """The log of this test's stop presses. They are written before the test ends, or not at all.
-
-    A late write would delay the next test.
-    """
-    own = RepeatSuppressor(emergency_stop.write_record, most=None)
-    yield from _while_test_lasts(own, emergency_stop, "press_records", monkeypatch)
-    in_database_background(lambda: None).result(10)  # their results must be written before the next test
-
-
-def _commits(request: pytest.FixtureRequest) -> bool:
-    """Return whether the test commits its transactions, so that other threads see its rows."""
     marker = request.node.get_closest_marker("django_db")
-    return "transactional_db" in request.fixturenames or bool(marker and marker.kwargs.get("transaction"))
+    commits = "transactional_db" in request.fixturenames or bool(marker and marker.kwargs.get("transaction"))
+    if not (commits or marker or "db" in request.fixturenames):
+        yield
+        return
+    with pytest.MonkeyPatch.context() as patch:
+        writes = Writes()
+        refused = RepeatSuppressor(writes.until_the_end(refusals.write_record if commits else _nothing))
+        pressed = RepeatSuppressor(writes.until_the_end(emergency_stop.write_record), most=None)
+        patch.setattr(refusals, "refusal_records", refused)
+        patch.setattr(emergency_stop, "press_records", pressed)
+        yield
+        writes.ended = True
+        refused.flush()
+        pressed.flush()
+        in_database_background(lambda: None).result(10)  # their results must be written before the next test
 
 
-def _while_test_lasts(
-    own: RepeatSuppressor[E], module: ModuleType, name: str, patch: pytest.MonkeyPatch
-) -> Iterator[RepeatSuppressor[E]]:
-    patch.setattr(module, name, own)
-    yield own
-    patch.setattr(own, "_write", lambda _event, _times: None)
-    own.flush()
+class Writes:
+    """Writes records until the test ends; later ones are dropped."""
+
+    ended = False
+
+    def until_the_end(self, write: Callable[[E, int], None]) -> Callable[[E, int], None]:
+        return lambda event, times: None if self.ended else write(event, times)
+
+
+def _nothing(_event: object, _times: int) -> None:
+    pass
 
 
 # --- robots -----------------------------------------------------------------------------------

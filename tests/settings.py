@@ -30,6 +30,10 @@ DATABASES["default"]["TEST"] = {
     if "sqlite" in DATABASES["default"]["ENGINE"]
     else f"test_fleet_{os.getpid()}"
 }
+if (
+    "init_command" in DATABASES["default"]["OPTIONS"]
+):  # SQLite: no test cuts the power, and each commit would wait
+    DATABASES["default"]["OPTIONS"]["init_command"] += "; PRAGMA synchronous=OFF"
 (FLEET_VAR / "static").mkdir(exist_ok=True)  # without it, WhiteNoise warns
 STORAGES["staticfiles"]["BACKEND"] = "django.contrib.staticfiles.storage.StaticFilesStorage"
 PRODUCTION_PASSWORD_HASHERS = PASSWORD_HASHERS

@@ -15,6 +15,7 @@ from fleet.audit.integrity.verify import verify_all
 from fleet.audit.kinds import KINDS, Kept
 from fleet.audit.models import Record
 from fleet.audit.services import record
+from fleet.base import environment
 
 ROBOT = uuid.uuid4()
 
@@ -269,8 +270,7 @@ def test_each_trouble_has_its_code(said, code):
 
 
 def test_the_database_keeps_commits_through_a_power_cut():
-    options = settings.DATABASES["default"]["OPTIONS"]
-    if connection.vendor == "sqlite":
-        assert "synchronous=FULL" in options["init_command"]
-    else:
-        assert "synchronous_commit" not in options.get("options", "")
+    file = environment.database("sqlite:////var/lib/fleet/fleet.sqlite3")
+    server = environment.database("postgresql://fleet@localhost/fleet")
+    assert "synchronous=FULL" in file["OPTIONS"]["init_command"]
+    assert "synchronous_commit" not in server["OPTIONS"]["options"]
