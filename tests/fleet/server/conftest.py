@@ -134,7 +134,8 @@ def crowd(web, console):
     _environ, people = console
     run = Path(web.environ["FLEET_VAR"], "run")
     watchdogs = [
-        Watchdog(run / f"{people['robots'][slug][:12]}.stop") for slug in ("in-service", "out-of-service")
+        Watchdog(run / f"{people['robots'][slug][:12]}.stop")
+        for slug in ("in-service", "out-of-service", "apart")
     ]
     yield Crowd(web, people, watchdogs)
     for watchdog in watchdogs:

@@ -55,7 +55,8 @@ class Crowd:
     def __init__(self, web, people, watchdogs):
         self.web = web
         self.strangers, self.colleagues = people["strangers"], people["colleagues"]
-        self.watchdog, self.idle_watchdog = watchdogs
+        [self.presser] = people["presser"]
+        self.watchdog, self.idle_watchdog, self.watchdog_apart = watchdogs
 
     def head(self, path, *lines, method="POST"):
         """A request without body, as bytes."""
