@@ -110,6 +110,7 @@ def of_pages() -> set[str]:
     found = {
         str(call.args[0].value)
         for _, source in sentences.modules()
+        if "gettext" in source
         for call in ast.walk(ast.parse(source))
         if isinstance(call, ast.Call) and call.args and isinstance(call.args[0], ast.Constant)
         if (call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")) in GETTEXT

@@ -147,7 +147,7 @@ MESSAGES = {*get_args(wire.BrowserMessage), *get_args(wire.TopicsMessage), *get_
 
 @pytest.fixture(scope="module")
 def paths() -> Any:
-    return json.loads(messages.openapi())["paths"]
+    return json.loads(messages.OPENAPI.read_text())["paths"]
 
 
 def test_each_message_of_a_page_has_an_operation(paths: Any) -> None:

@@ -36,7 +36,7 @@ from robots.places.entries import PlaceEntry
 from robots.places.services import place_add
 from robots.registry.models import Robot, RobotProfile, Role
 from robots.shared.wire import TASK_KINDS, StopState
-from script.generate.messages import openapi
+from script.generate.messages import OPENAPI
 from teleop.control.scopes import ACTING
 from teleop.models import ControlSession
 from teleop.records import refusals
@@ -601,19 +601,21 @@ class Lab:
         )
 
 
-def sign_ins(person: User) -> Iterator[tuple[str, tuple[Scope, ...], Caller]]:
-    """Yield each way to sign in: its name, its scopes, and the caller."""
-    for name, scopes in [*((scope.value, (scope,)) for scope in Scope), ("all", tuple(Scope)), ("none", ())]:
-        _, text = token_make(
-            user=person, name=name, scopes=scopes, expires_at=timezone.now() + timedelta(days=1), actor=person
-        )
-        yield name, scopes, Caller(Client(), {"Authorization": f"Bearer {text}"})
-    browser = Client()
-    browser.force_login(person)
-    session = browser.session  # the password was given just now
+def program(person: User, scopes: Sequence[Scope]) -> Caller:
+    """Return a program with a token of the person with these scopes."""
+    expires = timezone.now() + timedelta(days=1)
+    _, text = token_make(user=person, name="program", scopes=scopes, expires_at=expires, actor=person)
+    return Caller(Client(), {"Authorization": f"Bearer {text}"})
+
+
+def browser(person: User) -> Caller:
+    """Return the person's browser, which needs no scopes."""
+    client = Client()
+    client.force_login(person)
+    session = client.session  # the password was given just now
     session[AUTHENTICATION_METHODS_SESSION_KEY] = [{"method": "password", "at": time.time()}]
     session.save()
-    yield "browser", tuple(Scope), Caller(browser, {})
+    return Caller(client, {})
 
 
 @contextmanager
@@ -636,7 +638,10 @@ def filled(value: Any, objects: dict[str, str]) -> Any:
 @cache
 def paths() -> dict[str, dict[str, Any]]:
     """Return the operations of the schema by path and method."""
-    return {path.removeprefix("/api/v1"): methods for path, methods in json.loads(openapi())["paths"].items()}
+    return {
+        path.removeprefix("/api/v1"): methods
+        for path, methods in json.loads(OPENAPI.read_text())["paths"].items()
+    }
 
 
 def operations() -> dict[str, tuple[str, str]]:
@@ -708,61 +713,72 @@ def test_each_operation_of_the_schema_has_a_row() -> None:
         assert re.fullmatch(re.sub(r"{\w+}", "[^/]+", methods[name][1]), asked), name
 
 
-@pytest.mark.django_db
-def test_nobody_gets_anything(lab: Lab) -> None:
-    door, nobody, objects = Door(operations()), Caller(Client(), {}), lab.objects["operator", "own"]
-    assert {name: door(name, nobody, objects) for name in table()} == dict.fromkeys(table(), "signed_out")
-
-
 class Check:
     """Compares the results of a person's operations with the table."""
 
-    def __init__(self, who: str, lab: Lab) -> None:
+    def __init__(self, lab: Lab) -> None:
         self.wrong: list[str] = []
-        self._who, self._lab, self._number = who, lab, PEOPLE.index(who)
-        self._door = Door(operations())
+        self._lab, self._door = lab, Door(operations())
 
-    def __call__(self, name: str, how: str, scopes: tuple[Scope, ...], caller: Caller, place: str) -> None:
-        """Ask for an operation at a place. A browser's `scopes` are all."""
+    def nobody(self, name: str) -> None:
+        """Ask for an operation without sign-in."""
+        found = self._door(name, Caller(Client(), {}), self._lab.objects["operator", "own"])
+        if found != "signed_out":
+            self.wrong.append(f"{name} without sign-in: {found}")
+
+    def __call__(
+        self, who: str, name: str, scopes: Sequence[Scope] | None, caller: Caller, place: str
+    ) -> None:
+        """Ask for an operation at a place. A browser has no `scopes` (None)."""
         row = table()[name]
-        opens = how == "browser" or not row.scopes or any(scope in scopes for scope in row.scopes)
-        expected = row.ends[PLACES.index(place)].split()[self._number] if opens else "scope_missing"
-        if expected.isdigit() and how != "browser" and not set(row.also) <= set(scopes):
+        expected = row.ends[PLACES.index(place)].split()[PEOPLE.index(who)]
+        opens = scopes is None or not row.scopes or any(scope in scopes for scope in row.scopes)
+        needs_more = expected.isdigit() and scopes is not None and not set(row.also) <= set(scopes)
+        if not opens or needs_more:
             expected = "scope_missing"
-        found = self._door(name, caller, self._lab.objects[self._who, place])
+        found = self._door(name, caller, self._lab.objects[who, place])
         if found != expected:
-            self.wrong.append(f"{name} ({how}) in {place}: {found}, not {expected}")
+            self.wrong.append(f"{name} by {who} ({scopes}) in {place}: {found}, not {expected}")
 
 
 @pytest.fixture
-def check(who: str, lab: Lab, monkeypatch: pytest.MonkeyPatch) -> Iterator[Check]:
-    """The check of this person, whose test fails at its end if a result was wrong."""
+def check(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> Iterator[Check]:
+    """The check of a test, which fails at its end if a result was wrong."""
     monkeypatch.setattr(refusals, "record_soon", lambda _refused: None)
     monkeypatch.setattr(emergency_stop, "press_once", stopped)
-    check = Check(who, lab)
+    check = Check(lab)
     yield check
     assert not check.wrong, f"{len(check.wrong)}:\n" + "\n".join(check.wrong)
 
 
 @pytest.mark.django_db
 @pytest.mark.filterwarnings("ignore:StreamingHttpResponse must consume:Warning")
-@pytest.mark.parametrize("who", PEOPLE)
-def test_role_operation_and_place_decide(who: str, lab: Lab, check: Check) -> None:
-    person = lab.people[who]
-    found = {place: role for place, robot in lab.robots.items() if (role := role_on(person, robot))}
-    assert found == ROLES[who]
-    [(how, scopes, caller)] = [one for one in sign_ins(person) if one[0] == "all"]
+def test_role_operation_and_place_decide(lab: Lab, check: Check) -> None:
+    """Where all places have the same results, each person tries one place, in turn."""
+    every = tuple(Scope)
+    for number, who in enumerate(PEOPLE):
+        person = lab.people[who]
+        found = {place: role for place, robot in lab.robots.items() if (role := role_on(person, robot))}
+        assert found == ROLES[who]
+        caller = program(person, every)
+        for turn, (name, row) in enumerate(table().items(), number):
+            for place in PLACES if len(set(row.ends)) > 1 else [PLACES[turn % len(PLACES)]]:
+                check(who, name, every, caller, place)
     for name in table():
-        for place in PLACES:
-            check(name, how, scopes, caller, place)
+        check.nobody(name)
 
 
 @pytest.mark.django_db
 @pytest.mark.filterwarnings("ignore:StreamingHttpResponse must consume:Warning")
 @pytest.mark.parametrize("who", PEOPLE)
 def test_scope_and_operation_decide(who: str, lab: Lab, check: Check) -> None:
-    """Every single scope, none, and a browser: each operation at one place in turn."""
-    for turn, (how, scopes, caller) in enumerate(sign_ins(lab.people[who]), PEOPLE.index(who)):
-        for step, name in enumerate(table()):
-            if how != "all":
-                check(name, how, scopes, caller, PLACES[(turn + step) % len(PLACES)])
+    """Each scope of an operation opens it alone, all others together do not, and a browser needs none."""
+    in_browser, programs = browser(lab.people[who]), dict[tuple[Scope, ...], Caller]()
+    for turn, (name, row) in enumerate(table().items(), PEOPLE.index(who)):
+        place = PLACES[turn % len(PLACES)]
+        others = tuple(scope for scope in Scope if scope not in row.scopes)
+        for scopes in [*((scope,) for scope in row.scopes), others if row.scopes else ()]:
+            if scopes not in programs:
+                programs[scopes] = program(lab.people[who], scopes)
+            check(who, name, scopes, programs[scopes], place)
+        check(who, name, None, in_browser, place)

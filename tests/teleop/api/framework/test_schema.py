@@ -80,7 +80,7 @@ def tokens(person: User) -> list[dict[str, str]]:
 @cache
 def described() -> tuple[BaseSchema, list[tuple[Any, Any]]]:
     """Return the schema, and each operation with its generator of requests: made once for all people."""
-    schema = schemathesis.openapi.from_dict(json.loads(openapi()))
+    schema = schemathesis.openapi.from_dict(json.loads(OPENAPI.read_text()))
     schema.app = get_wsgi_application()
     found = [operation.ok() for operation in schema.get_all_operations()]
     return schema, [(operation, operation.as_strategy()) for operation in found]
@@ -183,7 +183,7 @@ def test_every_answer_keeps_to_the_schema(
 
 
 def test_times_and_keys_of_answers_have_their_formats() -> None:
-    schemas = json.loads(openapi())["components"]["schemas"]
+    schemas = json.loads(OPENAPI.read_text())["components"]["schemas"]
     plain = {
         (name, field)
         for name, schema in schemas.items()
