@@ -58,9 +58,9 @@ _LINK_STOP_S = 0.3  # if a stop has no answer after this time, the link may be d
 _NAMES, _NAME_LENGTH = 20, 40
 _SUBSCRIPTIONS_PACE_S = 0.1  # changes of subscriptions within this time are sent as one
 _LATENESS_CHECK_S = 0.1  # how often the loop's lateness is measured
-_WAITING_PACE_S = 0.5  # between two searches for pending stops
+WAITING_PACE_S = 0.5  # between two searches for pending stops
 _DISK_S = 0.5  # time limit for reading pending stops, so that a slow disk does not delay the link
-_LINGER_S = 10.0  # a link without listeners stays open for this time, for a page that is reloaded
+LINGER_S = 10.0  # a link without listeners stays open for this time, for a page that is reloaded
 
 OTHER_PROTOCOL = Refusal(
     "protocol",
@@ -336,8 +336,8 @@ class BridgeLink:
                 await task
 
     def _start_linger(self) -> asyncio.TimerHandle:
-        """Close the link after `_LINGER_S`, unless a listener comes first."""
-        return asyncio.get_running_loop().call_later(_LINGER_S, self._end)
+        """Close the link after `LINGER_S`, unless a listener comes first."""
+        return asyncio.get_running_loop().call_later(LINGER_S, self._end)
 
     def _schedule_lateness_check(self) -> asyncio.TimerHandle:
         due_s = time.monotonic() + _LATENESS_CHECK_S
@@ -412,7 +412,7 @@ class BridgeLink:
     async def _keep_delivering(self) -> None:
         """Deliver pending stops over this link too: a frozen bridge reads them as soon as it continues."""
         while True:
-            await asyncio.sleep(_WAITING_PACE_S)
+            await asyncio.sleep(WAITING_PACE_S)
             try:
                 waiting = (await self._waiting_stops())[-1:]
                 self._report_pending(waiting[0].on_wire() if waiting else None)

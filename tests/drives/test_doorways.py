@@ -28,9 +28,9 @@ class Drifting(World):
         self.bend = random.uniform(-DRIFT_RAD_PER_M, DRIFT_RAD_PER_M)
         self.reported = self.pose
 
-    def _move(self):
+    def move(self):
         before, there = self.pose, self.reported
-        super()._move()
+        super().move()
         way_m = self.way * math.hypot(self.pose.x - before.x, self.pose.y - before.y)
         turned = self.turn * wrapped(self.pose.yaw - before.yaw) + self.bend * way_m
         heading = there.yaw + turned / 2.0

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.obstacles.point_memory import Memory
 from robots.bridge.gate.timing.trail import between
 from robots.bridge.gate.values import LaserScan
 from robots.shared.configuration.gate_profile import GateProfile, Limits, Parameters
@@ -67,22 +68,37 @@ class Feeder:
         self.sonar_m = math.inf
         self.pose = Pose(0.0, 0.0, 0.0)
         self.velocity = Velocity(0.0, 0.0, 0.0)
-        self._previous: tuple[float, Pose] | None = None  # previous time and pose
+        self.previous: tuple[float, Pose] | None = None  # previous time and pose
 
     @property
     def stamp_s(self) -> float:
         return self.now_s + self.clock_offset_s
 
+    @property
+    def laser_memory(self) -> Memory:
+        """The gate's memory of its laser's points, also of those that it hides at present."""
+        return self.gate._memories[LASER]._memory
+
+    @property
+    def sonar_places(self) -> int:
+        """Number of places that the gate remembers from its sonars."""
+        return len(self.gate._echoes.all_places())
+
+    @property
+    def resets(self) -> int:
+        """How often the gate began another frame of odometry."""
+        return self.gate._trail.resets
+
     def odometry(self) -> None:
         """Feed odometry up to now, ten times a second: after a gap, places are uncertain."""
-        began_s, pose = self._previous or (self.now_s, self.pose)
+        began_s, pose = self.previous or (self.now_s, self.pose)
         steps = max(math.ceil((self.now_s - began_s) / 0.1 - 1e-6), 1)
         for step in range(1, steps + 1):
             share = step / steps
             now_s = self.now_s - (1.0 - share) * (self.now_s - began_s)
             here = between(pose, self.pose, share)
             self.gate.observe_odometry(now_s + self.clock_offset_s, now_s, here, self.velocity)
-        self._previous = self.now_s, self.pose
+        self.previous = self.now_s, self.pose
 
     def scan(self, **changes) -> None:
         facts = {

@@ -107,15 +107,15 @@ class World:
         """Hold the stick; `asked` is a velocity or a function of the world. Returns the last verdict."""
         verdict = None
         for _ in range(round(seconds / STEP_S)):
-            self._sense()
+            self.sense()
             if self.steps % TICK_STEPS == 0:
                 stick = asked(self) if callable(asked) else asked
                 verdict = self.gate.decide(stick, self.sent, self.now_s)
                 self.sent = verdict.velocity
-            self._move()
+            self.move()
         return verdict
 
-    def _sense(self):
+    def sense(self):
         stamp_s = self.now_s + 1.7e9
         if self.steps % ODOMETRY_STEPS == 0:
             self.gate.observe_odometry(stamp_s, self.now_s, self.odometry, self.velocity)
@@ -124,7 +124,7 @@ class World:
         if self.steps % SONAR_STEPS == 0:
             for name, mount in self.profile.sonar_poses.items():
                 cone = np.linspace(-self.sonar_cone / 2, self.sonar_cone / 2, 21)
-                nearest = float(self._rays(mount, cone).min())
+                nearest = float(self.rays(mount, cone).min())
                 if nearest < 1.0:
                     self.heard.add(name)
                 if self.lost_echoes and self.random.random() < self.lost_echoes:
@@ -136,13 +136,13 @@ class World:
     def _scan(self, stamp_s):
         increment = 2 * self.half_view / (self.beams - 1)
         angles = -self.half_view + increment * np.arange(self.beams)
-        ranges = self._rays(self.profile.scan_poses[LASER], angles)
+        ranges = self.rays(self.profile.scan_poses[LASER], angles)
         ranges += self.random.normal(0.0, self.noise_m, len(ranges))
         ranges[self.random.random(len(ranges)) < 0.01] = math.nan
         scan = LaserScan(LASER, stamp_s, self.now_s, ranges, -self.half_view, increment, 0.05, 25.0)
         self.gate.observe_scan(scan)
 
-    def _rays(self, mount, angles):
+    def rays(self, mount, angles):
         """Distance to the nearest segment along each ray from a sensor on the robot."""
         pose, ends, before, ranges = self._measured.get(mount, (None, None, None, None))
         if pose != self.pose or ends is not self.ends or not np.array_equal(before, angles):
@@ -164,7 +164,7 @@ class World:
         hit = (far > 0) & (at >= 0) & (at <= 1)
         return np.where(hit, far, math.inf).min(axis=1)
 
-    def _move(self):
+    def move(self):
         self.queue.append(self.sent)
         wanted, limits = self.queue.popleft(), self.profile.limits
         linear, angular = limits.linear_mps2 * STEP_S, limits.angular_radps2 * STEP_S

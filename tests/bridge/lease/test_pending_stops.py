@@ -51,7 +51,9 @@ class Bridge:
         self.bench = Bench().online()
         self.heard: list[wire.LinkRequest] = []
         self.frozen = False
-        self.server = LinkServer(address, self.opened, self.received, lambda _link: None)
+        self.server = LinkServer(
+            address, self.opened, lambda link, raw: self.received(link, raw), lambda _link: None
+        )
 
     def opened(self, link: Link) -> None:
         link.report(self.bench.core.hello())
@@ -194,7 +196,7 @@ async def test_pending_stop_does_not_stop_again_after_a_clear(
 async def test_a_press_after_the_click_on_clear_stays_pending(
     address: LinkAddress, bridge: Bridge, run_dir: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("robots.link.client._WAITING_PACE_S", 60.0)  # no delivery before the clear
+    monkeypatch.setattr("robots.link.client.WAITING_PACE_S", 60.0)  # no delivery before the clear
     await bridge.server.start()
     stops = PendingStops(run_dir)
     async with open_link(address, stops) as link:
@@ -280,7 +282,7 @@ async def test_a_stop_that_the_bridge_refuses_waits_no_more(
         link.report(wire.Refused("link_stop", wire.Refusal("other_robot", "Another one’s.", "robot")))
 
     pending = await press_in_other_process(address)
-    monkeypatch.setattr(bridge.server, "_on_message", refuse)
+    monkeypatch.setattr(bridge, "received", refuse)
     await bridge.server.start()
     refused = await asyncio.wait_for(asyncio.wrap_future(pending.outcome), PATIENCE_S)
     assert isinstance(refused, wire.Refusal) and refused.code == "other_robot"

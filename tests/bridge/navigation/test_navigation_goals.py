@@ -360,19 +360,19 @@ def test_the_head_is_sent_ahead_again_and_again_during_a_drive(bench):
 
 
 def test_a_goal_waits_until_the_depth_camera_looks_ahead(bench):
-    bench.core._gate.looks = False
+    bench.gate.looks = False
     answers = bench.ask(GO)
     bench.recorded()
     passed(bench, 1.0)
     assert not answers and not bench.base.goals
     assert [(aim.pan, aim.tilt) for aim in bench.base.aims] == [(0.0, -0.68)]
-    bench.core._gate.looks = True
+    bench.gate.looks = True
     passed(bench, 0.1)
     assert answers == [None] and len(bench.base.goals) == 1
 
 
 def test_a_goal_is_refused_if_the_depth_camera_never_looks_ahead(bench):
-    bench.core._gate.looks = False
+    bench.gate.looks = False
     answers = bench.ask(GO)
     bench.recorded()
     passed(bench, LOOKS_S + 0.5)
@@ -380,7 +380,7 @@ def test_a_goal_is_refused_if_the_depth_camera_never_looks_ahead(bench):
 
 
 def test_the_head_does_not_move_for_a_drive_that_is_not_on_record(bench):
-    bench.core._gate.looks = False
+    bench.gate.looks = False
     bench.sink.fails = "the database is away"
     answers = bench.ask(GO)
     bench.recorded()
@@ -390,9 +390,9 @@ def test_the_head_does_not_move_for_a_drive_that_is_not_on_record(bench):
 
 def test_the_watch_ends_a_drive_where_nothing_looks(bench):
     gone(bench)
-    bench.core._gate.looks = False
+    bench.gate.looks = False
     text = "at most 0.3 m/s: the depth camera looks away from the way ahead"
-    bench.core._gate.unwatched = lambda now_s: SpeedLimit("head_away", text, 0.3)
+    bench.gate.unwatched = lambda now_s: SpeedLimit("head_away", text, 0.3)
     for _ in range(12):
         passed(bench, 0.2)
         bench.odometry(Velocity(0.5, 0.0, 0.0))

@@ -47,7 +47,12 @@ class Bridge:
         self.bench = Bench().online()
         self.heard: list[wire.LinkRequest] = []
         self.drives: list[wire.Drive] = []
-        self.server = LinkServer(address, self.opened, self.received, self.closed)
+        self.server = LinkServer(
+            address,
+            lambda link: self.opened(link),  # at the time of the call: a test may replace it
+            lambda link, raw: self.received(link, raw),
+            self.closed,
+        )
         self.lost = asyncio.Event()
         self.silent = False
         self.greets = True
@@ -308,7 +313,8 @@ async def test_the_stop_command_needs_no_event_loop(bridge, address):
 
 async def test_stop_command_accepts_all_reports_of_the_robot(bridge, address, monkeypatch):
     offers = wire.Offers([wire.MotionOffer("long", "Long", description="x" * 3_000_000)])
-    monkeypatch.setattr(bridge.server, "_on_open", lambda link: (bridge.opened(link), link.report(offers)))
+    greet = bridge.opened
+    monkeypatch.setattr(bridge, "opened", lambda link: (greet(link), link.report(offers)))
     stopped = await asyncio.to_thread(stop_once, ROBOT, address, "the command line")
     assert stopped.stop.state == "stopping"
 
@@ -391,7 +397,7 @@ async def test_a_link_that_is_ended_closes_after_its_last_word(link, bridge):
 
 
 async def test_a_link_without_followers_is_closed(bridge, address, monkeypatch):
-    monkeypatch.setattr(robots.link.client, "_LINGER_S", 0.05)
+    monkeypatch.setattr(robots.link.client, "LINGER_S", 0.05)
     links, follower = Links(), Follower()
     link = links.get(ROBOT, address)
     link.subscribe(follower)
@@ -446,7 +452,7 @@ async def test_a_stop_command_that_the_bridge_refuses_says_why(bridge, address, 
         if b"link_stop" in raw:
             link.report(wire.Refused("link", wire.Refusal("invalid", "It does not fit.", "wire")))
 
-    monkeypatch.setattr(bridge.server, "_on_message", refuse)
+    monkeypatch.setattr(bridge, "received", refuse)
     with pytest.raises(LinkRefused, match="does not fit"):
         await asyncio.to_thread(stop_once, ROBOT, address, "the command line")
 
@@ -517,8 +523,8 @@ class TestWhoseBridge:
 
     async def test_before_the_bridges_hello_only_a_stop_is_sent(self, bridge, address, monkeypatch):
         bridge.greets = False
-        connected = asyncio.Event()
-        monkeypatch.setattr(bridge.server, "_on_open", lambda _link: connected.set())
+        connected, greet = asyncio.Event(), bridge.opened
+        monkeypatch.setattr(bridge, "opened", lambda _link: connected.set())
         link = BridgeLink(ROBOT, address)
         link.set_viewers(follower := Follower(), ["Ann"])
         link.set_subscriptions(follower, {"/odom": 5.0})
@@ -527,7 +533,7 @@ class TestWhoseBridge:
             await link.grant(grant(2))
         assert (await link.stop(wire.LinkStop("Ann"))).stop.by == "Ann"
         assert {type(message) for message in bridge.heard} == {wire.LinkHello, wire.LinkStop}
-        bridge.opened(remote := next(iter(bridge.server.links)))
+        greet(remote := next(iter(bridge.server.links)))
         remote.report(wire.Status(bridge.bench.core.state(bridge.bench.now_s, [])))
         link.subscribe(follower)
         await follower.until("up")
@@ -544,7 +550,7 @@ class TestWhoseBridge:
             link._reports.extend(map(msgspec.json.encode, (hello, offers)))
             link._news.set()
 
-        monkeypatch.setattr(bridge.server, "_on_open", opened)
+        monkeypatch.setattr(bridge, "opened", opened)
         await asyncio.to_thread(stop_once, ROBOT, address, "the command line")
         assert bridge.bench.core.stop_state.state == "stopping"
 

@@ -17,6 +17,7 @@ from robots.bridge.topics.inspector_client import MAX_QUERIES, InspectorClient
 from robots.shared import wire
 from tests.bridge.support import CONFIG
 
+Spawned = list[asyncio.subprocess.Process]
 PATIENCE_S = 20.0
 KILLED = (-signal.SIGKILL, 255)  # 255: asyncio read the status before its child watcher
 ORDER = wire.Publish(1, "/notes", "std_msgs/String", {"data": "hello"})
@@ -95,6 +96,20 @@ def question(seq: int, name: str = "/a") -> wire.LinkQuery:
 
 
 @pytest.fixture
+def spawned(monkeypatch) -> Spawned:
+    """The inspector's processes so far."""
+    processes: Spawned = []
+    spawn = asyncio.create_subprocess_exec
+
+    async def spawn_and_note(*command: str, **options: Any) -> asyncio.subprocess.Process:
+        processes.append(await spawn(*command, **options))
+        return processes[-1]
+
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", spawn_and_note)
+    return processes
+
+
+@pytest.fixture
 async def make() -> AsyncIterator[Callable[..., InspectorClient]]:
     made = []
 
@@ -114,14 +129,12 @@ def relay(make) -> InspectorClient:
     return built
 
 
-async def started(relay: InspectorClient) -> tuple[Viewer, asyncio.subprocess.Process]:
+async def started(relay: InspectorClient, spawned: Spawned) -> tuple[Viewer, asyncio.subprocess.Process]:
     """Subscribe to a topic; return the viewer and the inspector's process."""
     ann = Viewer()
     relay.set_subscriptions(ann, {"/x": 1.0})
     await ann.until(lambda: ann.seen)
-    process = relay._child._process
-    assert process is not None
-    return ann, process
+    return ann, spawned[-1]
 
 
 async def test_answer_goes_to_its_requester_with_its_number(relay):
@@ -161,15 +174,14 @@ async def test_more_topics_than_one_robot_shows_are_refused_in_words(relay):
     assert ben.seen["/one_more"]["refusal"]["code"] == "too_many_subscriptions"
     await ann.until(lambda: len(ann.seen) == wire.MOST_SUBSCRIPTIONS)
     assert ben.seen["/t0"] == {"rate": 1.0}
-    assert "/one_more" not in relay._wanted()
 
 
-async def test_inspector_runs_only_while_needed_and_shortly_after(make):
-    relay = make(linger_s=0.05)
-    assert relay._child._process is None
-    ann, process = await started(relay)
-    relay._end_if_idle()  # as the timer does; the topic is still subscribed
-    assert relay._child._process is process and not relay._child._end_asked
+async def test_inspector_runs_only_while_needed_and_shortly_after(make, spawned):
+    relay = make(linger_s=0.0)
+    assert spawned == []
+    ann, process = await started(relay, spawned)
+    relay.ask(ann, question(1))  # after the lingering, while the topic is still subscribed
+    assert (await ann.answer(1)).value[0] == process.pid
     relay.set_subscriptions(ann, {})
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) == 0
     relay.set_subscriptions(ann, {"/y": 1.0})  # subscribe again
@@ -245,9 +257,9 @@ async def test_fields_are_checked_before_anything_is_published(relay):
     assert refusal.code == "bad_field"
 
 
-async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypatch):
+async def test_a_process_that_does_not_stop_publishing_is_killed(relay, spawned, monkeypatch):
     monkeypatch.setattr(inspector_client, "HALT_S", 0.05)
-    ann, process = await started(relay)
+    ann, process = await started(relay, spawned)
     relay.publish(msgspec.structs.replace(AT_A_RATE, topic="/notes"))
     relay.publish_stop("/notes")
     relay.ask(ann, question(1))
@@ -258,9 +270,9 @@ async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypa
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) in KILLED
 
 
-async def test_a_process_that_reads_nothing_is_killed(relay, monkeypatch):
+async def test_a_process_that_reads_nothing_is_killed(relay, spawned, monkeypatch):
     monkeypatch.setattr(line_process, "LARGEST_BACKLOG", 10_000)
-    ann, process = await started(relay)
+    ann, process = await started(relay, spawned)
     relay.ask(ann, question(1, "/doze"))
     assert relay.publish(ORDER)
     for _ in range(10):  # more than a pipe's buffer
@@ -277,19 +289,20 @@ async def test_every_query_is_refused_if_the_program_cannot_start(make, monkeypa
     assert (await ann.answer(1)).refusal.code == "inspector_silent"
 
 
-async def test_with_the_bridge_its_inspector_ends(make):
+async def test_with_the_bridge_its_inspector_ends(make, spawned):
     relay = make()
-    _, process = await started(relay)
+    _, process = await started(relay, spawned)
     await relay.close()
     assert process.returncode == 0
 
 
-async def test_inspector_in_its_start_ends_with_the_bridge(make):
+async def test_inspector_in_its_start_ends_with_the_bridge(make, spawned):
     relay = make()
     relay.ask(Viewer(), question(1, "/doze"))
     await asyncio.sleep(0)  # the start of the process begins
-    assert relay._child._running is not None and relay._child._process is None
+    assert spawned == []
     await asyncio.wait_for(relay.close(), PATIENCE_S)
+    assert [process.returncode is None for process in spawned] == [False]
 
 
 @pytest.mark.parametrize("rate_hz", [1e-300, 0.05, 0.0, 11.0])

@@ -16,9 +16,17 @@ from robots.bridge.topics import inspector_client, line_process
 from robots.bridge.topics.inspector_messages import InspectorQuery, TooLate
 from robots.shared import wire
 from tests.bridge.tasks.test_publishing import bench, note, settled
-from tests.bridge.topics.test_inspector_client import AT_A_RATE, ORDER, PATIENCE_S, Viewer, make, question
+from tests.bridge.topics.test_inspector_client import (
+    AT_A_RATE,
+    ORDER,
+    PATIENCE_S,
+    Viewer,
+    make,
+    question,
+    spawned,
+)
 
-__all__ = ["bench", "make"]  # fixtures
+__all__ = ["bench", "make", "spawned"]  # fixtures
 
 # An inspector that reports each line it receives, answers queries for names, and may confirm halts.
 PROGRAM = textwrap.dedent("""
@@ -62,13 +70,17 @@ class Ear(Viewer):
         return next(line for line in self.heard if line["t"] == kind)
 
 
+def program(begin="", end="", confirms=True):
+    return sys.executable, "-c", PROGRAM.format(begin=begin, end=end, confirms=confirms)
+
+
 @pytest.fixture
 async def listen(make):
     """`listen(begin, end)`: a client and a viewer; the inspector runs these lines at its begin and end."""
 
     async def started(begin="", end="", confirms=True, **changes):
-        program = PROGRAM.format(begin=begin, end=end, confirms=confirms)
-        relay, ear = make(command=(sys.executable, "-c", program), **changes), Ear()
+        command = program(begin, end, confirms)
+        relay, ear = make(**({"command": command} | changes)), Ear()
         relay.set_subscriptions(ear, {"/heard": 10.0})
         return relay, ear
 
@@ -101,11 +113,11 @@ async def test_halt_after_a_single_message_is_sent_exactly_once(talk):
     assert ear.heard[2]["topic"] is None
 
 
-async def test_an_inspector_that_does_not_confirm_a_halt_is_killed(listen, monkeypatch):
+async def test_an_inspector_that_does_not_confirm_a_halt_is_killed(listen, spawned, monkeypatch):
     monkeypatch.setattr(inspector_client, "HALT_S", 0.05)
     relay, ear = await listen(confirms=False)
     await ear.hears("subscribed")
-    process = relay._child._process
+    [process] = spawned
     relay.publish(ORDER)
     relay.halt()
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) == -9
@@ -165,14 +177,14 @@ def test_keep_alive_is_sent_each_tick_while_publishing_at_rate(bench):
 async def test_timed_out_request_is_not_sent_to_a_later_process(listen, monkeypatch):
     monkeypatch.setattr(inspector_client, "START_S", 0.05)
     monkeypatch.setattr(line_process, "RESTART_S", (0.2, 0.2))
-    relay, ear = await listen()
-    relay._child._command, command = ("/nowhere/inspector",), relay._child._command
+    command = ["/nowhere/inspector"]
+    relay, ear = await listen(command=command)
     relay.ask(ear, wire.LinkQuery(1, CALL))
     refusal = (await ear.answer(1)).refusal
     assert refusal.code == "inspector_silent"
     assert refusal.text.endswith("ask again.")
     monkeypatch.setattr(inspector_client, "START_S", PATIENCE_S)
-    relay._child._command = command
+    command[:] = program()
     relay.ask(ear, question(2))
     await ear.answer(2)
     assert [line["ask"]["t"] for line in ear.heard if line["t"] == "inspect"] == ["parameter"]
@@ -202,17 +214,17 @@ async def test_query_carries_its_time_limit(talk, monkeypatch):
 # --- end of the inspector -------------------------------------------------------------------------
 
 
-async def test_query_to_an_ending_inspector_goes_to_the_next(listen, monkeypatch, tmp_path):
+async def test_query_to_an_ending_inspector_goes_to_the_next(listen, spawned, monkeypatch, tmp_path):
     monkeypatch.setattr(line_process, "RESTART_S", (600.0, 600.0))
     monkeypatch.setattr(line_process, "END_S", PATIENCE_S)
     monkeypatch.setattr(inspector_client, "ANSWER_S", 0.0)  # too short for an answer of the ending process
     may_end = tmp_path / "may end"
     os.mkfifo(may_end)
-    relay, ear = await listen(end=f"open({str(may_end)!r}).read()")
+    relay, ear = await listen(end=f"open({str(may_end)!r}).read()", linger_s=0.0)
     await ear.hears("subscribed")
-    process = relay._child._process
+    [process] = spawned
     relay.set_subscriptions(ear, {})
-    relay._child.close_input()
+    await asyncio.sleep(0.01)  # it lingers for no time: now its input is closed
     assert process.returncode is None
     relay.ask(ear, question(1))
     await asyncio.to_thread(may_end.write_bytes, b"")
@@ -223,14 +235,19 @@ async def test_query_to_an_ending_inspector_goes_to_the_next(listen, monkeypatch
 
 
 async def test_pauses_before_restarts_grow_from_the_shortest(monkeypatch):
-    pauses = []
+    pauses, over = [], asyncio.Event()
 
     async def pause(ended, seconds):
         ended.close()
         pauses.append(seconds)
+        if len(pauses) == 3:
+            over.set()
 
     monkeypatch.setattr(line_process, "RESTART_S", (0.1, 60.0))
     monkeypatch.setattr(line_process.asyncio, "wait_for", pause)
     owner = SimpleNamespace(needed=lambda: len(pauses) < 3)
-    await line_process.LineProcess(("/nowhere/inspector",), b"", owner)._run()
+    child = line_process.LineProcess(("/nowhere/inspector",), b"", owner)
+    child.need()
+    await over.wait()
+    await child.close()
     assert pauses == [0.1, 0.2, 0.4]

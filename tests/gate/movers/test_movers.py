@@ -56,7 +56,7 @@ class Scene:
     def scan(self, somebody=(), frame=0):
         world, random = self.world, self.world.random
         world.ends = np.array([*self.furniture, *somebody], dtype=float).reshape(-1, 2, 2)
-        ranges = world._rays(SENSOR, -HALF_VIEW + INCREMENT * np.arange(BEAMS))
+        ranges = world.rays(SENSOR, -HALF_VIEW + INCREMENT * np.arange(BEAMS))
         ranges += random.normal(0.0, self.noise_m, BEAMS)
         ranges[random.random(BEAMS) < self.drop_out] = math.nan
         sweep = Sweep(ranges, -HALF_VIEW, INCREMENT, 0.05, 25.0)
@@ -258,10 +258,10 @@ class Crossing(World):
         self.start, self.walk = start, velocity
         self.touched_at_mps = None
 
-    def _sense(self):
+    def sense(self):
         x, y = (self.start[axis] + self.walk[axis] * (self.now_s - 50.0) for axis in (0, 1))
         self.ends = np.array([*ROOM, *person(x, y)], dtype=float).reshape(-1, 2, 2)
-        super()._sense()
+        super().sense()
         near = math.hypot(x - self.pose.x, y - self.pose.y) < 0.15 + self.profile.radius_m
         if near and self.touched_at_mps is None:
             self.touched_at_mps = abs(self.velocity.vx)

@@ -54,6 +54,11 @@ def pulls_again(robot: Looker) -> bool:
     return may_reverse(robot)
 
 
+def forbidden(robot: Looker, pose: Pose, velocity: Velocity = BACK) -> bool:
+    """Return whether the rule would forbid this velocity at this pose, where the robot is not."""
+    return robot.gate._behind.forbids(velocity, pose, robot.now_s)
+
+
 def test_a_parked_robot_may_not_reverse(robot):
     assert not may_reverse(robot)
     assert not may_reverse(robot, w=0.5)  # also not on, while the stick stays there
@@ -124,7 +129,7 @@ def test_after_a_gap_with_motion_nothing_is_known_behind(robot):
     robot.stand(0.1, looks=False)
     robot.now_s += 0.4
     robot.gate.observe_odometry(robot.stamp_s, robot.now_s, robot.pose, robot.velocity)
-    robot._previous = robot.now_s, robot.pose
+    robot.previous = robot.now_s, robot.pose
     assert not may_reverse(robot)
 
 
@@ -139,8 +144,8 @@ def test_a_turn_shows_only_heights_in_the_picture(robot, tilt, sees):
 def test_a_head_that_looks_down_sees_no_table_farther_away(robot):
     robot.to_base = camera(-1.0)
     goes(robot, 0.0, math.pi)
-    assert not robot.gate._behind.forbids(BACK, robot.pose, robot.now_s)
-    assert robot.gate._behind.forbids(BACK, Pose(-0.7, 0.0, 0.0), robot.now_s)
+    assert not forbidden(robot, robot.pose)
+    assert forbidden(robot, Pose(-0.7, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("is_black", [False, True])
@@ -161,15 +166,15 @@ def test_behind_an_obstacle_nothing_was_seen():
     robot.to_base = camera(LOOK_AHEAD)
     robot.stand(1.0)
     # The robot looks away from the obstacle, before it and behind it.
-    assert not robot.gate._behind.forbids(BACK, Pose(0.6, 0.0, math.pi), robot.now_s)
-    assert robot.gate._behind.forbids(BACK, Pose(1.3, 0.0, math.pi), robot.now_s)
+    assert not forbidden(robot, Pose(0.6, 0.0, math.pi))
+    assert forbidden(robot, Pose(1.3, 0.0, math.pi))
 
 
 def test_a_fast_robot_needs_a_longer_known_way(robot):
     robot.stand(0.3)
     away = Pose(1.0, 0.0, math.pi)  # 1 m of seen floor behind it
-    assert not robot.gate._behind.forbids(BACK, away, robot.now_s)
-    assert robot.gate._behind.forbids(Velocity(-1.0, 0.0, 0.0), away, robot.now_s)
+    assert not forbidden(robot, away)
+    assert forbidden(robot, away, Velocity(-1.0, 0.0, 0.0))
 
 
 def test_what_was_seen_grows_old(robot):

@@ -95,7 +95,7 @@ def silence(feeder: Feeder, gap_s: float, moves: Velocity = STILL) -> None:
         feeder.scan()
         feeder.gate.decide(moves, moves, feeder.now_s)
     feeder.gate.observe_odometry(feeder.stamp_s, feeder.now_s, feeder.pose, moves)
-    feeder._previous = feeder.now_s, feeder.pose
+    feeder.previous = feeder.now_s, feeder.pose
     feeder.now_s += 0.02
     feeder.all()
 
@@ -119,7 +119,7 @@ def test_memory_comes_nearer_by_the_possible_motion(haunted, moves, grown_m):
 
 
 def test_what_is_seen_again_is_certain_again(haunted):
-    before = haunted.gate._memories[LASER]._memory
+    before = haunted.laser_memory
     silence(haunted, 0.4, Velocity(0.2, 0.0, 0.0))
     assert before.doubts_m().min() > 0.08
     haunted.velocity = STILL
@@ -138,18 +138,18 @@ class Interrupted(World):
     loses = False
     lost = Pose(0.0, 0.0, 0.0)
 
-    def _sense(self):
+    def sense(self):
         observe, gate = self.gate.observe_odometry, self.gate
         if self.silent:
             gate.observe_odometry = lambda *_: None
         try:
-            super()._sense()
+            super().sense()
         finally:
             gate.observe_odometry = observe
 
-    def _move(self):
+    def move(self):
         before = self.pose
-        super()._move()
+        super().move()
         if self.silent and self.loses:
             self.lost = Pose(
                 self.lost.x + self.pose.x - before.x,
@@ -189,18 +189,18 @@ def test_sonars_clear_nothing_while_odometry_is_silent():
     for _ in range(8):
         gate.now_s += 0.1
         gate.all()
-    known = len(gate.gate._echoes.all_places())
+    known = gate.sonar_places
     gate.sonar_m = math.inf
     gate.now_s += 0.25
     for _ in range(20):
         gate.now_s += 0.1
         gate.sonars()
-    assert len(gate.gate._echoes.all_places()) == known
+    assert gate.sonar_places == known
     for _ in range(8):  # the odometry shows that it stood
         gate.now_s += 0.1
         gate.gate.observe_odometry(gate.stamp_s, gate.now_s, gate.pose, STILL)
         gate.sonars()
-    assert len(gate.gate._echoes.all_places()) < known
+    assert gate.sonar_places < known
 
 
 def test_a_free_place_frees_nothing_at_the_edge_of_the_view():
@@ -220,10 +220,10 @@ def test_a_free_place_frees_nothing_at_the_edge_of_the_view():
         feeder.pose = Pose(0.0, 0.0, 0.01 * step)
         feeder.odometry()
     feeder.now_s += 0.3
-    feeder._previous = None
+    feeder.previous = None
     feeder.velocity = STILL
     heard(math.inf, 20)
-    assert len(feeder.gate._echoes.all_places()) > 0, "it may have turned by 0.4 rad: most of its cone"
+    assert feeder.sonar_places > 0, "it may have turned by 0.4 rad: most of its cone"
 
 
 def set_back(by_s):
@@ -266,11 +266,11 @@ def listen(feeder, period_s, errors_s, moves=STILL):
 def test_stamps_that_go_back_a_little_forget_nothing(haunted, period_s, errors_s, moves):
     haunted.pose = Pose(0.0, 0.0, 0.0)
     listen(haunted, period_s, [0.0] * 5)
-    memory = haunted.gate._memories[LASER]._memory
-    kept = len(memory._cells)
+    memory = haunted.laser_memory
+    kept = len(memory.points(haunted.now_s))
     listen(haunted, period_s, errors_s, moves)
-    assert haunted.gate.forgotten is None and haunted.gate._trail.resets == 0
-    assert len(memory._cells) == kept > 10
+    assert haunted.gate.forgotten is None and haunted.resets == 0
+    assert len(memory.points(haunted.now_s)) == kept > 10
     haunted.decide()
     assert haunted.decide(0.1).code == "free"
 
@@ -289,7 +289,7 @@ def test_stamps_older_than_all_poses_are_another_frame(tiago):
         tiago.sonars()
         listen(tiago, 0.02, [0.0])
     listen(tiago, 0.02, [-0.9] * 3)
-    assert tiago.gate._trail.resets == 1
+    assert tiago.resets == 1
 
 
 ROOM = [*wall(6, -3, 6, 3), *wall(-2, 3, 6, 3), *wall(-2, -3, 6, -3), *wall(-2, -3, -2, 3)]

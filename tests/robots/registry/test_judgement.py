@@ -241,7 +241,7 @@ def test_a_full_disk_is_an_answer_too(robot: Robot) -> None:
 
 def test_a_probe_that_hangs_is_given_up(robot: Robot) -> None:
     hanging = mock.patch(
-        "robots.check.robot_check._probe",
+        "robots.check.robot_check.subprocess.run",
         autospec=True,
         side_effect=subprocess.TimeoutExpired("probe", 20),
     )
@@ -252,7 +252,8 @@ def test_a_probe_that_hangs_is_given_up(robot: Robot) -> None:
 
 def test_a_bridge_on_another_computer_asks_for_the_check_there(robot: Robot, well: Findings) -> None:
     robot.bridge_address = "wss://bridges.lab:7443"
-    with mock.patch("robots.check.robot_check._probe", autospec=True, return_value=well):
+    done = subprocess.CompletedProcess([], 0, msgspec.json.encode(well))
+    with mock.patch("robots.check.robot_check.subprocess.run", autospec=True, return_value=done):
         first, *others = run_checks(robot)
     assert (first.level, {check.level for check in others}) == ("warn", {"ok"})
     assert "wss://bridges.lab:7443" in first.text

@@ -6,6 +6,7 @@ import threading
 import pytest
 
 from fleet.audit.models import Record
+from robots.places.models import Place
 from robots.registry.models import Allowance, RobotRole
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Allowed
@@ -63,12 +64,12 @@ async def test_holders_request_reaches_the_bridge_and_is_answered(kind, holder, 
 async def test_a_drive_cancelled_while_its_place_is_read_never_begins(holder, bridge, monkeypatch):
     reading, may_end = threading.Event(), threading.Event()
 
-    def read(request, _robot_id):
+    def read(_robot_id, name):
         reading.set()
         may_end.wait(10.0)
-        return request
+        return Place(name=name, x_m=1.0, y_m=1.0, map_id="0" * 64)
 
-    monkeypatch.setattr(task_sender, "_to_place", read)
+    monkeypatch.setattr(task_sender, "place_of_robot", read)
     await holder.say("go", fence=FENCE, seq=51, place="kitchen", **ORDERS["go"])
     await asyncio.to_thread(reading.wait, 10.0)
     await holder.say("go_cancel", fence=FENCE, seq=52)
