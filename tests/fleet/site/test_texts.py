@@ -77,9 +77,9 @@ def _left_alone(tokens: list[Token]) -> list[str]:
     return kept
 
 
-@pytest.mark.parametrize("template", TEMPLATES, ids=lambda path: str(path.relative_to(settings.BASE_DIR)))
-def test_every_text_of_a_template_can_be_translated(template: Path) -> None:
-    assert not_translated(template.read_text()) == []
+def test_every_text_of_a_template_can_be_translated() -> None:
+    found = {str(template): not_translated(template.read_text()) for template in TEMPLATES}
+    assert {template: texts for template, texts in found.items() if texts} == {}
 
 
 @pytest.mark.parametrize(

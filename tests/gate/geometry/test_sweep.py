@@ -34,7 +34,7 @@ def gaps(obstacles):
     return np.hypot(*obstacles.points.T) - 0.27
 
 
-def outline(motion, present, pieces=400):
+def outline(motion, present, pieces=120):
     """The arm's outline (N, 2) and middle line at all moments, in much smaller steps than the sweep."""
     way = np.array([[present[joint] for joint in motion.joints], *motion.points])
     moments = np.concatenate([np.linspace(*ends, pieces) for ends in pairwise(way)])
