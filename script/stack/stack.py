@@ -68,6 +68,7 @@ class PracticeRobot:
     stick: tuple[()] | None = None
     rear_camera: bool = False
     camera: bool = True  # pages show the head camera; without it a page takes a third of the computing time
+    is_on: bool = True  # False: the console knows the robot, which is off until `SimulatedRobot.switch_on()`
     options: tuple[str, ...] = ()
 
 
@@ -104,8 +105,8 @@ class SimulatedRobot:
         self.port = ReservedPort()
         self.link_path = ""  # the bridge's socket, from the registry
         self._stack = stack
-        self.master = self.start_master()
-        self.simulator = self.start_simulator()
+        if plan.is_on:
+            self.switch_on()
 
     @property
     def master_uri(self) -> str:
@@ -120,6 +121,16 @@ class SimulatedRobot:
             "ROS_IP": self.plan.address,
             "ROS_LOG_DIR": str(self._stack.logs / self.plan.slug),
         }
+
+    def switch_on(self) -> None:
+        """Start the robot's processes."""
+        self.start_master()
+        self.start_simulator()
+
+    def switch_off(self) -> None:
+        """End the robot's processes."""
+        self._stack.release(self.simulator)
+        self._stack.release(self.master)
 
     def start_master(self) -> Child:
         self.master = self._stack.start_child(
@@ -188,7 +199,7 @@ class Stack:
     # --- start -----------------------------------------------------------------------------------
 
     def start(self, timeout_s: float = READY_S) -> None:
-        """Start everything, and wait until people can sign in and every robot is online."""
+        """Start everything, and wait until people can sign in and every robot that is on is online."""
         self.launch()
         try:
             self.wait_ready(timeout_s)
@@ -357,11 +368,12 @@ class Stack:
     # --- ready -----------------------------------------------------------------------------------
 
     def wait_ready(self, timeout_s: float = READY_S) -> None:
-        """Wait until people can sign in and every robot is online."""
+        """Wait until people can sign in and every robot that is on is online."""
         deadline = time.monotonic() + timeout_s
         self.wait_web(deadline)
-        for slug in self.robots:
-            self.wait_online(slug, deadline)
+        for slug, robot in self.robots.items():
+            if robot.plan.is_on:
+                self.wait_online(slug, deadline)
 
     def _tries(self, deadline: float, what: str) -> Iterator[None]:
         """Repeat a check until `deadline`; raise `ChildDied` if a process ends, `StartError` at the deadline."""
@@ -422,9 +434,9 @@ class Stack:
 
     def end_processes(self) -> None:
         """End every process; the ROS masters last, because all nodes unregister from them."""
-        masters = [robot.master for robot in self.robots.values()]
-        end_all(child for child in self.children if child not in masters)
-        end_all(child for child in self.children if child in masters)
+        masters = {f"{slug}-master" for slug in self.robots}
+        end_all(child for child in self.children if child.name not in masters)
+        end_all(child for child in self.children if child.name in masters)
         self.children.clear()
         for left_over in self.run_directory.glob("*.sock"):
             left_over.unlink(missing_ok=True)  # pages processes that end late remove their own sockets

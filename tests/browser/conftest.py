@@ -1,22 +1,25 @@
 """The whole console with simulated robots, and people in front of real browsers.
 
 All browser tests of a test process use one stack (rosmasters, simulators, supervisor, bridges, web process).
-Each test finds the robots at their start.
+Each test finds the robots at their start. TIAGo One is off, because a second robot takes a fifth of a processor: a test
+that needs it asks for `tiago_one`.
 """
 
 from __future__ import annotations
 
+import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from functools import cache
+from pathlib import Path
 from typing import Any, NoReturn
 from uuid import uuid4
 
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
-from script.stack.stack import PracticeRobot, Stack
+from script.stack.stack import PracticeRobot, SimulatedRobot, Stack
 from tests.browser.people import Person, robot_side, running_stack
 from tests.processes import until
 
@@ -35,11 +38,15 @@ ARGUMENTS = [
     "HttpsFirstBalancedModeAutoEnable,LensOverlay,MediaRouter,PaintHolding,ThirdPartyStoragePartitioning,"
     "OptimizationHints,WebUIOmniboxPopup,WebUIOmniboxAimPopup",
 ]
-# The first robot faces the hall's east wall, 2 m away; the second robot stands in free space in the hall.
 ROBOTS = (
-    PracticeRobot("tiago-1", "TIAGo One", (7.6, 2.0, 0.0), camera=False),
-    PracticeRobot("tiago-2", "TIAGo Two", (2.0, 1.8, 0.0), camera=False),
+    PracticeRobot("tiago-1", "TIAGo One", (7.6, 2.0, 0.0), rear_camera=True, is_on=False),
+    PracticeRobot("tiago-2", "TIAGo Two", (2.0, 1.8, 0.0), camera=False),  # in free space in the hall
 )
+AT_THE_WALL = (7.6, 2.0, 0.0)  # the hall's east wall is 2 m ahead
+ONLINE_S = 60.0  # time limit on a busy computer; usually it takes 5 s
+
+# Puts a robot to its start, or to this pose (m, degrees).
+PutBack = Callable[..., None]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -54,35 +61,48 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
         yield stack
 
 
-@pytest.fixture(scope="package")
-def robots_back(stack: Stack, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], None]]:
-    """`robots_back()`: put all robots to their start."""
-    folder, times = tmp_path_factory.mktemp("start"), 0
-    with ExitStack() as ending:
-        sides = {
-            robot: ending.enter_context(robot_side(robot, "start", folder / slug))
-            for slug, robot in stack.robots.items()
-        }
+@contextmanager
+def putting_back(robot: SimulatedRobot, folder: Path) -> Iterator[PutBack]:
+    """A function that puts this robot to its start, for the length of a `with` block."""
+    times, said = 0, folder / robot.plan.slug
+    with robot_side(robot, "start", said) as side:
 
-        def put_back() -> None:
+        def put_back(pose: tuple[float, float, float] = robot.plan.pose) -> None:
             nonlocal times
             times += 1
-            for robot, side in sides.items():
-                x, y, degrees = robot.plan.pose
-                assert side.stdin is not None
-                side.stdin.write(f"{x} {y} {degrees}\n")
-                side.stdin.flush()
-            for robot in sides:
-                said = folder / robot.plan.slug
-                until(lambda said=said: said.read_text().count("there") == times, f"{said.name} at its start")
+            assert side.stdin is not None
+            side.stdin.write("{} {} {}\n".format(*pose))
+            side.stdin.flush()
+            until(lambda: said.read_text().count("there") == times, f"{robot.plan.name} at its start")
 
         yield put_back
 
 
+@pytest.fixture(scope="package")
+def tiago_two(stack: Stack, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PutBack]:
+    """`tiago_two(AT_THE_WALL)`: put TIAGo Two there."""
+    with putting_back(stack.robots["tiago-2"], tmp_path_factory.mktemp("start")) as put_back:
+        yield put_back
+
+
+@pytest.fixture(scope="module")
+def tiago_one(stack: Stack, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PutBack]:
+    """TIAGo One, which has a camera at its head and one at its back, is on until the end of the test file."""
+    robot = stack.robots["tiago-1"]
+    robot.switch_on()
+    try:
+        stack.wait_online("tiago-1", time.monotonic() + ONLINE_S)
+        with putting_back(robot, tmp_path_factory.mktemp("start")) as put_back:
+            yield put_back
+    finally:
+        robot.switch_off()
+
+
 @pytest.fixture(autouse=True)
 def _robots_at_start(request: pytest.FixtureRequest) -> None:
-    if "stack" in request.fixturenames:  # the test uses the shared robots
-        request.getfixturevalue("robots_back")()
+    for name, uses in (("tiago_two", "stack"), ("tiago_one", "tiago_one")):
+        if uses in request.fixturenames:
+            request.getfixturevalue(name)()
 
 
 @pytest.fixture(scope="package")

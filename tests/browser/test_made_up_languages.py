@@ -9,7 +9,7 @@ import pytest
 from tests.browser.people import MADE_UP_LANGUAGE, Person
 from tests.browser.test_pages import PAGES, SIZES
 
-TABS = [f"/robots/tiago-1/#{name}" for name in ("drive", "motions", "speech", "topics")]
+TABS = [f"/robots/tiago-2/#{name}" for name in ("drive", "motions", "speech", "topics")]
 
 # Texts that are cut off, that reach out of their button or card, or that are beside the window.
 UNREADABLE = """() => {

@@ -3,45 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
-from dataclasses import replace
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 
 from script.generate.pictures import WAY_IS_DRAWN
-from script.stack.stack import Stack
-from tests.browser.conftest import ROBOTS
 from tests.browser.course import Follower, pushed
-from tests.browser.people import Fingers, Person, running_stack
-from tests.browser.test_pages import axe_accepts
+from tests.browser.people import Fingers, Person
+from tests.browser.test_first_visit import keep_choices
 
 Arrive = Callable[..., Person]
+pytestmark = pytest.mark.usefixtures("tiago_one")
 # Points before, in and behind the east door; metres from the start.
 THROUGH_THE_DOOR = ((-0.05, 0.8), (-0.05, 1.5), (-0.05, 2.4))
-
-
-@pytest.fixture(scope="module")
-def stack_with_camera(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
-    """A separate console, so that the camera's pictures take no computing time from other tests."""
-    with running_stack(tmp_path_factory.mktemp("camera"), [replace(ROBOTS[0], camera=True)]) as stack:
-        yield stack
-
-
-@pytest.fixture
-def person(stack_with_camera: Stack, browser: Browser) -> Iterator[Arrive]:
-    """`person("operator")`: a signed-in person at the console with the camera."""
-    with ExitStack() as leaving:
-
-        def arrive(role: str, **looks: Any) -> Person:
-            somebody = Person(stack_with_camera, browser, role, **looks)
-            somebody.sign_in()
-            leaving.callback(somebody.leave)
-            return somebody
-
-        yield arrive
 
 
 def shows_a_picture(person: Person) -> None:
@@ -65,7 +40,6 @@ def test_the_camera_is_shown_and_its_picture_turns_the_head(person: Arrive) -> N
     operator.until(lambda: operator.sent.count("turn_head") > 1, "turns of the head")
     operator.page.mouse.dblclick(x, y)
     operator.until(lambda: "look_ahead" in operator.sent, "the way back")
-    axe_accepts(operator, "camera")
     views = operator.part("views")
     views.get_by_role("button", name="Plan").click()
     operator.until(lambda: "camera_end" in operator.sent, "the camera's end")
@@ -125,8 +99,10 @@ def test_the_whole_screen_keeps_joystick_and_stop(person: Arrive) -> None:
 
 def test_a_newcomer_drives_by_the_phones_camera_to_the_next_room(person: Arrive) -> None:
     """With the hints of a first visit: the picture, the door, a look around, and a stop by a second finger."""
-    operator = person("operator", width=390, height=844, touch=True, newcomer=True)
-    operator.page.get_by_role("link", name="Open").click()
+    operator = person("operator", width=390, height=844, touch=True, newcomer=True, apart=True)
+    keep_choices(operator, "hints_seen=false")
+    operator.open("/")
+    operator.page.get_by_role("link", name="Open TIAGo One").click()
     shows_a_picture(operator)
     expect(operator.part("picture-area")).to_have_attribute("data-view", "camera")
     hint = operator.part("first-steps")

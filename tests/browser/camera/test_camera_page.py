@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 
 from script.stack.stack import Stack
 from tests.browser.camera.test_camera import shows_a_picture
-from tests.browser.conftest import ROBOTS
-from tests.browser.people import Person, faults_of, running_stack
+from tests.browser.conftest import PutBack
+from tests.browser.people import Person, faults_of
 from tests.browser.test_pages import SIZES, axe_accepts, box_of, overlap, too_small
 
 Arrive = Callable[..., Person]
+pytestmark = pytest.mark.usefixtures("tiago_one")
 # Texts of the view bar's buttons that something covers.
 COVERED = """() => [...document.querySelectorAll("[data-part=view-bar] button")]
   .filter((one) => one.checkVisibility())
@@ -27,35 +25,14 @@ COVERED = """() => [...document.querySelectorAll("[data-part=view-bar] button")]
     return !one.contains(document.elementFromPoint(x + width / 2, y + height / 2));
   })
   .map((one) => one.ariaLabel || one.textContent)"""
-ROBOT = "tiago-2"
-
-
-@pytest.fixture(scope="module")
-def stack_with_cameras(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
-    """A console with one robot, which has a second camera at its back."""
-    plan = replace(ROBOTS[1], camera=True, rear_camera=True)
-    with running_stack(tmp_path_factory.mktemp("cameras"), [plan]) as stack:
-        yield stack
+ROBOT = "tiago-1"
+IN_THE_HALL = (2.0, 1.8, 0.0)  # m, degrees; 7 m of free space ahead
 
 
 @pytest.fixture
-def person(stack_with_cameras: Stack, browser: Browser) -> Iterator[Arrive]:
-    """`person("operator")`: a signed-in person at the console with two cameras."""
-    with ExitStack() as leaving:
-
-        def arrive(role: str, **looks: Any) -> Person:
-            somebody = Person(stack_with_cameras, browser, role, **looks)
-            somebody.sign_in()
-            leaving.callback(somebody.leave)
-            return somebody
-
-        yield arrive
-
-
-@pytest.fixture
-def faults(stack_with_cameras: Stack, tmp_path: Path) -> Iterator[Callable[[str], None]]:
+def faults(stack: Stack, tmp_path: Path) -> Iterator[Callable[[str], None]]:
     """``faults(names)`` sets the simulated robot's faults until the end of the test."""
-    with faults_of(stack_with_cameras.robots[ROBOT], tmp_path) as begin:
+    with faults_of(stack.robots[ROBOT], tmp_path) as begin:
         yield begin
 
 
@@ -98,8 +75,9 @@ def test_the_page_with_two_cameras_fits_every_window(person: Arrive, width: int,
 
 
 def test_a_picture_that_stands_still_is_grey_and_slows_the_robot(
-    person: Arrive, faults: Callable[[str], None]
+    person: Arrive, tiago_one: PutBack, faults: Callable[[str], None]
 ) -> None:
+    tiago_one(IN_THE_HALL)
     operator = person("operator")
     operator.take(ROBOT)
     shows_a_picture(operator)
@@ -150,8 +128,8 @@ def test_notices_and_requests_leave_camera_and_chart_free(person: Arrive) -> Non
 
 # The thumbnail has a picture: two of its pixels differ.
 PAINTED = """() => {
-  const { width, height } = document.querySelector("[data-thumbnail]");
-  const pen = document.querySelector("[data-thumbnail]").getContext("2d");
+  const { width, height } = document.querySelector("[data-thumbnail=tiago-1]");
+  const pen = document.querySelector("[data-thumbnail=tiago-1]").getContext("2d");
   const colour = (x, y) => String(pen.getImageData(x, y, 1, 1).data);
   return width > 100 && colour(0, 0) !== colour(width >> 1, height >> 1);
 }"""
@@ -161,7 +139,7 @@ PAINTED = """() => {
 def test_card_and_wall_show_the_newest_picture(person: Arrive, page: str) -> None:
     observer = person("observer")
     observer.open(page)
-    expect(observer.page.locator("[data-thumbnail]")).to_be_visible()
+    expect(observer.page.locator(f"[data-thumbnail={ROBOT}]")).to_be_visible()
     observer.page.wait_for_function(PAINTED)
     axe_accepts(observer, "cameras")
     assert observer.complaints == []

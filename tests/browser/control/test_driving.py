@@ -10,14 +10,16 @@ import pytest
 from playwright.sync_api import WebSocketRoute, expect
 
 from script.stack.stack import Stack
+from tests.browser.conftest import AT_THE_WALL, PutBack
 from tests.browser.people import Fingers, Person
 
 Arrive = Callable[..., Person]
 
 
-def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -> None:
+def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive, tiago_two: PutBack) -> None:
+    tiago_two(AT_THE_WALL)
     operator = person("operator", width=390, height=844, touch=True)
-    operator.take("tiago-1")
+    operator.take("tiago-2")
     fingers = Fingers(operator)
     start = operator.place
     x, y = operator.middle_of("zone")
@@ -62,23 +64,27 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -
     assert operator.complaints == []
 
 
-def test_a_second_person_asks_for_control_and_gets_it(person: Arrive) -> None:
-    operator, supervisor = person("operator"), person("supervisor")
+def test_control_is_asked_for_handed_over_and_taken_over(person: Arrive) -> None:
+    operator, supervisor, staff = person("operator"), person("supervisor"), person("staff")
     operator.take("tiago-2")
     supervisor.watch("tiago-2")
     expect(supervisor.part("who")).to_have_text("Operator has control")
 
     supervisor.press("Ask for control")
-    hand_over = operator.page.get_by_role("button", name="Hand over to Supervisor")
-    hand_over.wait_for()
-    hand_over.click()
-
+    operator.press("Hand over to Supervisor")
     supervisor.until_in_control()
     operator.until(lambda: operator.control["state"] == "other", "control to be gone")
     expect(operator.part("who")).to_have_text("Supervisor has control")
     supervisor.drive("w", metres=0.1)
     supervisor.let_go("w")
-    supervisor.release()
+
+    staff.watch("tiago-2")
+    staff.press("Take over…")
+    staff.page.get_by_label("Reason").fill("the door must be kept free")
+    staff.page.keyboard.press("Enter")
+    staff.until(lambda: staff.control["state"] == "yours", "control to be taken over")
+    supervisor.part("notices").get_by_text("the door must be kept free").wait_for()
+    staff.release()
 
 
 def test_a_released_robot_is_offered_to_the_next_in_line(person: Arrive) -> None:
@@ -101,19 +107,7 @@ def test_a_released_robot_is_offered_to_the_next_in_line(person: Arrive) -> None
     operator.release()
 
 
-def test_staff_take_over_with_a_reason(person: Arrive) -> None:
-    operator, staff = person("operator"), person("staff")
-    operator.take("tiago-2")
-    staff.watch("tiago-2")
-    staff.press("Take over…")
-    staff.page.get_by_label("Reason").fill("the door must be kept free")
-    staff.page.keyboard.press("Enter")
-    staff.until(lambda: staff.control["state"] == "yours", "control to be taken over")
-    operator.part("notices").get_by_text("the door must be kept free").wait_for()
-    staff.release()
-
-
-def test_keys_drive_and_space_stops_only_for_the_holder(person: Arrive) -> None:
+def test_keys_drive_space_is_the_holders_and_all_may_stop(person: Arrive) -> None:
     operator, observer = person("operator"), person("observer")
     operator.take("tiago-2")
     observer.watch("tiago-2")
@@ -131,6 +125,13 @@ def test_keys_drive_and_space_stops_only_for_the_holder(person: Arrive) -> None:
     assert not observer.part("clear").is_visible()
     operator.clear()
 
+    operator.drive("w", metres=0.1)
+    observer.page.get_by_role("button", name="Stop").click()
+    operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
+    assert operator.last_drive == (0, 0, 0)
+    operator.page.keyboard.up("w")
+    operator.clear()
+
     # On tabs without joystick, letters and arrows do not drive; space still stops.
     operator.page.evaluate("location.hash = 'topics'")
     operator.page.locator(".control[data-tab=topics]").wait_for()
@@ -143,19 +144,6 @@ def test_keys_drive_and_space_stops_only_for_the_holder(person: Arrive) -> None:
     operator.page.keyboard.up("ArrowUp")
     operator.page.keyboard.press("Space")
     operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
-    operator.clear()
-    operator.release()
-
-
-def test_an_observer_may_stop(person: Arrive) -> None:
-    operator, observer = person("operator"), person("observer")
-    operator.take("tiago-2")
-    observer.watch("tiago-2")
-    operator.drive("w", metres=0.1)
-    observer.page.get_by_role("button", name="Stop").click()
-    operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
-    assert operator.last_drive == (0, 0, 0)
-    operator.page.keyboard.up("w")
     operator.clear()
     operator.release()
 
@@ -214,9 +202,10 @@ def test_a_sticky_stick_stays_and_ends_with_any_other_input(person: Arrive) -> N
     operator.release()
 
 
-def test_a_sticky_stick_ends_where_the_gate_holds_the_robot(person: Arrive) -> None:
+def test_a_sticky_stick_ends_where_the_gate_holds_the_robot(person: Arrive, tiago_two: PutBack) -> None:
+    tiago_two(AT_THE_WALL)
     operator = person("operator")
-    operator.take("tiago-1")
+    operator.take("tiago-2")
     operator.press("Drive on")
     operator.drag_stick(0, 1)
     operator.page.mouse.up()
@@ -313,19 +302,6 @@ def test_a_drive_by_a_distance_is_shown_cancelled_and_replaced(person: Arrive) -
     operator.release()
 
 
-def test_the_stop_goes_another_way_without_a_live_link(person: Arrive) -> None:
-    operator, observer = person("operator"), person("observer", apart=True)
-    operator.take("tiago-2")
-    observer.page.route_web_socket("**/ws/**", lambda socket: socket.close())
-    observer.open("/robots/tiago-2/")
-    observer.part("banner-title").get_by_text("No connection").wait_for()
-    observer.page.get_by_role("button", name="Stop").click()
-    operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
-    assert operator.state["stop"]["by"] == "Observer"
-    operator.clear()
-    operator.release()
-
-
 def test_space_stops_for_the_holder_while_the_connection_is_lost(person: Arrive) -> None:
     operator, observer = person("operator", apart=True), person("observer")
     sockets: list[WebSocketRoute] = []
@@ -354,9 +330,18 @@ def test_space_stops_for_the_holder_while_the_connection_is_lost(person: Arrive)
     operator.release()
 
 
-def test_the_stop_arrives_though_the_socket_swallows_everything(person: Arrive) -> None:
-    operator = person("operator")
+def test_the_stop_goes_another_way_without_a_live_link(person: Arrive) -> None:
+    """Without a connection, and with one that swallows everything."""
+    operator, observer = person("operator"), person("observer", apart=True)
     operator.take("tiago-2")
+    observer.page.route_web_socket("**/ws/**", lambda socket: socket.close())
+    observer.open("/robots/tiago-2/")
+    observer.part("banner-title").get_by_text("No connection").wait_for()
+    observer.page.get_by_role("button", name="Stop").click()
+    operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
+    assert operator.state["stop"]["by"] == "Observer"
+    operator.clear()
+
     pages: list[tuple[Person, list[WebSocketRoute]]] = []
     for path, button, region in (
         ("/robots/tiago-2/", "Stop", "stop-state"),
@@ -385,6 +370,7 @@ def swallowed(person: Person) -> list[WebSocketRoute]:
     return silent
 
 
+@pytest.mark.usefixtures("tiago_one")
 def test_stop_all_stops_every_robot_from_the_fleet_page(person: Arrive, stack: Stack) -> None:
     staff = person("staff")
     staff.open("/")

@@ -12,6 +12,7 @@ from tests.browser.people import PATIENCE_S, Person
 from tests.browser.test_pages import axe_accepts
 
 Arrive = Callable[..., Person]
+pytestmark = pytest.mark.usefixtures("tiago_one")
 TRIES = 5
 
 
