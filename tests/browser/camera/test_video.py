@@ -107,6 +107,11 @@ def emptied(unit: bytes) -> bytes:
 def test_a_sound_stream_is_painted(page: Page) -> None:
     shown = play(page, pictures())
     assert shown["done"] == [[number, False] for number in range(PICTURES)]
+    is_painted(shown)
+
+
+def is_painted(shown: dict[str, Any]) -> None:
+    """Check that the last picture is on the canvas."""
     assert shown["size"] == [WIDTH, HEIGHT]
     assert all(abs(is_ - was) < 30 for is_, was in zip(shown["colour"], (20, 40, 200), strict=True))
 
@@ -115,7 +120,9 @@ def test_a_sound_stream_is_painted(page: Page) -> None:
 def test_a_damaged_stream_goes_on_at_its_next_key_picture(page: Page, damage: Any) -> None:
     made = pictures()
     made[DAMAGED]["unit"] = damage(made[DAMAGED]["unit"])
-    done = dict(play(page, made)["done"])
+    shown = play(page, made)
+    is_painted(shown)
+    done = dict(shown["done"])
     assert len(done) == PICTURES, "each picture is acknowledged"
     assert [done[number] for number in range(DAMAGED)] == [False] * DAMAGED
     assert [done[number] for number in range(KEYS[1], PICTURES)] == [False] * (PICTURES - KEYS[1])
