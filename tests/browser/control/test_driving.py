@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from playwright.sync_api import WebSocketRoute, expect
@@ -376,13 +377,16 @@ def test_stop_all_stops_every_robot_from_the_fleet_page(person: Arrive, stack: S
     staff = person("staff")
     staff.open("/")
     staff.until(lambda: "fleet" in staff.heard, "the cards")
-    staff.press("Stop all")
 
-    def stopped() -> bool:
+    def all_robots(are: Callable[[dict[str, Any]], bool]) -> bool:
         cards = staff.heard["fleet"]["robots"].values()
-        return all(card["state"] and card["state"]["stop"]["state"] == "stopped" for card in cards)
+        return all(card["state"] and are(card["state"]) for card in cards)
 
-    staff.until(stopped, "every robot to be stopped")
+    staff.until(lambda: all_robots(lambda state: bool(state["stands"])), "every robot to stand, by odometry")
+    staff.press("Stop all")
+    staff.until(
+        lambda: all_robots(lambda state: state["stop"]["state"] == "stopped"), "every robot to be stopped"
+    )
     # On a busy computer the page also posts the stop. Wait for its answer: the stop must not come after the clear.
     expect(staff.part("stop-all-state")).to_have_text("Stopped.")
     expect(staff.page.locator(".robot[data-stopped]")).to_have_count(len(stack.robots))
