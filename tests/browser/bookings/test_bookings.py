@@ -77,8 +77,8 @@ def test_the_slot_ends_while_the_stick_is_held(person: Arrive, stack: Stack, boo
         operator.until(lambda: "listening" in said.read_text(), "the observer to listen")
         book("operator", -60, 900)
         operator.take(ROBOT)
-        book.end_in(5)
-        book("supervisor", 5, 900)
+        book.end_in(9)
+        book("supervisor", 9, 900)
         start = operator.place
         operator.push("s", until=lambda: operator.control["state"] != "yours", what="the slot to end")
         assert operator.place != start
