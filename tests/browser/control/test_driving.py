@@ -30,13 +30,12 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive, t
     fingers.push(1, ahead, lambda: math.dist(operator.place, start) > 0.3, "0.3 m by odometry")
     assert operator.last_drive == (1, 0, 0)
 
-    fingers.push(
-        1, ahead, lambda: operator.state["verdict"]["allowed"][0] == 0, "the gate to hold at the wall"
-    )
-    fingers.push(1, ahead, lambda: abs(operator.state["odometry"]["vx"]) < 0.02, "standstill")
-    verdict = operator.state["verdict"]
-    assert verdict["asked"][0] > 0
-    assert 0 < verdict["distance_m"] < 0.5  # before the wall, not in the wall
+    def held() -> bool:
+        asked, allowed = (operator.state["verdict"][name][0] for name in ("asked", "allowed"))
+        return asked > 0 and allowed == 0 and abs(operator.state["odometry"]["vx"]) < 0.02
+
+    fingers.push(1, ahead, held, "the gate to hold at the wall")
+    assert 0 < operator.state["verdict"]["distance_m"] < 0.5  # before the wall, not in the wall
     # The wall is equally near for laser and depth camera; the robot may creep on for its last centimetre.
     remembered = "; no sensor sees this place now: drive away from it or turn to it; .*"
     says = re.compile(rf"Stopped \(0\.4 m/s asked\): .* m ahead({remembered})?")
