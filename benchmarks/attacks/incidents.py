@@ -49,7 +49,6 @@ def _continue(frozen: list[int]) -> None:
 
 
 async def kill(stack: Stack) -> Callable[[], Awaitable[None]]:
-    """Kill the bridges with SIGKILL."""
     for bridge in bridges(stack):
         os.kill(bridge, signal.SIGKILL)
     return _nothing

@@ -72,7 +72,6 @@ class Scenes:
         return self._one_of(self._without_session)
 
     def begin_session(self) -> list[Event]:
-        """Return the events that begin a control session."""
         return [Event("control.take")]
 
     def end_session(self, holder: str, name: str) -> list[Event]:

@@ -77,7 +77,6 @@ def observe(*also: str) -> None:
 
 
 def pass_on_faults() -> None:
-    """Pass faults from stdin to the robot."""
     publisher = rospy.Publisher("/ground_truth/fault", String, queue_size=5, tcp_nodelay=True)
     for line in sys.stdin:
         publisher.publish(String(line.strip()))

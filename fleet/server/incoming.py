@@ -170,7 +170,6 @@ class IncomingRequest:
             self._keep(part)
 
     def on_message_complete(self) -> None:
-        """Take the end of a request."""
         self._end()
 
 

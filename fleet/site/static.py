@@ -58,7 +58,6 @@ class HashedStaticFiles(CompressedManifestStaticFilesStorage):  # type: ignore[m
 
 
 def _templates() -> str:
-    """Return the text of all templates."""
     folders: Any = settings.TEMPLATES[0]["DIRS"]
     return "".join(file.read_text() for folder in folders for file in Path(folder).rglob("*.html"))
 

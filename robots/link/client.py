@@ -616,7 +616,6 @@ class Links:
         return link
 
     def all(self) -> list[BridgeLink]:
-        """Return the links that are not closed."""
         return [link for link in self._links.values() if not link.closed]
 
     async def close(self) -> None:

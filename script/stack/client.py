@@ -244,7 +244,6 @@ class Driver(_Client):
         await self.send(wire.Stop())
 
     async def clear(self) -> None:
-        """Clear the stop."""
         await self.send(wire.Clear(self.state.stop.number if self.state else 0))
         await self.until(lambda: self.state and self.state.stop.state == "clear")
         await self.drive(0.0, 0.0)
@@ -346,7 +345,6 @@ class Topics(_Client):
         await self.send(wire.Subscribe(topic, rate_hz))
 
     async def unsubscribe(self, topic: str) -> None:
-        """Unsubscribe from a topic."""
         await self.send(wire.Unsubscribe(topic))
         self.shown.pop(topic, None)
 

@@ -93,7 +93,6 @@ class ViewFeed:
         self._news.set()
 
     async def show(self, viewer: Viewer) -> None:
-        """Send the newest view to one viewer."""
         viewer.shown = self.number
         viewer.sent_s = time.monotonic()
         with suppress(OSError):  # the connection is gone; its consumer detects this itself

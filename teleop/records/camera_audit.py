@@ -109,7 +109,6 @@ class CameraAudit:
         return True
 
     def end_viewing(self, camera: str, outcome: str = "closed") -> None:
-        """End the viewing of this camera, if there is one."""
         viewing = self._open.pop(camera, None)
         if viewing is not None:
             run_in_background(self._record_end_later(viewing, time.monotonic() - viewing.since_s, outcome))

@@ -195,7 +195,6 @@ def _figures(name: str, done: list[tuple[ObjectJob, Outcome]], *, ours: bool) ->
 
 
 def play(job: ObjectJob) -> Outcome:
-    """Play one case."""
     case = replace(build(job), pulls_again=job.pulls_again)
     return outcome(case, job.controller, job.seed)
 

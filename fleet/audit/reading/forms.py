@@ -127,7 +127,6 @@ class FilterForm(forms.Form):
 
     @property
     def is_filtered(self) -> bool:
-        """Return whether any filter is set."""
         return any(self.data.get(name) for name in self.fields)
 
     def offer(self, name: str, choices: Sequence[tuple[Any, Any]]) -> None:

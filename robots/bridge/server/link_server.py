@@ -127,7 +127,6 @@ class LinkServer:
         self._server: Server | None = None
 
     async def start(self) -> None:
-        """Start to listen."""
         self._server = await listen(self._address, self._serve)
         if self._address.unix_path and self._on_quick:
             self._lanes = LaneServer(self._address.unix_path, self._opened_lane)

@@ -64,7 +64,6 @@ class WatchdogSocket:
             connection.send(message, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
 
     def drop(self, connection: socket.socket) -> None:
-        """Close a connection."""
         if connection in self._connections:
             del self._connections[connection]
             self._selector.unregister(connection)

@@ -43,7 +43,6 @@ class StopFile:
         return Heartbeat(latched=left.latched, by=left.by, reason=left.reason)
 
     def start(self) -> None:
-        """Start the writing thread."""
         threading.Thread(target=self._write, name="kept", daemon=True).start()
 
     def keep(self, press: StopPress | None) -> None:

@@ -322,7 +322,6 @@ class TaskKind(NamedTuple):
 
     @property
     def outcome(self) -> str:
-        """Kind of the record of its outcome."""
         return self.record.replace(".start", ".end")
 
     @property

@@ -61,7 +61,6 @@ class Command(BaseCommand):
     requires_system_checks = []  # the fleet supervisor ran the checks, which load all pages
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Add --once."""
         parser.add_argument("--once", action="store_true", help="one round, then exit")
 
     def handle(self, *args: Any, **options: Any) -> None:

@@ -488,7 +488,6 @@ class _Feet:
         self._scans: dict[int, tuple[Sweep, Pose]] = {}  # the newest of each laser
 
     def forget(self) -> None:
-        """Forget all scans."""
         self._scans.clear()
         self._made = None
 

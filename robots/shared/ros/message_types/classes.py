@@ -68,7 +68,6 @@ def make_ours_importable() -> Path:
 
 
 def definition_files() -> list[Path]:
-    """Return all definition files, sorted."""
     return sorted(file for file in DEFINITIONS.rglob("*.*") if file.suffix in {".msg", ".srv", ".action"})
 
 
