@@ -111,8 +111,9 @@ class Trip:
 
     async def _late_after_stall(self) -> int:
         """Return how many commands from the stall were carried out too late, network delay deducted."""
+        arrivals = self._numbers.arrivals(self._observer.commands)
         fastest_s = min(
-            (at_s - self._sent[number] for number, at_s in self._arrivals().items() if number in self._sent),
+            (at_s - self._sent[number] for number, at_s in arrivals.items() if number in self._sent),
             default=self._profile.round_trip_ms / 2000.0,
         )
         first = len(self._sent)
@@ -129,9 +130,6 @@ class Trip:
             and number is not None
             and number >= first
         )
-
-    def _arrivals(self) -> dict[int, float]:
-        return self._numbers.arrivals(self._observer.commands)
 
 
 def stopped_share(commands: list[Seen]) -> float:

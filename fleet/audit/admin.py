@@ -137,8 +137,6 @@ class ListAdmin(ReadOnly):
 
 
 class RecordsAdmin(ListAdmin):
-    """A list of records."""
-
     listing: Listing | None = None  # None: everything
     without: Sequence[str] = ()  # filters that this list does not show
 
@@ -236,8 +234,6 @@ class RefusalAdmin(RecordsAdmin):
 
 @admin.register(Record)
 class EverythingAdmin(RecordsAdmin):
-    """All records."""
-
     def get_urls(self) -> list[URLPattern]:
         view = self.admin_site.admin_view(require_safe(self.people_view))
         return [path("people/", view, name="audit_people"), *super().get_urls()]

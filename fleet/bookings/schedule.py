@@ -129,15 +129,15 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
             next((one for one in slots if one.slot.starts_at <= now < one.slot.ends_at), None),
             tuple(one for one in slots if one.slot.starts_at > now),
             policy(robot)[1],
-            max((one for one in out[robot] if one.slot.starts_at <= now), key=_end, default=None),
+            max(
+                (one for one in out[robot] if one.slot.starts_at <= now),
+                key=lambda one: one.slot.ends_at,
+                default=None,
+            ),
             next((one for one in out[robot] if one.slot.starts_at > now), None),
         )
         for robot, slots in held.items()
     }
-
-
-def _end(out: Taken) -> datetime:
-    return out.slot.ends_at
 
 
 class _Times(Struct):

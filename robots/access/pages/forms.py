@@ -297,8 +297,6 @@ class ActionForm(forms.Form):
 
 
 class InvitationForm(forms.Form):
-    """A new invitation."""
-
     last_day = forms.DateField(label=gettext_lazy("Valid until"), widget=_day_input())
     most_uses = forms.IntegerField(
         label=gettext_lazy("People at most"), min_value=1, max_value=5000, initial=40
@@ -349,8 +347,6 @@ class _EntryForm(forms.ModelForm):  # type: ignore[type-arg]
 
 
 class GroupForm(_EntryForm):
-    """A robot group."""
-
     class Meta:
         model = RobotGroup
         fields = ["name", "robots"]
@@ -433,8 +429,6 @@ def _uuid_or_none(text: Any) -> UUID | None:
 
 
 class ServiceAccountForm(forms.Form):
-    """A new service account."""
-
     name = forms.CharField(
         label=gettext_lazy("Name"),
         max_length=80,

@@ -31,7 +31,8 @@ def join(request: HttpRequest, code: str) -> HttpResponse:
     refusal = check_invitation(invitation, timezone.now())
     if refusal is not None or invitation is None:
         return _join_page(request, invitation, refusal=refusal, status=410)
-    form = JoinForm(request.POST if request.method == "POST" and not _signed_in(request) else None)
+    signed_in = isinstance(request.user, User)
+    form = JoinForm(request.POST if request.method == "POST" and not signed_in else None)
     if request.method != "POST":
         return _join_page(request, invitation, form)
     try:
@@ -60,10 +61,6 @@ def _join(request: HttpRequest, invitation: Invitation, form: JoinForm) -> HttpR
     text = _("You are in the course %s. Sign in with your new account.")
     messages.success(request, text % invitation.course.name)
     return redirect("sign-in")
-
-
-def _signed_in(request: HttpRequest) -> bool:
-    return isinstance(request.user, User)
 
 
 def _join_page(

@@ -31,8 +31,6 @@ class HeadMover(ABC):
 
 
 class HeadTasks(AtOnce):
-    """The head of one robot."""
-
     kinds = (wire.LOOK_AHEAD, wire.TURN_HEAD)
 
     def __init__(self, context: Context) -> None:

@@ -60,7 +60,8 @@ class BaseController:
 
     def step(self, now: float, dt: float) -> Twist:
         """Return the wheels' velocity for the next `dt` seconds."""
-        wanted = self._within_limits(self._command) if self._is_fresh(now) else STILL
+        is_fresh = now - self._commanded_at <= self.limits.timeout_s
+        wanted = self._within_limits(self._command) if is_fresh else STILL
         linear = self.limits.linear_mps2 * dt
         angular = self.limits.angular_radps2 * dt
         self.velocity = Twist(
@@ -75,9 +76,6 @@ class BaseController:
         if abs(wanted) < abs(before):
             change *= self.brake_share
         return clamp(wanted, before - change, before + change)
-
-    def _is_fresh(self, now: float) -> bool:
-        return now - self._commanded_at <= self.limits.timeout_s
 
     def _within_limits(self, twist: Twist) -> Twist:
         limits = self.limits

@@ -16,7 +16,9 @@ class Walker:
         self.x, self.y = person.at
         self.yaw = 0.0
         self.walks = person.walks and bool(person.path)
-        self._targets = itertools.cycle(_to_and_fro(person.path)) if person.path else None
+        self._targets = (
+            itertools.cycle(person.path + person.path[-2:0:-1]) if person.path else None
+        )  # to and fro
         self._target = next(self._targets) if self._targets else person.at
 
     def place(self, x: float, y: float) -> None:
@@ -46,8 +48,3 @@ class Walker:
         self.yaw = math.atan2(dy, dx)
         self.x += dx / distance * way
         self.y += dy / distance * way
-
-
-def _to_and_fro(path: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the path there and back."""
-    return path + path[-2:0:-1]

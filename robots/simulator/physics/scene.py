@@ -112,18 +112,15 @@ def _floor(parent: Element, world: World) -> None:
     The floor's contact type matches no other geometry. A contact type is needed because MuJoCo bounds a body
     by its geometry with a contact type: without one, mj_multiRay hit the floor only behind other objects.
     """
+    _plane(parent, world, 0.0, name="floor", material="tiles", contype="0", conaffinity="2")
+
+
+def _plane(parent: Element, world: World, z: float, **attributes: str) -> None:
+    """Add a plane of the world's size at this height."""
     west, south, east, north = world.size
-    SubElement(
-        parent,
-        "geom",
-        name="floor",
-        type="plane",
-        pos=_numbers((west + east) / 2, (south + north) / 2, 0.0),
-        size=_numbers((east - west) / 2, (north - south) / 2, 1.0),
-        material="tiles",
-        contype="0",
-        conaffinity="2",
-    )
+    centre = _numbers((west + east) / 2, (south + north) / 2, z)
+    size = _numbers((east - west) / 2, (north - south) / 2, 1.0)
+    SubElement(parent, "geom", type="plane", pos=centre, size=size, **attributes)
 
 
 def _decorate(parent: Element, world: World) -> None:
@@ -134,17 +131,8 @@ def _decorate(parent: Element, world: World) -> None:
     for box in world.decoration:
         _box(group, box)
     if world.walls:
-        west, south, east, north = world.size
-        SubElement(
-            group,
-            "geom",
-            name="ceiling",
-            type="plane",
-            pos=_numbers((west + east) / 2, (south + north) / 2, max(wall.height for wall in world.walls)),
-            size=_numbers((east - west) / 2, (north - south) / 2, 1.0),
-            euler="180 0 0",
-            material="panels",
-        )
+        highest = max(wall.height for wall in world.walls)
+        _plane(group, world, highest, name="ceiling", euler="180 0 0", material="panels")
     for geom in group.iter("geom"):
         geom.set("group", str(DECORATION_GROUP))
         geom.set("contype", "0")

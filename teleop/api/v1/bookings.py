@@ -188,8 +188,6 @@ _change_seen = partial(_change, refuses=(404, 409, 412, 428), parameters=[IF_MAT
 
 
 class BookingsBase(ApiView):
-    """Base of the views of bookings."""
-
     tag = "bookings"
     seen_by = staticmethod(robots_bookable_by)
 

@@ -195,8 +195,6 @@ class Changed(Struct, frozen=True):
 
 
 class CoursesBase(SetupView):
-    """Base of the views of courses."""
-
     tag = "courses"
 
     def concerned(

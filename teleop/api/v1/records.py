@@ -179,8 +179,6 @@ class ExportAsked(RecordsAsked, frozen=True, forbid_unknown_fields=True):
 
 
 class RecordsBase(ApiView):
-    """Base of the views of records."""
-
     tag = "records"
 
     def reads_of(self, robot_id: UUID | None) -> bool:

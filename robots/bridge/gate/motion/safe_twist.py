@@ -301,7 +301,7 @@ def _reach(share: float, arcs: Sequence[Velocity], footprint: Footprint, profile
     changes neither the hull growth (`allowed_margin`) nor the turn that is given back.
     """
     parameters = profile.parameters
-    widest = max(arcs, key=_turning)  # it takes the longest to brake
+    widest = max(arcs, key=lambda arc: abs(arc.w))  # it takes the longest to brake
     v = arc.speed(widest)
     lateral_m = parameters.lateral_margin_m
     braking_m = footprint.reach(lateral_m) + parameters.front_margin_m
@@ -315,10 +315,6 @@ def _reach(share: float, arcs: Sequence[Velocity], footprint: Footprint, profile
     passing_m = slower * (parameters.latency_s + slower / (2.0 * linear) + parameters.near_miss_s) + lateral_m
     growing_m = (lateral_m + ROOM_LEFT_M) / footprint.demanded_share
     return min(whole_m, max(braking_m, footprint.reach(max(passing_m, growing_m))))
-
-
-def _turning(twist: Velocity) -> float:
-    return abs(twist.w)
 
 
 def is_still(twist: Velocity) -> bool:

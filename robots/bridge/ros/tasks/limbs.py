@@ -20,8 +20,6 @@ from robots.shared.wire import Limb
 
 
 class LimbsTopics(LimbMover, RobotPart):
-    """The limbs of one robot."""
-
     def __init__(self, node: Node) -> None:
         self._node = node
         self._limbs = {

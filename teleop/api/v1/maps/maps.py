@@ -82,8 +82,6 @@ class MapName(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class MapsBase(SetupView):
-    """Base of the views of maps."""
-
     tag = "maps"
 
     def concerned(self, digest: str, **_asked: Any) -> list[Robot]:

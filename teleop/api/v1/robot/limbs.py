@@ -29,8 +29,6 @@ class TorsoRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class LimbView(TasksBase):
-    """Base of the views of limbs."""
-
     kind = wire.LIMB
     limb: Limb
 

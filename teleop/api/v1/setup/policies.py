@@ -105,8 +105,6 @@ class PeriodRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class PoliciesBase(SetupView):
-    """Base of the views of policies."""
-
     tag = "policies"
 
     def managed(self) -> list[Robot]:

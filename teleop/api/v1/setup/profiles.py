@@ -113,8 +113,6 @@ class ProfilesView(SetupView):
 
 
 class ProfilesBase(SetupView):
-    """Base of the views of one profile."""
-
     tag = "registry"
 
     def concerned(self, slug: str, **_asked: Any) -> Iterable[Robot]:

@@ -113,8 +113,6 @@ class ServiceAccountRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TokensBase(SetupView):
-    """Base of the views of tokens."""
-
     tag = "tokens"
 
     def concerned(self, *_path: Any, **asked: Any) -> Iterable[Robot]:

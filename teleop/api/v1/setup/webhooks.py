@@ -108,8 +108,6 @@ class TriedAgain(Struct, frozen=True):
 
 
 class WebhooksBase(SetupView):
-    """Base of the views of webhooks."""
-
     tag = "webhooks"
 
     def concerned(self, webhook_id: UUID | None = None, body: Any = None, **_asked: Any) -> Iterable[Robot]:
