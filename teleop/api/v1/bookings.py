@@ -252,8 +252,6 @@ class BookingsBase(ApiView):
 
 
 class BookingsView(BookingsBase):
-    """`/bookings`."""
-
     @reads("bookings_list", "List bookings")
     def get(self, query: BookingsAsked) -> BookingList:
         """Bookings of all robots that you may see, as in the calendar. `from` and `to`: those that overlap this
@@ -315,8 +313,6 @@ class BookingsView(BookingsBase):
 
 
 class FreeView(BookingsBase):
-    """`/bookings/free`."""
-
     @reads("bookings_free", "Search free slots")
     def get(self, query: FreeAsked) -> SlotList:
         """Within seven days from `after` (now, if left out), slots that no rule would refuse to you."""
@@ -331,8 +327,6 @@ class FreeView(BookingsBase):
 
 
 class BookingView(BookingsBase):
-    """`/bookings/{id}`."""
-
     @reads("bookings_read", "Read a booking", answer=BookingEntry)
     def get(self, booking_id: UUID) -> Response:
         """The answer has an ETag: send it as If-Match with a change."""
@@ -354,8 +348,6 @@ class BookingView(BookingsBase):
 
 
 class HandBookingView(BookingsBase):
-    """`/bookings/{id}/hand-over`."""
-
     @_change_seen("bookings_hand_over", "Hand a booking to a colleague", keyed=True)
     def post(self, booking_id: UUID, body: HandBookingRequest) -> Response:
         """The rules must allow it for them."""
@@ -365,8 +357,6 @@ class HandBookingView(BookingsBase):
 
 
 class ApproveView(BookingsBase):
-    """`/bookings/{id}/approve`."""
-
     @_change_seen("bookings_approve", "Approve a booking", keyed=True)
     def post(self, booking_id: UUID) -> Response:
         """For supervisors of the robot or of the booking’s course, and staff. Refused if the booking has
@@ -375,8 +365,6 @@ class ApproveView(BookingsBase):
 
 
 class AcceptView(BookingsBase):
-    """`/bookings/{id}/accept`."""
-
     @_change("bookings_accept", "Accept an offer", keyed=True)
     def post(self, booking_id: UUID) -> Response:
         """For the person who waited for the slot, before `offer_until`."""
@@ -386,8 +374,6 @@ class AcceptView(BookingsBase):
 
 
 class WaitingView(BookingsBase):
-    """`/waiting`."""
-
     @reads("waiting_list", "List the slots for which you wait", refuses=())
     def get(self) -> WaitingList:
         """Lists the slots to come for which you wait."""
@@ -409,8 +395,6 @@ class WaitingView(BookingsBase):
 
 
 class WaitingOneView(WaitingView):
-    """`/waiting/{number}`."""
-
     http_method_names = ["delete", "options"]
 
     def concerned(self, number: int, **_asked: Any) -> list[Robot]:

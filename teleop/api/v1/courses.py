@@ -303,8 +303,6 @@ class CoursesBase(SetupView):
 
 
 class CoursesView(CoursesBase):
-    """`/courses`."""
-
     @manages("courses_list", "List the courses that you manage", refuses=())
     def get(self) -> CourseList:
         """Staff manage all."""
@@ -333,8 +331,6 @@ class CoursesView(CoursesBase):
 
 
 class CourseView(CoursesBase):
-    """`/courses/{slug}`."""
-
     @manages("courses_read", "Read a course", answer=CourseDetail)
     def get(self, slug: str) -> Response:
         """Robots, dates, quotas, supervisors, and what its robots demand."""
@@ -355,8 +351,6 @@ class CourseView(CoursesBase):
 
 
 class MembersView(CoursesBase):
-    """`/courses/{slug}/members`."""
-
     @manages("members_list", "List a course’s people")
     def get(self, slug: str) -> MemberList:
         """With the qualifications that they hold."""
@@ -406,8 +400,6 @@ class MembersView(CoursesBase):
 
 
 class MemberView(CoursesBase):
-    """`/courses/{slug}/members/{username}`."""
-
     @manages("members_remove", "Take a person out of a course")
     def delete(self, slug: str, username: str) -> None:
         """Ends the course’s role, and control by it."""
@@ -418,8 +410,6 @@ class MemberView(CoursesBase):
 
 
 class GrantView(CoursesBase):
-    """`/courses/{slug}/qualifications/{qualification}/grant`."""
-
     @manages("qualifications_grant", "Grant a qualification to people of a course", keyed=True)
     def post(self, slug: str, qualification: str, body: GrantRequest) -> Changed:
         """Replaces an earlier grant."""
@@ -431,8 +421,6 @@ class GrantView(CoursesBase):
 
 
 class RevokeView(CoursesBase):
-    """`/courses/{slug}/qualifications/{qualification}/revoke`."""
-
     @manages("qualifications_revoke", "Revoke a qualification of people of a course", keyed=True)
     def post(self, slug: str, qualification: str, body: PeopleRequest) -> Changed:
         """Ends their control of robots that demand it."""

@@ -117,8 +117,6 @@ class EventsAsked(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class EventsView(ApiView):
-    """`/events`."""
-
     tag = "events"
     renderer_classes = [JSONRenderer, EventStream]
 

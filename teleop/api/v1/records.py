@@ -250,8 +250,6 @@ class RecordsBase(ApiView):
 
 
 class SessionsView(RecordsBase):
-    """`/sessions`."""
-
     @reads("sessions_list", "List control sessions")
     def get(self, query: SessionsAsked) -> SessionList:
         """Your own, and those of robots that you supervise; staff read all. `from` and `to`: when they began."""
@@ -279,8 +277,6 @@ class SessionsView(RecordsBase):
 
 
 class SessionView(RecordsBase):
-    """`/sessions/{id}`."""
-
     @reads("sessions_read", "Read a control session")
     def get(self, session_id: UUID) -> SessionDetail:
         """Figures, and what happened in it."""
@@ -299,8 +295,6 @@ class SessionView(RecordsBase):
 
 
 class AuditView(RecordsBase):
-    """`/audit`."""
-
     @reads("audit_list", "Read the log")
     def get(self, query: AuditAsked) -> AuditList:
         """Your own records; staff read all. Each request with its outcome."""
@@ -313,8 +307,6 @@ class AuditView(RecordsBase):
 
 
 class RecordView(RecordsBase):
-    """`/audit/{number}`."""
-
     @reads("audit_read", "Read a record")
     def get(self, number: int) -> AuditEntry:
         """The record and its outcome. If the number is that of an outcome: its request."""
@@ -326,8 +318,6 @@ class RecordView(RecordsBase):
 
 
 class ExportView(RecordsBase):
-    """`/audit/export`."""
-
     def concerned(self, query: ExportAsked, **_asked: Any) -> Iterable[Robot]:
         return Robot.objects.filter(pk__in=[self._robot(query.robot)])
 

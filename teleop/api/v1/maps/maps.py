@@ -136,8 +136,6 @@ class MapsBase(SetupView):
 
 
 class MapsView(MapsBase):
-    """`/maps`."""
-
     @reads("maps_list", "List maps")
     def get(self, query: MapsQuery) -> MapList:
         """Of the robots that you may see, or of one: their present maps, and earlier ones that have a name or places.
@@ -147,8 +145,6 @@ class MapsView(MapsBase):
 
 
 class OneMapView(MapsBase):
-    """`/maps/{digest}`."""
-
     @reads("maps_read", "Read a map", answer=MapDetail)
     def get(self, digest: str) -> Response:
         """With its places."""
@@ -165,8 +161,6 @@ class OneMapView(MapsBase):
 
 
 class PictureView(MapsBase):
-    """`/maps/{digest}/picture`."""
-
     @reads("maps_picture", "Read the picture of a map", content_type="image/png")
     def get(self, digest: str) -> HttpResponse:
         """PNG: obstacles are opaque, the floor is faint, the unknown is transparent. It never changes."""

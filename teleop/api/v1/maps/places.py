@@ -65,8 +65,6 @@ class PlacesBase(MapsBase):
 
 
 class PlacesView(PlacesBase):
-    """`/maps/{digest}/places`."""
-
     @reads("places_list", "List the places of a map")
     def get(self, digest: str) -> PlaceList:
         """By name."""
@@ -83,8 +81,6 @@ class PlacesView(PlacesBase):
 
 
 class PlaceView(PlacesBase):
-    """`/maps/{digest}/places/{number}`."""
-
     @reads("places_read", "Read a place", answer=PlaceDetail)
     def get(self, digest: str, number: int) -> Response:
         """With the ETag that a change needs."""
@@ -111,8 +107,6 @@ class PlaceView(PlacesBase):
 
 
 class ExportView(PlacesBase):
-    """`/maps/{digest}/places/export`."""
-
     @reads("places_export", "Write the places of a map to a file", content_type="text/csv")
     def get(self, digest: str) -> HttpResponse:
         """CSV in UTF-8: name, x, y (metres), heading (radians)."""
@@ -123,8 +117,6 @@ class ExportView(PlacesBase):
 
 
 class ImportView(PlacesBase):
-    """`/maps/{digest}/places/import`."""
-
     @manages("places_import", "Add the places of a file to a map", refuses=(404, 409))
     def post(self, digest: str, body: PlacesFile) -> Imported:
         """For staff and supervisors of a robot that has the map. A place with the name of another one moves it; places

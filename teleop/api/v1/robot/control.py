@@ -141,8 +141,6 @@ class ProgramView(ApiView):
 
 
 class ControlView(ProgramView):
-    """`/robots/{slug}/control`."""
-
     @_control("control_read", "Read who has control", scope=Scope.READ, refuses=(404,))
     def get(self, slug: str) -> ControlEntry:
         """Reading keeps a program's control in use."""
@@ -173,8 +171,6 @@ class ControlView(ProgramView):
 
 
 class RenewView(ProgramView):
-    """`/robots/{slug}/control/renew`."""
-
     @_control("control_renew", "Renew control")
     def post(self, slug: str) -> ControlEntry:
         """Start the term again; or extend the slot while nobody else has booked."""
@@ -182,8 +178,6 @@ class RenewView(ProgramView):
 
 
 class AskView(ProgramView):
-    """`/robots/{slug}/control/line`."""
-
     @_control("control_ask", "Wait in line for control")
     def post(self, slug: str) -> ControlEntry:
         """Read control at least every 30 s; an offer holds for `offer_s`."""
@@ -196,8 +190,6 @@ class AskView(ProgramView):
 
 
 class HandOverView(ProgramView):
-    """`/robots/{slug}/control/hand-over`."""
-
     @_control("control_hand_over", "Hand control over", keyed=True)
     def post(self, slug: str, body: HandOver) -> None:
         """To somebody who waits in line."""
@@ -205,8 +197,6 @@ class HandOverView(ProgramView):
 
 
 class VelocityView(ProgramView):
-    """`/robots/{slug}/velocity`."""
-
     @_control(
         "velocity",
         "Drive for at most 0.5 s",

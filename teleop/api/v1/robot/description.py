@@ -58,8 +58,6 @@ class DescriptionEntry(Struct, frozen=True):
 
 
 class DescriptionView(ProgramView):
-    """`/robots/{slug}/description`."""
-
     tag = "robots"
 
     @reads("description_read", "Read the robot’s description", answer=DescriptionEntry, refuses=(404, 409))
@@ -84,8 +82,6 @@ class DescriptionView(ProgramView):
 
 
 class MeshView(ProgramView):
-    """`/robots/{slug}/meshes/{package}/{path}`."""
-
     tag = "robots"
 
     @reads(

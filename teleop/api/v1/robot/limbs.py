@@ -46,8 +46,6 @@ class LimbView(TasksBase):
 
 
 class GripperView(LimbView):
-    """`/robots/{slug}/gripper`."""
-
     limb = "gripper"
 
     @starts("gripper_move", "Open or close the gripper", wire.LIMB, examples={"Open": {"to": "open"}})
@@ -69,8 +67,6 @@ class GripperView(LimbView):
 
 
 class TorsoView(LimbView):
-    """`/robots/{slug}/torso`."""
-
     limb = "torso"
 
     @starts("torso_move", "Raise or lower the torso", wire.LIMB)

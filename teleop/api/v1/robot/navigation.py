@@ -71,8 +71,6 @@ class MapEntry(Struct, frozen=True):
 
 
 class GoView(TasksBase):
-    """`/robots/{slug}/go`."""
-
     kind, tag = wire.GO, "control"
 
     @starts(
@@ -96,8 +94,6 @@ class GoView(TasksBase):
 
 
 class PoseView(TasksBase):
-    """`/robots/{slug}/pose`."""
-
     kind, tag = wire.SET_POSE, "control"
 
     @acts("pose_set", "Tell the robot where it is on its map", kind)
@@ -107,8 +103,6 @@ class PoseView(TasksBase):
 
 
 class MapView(ProgramView):
-    """`/robots/{slug}/map`."""
-
     tag = "robots"
 
     @reads("map_read", "Read the robot’s map")
@@ -127,8 +121,6 @@ class MapView(ProgramView):
 
 
 class MapPictureView(ProgramView):
-    """`/robots/{slug}/map/picture`."""
-
     tag = "robots"
 
     @reads(

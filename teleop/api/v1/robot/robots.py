@@ -71,8 +71,6 @@ class PhraseList(Struct, frozen=True):
 
 
 class RobotsView(ApiView):
-    """`/robots`."""
-
     @reads("robots_list", "List the robots that you may see", refuses=())
     def get(self) -> RobotList:
         """The state of a robot is at its own address."""
@@ -84,8 +82,6 @@ class RobotsView(ApiView):
 
 
 class RobotView(ApiView):
-    """`/robots/{slug}`."""
-
     @reads("robots_read", "Read one robot and its state")
     def get(self, slug: str) -> RobotDetail:
         """State, sensors and their ages, battery, stop, gate's verdict, limits."""
@@ -109,8 +105,6 @@ class RobotView(ApiView):
 
 
 class PhrasesView(ApiView):
-    """`/robots/{slug}/phrases`."""
-
     @reads("phrases_list", "List a robot’s phrases")
     def get(self, slug: str) -> PhraseList:
         """Sentences that staff wrote for this robot."""
@@ -120,8 +114,6 @@ class PhrasesView(ApiView):
 
 
 class SpeechHistoryView(ApiView):
-    """`/robots/{slug}/speech/history`."""
-
     @reads(
         "speech_history",
         "Read what a robot said",

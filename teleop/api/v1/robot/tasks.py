@@ -174,8 +174,6 @@ class SpeechView(TasksBase):
 
 
 class MotionsView(TasksBase):
-    """`/robots/{slug}/motions`."""
-
     @_of_robot("motions_list", "List motions", scope=Scope.READ)
     def get(self, slug: str) -> MotionList:
         """In the robot’s own words."""
@@ -188,8 +186,6 @@ class MotionsView(TasksBase):
 
 
 class MotionView(TasksBase):
-    """`/robots/{slug}/motions/{name}`."""
-
     kind = wire.MOTION
 
     @starts("motions_play", "Play a motion", kind)
@@ -199,8 +195,6 @@ class MotionView(TasksBase):
 
 
 class MotionCancelView(TasksBase):
-    """`/robots/{slug}/motion`."""
-
     kind = wire.MOTION
 
     @acts("motions_cancel", "Cancel the motion", kind)
@@ -277,8 +271,6 @@ class HeadView(TasksBase):
 
 
 class ClearView(TasksBase):
-    """`/robots/{slug}/stop/clear`."""
-
     tag = "stop"
 
     @_of_robot("stop_clear", "Clear the emergency stop", scope=Scope.DRIVE)
@@ -302,8 +294,6 @@ class ClearView(TasksBase):
 
 
 class TaskView(ProgramView):
-    """`/robots/{slug}/tasks/{number}`."""
-
     tag = "tasks"
 
     @_of_robot(

@@ -119,8 +119,6 @@ class TopicsBase(ProgramView):
 
 
 class TopicsView(TopicsBase):
-    """`/robots/{slug}/topics`."""
-
     @_topics("topics_list", "List topics, actions and services")
     def get(self, slug: str) -> Graph:
         """Lists the topics, actions and services that the ROS master knows."""
@@ -128,8 +126,6 @@ class TopicsView(TopicsBase):
 
 
 class DefinitionView(TopicsBase):
-    """`/robots/{slug}/topics/definition`."""
-
     @_topics("topics_definition", "Read the definition of a message")
     def get(self, slug: str, query: TypeAsked) -> Described:
         """As a tree of fields."""
@@ -137,8 +133,6 @@ class DefinitionView(TopicsBase):
 
 
 class MessageView(TopicsBase):
-    """`/robots/{slug}/topics/message`."""
-
     @_topics("topics_message", "Read one message of a topic")
     def get(self, slug: str, query: TopicAsked) -> Sample:
         """The next one, within 6 s. Long arrays are shortened. For a stream use the WebSocket of topics."""
@@ -146,8 +140,6 @@ class MessageView(TopicsBase):
 
 
 class PublishView(TopicsBase):
-    """`/robots/{slug}/topics/publish`."""
-
     @acts("topics_publish", "Publish a message", wire.PUBLISH, keyed=True)
     def post(self, slug: str, body: PublishRequest) -> None:
         """From the allow-list; needs control. A velocity passes the gate, and is valid for 0.3 s."""
@@ -165,8 +157,6 @@ class PublishView(TopicsBase):
 
 
 class ServiceView(TopicsBase):
-    """`/robots/{slug}/services/definition`."""
-
     @_topics("services_definition", "Read the request of a service")
     def get(self, slug: str, query: ServiceAsked) -> Described:
         """As a tree of fields."""
@@ -174,8 +164,6 @@ class ServiceView(TopicsBase):
 
 
 class CallView(TopicsBase):
-    """`/robots/{slug}/services/call`."""
-
     @_topics("services_call", "Call a service", keyed=True)
     def post(self, slug: str, body: CallRequest) -> Called:
         """Staff in control of the robot, from the allow-list."""
@@ -183,8 +171,6 @@ class CallView(TopicsBase):
 
 
 class ParametersView(TopicsBase):
-    """`/robots/{slug}/parameters`."""
-
     @_topics("parameters_list", "List parameters")
     def get(self, slug: str) -> Parameters:
         """Lists the names of all parameters."""
@@ -192,8 +178,6 @@ class ParametersView(TopicsBase):
 
 
 class ParameterView(TopicsBase):
-    """`/robots/{slug}/parameters/value`."""
-
     @_topics("parameters_read", "Read a parameter")
     def get(self, slug: str, query: ParameterAsked) -> Parameter:
         """Reads one parameter, or all parameters below a name."""
@@ -206,8 +190,6 @@ class ParameterView(TopicsBase):
 
 
 class InputView(TopicsBase):
-    """`/robots/{slug}/inputs/{use}`."""
-
     @acts(
         "inputs_choose",
         "Choose where input goes",
@@ -220,8 +202,6 @@ class InputView(TopicsBase):
 
 
 class ForgetView(TopicsBase):
-    """`/robots/{slug}/forget`."""
-
     tag = "control"
 
     @acts("forget", "Forget remembered obstacles", wire.FORGET)

@@ -107,8 +107,6 @@ class GroupsBase(SetupView):
 
 
 class GroupsView(GroupsBase):
-    """`/robot-groups`."""
-
     @manages("groups_list", "List robot groups", refuses=())
     def get(self) -> GroupList:
         """For staff."""
@@ -126,8 +124,6 @@ class GroupsView(GroupsBase):
 
 
 class GroupView(GroupsBase):
-    """`/robot-groups/{slug}`."""
-
     @manages("groups_read", "Read a robot group", answer=GroupEntry)
     def get(self, slug: str) -> Response:
         """For staff."""
@@ -149,8 +145,6 @@ class GroupView(GroupsBase):
 
 
 class GroupRoleView(GroupsBase):
-    """`/robot-groups/{slug}/roles/{username}`."""
-
     @manages("groups_role_set", "Give a person a role on a group’s robots")
     def put(self, slug: str, username: str, body: RoleRequest) -> Holder:
         """For staff."""
@@ -166,8 +160,6 @@ class GroupRoleView(GroupsBase):
 
 
 class RobotRolesView(SetupView):
-    """`/registry/{slug}/roles/{username}`."""
-
     tag = "registry"
 
     @manages("registry_role_set", "Give a person a role on a robot")
@@ -217,8 +209,6 @@ class QualificationsBase(SetupView):
 
 
 class QualificationsView(QualificationsBase):
-    """`/qualifications`."""
-
     @manages("qualifications_list", "List qualifications", refuses=())
     def get(self) -> QualificationList:
         """For staff."""
@@ -236,8 +226,6 @@ class QualificationsView(QualificationsBase):
 
 
 class QualificationView(QualificationsBase):
-    """`/qualifications/{slug}`."""
-
     @manages("qualifications_read", "Read a qualification", answer=QualificationDetail)
     def get(self, slug: str) -> Response:
         """For staff."""

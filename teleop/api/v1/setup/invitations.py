@@ -50,8 +50,6 @@ class InvitationRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class InvitationsView(CoursesBase):
-    """`/courses/{slug}/invitations`."""
-
     @manages("invitations_list", "List the invitations to a course")
     def get(self, slug: str) -> InvitationList:
         """Also those that are over."""
@@ -74,8 +72,6 @@ class InvitationsView(CoursesBase):
 
 
 class InvitationView(CoursesBase):
-    """`/courses/{slug}/invitations/{id}`."""
-
     @manages("invitations_revoke", "Revoke an invitation")
     def delete(self, slug: str, invitation_id: UUID) -> None:
         """End an invitation: its link admits nobody any more. A repeated call changes nothing."""
@@ -85,8 +81,6 @@ class InvitationView(CoursesBase):
 
 
 class WelcomeView(CoursesBase):
-    """`/courses/{slug}/welcome`."""
-
     @manages("courses_welcome", "Send people the e-mail with which they set a password", keyed=True)
     def post(self, slug: str, body: PeopleRequest) -> Changed:
         """To those who have no password yet; the answer says how many. Others are left out."""

@@ -139,8 +139,6 @@ class PoliciesBase(SetupView):
 
 
 class PoliciesView(PoliciesBase):
-    """`/policies`."""
-
     @reads("policies_list", "List booking policies", refuses=())
     def get(self) -> PolicyList:
         """Policies of the robots that you may see: the rules of booking are open to all who may book."""
@@ -160,8 +158,6 @@ class PoliciesView(PoliciesBase):
 
 
 class CommonPolicyView(PoliciesBase):
-    """`/policies/all`."""
-
     @reads("policies_read_common", "Read the policy of all robots", answer=PolicyEntry, refuses=())
     def get(self) -> Response:
         """Robots without a policy of their own or of a group follow this one."""
@@ -175,8 +171,6 @@ class CommonPolicyView(PoliciesBase):
 
 
 class RobotPolicyView(PoliciesBase):
-    """`/policies/robots/{slug}`."""
-
     @reads("policies_read_robot", "Read the policy of a robot", answer=PolicyEntry)
     def get(self, slug: str) -> Response:
         """The robot’s own policy, or the one that it follows."""
@@ -194,8 +188,6 @@ class RobotPolicyView(PoliciesBase):
 
 
 class GroupPolicyView(PoliciesBase):
-    """`/policies/groups/{slug}`."""
-
     def concerned(self, slug: str, **_asked: Any) -> Iterable[Robot]:
         return self.group(slug).robots.all()
 
@@ -216,8 +208,6 @@ class GroupPolicyView(PoliciesBase):
 
 
 class PeriodsView(PoliciesBase):
-    """`/out-of-service`."""
-
     def concerned(self, body: PeriodRequest, **_asked: Any) -> Iterable[Robot]:
         return [self.robot(body.robot)]
 
@@ -246,8 +236,6 @@ class PeriodsView(PoliciesBase):
 
 
 class PeriodView(PoliciesBase):
-    """`/out-of-service/{id}`."""
-
     def concerned(self, period_id: UUID, **_asked: Any) -> Iterable[Robot]:
         return [self.period(period_id).robot]
 

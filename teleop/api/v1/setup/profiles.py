@@ -102,8 +102,6 @@ class PhraseTexts(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ProfilesView(SetupView):
-    """`/profiles`."""
-
     tag = "registry"
 
     @reads("profiles_list", "List the kinds of robots", refuses=())
@@ -129,8 +127,6 @@ class ProfilesBase(SetupView):
 
 
 class ProfileView(ProfilesBase):
-    """`/profiles/{slug}`."""
-
     @reads("profiles_read", "Read a profile", answer=ProfileDetail)
     def get(self, slug: str) -> Response:
         """Limits, body, ROS interface, gate and stick of this kind of robots."""
@@ -162,8 +158,6 @@ class PhrasesBase(ProfilesBase):
 
 
 class ProfilePhrasesView(PhrasesBase):
-    """`/profiles/{slug}/phrases`."""
-
     @reads("profiles_phrases_read", "Read a profile’s phrases", answer=PhraseTexts)
     def get(self, slug: str) -> Response:
         """In their order."""
@@ -176,8 +170,6 @@ class ProfilePhrasesView(PhrasesBase):
 
 
 class RobotPhrasesView(PhrasesBase):
-    """`/registry/{slug}/phrases`."""
-
     def concerned(self, slug: str, **_asked: Any) -> Iterable[Robot]:
         return [self.robot(slug)]
 

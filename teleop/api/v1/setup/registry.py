@@ -74,8 +74,6 @@ class RegistryView(SetupView):
 
 
 class RegisterView(RegistryView):
-    """`/registry`."""
-
     @makes("registry_add", "Register a robot", answer=Registration, refuses=(), keyed=True)
     def post(self, body: RegisterRequest) -> Response:
         """For staff. A bridge is started for it; `GET /robots/{slug}` says how it is. No token that is bound to robots
@@ -91,8 +89,6 @@ class RegisterView(RegistryView):
 
 
 class RegistrationView(RegistryView):
-    """`/registry/{slug}`."""
-
     def concerned(self, slug: str, body: RegistrationChange, **_asked: Any) -> Iterable[Robot]:
         """Return the robot of the address; with another master it is another robot, which no bound token serves."""
         return [self.robot(slug)] if body.master_uri is UNSET else ()

@@ -69,8 +69,6 @@ class SeriesAnswer(Struct, frozen=True):
 
 
 class SeriesView(SetupView):
-    """`/bookings/series`."""
-
     tag = "bookings"
     seen_by = staticmethod(robots_bookable_by)
 

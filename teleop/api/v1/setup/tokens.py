@@ -200,8 +200,6 @@ class TokensBase(SetupView):
 
 
 class TokensView(TokensBase):
-    """`/tokens`."""
-
     @reads("tokens_list", "List your tokens", refuses=())
     def get(self) -> TokenList:
         """With their last use."""
@@ -221,8 +219,6 @@ class TokensView(TokensBase):
 
 
 class TokenView(TokensBase):
-    """`/tokens/{id}`."""
-
     def concerned(self, token_id: UUID, **_asked: Any) -> Iterable[Robot]:
         """Return the robots of the token that ends; a token may always end itself."""
         own = self.token
@@ -243,8 +239,6 @@ class TokenView(TokensBase):
 
 
 class ServiceAccountsView(TokensBase):
-    """`/service-accounts`."""
-
     @manages("service_accounts_list", "List service accounts", refuses=())
     def get(self) -> ServiceAccountList:
         """For staff."""
@@ -264,8 +258,6 @@ class ServiceAccountsView(TokensBase):
 
 
 class ServiceTokensView(TokensBase):
-    """`/service-accounts/{username}/tokens`."""
-
     @manages("service_tokens_list", "List the tokens of a service account")
     def get(self, username: str) -> TokenList:
         """For staff."""

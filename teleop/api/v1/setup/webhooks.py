@@ -132,8 +132,6 @@ class WebhooksBase(SetupView):
 
 
 class WebhooksView(WebhooksBase):
-    """`/webhooks`."""
-
     @manages("webhooks_list", "List webhooks", refuses=())
     def get(self) -> WebhookList:
         """For staff."""
@@ -173,8 +171,6 @@ class WebhooksView(WebhooksBase):
 
 
 class WebhookView(WebhooksBase):
-    """`/webhooks/{id}`."""
-
     @manages("webhooks_read", "Read a webhook")
     def get(self, webhook_id: UUID) -> WebhookEntry:
         """For staff."""
@@ -194,8 +190,6 @@ class WebhookView(WebhooksBase):
 
 
 class DeliveriesView(WebhooksBase):
-    """`/webhooks/{id}/deliveries`."""
-
     @manages("webhooks_deliveries", "Read the deliveries of a webhook")
     def get(self, webhook_id: UUID) -> DeliveryList:
         """The last 100, with the answer to each attempt."""
@@ -204,8 +198,6 @@ class DeliveriesView(WebhooksBase):
 
 
 class TestView(WebhooksBase):
-    """`/webhooks/{id}/test`."""
-
     @manages("webhooks_test", "Send a test", refuses=(404, 409))
     def post(self, webhook_id: UUID) -> None:
         """It leaves within about two seconds, and is among the deliveries."""
@@ -213,8 +205,6 @@ class TestView(WebhooksBase):
 
 
 class AgainView(WebhooksBase):
-    """`/webhooks/{id}/again`."""
-
     @manages("webhooks_again", "Try deliveries again that were given up")
     def post(self, webhook_id: UUID) -> TriedAgain:
         """Sends each of these events once more, with the same pauses."""
