@@ -118,8 +118,7 @@ async def attack(flood: Flood, target: Target, crowd: Crowd, seconds: float) -> 
 
 async def _talk(target: Target, source: str, requests: Requests, answer_s: float) -> None:
     """Send requests on one connection, until the console closes it."""
-    reader, writer = await target.connect(source)
-    try:
+    async with target.connected(source) as (reader, writer):
         while True:
             writer.write(next(requests))
             head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), answer_s)
@@ -128,8 +127,6 @@ async def _talk(target: Target, source: str, requests: Requests, answer_s: float
             await reader.readexactly(int(lines.get(b"content-length", b"0")))
             if b"close" in lines.get(b"connection", b"") or b"upgrade" in lines:
                 break
-    finally:
-        writer.close()
 
 
 def main() -> None:

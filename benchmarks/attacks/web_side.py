@@ -15,8 +15,8 @@ import struct
 import sys
 import time
 import urllib.parse
-from collections.abc import Awaitable, Callable, Iterable
-from contextlib import suppress
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import count, cycle
 
@@ -52,11 +52,17 @@ class Target:
         """Add to a count, which the last line of output shows."""
         self.done[what] = self.done.get(what, 0) + number
 
-    async def connect(self, source: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-        """Connect from one of the attackers' addresses."""
-        return await asyncio.wait_for(
-            asyncio.open_connection(self.host, self.port, local_addr=(source, 0)), ANSWER_S
-        )
+    @asynccontextmanager
+    async def connected(
+        self, source: str
+    ) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
+        """Connect from one of the attackers' addresses; close at the end."""
+        opening = asyncio.open_connection(self.host, self.port, local_addr=(source, 0))
+        reader, writer = await asyncio.wait_for(opening, ANSWER_S)
+        try:
+            yield reader, writer
+        finally:
+            writer.close()
 
     def head(self, method: str, path: str, *lines: str, cookie: str | None = None) -> bytes:
         """Return a request's head without the empty line."""
@@ -69,12 +75,9 @@ class Target:
 
     async def ask(self, source: str, request: bytes) -> bytes:
         """Send one request with "Connection: close"; return the whole answer."""
-        reader, writer = await self.connect(source)
-        try:
+        async with self.connected(source) as (reader, writer):
             writer.write(request)
             answer = await asyncio.wait_for(reader.read(), ANSWER_S)
-        finally:
-            writer.close()
         self.count(answer[9:12].decode(errors="replace") or "nothing")
         return answer
 
@@ -118,8 +121,7 @@ async def bodies(target: Target) -> None:
 
     async def send(source: str) -> None:
         head = target.head("POST", next(turns), "Content-Type: text/plain", f"Content-Length: {BODY}")
-        reader, writer = await target.connect(source)
-        try:
+        async with target.connected(source) as (reader, writer):
             writer.write(head + b"\r\n")
             for _ in range(BODY // len(CHUNK) + 1):
                 writer.write(CHUNK)
@@ -128,8 +130,6 @@ async def bodies(target: Target) -> None:
                 await asyncio.sleep(BODY_GAP_S)
             answer = await asyncio.wait_for(reader.read(12), ANSWER_S)
             target.count(answer[9:12].decode(errors="replace"))
-        finally:
-            writer.close()
 
     await _kept(target, 2, send)
 
@@ -138,16 +138,13 @@ async def slow_heads(target: Target) -> None:
     """Open 200 connections that send one header line a second and never end the header."""
 
     async def drip(source: str) -> None:
-        _, writer = await target.connect(source)
-        try:
+        async with target.connected(source) as (_, writer):
             target.count("connections")
             writer.write(target.head("GET", "/"))
             for number in count():
                 writer.write(f"X-{number}: x\r\n".encode())
                 await writer.drain()
                 await asyncio.sleep(SLOW_GAP_S)
-        finally:
-            writer.close()
 
     await _kept(target, SLOW, drip)
 
@@ -156,12 +153,9 @@ async def idle(target: Target) -> None:
     """Open 300 silent connections."""
 
     async def wait(source: str) -> None:
-        reader, writer = await target.connect(source)
-        try:
+        async with target.connected(source) as (reader, _):
             target.count("connections")
             await reader.read()
-        finally:
-            writer.close()
 
     await _kept(target, IDLE, wait)
 
@@ -170,8 +164,7 @@ async def huge_frames(target: Target) -> None:
     """Send WebSocket frames of hundreds of megabytes without a session."""
 
     async def talk(source: str) -> None:
-        reader, writer = await target.connect(source)
-        try:
+        async with target.connected(source) as (reader, writer):
             writer.write(target.head("GET", "/ws/robots/tiago-1/", *UPGRADE) + b"\r\n")
             answer = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), ANSWER_S)
             target.count(answer[9:12].decode(errors="replace"))
@@ -181,8 +174,6 @@ async def huge_frames(target: Target) -> None:
                 target.count("MB sent")
                 await asyncio.wait_for(writer.drain(), ANSWER_S)
                 await asyncio.sleep(BODY_GAP_S)
-        finally:
-            writer.close()
 
     await _kept(target, 4, talk)
 
@@ -194,14 +185,11 @@ async def handshakes(target: Target) -> None:
         lines = [] if number % 2 else [f"X-{line}: {'x' * 1000}" for line in range(4000)]
         request = target.head("GET", path, *UPGRADE, *lines) + b"\r\n"
         with suppress(*FAULTS):
-            reader, writer = await target.connect(source)
-            try:
+            async with target.connected(source) as (reader, writer):
                 writer.write(request)
                 await asyncio.wait_for(writer.drain(), ANSWER_S)
                 answer = await asyncio.wait_for(reader.read(12), 1.0)
                 target.count(answer[9:12].decode(errors="replace") or "closed")
-            finally:
-                writer.close()
         await asyncio.sleep(0.02)
 
 
@@ -244,8 +232,7 @@ async def _refused_messages(target: Target) -> None:
     texts = [wire.encode(message) for message in messages] + [b'{"t":"nonsense"}', b"[]"]
     while True:
         with suppress(*FAULTS):
-            reader, writer = await target.connect(ADDRESSES[0])
-            try:
+            async with target.connected(ADDRESSES[0]) as (reader, writer):
                 writer.write(target.head("GET", "/ws/robots/tiago-1/", *UPGRADE) + b"\r\n")
                 await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), ANSWER_S)
                 writer.write(_text_frame(wire.encode(wire.Hello("observer-who-may-not"))))
@@ -257,8 +244,6 @@ async def _refused_messages(target: Target) -> None:
                     target.count("messages")
                     await writer.drain()
                     await asyncio.sleep(1.0 / REFUSED_HZ)
-            finally:
-                writer.close()
         await asyncio.sleep(0.2)
 
 
