@@ -120,7 +120,7 @@ def _plane(parent: Element, world: World, z: float, **attributes: str) -> None:
     west, south, east, north = world.size
     centre = _numbers((west + east) / 2, (south + north) / 2, z)
     size = _numbers((east - west) / 2, (north - south) / 2, 1.0)
-    SubElement(parent, "geom", type="plane", pos=centre, size=size, **attributes)
+    SubElement(parent, "geom", attributes, type="plane", pos=centre, size=size)
 
 
 def _decorate(parent: Element, world: World) -> None:
