@@ -243,12 +243,13 @@ def test_an_answer_that_fails_keeps_no_task_running(bench, monkeypatch):
 def test_a_running_task_ends_once_or_goes_on(bench, what, cause):
     expected, tasks = RUNNING[what][cause], bench.core.tasks
     ends = [] if type(expected) is GoesOn else [expected]
-    before = tasks.headline(bench.now_s)
+    before, seen = tasks.headline(bench.now_s), tasks.state(bench.now_s)
     answers = bench.ask(ORDERS[what])
     bench.obeys()
     begun = tasks.headline(bench.now_s)
     assert (answers, len(bench.begun), outcomes(bench, what)) == ([None], 1, BEGUN.get(what, []))
     assert begun != before
+    assert tasks.state(bench.now_s) != seen  # pages see the task
     # without records, only a task that is not counted may go on
     assert bool(tasks.under_way) == (type(RUNNING[what][Cause.UNRECORDED]) is not GoesOn)
     HAPPENS[cause](bench, what)
