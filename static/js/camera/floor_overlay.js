@@ -3,7 +3,7 @@
 import { withArm } from "../drive/twist_geometry.js";
 import { Canvas } from "../lib/canvas.js";
 import { edgeHints, floorPath, inPicture } from "./floor_geometry.js";
-import { fitInto } from "./frame.js";
+import { covering } from "./frame.js";
 
 const TIERS = ["green", "yellow", "red"];
 const NEAR_M = 0.4; // at this distance or less, a hint is fully opaque
@@ -15,6 +15,7 @@ export class FloorOverlay {
   #canvas;
   #facts = null;
   #path = null; // of the newest view
+  #hold = null; // the obstacle for which the gate slows the robot: x, y
   #near = []; // obstacles that get a hint if the picture does not show them
   #header = null;
 
@@ -36,6 +37,7 @@ export class FloorOverlay {
   /** @param {?object} view the robot's newest view; null: it is too old to draw */
   set view(view) {
     this.#path = null;
+    this.#hold = view?.state.verdict.point ?? null;
     const { laser_cm = [], remembered_cm = [], depth_cm = [] } = view?.scan ?? {};
     this.#near = [...laser_cm, ...remembered_cm];
     if (view && this.#facts) {
@@ -59,7 +61,7 @@ export class FloorOverlay {
   #draw(pen, width, height) {
     const header = this.#header;
     if (!header || !this.#path) return;
-    const { scale, x, y } = fitInto(header, width, height);
+    const { scale, x, y } = covering(header, width, height);
     const pixel = this.#canvas.density / scale; // size of one page pixel, in pixels of the picture
     pen.setTransform(scale, 0, 0, scale, x, y);
     pen.save();
@@ -68,6 +70,7 @@ export class FloorOverlay {
     pen.clip();
     this.#drawPath(header, pixel);
     this.#drawHints(header, pixel);
+    this.#drawHold(header, pixel);
     pen.restore();
   }
 
@@ -95,6 +98,23 @@ export class FloorOverlay {
     if (stop && this.#trace(inPicture(stop, header))) {
       pen.lineWidth = 6 * pixel;
       pen.strokeStyle = this.#canvas.colour.red;
+      pen.stroke();
+    }
+  }
+
+  /** Mark the very spot, as the plan does. */
+  #drawHold(header, pixel) {
+    const [spot] = this.#hold ? inPicture([this.#hold], header) : [];
+    if (!spot) return;
+    const pen = this.#canvas.pen;
+    for (const [colour, width] of [
+      ["edge", 7],
+      ["red", 4],
+    ]) {
+      pen.beginPath();
+      pen.arc(...spot, 13 * pixel, 0, 2 * Math.PI);
+      pen.lineWidth = width * pixel;
+      pen.strokeStyle = this.#canvas.colour[colour];
       pen.stroke();
     }
   }

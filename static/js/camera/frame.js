@@ -29,10 +29,11 @@ export function fits({ width, height }) {
 }
 
 /**
- * Return scale and position of a picture in the middle of a box, as large as possible.
+ * Return scale and position of a picture that covers a box, as the style sheet places it: its middle and its lower
+ * edge, which shows the floor before the robot, are in the box.
  * @returns {{scale: number, x: number, y: number}}
  */
-export function fitInto({ width, height }, boxWidth, boxHeight) {
-  const scale = Math.min(boxWidth / width, boxHeight / height);
-  return { scale, x: (boxWidth - width * scale) / 2, y: (boxHeight - height * scale) / 2 };
+export function covering({ width, height }, boxWidth, boxHeight) {
+  const scale = Math.max(boxWidth / width, boxHeight / height);
+  return { scale, x: (boxWidth - width * scale) / 2, y: boxHeight - height * scale };
 }

@@ -2,10 +2,10 @@
  * Turns the robot's head: by drag, click and double click on the picture, and by buttons for the keyboard.
  */
 
-import { takeControlFirst } from "../control/lease.js";
+import { whyNotNow } from "../control/lease.js";
 import { PointerGrip } from "../hand/pointer_grip.js";
 import { dim, mark, show } from "../lib/dom.js";
-import { fitInto } from "./frame.js";
+import { covering } from "./frame.js";
 
 const PERIOD_MS = 200; // five requests a second are enough to follow a finger
 const DRAG_PX = 8; // a finger that moves less does not drag
@@ -105,8 +105,7 @@ export class Head {
   /** @param {boolean} may whether this tab has control */
   set mayAct(may) {
     this.#may = may;
-    for (const key of this.#keys.querySelectorAll("[data-turn]"))
-      dim(key, !may, takeControlFirst());
+    for (const key of this.#keys.querySelectorAll("[data-turn]")) dim(key, !may, whyNotNow());
     this.#follow();
   }
 
@@ -179,7 +178,7 @@ export class Head {
   #pictureOnPage() {
     const header = this.#header();
     const box = this.#area.getBoundingClientRect();
-    const { scale, x, y } = fitInto(header, box.width, box.height);
+    const { scale, x, y } = covering(header, box.width, box.height);
     return { header, scale, left: box.left + x, top: box.top + y };
   }
 

@@ -24,18 +24,22 @@ import { ControlPanel } from "./control_panel.js";
 import { ControlRequests, isControlRequest } from "./control_requests.js";
 import { Hints } from "./hints.js";
 import { Drawers } from "./layout/drawers.js";
+import { Over } from "./layout/over.js";
 import { Panels } from "./layout/panels.js";
-import { takeControlFirst } from "./lease.js";
+import { whyNotNow } from "./lease.js";
 import { PANELS } from "./panels/list.js";
 import { PagePanels } from "./panels/page_panels.js";
 import { PageState } from "./panels/page_state.js";
+import { silenceOf } from "./reason/silence.js";
 import { RobotContact } from "./robot_contact.js";
 import { isAtLeast } from "./roles.js";
+import { controlWords } from "./status/control_words.js";
 import { StatusBar } from "./status/status_bar.js";
 import { isHeld } from "./status/status_text.js";
 import { StopButton } from "./stop/stop_button.js";
 
-const UPDATE_MS = 250;
+const UPDATE_MS = 100; // a stale world looks stale within half a second
+const BACK_OFF_M = 0.3;
 const NEUTRAL_SAID_AFTER_MS = 300; // a stick at rest is neutral again before a person could read the text
 
 // Refusals of stick commands that get no notice: there are many of them, and the delay, the words in the
@@ -78,6 +82,7 @@ class ControlPage {
   #drawers;
   #hints;
   #layout;
+  #over;
   #screen = screenLock();
   #echoes = new DelayEchoes();
   #echoTrips = new RoundTrips();
@@ -90,6 +95,7 @@ class ControlPage {
   #role = "observer";
   #contact = new RobotContact();
   #moved = false; // the stick is not at rest
+  #isStale = false; // what the page shows of the robot is old
   #needsSign = false; // what a hand holds lets go soon, unless the hand moves
   // Since when the stick has had to return to the middle; if it need not, the present time.
   #needsNeutralSinceMs = 0;
@@ -109,21 +115,21 @@ class ControlPage {
       this.#notify(
         "info",
         "turn",
-        may
-          ? gettext("Hold the button: the robot turns for as long as you do.")
-          : takeControlFirst(),
+        may ? gettext("Hold the button: the robot turns for as long as you do.") : whyNotNow(),
       ),
     );
     this.#sender = new DriveSender(this.#echoes.counted(this.#socket), this.#stick, this.#clock);
     this.#panel = new ControlPanel(this.#parts);
     this.#options = new DrivingOptions(root, this.#parts);
-    this.#statusBar = new StatusBar(root, this.#parts, (notice) => this.#notices.add(notice));
+    this.#statusBar = new StatusBar(root, this.#parts, this.#acts(), (notice) =>
+      this.#notices.add(notice),
+    );
     this.#notices = new Notices(this.#parts);
     this.#panels = new PagePanels(PANELS, this.#state, {
       root,
       parts: this.#parts,
       send: (message) => this.#socket.send(message),
-      notify: (notice) => this.#notices.add(notice),
+      notify: (notice) => this.#report(notice),
       clock: this.#clock,
       steers: () => this.#steers,
     });
@@ -132,6 +138,7 @@ class ControlPage {
     this.#state.subscribe(this.#turn, ["state", "mayAct"]);
     this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
     this.#drawers = new Drawers(root);
+    this.#over = new Over(root);
     const choices = new Choices(root.dataset);
     this.#hints = new Hints(root, this.#parts, choices);
     this.#layout = new Panels(root, choices, (text) =>
@@ -180,6 +187,7 @@ class ControlPage {
       this.#panels,
       this.#hints,
       this.#layout,
+      this.#over,
       this.#panel,
       this.#options,
       this.#statusBar,
@@ -213,10 +221,7 @@ class ControlPage {
     on(this.#options, "sticky", (sticky) => Object.assign(this.#joystick, { sticky }));
     on(this.#tabs, "change", ({ tab, before }) => this.#changed(tab, before));
     on(this.#stick, "change", ({ input }) => this.#stickMoved(input));
-    on(this.#parts.clear, "click", () => {
-      this.#stopAsked = this.#contact.state?.stop.number ?? 0;
-      this.#clear.ask();
-    });
+    this.#root.addEventListener("pointerdown", (event) => this.#touched(event), { signal });
     on(document, "visibilitychange", () => this.#contact.hide(performance.now()));
     on(hand, "interrupted", ({ reason }) => this.#zero(reason));
     on(hand, "lost", (lost) => this.#handLost(lost));
@@ -226,6 +231,7 @@ class ControlPage {
       stick: this.#stick,
       holonomic: () => this.#facts?.holonomic ?? false,
       drives: () => this.#steers,
+      refused: () => this.#wish(),
       mayStop: () => this.#mine,
       stop: () => this.#stopButton.press(),
     };
@@ -266,7 +272,6 @@ class ControlPage {
   }
 
   #stickMoved(input) {
-    this.#showHint();
     if (input && input !== "turn") this.#drawers.close(); // the button for "turn" is in a drawer
     const wasMoved = this.#moved;
     this.#moved = Boolean(input);
@@ -293,8 +298,13 @@ class ControlPage {
     if (CLOSED_FOR_GOOD.has(code)) location.reload();
   }
 
-  #isCut() {
-    return !this.#socket.open || this.#contact.isCut(performance.now());
+  /** Which part of the way to the robot is silent, and for how long; null: none. */
+  get #silence() {
+    return silenceOf({
+      connected: this.#socket.open,
+      ...this.#contact.facts(performance.now()),
+      delayMs: this.#heartbeat.delayMs,
+    });
   }
 
   #receive(message) {
@@ -344,6 +354,7 @@ class ControlPage {
     this.#panel.control = control;
     const begins = this.#mine && control.fence !== fence;
     if (begins) {
+      this.#statusBar.granted();
       this.#stick.neutralise("control-began");
       this.#hints.done("take");
     }
@@ -373,9 +384,58 @@ class ControlPage {
   }
 
   #tellRights() {
-    const mayAct = this.#control === null ? null : this.#drives; // null until the server has reported control
-    const fence = mayAct ? this.#control.fence : null;
-    this.#state.tell({ fence, mayAct, mayCancel: mayAct || isAtLeast(this.#role, "supervisor") });
+    const drives = this.#drives;
+    const fence = drives ? this.#control.fence : null;
+    // null until the server has reported control
+    const mayAct = this.#control === null ? null : drives && !this.#isStale;
+    this.#state.tell({ fence, mayAct, mayCancel: drives || isAtLeast(this.#role, "supervisor") });
+  }
+
+  /** Without control the joystick takes no pointer: notice a press at its place. */
+  #touched({ clientX: x, clientY: y, target }) {
+    if (this.#drives || target.closest("button, a, [popover], dialog")) return;
+    const { left, right, top, bottom } = this.#parts.zone.getBoundingClientRect();
+    if (x >= left && x <= right && y >= top && y <= bottom) this.#wish();
+  }
+
+  /** The person wants to drive, and this tab has no control. */
+  #wish() {
+    if (this.#control === null || this.#drives) return;
+    const { headline, reason, actions } = controlWords(this.#control);
+    const [act] = actions.filter((name) => name === "take" || name === "ask");
+    this.#statusBar.wished({
+      level: "warning",
+      title: interpolate(gettext("You cannot drive yet: %s"), [headline]),
+      text: reason,
+      act,
+    });
+    this.#update();
+  }
+
+  /** What the button beside the reason does. */
+  #acts() {
+    const { actions, forget, "arm-home": home } = this.#parts;
+    const press = (name) => actions.querySelector(`[data-action=${name}]`).click();
+    const ask = (request) => this.#panels.request(request);
+    return {
+      clear: () => {
+        this.#stopAsked = this.#contact.state?.stop.number ?? 0;
+        this.#clear.ask();
+      },
+      take: () => press("take"),
+      ask: () => press("ask"),
+      back_off: () => ask({ t: "drive_by", distance_m: -BACK_OFF_M }),
+      turn: () => ask({ t: "drive_by", angle_rad: Math.PI }),
+      look: () => ask({ t: "look_ahead" }),
+      forget: () => forget.click(),
+      arm_home: () => home.click(),
+    };
+  }
+
+  /** Take a panel's notice. The reason for the end of a task stays where people look for reasons. */
+  #report(notice) {
+    if (notice.stays) this.#statusBar.ended(notice);
+    this.#notices.add(notice);
   }
 
   #onRefused({ of, refusal }) {
@@ -398,7 +458,6 @@ class ControlPage {
     const echo = this.#echoes.receive(view.state.seq, now);
     if (echo !== null) this.#echoTrips.add(echo);
     this.#state.tellView(view);
-    this.#showHint();
     this.#followGate(view.state, before);
     this.#update();
   }
@@ -414,7 +473,8 @@ class ControlPage {
   #sendStop() {
     this.#hints.done("stop");
     this.#zero("stop");
-    return this.#socket.send({ t: "stop" }) && !this.#isCut();
+    const isHeard = [undefined, "robot"].includes(this.#silence?.who);
+    return this.#socket.send({ t: "stop" }) && isHeard;
   }
 
   /** Let the base stand: set the stick to neutral, and stop repeating velocities. */
@@ -430,25 +490,27 @@ class ControlPage {
     const now = performance.now();
     const asksNeutral = this.#stick.waitsForNeutral || Boolean(this.#contact.state?.neutral_needed);
     if (!asksNeutral || !this.#drives) this.#needsNeutralSinceMs = now;
-    const cut = this.#isCut();
-    this.#state.tell({ stale: cut });
+    const silence = this.#silence;
+    if (Boolean(silence) !== this.#isStale) {
+      this.#isStale = Boolean(silence);
+      mark(document.body, "stale", this.#isStale);
+      this.#state.tell({ stale: this.#isStale });
+      this.#tellRights();
+    }
     if (document.hidden) this.#contact.hide(now);
     mark(this.#root, "cut", !this.#socket.open || this.#contact.isLost(now));
     this.#statusBar.show({
       outdated: this.#outdated,
       connected: this.#socket.open,
       ...this.#contact.facts(now),
+      silence,
+      asks: this.#needsSign ? soonText() : "",
+      hint: this.#turn.holdText || this.#reverseHint(),
       asksNeutral: now - this.#needsNeutralSinceMs > NEUTRAL_SAID_AFTER_MS,
-      cut,
       mayClear: Boolean(this.#control?.may_clear),
       delayMs: this.#heartbeat.delayMs,
       echoMs: this.#echoTrips.median,
     });
-  }
-
-  #showHint() {
-    const asks = this.#needsSign;
-    this.#statusBar.hint(asks ? soonText() : this.#turn.holdText || this.#reverseHint(), asks);
   }
 
   #reverseHint() {
@@ -465,7 +527,7 @@ class ControlPage {
 
   #handSoon(soon) {
     this.#needsSign = soon;
-    this.#showHint();
+    this.#update();
   }
 
   #notify(level, code, text) {

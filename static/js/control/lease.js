@@ -24,9 +24,11 @@ export function minutesText(seconds) {
   return `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min`;
 }
 
-/** Return the reason why a button does nothing for a person without control. */
-export function takeControlFirst() {
-  return gettext("Take control first.");
+/** Return the reason why a button does nothing now: the robot is silent, or the person has no control. */
+export function whyNotNow() {
+  return "stale" in document.body.dataset
+    ? gettext("The robot is silent: nothing can be asked of it now.")
+    : gettext("Take control first.");
 }
 
 /** Return whether the person should be offered to keep control. */

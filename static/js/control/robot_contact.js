@@ -1,6 +1,6 @@
 /** Keeps the newest message about the robot, and its age. Times are in milliseconds of the page. */
 
-import { isSilent, isStale, seenAt } from "./status/status_text.js";
+import { isLost, seenAt } from "./status/status_text.js";
 
 export class RobotContact {
   #state = null; // the newest
@@ -40,15 +40,10 @@ export class RobotContact {
     return this.#stateMs > sinceMs && this.#state.stop.state !== "clear";
   }
 
-  /** Return whether the state may be out of date. */
-  isCut(nowMs) {
-    return this.#gone !== null || isStale(nowMs - this.#stateMs);
-  }
-
   /** Return whether the robot is out of reach: there is no link, or no view came for some seconds. */
   isLost(nowMs) {
     const sinceMs = nowMs - Math.max(this.#stateMs, this.#hiddenMs);
-    return this.#gone !== null || (this.#state !== null && isSilent(sinceMs));
+    return this.#gone !== null || (this.#state !== null && isLost(sinceMs));
   }
 
   /** Return the facts that the banner and the status bar need. */

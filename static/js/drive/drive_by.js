@@ -19,7 +19,12 @@ export function driveText({
 
 export class DriveBy {
   static task = "drive_by";
-  static requests = { drive_by_cancel: { name: () => gettext("Cancel the drive") } };
+  static requests = {
+    drive_by: {
+      name: ({ distance_m: metres }) => (metres ? gettext("Back off") : gettext("Turn and look")),
+    },
+    drive_by_cancel: { name: () => gettext("Cancel the drive") },
+  };
 
   shows({ now }) {
     return now && { words: driveText(now), who: now.who, cancel: [{ t: "drive_by_cancel" }] };

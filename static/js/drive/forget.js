@@ -1,6 +1,6 @@
 /** The button by which a holder makes the robot forget what it saw before. */
 
-import { takeControlFirst } from "../control/lease.js";
+import { whyNotNow } from "../control/lease.js";
 import { dim } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 
@@ -26,7 +26,7 @@ export class Forget {
 
   /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
-    dim(this.#button, !may, takeControlFirst());
+    dim(this.#button, !may, whyNotNow());
   }
 
   close() {

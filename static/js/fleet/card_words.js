@@ -1,7 +1,7 @@
 /** Texts about a robot on the fleet page and on the lab's monitor. Pure. */
 
 import { minutesText } from "../control/lease.js";
-import { brief } from "../control/status/plain_words.js";
+import { gateReason } from "../control/reason/gate_words.js";
 import {
   isSeen,
   movesTitle,
@@ -10,7 +10,6 @@ import {
   seenAt,
   standstillText,
   unknownText,
-  verdictText,
 } from "../control/status/status_text.js";
 import { number } from "../formats/numbers.js";
 import { batteryText, cardHealth, MARKS } from "../health/health_words.js";
@@ -68,7 +67,7 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
     battery: unknown ? "–" : batteryText(state),
     health: unknown ? "–" : cardHealth(state.health ?? null, Date.now()),
     healthLevel: unknown ? "ok" : MARKS[state.health?.level ?? "ok"],
-    gate: unknown || brief(verdictText(state.verdict)) || gettext("Nothing slows it down"),
+    gate: unknown || gateReason(state.verdict)?.title || gettext("Nothing slows it down"),
     stop: alarm ? gettext("Stopped, but it moves") : stopWord(stop.state, unknown),
     stopped: latched,
     alarm,

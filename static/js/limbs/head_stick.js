@@ -6,7 +6,7 @@
  * a slow network.
  */
 
-import { takeControlFirst } from "../control/lease.js";
+import { whyNotNow } from "../control/lease.js";
 import { HeldKeys } from "../hand/held_keys.js";
 import { PointerGrip } from "../hand/pointer_grip.js";
 import { isModified } from "../hand/watch.js";
@@ -81,7 +81,7 @@ export class HeadStick {
   /** @param {boolean} may whether this tab has control of a robot */
   set mayAct(may) {
     this.#may = may;
-    for (const part of AHEAD_BUTTONS) dim(this.#parts[part], !may, takeControlFirst());
+    for (const part of AHEAD_BUTTONS) dim(this.#parts[part], !may, whyNotNow());
     mark(this.#pad, "idle", !may);
     if (!may) this.zero();
   }

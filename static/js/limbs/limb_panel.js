@@ -3,7 +3,7 @@
  * released, so that no motion goes on without an end.
  */
 
-import { takeControlFirst } from "../control/lease.js";
+import { whyNotNow } from "../control/lease.js";
 import { hand } from "../hand/watch.js";
 import { dim, setText, show } from "../lib/dom.js";
 import { NewEnds } from "../tasks/task_ends.js";
@@ -104,7 +104,7 @@ export class LimbPanel {
   /** @param {boolean} may whether this tab has control */
   set mayAct(may) {
     for (const part of ["arm-home", "gripper-open", "gripper-close", "gripper-to", "torso-to"])
-      dim(this.#parts[part], !may, takeControlFirst());
+      dim(this.#parts[part], !may, whyNotNow());
   }
 
   close() {

@@ -1,6 +1,6 @@
 /** The panel "Map" over the picture: loads the robot's map, and sends the goals and poses chosen on it. */
 
-import { takeControlFirst } from "../control/lease.js";
+import { whyNotNow } from "../control/lease.js";
 import { isSeen } from "../control/status/status_text.js";
 import { dim, make, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { NewEnds } from "../tasks/task_ends.js";
@@ -116,7 +116,7 @@ export class MapPanel {
   set mayAct(may) {
     this.#mayAct = may;
     this.#places.mayAct = may;
-    dim(this.#parts["map-picked-go"], !may, takeControlFirst());
+    dim(this.#parts["map-picked-go"], !may, whyNotNow());
     if (!may && IN_CONTROL.includes(this.#mode)) this.#choose(null);
   }
 
@@ -222,8 +222,7 @@ export class MapPanel {
   }
 
   #mayRequest() {
-    if (!this.#mayAct)
-      this.#notify({ level: "info", code: "map control", text: takeControlFirst() });
+    if (!this.#mayAct) this.#notify({ level: "info", code: "map control", text: whyNotNow() });
     return this.#mayAct;
   }
 

@@ -1,6 +1,6 @@
 /** The list of places over the map: people send the robot to a place; supervisors and staff change places. */
 
-import { takeControlFirst } from "../control/lease.js";
+import { whyNotNow } from "../control/lease.js";
 import { closable } from "../lib/dialog.js";
 import { dim, make, makeButton, setText, setTextOrHide, show } from "../lib/dom.js";
 import { question } from "../lib/question.js";
@@ -65,7 +65,7 @@ export class PlacesPanel {
   set mayAct(may) {
     this.#mayAct = may;
     for (const button of this.#parts["places-list"].querySelectorAll(".place-go"))
-      dim(button, !may, takeControlFirst());
+      dim(button, !may, whyNotNow());
   }
 
   /**

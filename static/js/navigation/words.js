@@ -8,7 +8,13 @@ function endText({ outcome, text }) {
   if (outcome === "replaced")
     return gettext("The stick took over: the drive to the place has ended.");
   if (outcome === "cancelled") return gettext("The drive to the place was cancelled.");
-  return interpolate(gettext("The drive to the place has ended. %s"), [text]);
+  if (outcome === "held_back")
+    return gettext(
+      "The robot stopped on its way: something is in the way, or it cannot see enough.",
+    );
+  if (outcome === "no_progress")
+    return gettext("The robot stopped on its way: it did not move any more.");
+  return interpolate(gettext("The drive to the place has ended: %s"), [text]);
 }
 
 /** Return the notice of a drive's end. */
@@ -16,7 +22,16 @@ export function endNotice(ended) {
   const level = ["arrived", "cancelled", "replaced"].includes(ended.outcome)
     ? "success"
     : "warning";
-  return { level, code: `go ${ended.fence} ${ended.seq}`, text: endText(ended) };
+  const isBad = level === "warning"; // then the place for the reason has it
+  const text = endText(ended);
+  return {
+    level,
+    code: `go ${ended.fence} ${ended.seq}`,
+    text,
+    detail: ended.text,
+    quiet: isBad,
+    stays: isBad,
+  };
 }
 
 /**

@@ -1,7 +1,7 @@
 /** This robot's spoken texts that the person may read, newest first; each can be repeated. */
 
 import { readJson } from "../connection/read.js";
-import { takeControlFirst } from "../control/lease.js";
+import { whyNotNow } from "../control/lease.js";
 import { inLanguage, languageName } from "../formats/languages.js";
 import { whenText } from "../formats/times.js";
 import { make, makeButton, mark, setTextOrHide, show } from "../lib/dom.js";
@@ -60,7 +60,7 @@ export class History {
 
   /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
-    this.#list.dim(!may, takeControlFirst());
+    this.#list.dim(!may, whyNotNow());
   }
 
   /** @param {object} offers of the robot */

@@ -1,6 +1,6 @@
 /** The robot's recorded motions, searchable: a press plays a motion, a second press cancels it. */
 
-import { takeControlFirst } from "../control/lease.js";
+import { whyNotNow } from "../control/lease.js";
 import { number } from "../formats/numbers.js";
 import { dim, make, makeButton, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
@@ -190,7 +190,7 @@ export class Motions {
       setText(act, now);
       act.dataset.later = later; // the button is as wide as the longer word, so that nothing moves
       const mayNot = runs ? !this.#mayCancel : !this.#mayAct || this.#idle !== "";
-      dim(button, mayNot, (!runs && this.#idle) || takeControlFirst());
+      dim(button, mayNot, (!runs && this.#idle) || whyNotNow());
     }
   }
 }

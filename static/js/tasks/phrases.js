@@ -1,7 +1,7 @@
 /** Ready-made texts, each in its own language: a press makes the robot speak the text. */
 
 import { readJson } from "../connection/read.js";
-import { takeControlFirst } from "../control/lease.js";
+import { whyNotNow } from "../control/lease.js";
 import { inLanguage, languageName } from "../formats/languages.js";
 import { make, makeButton, mark, setTextOrHide } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
@@ -72,7 +72,7 @@ export class Phrases {
   }
 
   #update() {
-    this.#list.dim(!this.#mayAct || this.#mute !== "", this.#mute || takeControlFirst());
+    this.#list.dim(!this.#mayAct || this.#mute !== "", this.#mute || whyNotNow());
     const { "phrases-none": words } = this.#parts;
     setTextOrHide(words, this.#none || this.#mute);
     mark(words, "mute", this.#none === ""); // hidden where the form for a free text already gives the reason

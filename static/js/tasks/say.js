@@ -1,6 +1,6 @@
 /** Speech: a free text in a chosen language. */
 
-import { takeControlFirst } from "../control/lease.js";
+import { whyNotNow } from "../control/lease.js";
 import { inLanguage, isolated, languageChoices, languageName } from "../formats/languages.js";
 import { dim, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
@@ -178,7 +178,7 @@ export class Say {
 
   /** Show the reason why the robot cannot speak at all. */
   #hint() {
-    const takeControl = this.#mayAct === false ? takeControlFirst() : "";
+    const takeControl = this.#mayAct === false ? whyNotNow() : "";
     setTextOrHide(this.#parts["say-hint"], this.#mute || takeControl);
     this.#count();
   }
@@ -194,7 +194,7 @@ export class Say {
     setText(count, `${length} / ${LONGEST}`);
     mark(count, "over", length > LONGEST);
     const mayNot = !this.#mayAct || this.#mute !== "";
-    dim(send, mayNot || length > LONGEST, mayNot ? this.#mute || takeControlFirst() : "");
+    dim(send, mayNot || length > LONGEST, mayNot ? this.#mute || whyNotNow() : "");
   }
 
   /**

@@ -1,6 +1,6 @@
 /** Tasks for the robot except driving: each has a number, one answer, and one notice. */
 
-import { takeControlFirst } from "../control/lease.js";
+import { whyNotNow } from "../control/lease.js";
 
 export const PATIENCE_MS = 750;
 // After this time an answer is ignored: the person does not expect it any more.
@@ -62,7 +62,7 @@ export class TaskRequests {
   send(request) {
     const { control } = this.#kinds[request.t];
     if (this.#fence === null && !control) {
-      const text = takeControlFirst();
+      const text = whyNotNow();
       return Promise.resolve(this.#refused(request, { code: "no_lease", text }));
     }
     const { title, quiet, ...message } = request;

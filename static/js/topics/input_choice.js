@@ -1,6 +1,6 @@
 /** The topics to which input goes: for each use its topic, a way back to the default, and other choices. */
 
-import { takeControlFirst } from "../control/lease.js";
+import { whyNotNow } from "../control/lease.js";
 import { whyNot } from "../control/roles.js";
 import { dim, make, makeButton, setText, setTextOrHide, show } from "../lib/dom.js";
 import { USES, useLabel } from "../tasks/uses.js";
@@ -96,7 +96,7 @@ export class InputChoice extends EventTarget {
       item.dataset.chosen = Boolean(chosen);
       show(back, Boolean(chosen));
       setTextOrHide(why, this.#offers[use].refusal?.text ?? "");
-      for (const button of [back, change]) dim(button, !this.#mayAct, takeControlFirst());
+      for (const button of [back, change]) dim(button, !this.#mayAct, whyNotNow());
     }
   }
 }

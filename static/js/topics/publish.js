@@ -2,7 +2,7 @@
  * Publishes on topics of the allow-list: by a form from the definition, or by a dictionary with dotted keys.
  */
 
-import { takeControlFirst } from "../control/lease.js";
+import { whyNotNow } from "../control/lease.js";
 import { dim, make, makeButton, setTextOrHide, show } from "../lib/dom.js";
 import { MessageForm } from "./form.js";
 import { parsedJson } from "./value_parsing.js";
@@ -83,7 +83,7 @@ export class PublishPanel extends EventTarget {
       const stop = makeButton({ className: "button", text: gettext("Stop") }, () =>
         this.#emit("stop", { topic }),
       );
-      dim(stop, !this.#mayAct, takeControlFirst());
+      dim(stop, !this.#mayAct, whyNotNow());
       const words = make("span", { children: [make("code", { text: topic }), ` ${rateHz} Hz`] });
       return make("li", { children: [words, stop] });
     });
@@ -94,8 +94,7 @@ export class PublishPanel extends EventTarget {
   set mayAct(may) {
     this.#mayAct = may;
     const stops = this.#parts["publish-running"].querySelectorAll("button");
-    for (const button of [this.#parts["publish-send"], ...stops])
-      dim(button, !may, takeControlFirst());
+    for (const button of [this.#parts["publish-send"], ...stops]) dim(button, !may, whyNotNow());
     show(this.#parts["publish-control"], may === false);
   }
 

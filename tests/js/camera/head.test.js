@@ -93,7 +93,7 @@ describe("the picture as a handle of the head", () => {
     expect(requests.length).toBeLessThanOrEqual(6);
     expect(requests.every(({ t, quiet }) => t === "turn_head" && quiet)).toBe(true);
     const pan = requests.reduce((sum, request) => sum + request.pan, 0);
-    expect(pan).toBeCloseTo(200 / 500, 2); // 100 pixels of the page are 200 pixels of the picture
+    expect(pan).toBeCloseTo(160 / 500, 2); // 100 pixels of the page are 160 pixels of the picture
     expect(requests.every(({ tilt }) => tilt === 0)).toBe(true);
   });
 
@@ -109,7 +109,7 @@ describe("the picture as a handle of the head", () => {
     answers[0](null);
     await vi.advanceTimersByTimeAsync(200);
     expect(requests).toHaveLength(3);
-    expect(requests.reduce((sum, { pan }) => sum + pan, 0)).toBeCloseTo(200 / 500, 2);
+    expect(requests.reduce((sum, { pan }) => sum + pan, 0)).toBeCloseTo(160 / 500, 2);
     for (const answer of answers.slice(1)) {
       point("pointermove", 320, 100);
       answer({ code: "no_answer", text: "No answer within 0.75 s." }); // the request may still wait in the network
@@ -126,7 +126,7 @@ describe("the picture as a handle of the head", () => {
   });
 
   it("looks at a clicked place, once no second click comes", () => {
-    click(10 + 40 + 210, 20 + 170); // u 420, v 340
+    click(10 + 420 * 0.625, 20 - 60 + 340 * 0.625); // u 420, v 340
     vi.advanceTimersByTime(250);
     expect(requests).toEqual([]);
     vi.advanceTimersByTime(100);

@@ -9,11 +9,10 @@ describe("what a page knows of its robot", () => {
     contact = new RobotContact();
   });
 
-  it("is out of date a second after the last state, and out of reach after three", () => {
-    expect([contact.isCut(0), contact.isLost(0)]).toEqual([true, false]); // no state yet
+  it("is out of reach three seconds after the last state", () => {
+    expect(contact.isLost(0)).toBe(false); // no state yet
     contact.receive(STATE, 1000);
-    expect(contact.isCut(1900)).toBe(false);
-    expect([contact.isCut(2100), contact.isLost(2100)]).toEqual([true, false]);
+    expect(contact.isLost(2100)).toBe(false);
     expect(contact.isLost(4100)).toBe(true);
     contact.hide(4000); // a hidden page gets no views
     expect(contact.isLost(4100)).toBe(false);
@@ -22,7 +21,7 @@ describe("what a page knows of its robot", () => {
   it("is out of reach at once without a bridge, and is back with the next state", () => {
     contact.receive(STATE, 1000);
     contact.lose({ refusal: { text: "No bridge." }, stop: { by: "Ann" }, seen_at: 7 });
-    expect([contact.isCut(1000), contact.isLost(1000)]).toEqual([true, true]);
+    expect(contact.isLost(1000)).toBe(true);
     expect(contact.facts(1500)).toEqual({
       gone: { text: "No bridge." },
       pending: { by: "Ann" },
@@ -31,7 +30,7 @@ describe("what a page knows of its robot", () => {
       sinceViewMs: 500,
     });
     contact.receive(STATE, 2000);
-    expect([contact.isCut(2000), contact.isLost(2000)]).toEqual([false, false]);
+    expect(contact.isLost(2000)).toBe(false);
     expect(contact.facts(2000).seen).toBe(7); // this state has no `seen_at`
   });
 

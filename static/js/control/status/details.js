@@ -62,12 +62,23 @@ export class Details {
     setText(this.#parts["stick-steps"], stick);
   }
 
-  /** @param {{text: string, limit: number, at: Date}[]} reasons the last ones, newest first */
-  set reasons(reasons) {
-    const rows = reasons.map(({ text, limit, at }) => {
+  /** @param {import("../reason/faults.js").Reason[]} reasons all of this moment, with the engineers' words */
+  set now(reasons) {
+    const rows = reasons.map(({ title, text = "", detail = "" }) =>
+      [title, text, plain(detail, this.#names)].filter(Boolean).join(" · "),
+    );
+    fill(
+      this.#parts["reasons-now"],
+      rows.length ? rows : [gettext("Nothing holds the robot back")],
+    );
+  }
+
+  /** @param {{reason: object, limit: number, at: Date}[]} interventions the last ones, newest first */
+  set interventions(interventions) {
+    const rows = interventions.map(({ reason, limit, at }) => {
       const speed =
         limit > 0 ? interpolate(gettext("%s m/s"), [number(limit, 2)]) : gettext("stood");
-      return `${timeText(at)}: ${text} (${speed})`;
+      return `${timeText(at)}: ${plain(reason.detail ?? reason.title, this.#names)} (${speed})`;
     });
     fill(this.#parts.reasons, rows.length ? rows : [gettext("Nothing yet")]);
   }

@@ -3,16 +3,11 @@
 import { number } from "../../formats/numbers.js";
 import { whenText } from "../../formats/times.js";
 
-const STALE_MS = 1000;
-const SILENT_MS = 3000;
-
-export function isStale(sinceViewMs) {
-  return sinceViewMs > STALE_MS;
-}
+const LOST_MS = 3000;
 
 /** Return whether the silence counts as a lost connection: requests make no sense now. */
-export function isSilent(sinceViewMs) {
-  return sinceViewMs > SILENT_MS;
+export function isLost(sinceViewMs) {
+  return sinceViewMs > LOST_MS;
 }
 
 /**
@@ -126,20 +121,6 @@ export function phaseTitle(phase) {
     online: gettext("Online"),
   };
   return titles[phase] ?? phase;
-}
-
-// Codes without an intervention of the gate, and codes that the banner already shows.
-const SILENT = new Set(["idle", "free", "stopped", "neutral_needed", "robot_offline"]);
-
-/** Return a text about the gate's current intervention; empty if there is none. */
-export function verdictText(verdict) {
-  return SILENT.has(verdict.code) ? "" : verdict.text;
-}
-
-/** Return the speed limits, each with whether it slows the robot now. */
-export function limitsOf({ code, way, limits = [] }) {
-  const holds = (limit) => limit.code === code && limit.way === way;
-  return limits.map((limit) => ({ text: limit.text, holds: holds(limit) }));
 }
 
 /**

@@ -40,12 +40,13 @@ export function axesOf(held, holonomic) {
  * @param {import("./stick.js").Stick} host.stick
  * @param {() => boolean} host.holonomic
  * @param {() => boolean} host.drives this person has control, and the joystick is shown
+ * @param {() => void} host.refused a key was pressed to drive, and this person has no control
  * @param {() => boolean} host.mayStop this person has control, as far as the page knows: also while the
  *   connection is lost
  * @param {() => void} host.stop
  * @returns {() => void} ends it
  */
-export function listenToKeys({ stick, holonomic, drives, mayStop, stop }) {
+export function listenToKeys({ stick, holonomic, drives, refused, mayStop, stop }) {
   const listening = new AbortController();
   const { signal } = listening;
   const keys = new HeldKeys(window, Object.keys(AXES), drives, (held, lost) => {
@@ -56,6 +57,8 @@ export function listenToKeys({ stick, holonomic, drives, mayStop, stop }) {
   const down = (event) => {
     // A slider uses the arrow keys, but not the space bar: a space stops from there as well.
     const slides = event.target?.type === "range";
+    const isFree = !event.repeat && !isModified(event) && !isEditing(event.target) && !slides;
+    if (isFree && /^Key[WASDQE]$/.test(event.code) && !drives()) refused();
     if (event.code !== "Space" || (isEditing(event.target) && !slides)) return;
     if (isModified(event) || !mayStop()) return;
     event.preventDefault();

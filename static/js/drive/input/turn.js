@@ -3,7 +3,7 @@
  * While it is pressed, it acts as a stick held to the left; the dead-man rule and the gate apply as always.
  */
 
-import { takeControlFirst } from "../../control/lease.js";
+import { whyNotNow } from "../../control/lease.js";
 import { HeldKeys } from "../../hand/held_keys.js";
 import { PointerGrip } from "../../hand/pointer_grip.js";
 import { dim, mark, show } from "../../lib/dom.js";
@@ -46,7 +46,7 @@ export class TurnAndLook {
     this.#button = button;
     this.#stick = stick;
     this.#hint = hint;
-    dim(button, true, takeControlFirst());
+    dim(button, true, whyNotNow());
     this.#finger = new PointerGrip(button, {
       begin: (event) => this.#press(event),
       end: (lost, event) => this.#release(lost, event),
@@ -86,7 +86,7 @@ export class TurnAndLook {
   /** @param {boolean} may whether this tab drives */
   set mayAct(may) {
     this.#may = may;
-    dim(this.#button, !may, takeControlFirst());
+    dim(this.#button, !may, whyNotNow());
     if (may) return;
     this.#finger.drop("control-ended");
     this.#key.drop("control-ended");

@@ -8,11 +8,11 @@ const STATE = {
   phase: "online",
   text: "",
   stop: STOP,
-  verdict: { code: "idle", text: "", limits: [] },
+  verdict: { code: "idle", text: "", asked: [0, 0, 0], allowed: [0, 0, 0], limits: [] },
   battery_percent: null,
 };
-const LIVE = { connected: true, gone: null, state: STATE, sinceViewMs: 0, cut: false };
-const LOST = { ...LIVE, connected: false, cut: true };
+const LIVE = { connected: true, gone: null, state: STATE, sinceViewMs: 0, silence: null };
+const LOST = { ...LIVE, connected: false, silence: { who: "page", forMs: 100 } };
 const STOPPED = { ...STATE, stop: { ...STOP, state: "stopped", standstill_ms: 300 } };
 
 describe("the status bar of the control page", () => {
@@ -25,11 +25,12 @@ describe("the status bar of the control page", () => {
   });
   let statusBar;
   let notify;
+  const take = vi.fn();
 
   beforeEach(() => {
     vi.useFakeTimers();
     notify = vi.fn();
-    statusBar = new StatusBar(document.createElement("main"), parts, notify);
+    statusBar = new StatusBar(document.createElement("main"), parts, { take }, notify);
   });
   afterEach(() => {
     statusBar.close();
@@ -44,7 +45,7 @@ describe("the status bar of the control page", () => {
       ...LIVE,
       state: { ...state, moves_although_stopped: { ...moves, text: "…" } },
     });
-    expect(parts.banner.dataset.level).toBe("alarm");
+    expect(parts.reason.dataset.level).toBe("alarm");
     expect(notify.mock.calls).toEqual([
       [expect.objectContaining({ level: "error", code: "moves_although_stopped", quiet: true })],
     ]);
@@ -88,51 +89,48 @@ describe("the status bar of the control page", () => {
     expect(parts["stop-state"].textContent).toBe(""); // nothing: the old "stopped" would look like the answer
   });
 
-  it("shows no speed limit while the robot is silent", () => {
-    const text = "at most 0.3 m/s: the camera's picture is 1.2 s old";
-    const limits = [{ code: "depth_stale", text, mps: 0.3 }];
-    const state = { ...STATE, verdict: { ...STATE.verdict, limits } };
-    statusBar.show({ ...LIVE, state });
-    expect(parts.limits.textContent).toBe(text);
-    statusBar.show({ ...LOST, state });
-    expect(parts.limits.textContent).toBe("");
-  });
-
-  it("shows why reverse was refused, also some seconds after the stick is in the middle", () => {
-    const text = "no sensor has looked behind. Look";
-    const verdict = {
-      ...STATE.verdict,
-      code: "neutral_needed",
-      text: "let go",
-      allowed: [0, 0, 0],
-    };
-    const state = { ...STATE, verdict, neutral_needed: { code: "behind_unseen", text } };
-    statusBar.show({ ...LIVE, state, asksNeutral: true });
-    expect([parts.words.textContent, parts.words.dataset.past]).toEqual([text, undefined]);
+  it("offers control to a person who tries to drive without it, for a moment", () => {
+    statusBar.wished({ level: "warning", title: "You cannot drive yet", act: "take" });
     statusBar.show(LIVE);
-    expect([parts.words.textContent, parts.words.dataset.past]).toEqual([text, "true"]);
-    expect(parts.live.textContent).toContain("Let the stick return to the middle");
-    vi.advanceTimersByTime(5000);
+    expect(parts["reason-act"].textContent).toBe("Take control");
+    parts["reason-act"].click();
+    expect(take).toHaveBeenCalledOnce();
+    statusBar.granted();
     statusBar.show(LIVE);
-    expect(parts.words.textContent).toBe("");
+    expect(parts.reason.hidden).toBe(true);
   });
 
-  it("asks loudly for a sign of the hand", () => {
-    statusBar.hint("Still there?", true);
-    expect(parts.hint.dataset.asks).toBeDefined();
-    statusBar.hint("");
-    expect(parts.hint.dataset.asks).toBeUndefined();
+  it("keeps the end of a failed task until it is read", () => {
+    statusBar.ended({ text: "The robot stopped on its way", detail: "held back" });
+    vi.advanceTimersByTime(30_000);
+    statusBar.show(LIVE);
+    expect(parts["reason-title"].textContent).toBe("The robot stopped on its way");
+    expect(parts["reasons-now"].textContent).toContain("held back");
+    parts["reason-act"].click();
+    statusBar.show(LIVE);
+    expect(parts.reason.hidden).toBe(true);
   });
 
-  it("calls an open but silent connection No news", () => {
+  it("counts the reasons that it does not show", () => {
+    statusBar.show({ ...LIVE, state: { ...STATE, watchdog_missing: true }, hint: "Reversing" });
+    expect(parts["reason-title"].textContent).toBe("Reversing");
+    expect([parts["reason-more"].hidden, parts["reason-more"].textContent]).toEqual([false, "+1"]);
+  });
+
+  it("says in the header who is silent, and for how long", () => {
     const shown = (now) => {
       statusBar.show({ ...LIVE, ...now });
       return [parts.connection.textContent, parts.connection.dataset.level];
     };
     expect(shown({})).toEqual(["Connected", "ok"]);
     expect(shown({ state: null })).toEqual(["Connecting", "warn"]);
-    expect(shown({ sinceViewMs: 1500, cut: true })).toEqual(["No news", "fail"]);
-    expect(shown({ gone: { text: "away" } })).toEqual(["No link", "fail"]);
-    expect(shown({ connected: false })).toEqual(["Offline", "fail"]);
+    expect(shown({ silence: { who: "robot", forMs: 4200 } })).toEqual([
+      "Robot silent, 4 s",
+      "fail",
+    ]);
+    expect(shown({ connected: false, silence: { who: "page", forMs: null } })).toEqual([
+      "Offline",
+      "fail",
+    ]);
   });
 });

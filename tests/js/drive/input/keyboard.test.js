@@ -25,6 +25,7 @@ describe("the keyboard", () => {
   let stop;
   let drives;
   let mayStop;
+  let refused;
   let end;
 
   const press = (type, code, target = document.body, extra = {}) => {
@@ -38,8 +39,9 @@ describe("the keyboard", () => {
     stop = vi.fn();
     drives = true;
     mayStop = true;
+    refused = vi.fn();
     const host = { holonomic: () => false, drives: () => drives, mayStop: () => mayStop };
-    end = listenToKeys({ stick, stop, ...host });
+    end = listenToKeys({ stick, stop, refused, ...host });
   });
 
   afterEach(() => {
@@ -60,6 +62,7 @@ describe("the keyboard", () => {
     press("keydown", "KeyW");
     const space = press("keydown", "Space");
     expect(stick.axes).toEqual(NEUTRAL);
+    expect(refused).toHaveBeenCalledOnce(); // the page says why nothing moves
     expect(stop).not.toHaveBeenCalled();
     expect(space.defaultPrevented).toBe(false);
   });

@@ -1,0 +1,55 @@
+/** Which part of the way from this page to the robot is silent, and for how long. Pure. */
+
+import { number } from "../../lib/numbers.js";
+
+const SILENT_MS = 400;
+
+/**
+ * @param {object} now
+ * @param {boolean} now.connected the page has its socket
+ * @param {object | null} now.gone refusal: no link from the console to the robot's bridge
+ * @param {object | null} now.state the robot's newest `State`
+ * @param {number} now.sinceViewMs age of that state
+ * @param {number | null} now.delayMs time from the page to the console and back: news come no faster
+ * @returns {{who: "page" | "bridge" | "console" | "robot", forMs: ?number} | null} null: all of them report;
+ *   `forMs` null: not known
+ */
+export function silenceOf({ connected, gone = null, state, sinceViewMs, delayMs = null }) {
+  const forMs = Number.isFinite(sinceViewMs) ? sinceViewMs : null;
+  if (!connected) return { who: "page", forMs };
+  if (gone) return { who: "bridge", forMs };
+  if (!state) return null; // it has not begun
+  if (sinceViewMs > SILENT_MS + (delayMs ?? 0)) return { who: "console", forMs };
+  const { phase, unseen_s: unseenS } = state;
+  const isKnown = unseenS !== null && unseenS !== undefined;
+  if (phase === "online" && !(isKnown && 1000 * unseenS >= SILENT_MS)) return null;
+  return { who: "robot", forMs: isKnown ? 1000 * unseenS + sinceViewMs : null };
+}
+
+/** Return the same for the header: "Robot silent, 4 s". @param {ReturnType<typeof silenceOf>} silence */
+export function silenceText({ who, forMs }) {
+  const text = {
+    page: gettext("Offline"),
+    bridge: gettext("No link"),
+    console: gettext("Console silent"),
+    robot: gettext("Robot silent"),
+  }[who];
+  return forMs === null ? text : `${text}, ${ageText(forMs)}`;
+}
+
+/** Return a short age: "4 s", "3 min". */
+export function ageText(ms) {
+  const seconds = ms / 1000;
+  if (seconds >= 120) return interpolate(gettext("%s min"), [Math.floor(seconds / 60)]);
+  return interpolate(gettext("%s s"), [number(Math.floor(seconds), 0)]);
+}
+
+/** Return why a button does nothing while a part is silent. */
+export function silentFirst({ who }) {
+  return {
+    page: gettext("This page has no connection to the console."),
+    bridge: gettext("There is no link to the robot."),
+    console: gettext("The console is silent."),
+    robot: gettext("The robot is silent."),
+  }[who];
+}

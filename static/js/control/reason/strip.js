@@ -1,0 +1,100 @@
+/** The place for the reason: the most important one with its button, and the number of the others. */
+
+import { Announcer } from "../../lib/announce.js";
+import { mark, setText, setTextOrHide, show } from "../../lib/dom.js";
+
+function labelOf(act) {
+  return {
+    reload: gettext("Load again"),
+    clear: gettext("Clear stop…"),
+    take: gettext("Take control"),
+    ask: gettext("Ask for control"),
+    back_off: gettext("Back off"),
+    turn: gettext("Turn and look"),
+    look: gettext("Look ahead"),
+    forget: gettext("Forget…"),
+    arm_home: gettext("Arm home"),
+    dismiss: gettext("Understood"),
+  }[act];
+}
+
+export class ReasonStrip {
+  #parts;
+  #acts;
+  #notify;
+  #announcer;
+  #shown = null;
+  #alarm = "";
+  #listening = new AbortController();
+
+  /**
+   * @param {Record<string, HTMLElement>} parts
+   * @param {Record<string, () => void>} acts what the button does, by the name in a reason
+   * @param {(notice: object) => void} notify
+   */
+  constructor(parts, acts, notify) {
+    this.#parts = parts;
+    this.#acts = acts;
+    this.#notify = notify;
+    this.#announcer = new Announcer(parts.live);
+    const { signal } = this.#listening;
+    parts["reason-act"].addEventListener("click", () => this.#acts[this.#shown.act](), { signal });
+  }
+
+  /** @param {import("./faults.js").Reason[]} reasons the most important first */
+  show(reasons) {
+    const [first = null] = reasons;
+    this.#sayAlarm(first);
+    const { reason: strip, "reason-title": title, "reason-text": text } = this.#parts;
+    const { "reason-act": act, "reason-more": more } = this.#parts;
+    show(strip, first !== null);
+    if (!first) this.#announcer.forget(this.#shown?.title);
+    this.#shown = first;
+    if (!first) return;
+    mark(strip, "level", first.level);
+    setText(title, first.title);
+    setTextOrHide(text, first.text ?? "");
+    show(act, Boolean(first.act));
+    if (first.act) {
+      mark(act, "act", first.act);
+      setText(act, labelOf(first.act));
+    }
+    show(more, reasons.length > 1);
+    setText(more, `+${reasons.length - 1}`);
+    more.setAttribute(
+      "aria-label",
+      interpolate(ngettext("%s more reason", "%s more reasons", reasons.length - 1), [
+        reasons.length - 1,
+      ]),
+    );
+    if (first.level !== "alarm") this.#announcer.announce(spoken(first), subject(first));
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#announcer.close();
+  }
+
+  /** A screen reader reads an alarm at once, and again if its title changes. */
+  #sayAlarm(first) {
+    const alarm = first?.level === "alarm" ? first.title : "";
+    if (alarm && alarm !== this.#alarm) {
+      this.#notify({
+        level: "error",
+        code: "moves_although_stopped",
+        text: [spoken(first), first.detail].filter(Boolean).join(" "),
+        quiet: true,
+      });
+    }
+    this.#alarm = alarm;
+  }
+}
+
+function spoken({ title, text = "" }) {
+  return text ? `${title}. ${text}` : title;
+}
+
+/** The same reason with other figures is not announced again. */
+function subject({ title }) {
+  return title.replace(/[\d.,]+/g, "");
+}

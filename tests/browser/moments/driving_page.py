@@ -1,0 +1,140 @@
+"""A driving page in Chromium without any console process: Django answers here, and a moment's messages come from here."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from mimetypes import guess_type
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import msgspec
+from django.contrib.staticfiles import finders
+from django.test import Client
+from playwright.sync_api import Page, Route, WebSocketRoute
+
+from robots.shared import wire
+from tests.browser.moments.scenes import MOTIONS, Moment, camera_frame, scan
+
+ORIGIN = "http://testserver"
+NAME = "Olga Operator"
+
+
+def _pages_of(client: Client, address: str) -> dict[str, tuple[str, bytes]]:
+    """Return a page and its own scripts outside /static/: content types and bodies, by path."""
+    page = client.get(address)
+    scripts = re.findall(r'<script[^>]* src="(/(?!static)[^"]+)"', page.content.decode())
+    found = {address: page} | {urlsplit(path).path: client.get(path) for path in scripts}
+    return {path: (answer["Content-Type"], answer.content) for path, answer in found.items()}
+
+
+class DrivingPage:
+    """The driving page of one robot. `show` brings it to a moment; then the window's size and theme may change."""
+
+    def __init__(self, page: Page, client: Client, facts: wire.RobotFacts) -> None:
+        self.page = page
+        self.complaints: list[str] = []
+        self._pages = _pages_of(client, f"/robots/{facts.slug}/")
+        self._facts = msgspec.structs.replace(
+            facts, cameras=[wire.CameraEntry("head", "Head camera", True)], has_head=True, has_map=True
+        )
+        self._moment = Moment("none")
+        self._begun_s = time.monotonic()
+        self._socket: WebSocketRoute | None = None
+        self._pictures = 0
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.route("**/*", self._answer)
+        page.route_web_socket(re.compile("/ws/robots/[^/]+/$"), self._control)
+        page.route_web_socket(re.compile("/ws/robots/[^/]+/topics/$"), lambda _socket: None)
+        page.route_web_socket(re.compile("/ws/robots/[^/]+/camera/$"), self._camera)
+
+    def show(self, moment: Moment) -> None:
+        """Open the page, and bring it to a moment."""
+        self._moment = moment
+        self._pictures = 0
+        self.page.add_init_script(f"localStorage.setItem('fleet-console', '{{\"camera-view\": \"{moment.view}\", \"hints_seen operator\": true}}')")
+        self.page.goto(f"{ORIGIN}/robots/{self._facts.slug}/")
+        self.page.wait_for_function("document.querySelector('[data-part=who]').textContent !== 'Control is not known'")
+        if moment.view != "plan":
+            self.page.wait_for_function("document.querySelector('.camera-words').hidden")
+        if moment.mapped:
+            self.page.locator("[data-part=map-open]").click()
+        self._go_on(moment)
+        if moment.keys:
+            self.page.keyboard.down(moment.keys)
+        self.page.wait_for_timeout(600)  # nothing tells when a page has settled; a stale world is stale by then
+
+    def _go_on(self, moment: Moment) -> None:
+        assert self._socket is not None
+        if moment.cut:
+            self._socket.close(code=1011)
+        elif moment.gone:
+            self._say(self._socket, moment.gone)
+
+    # --- the console's side ----------------------------------------------------------------------
+
+    def _answer(self, route: Route) -> None:
+        url = urlsplit(route.request.url)
+        if url.path.startswith("/static/"):
+            found = finders.find(url.path.removeprefix("/static/"))
+            if found is None:
+                return route.fulfill(status=404)
+            return route.fulfill(path=str(found), content_type=guess_type(str(found))[0] or "text/plain")
+        kind, body = self._pages.get(url.path, ("application/json", b'{"phrases": [], "places": []}'))
+        return route.fulfill(content_type=kind, body=body)
+
+    def _control(self, socket: WebSocketRoute) -> None:
+        moment = self._moment
+        if moment.cut and self._socket is not None and self._socket_of is moment:
+            socket.close(code=1011)
+            return
+        self._socket, self._socket_of = socket, moment
+
+        def heard(text: str | bytes) -> None:
+            message = json.loads(text)
+            if message["t"] == "hello":
+                self._say(socket, wire.Welcome(wire.PROTOCOL, NAME, "operator", self._facts))
+                self._say(socket, moment.control)
+                self._say(socket, wire.Offers(motions=MOTIONS, languages=["en"]))
+                if moment.before:
+                    self._say(socket, wire.View(self._of(moment.before), scan()))
+                self._say(socket, wire.View(self._of(moment.state), scan()))
+            elif moment.silent or moment.gone:
+                return
+            elif message["t"] == "ping":
+                self._say(socket, wire.Pong(message["sent_ms"]))
+            elif message["t"] == "ack":
+                self._say(socket, wire.View(self._of(moment.state), scan()))
+
+        socket.on_message(heard)
+
+    def _of(self, state: wire.State) -> wire.State:
+        mine = self._moment.control.state == "yours"
+        return msgspec.structs.replace(state, fence=7 if mine else None, holder=NAME if mine else None)
+
+    def _camera(self, socket: WebSocketRoute) -> None:
+        def heard(text: str | bytes) -> None:
+            message = json.loads(text)
+            if message["t"] == "ping":
+                self._say(socket, wire.CameraPong(message["sent_ms"], self._now_ms))
+            elif message["t"] in ("camera_watch", "camera_ack") and not (self._pictures and self._is_frozen):
+                self._pictures += 1
+                socket.send(camera_frame(self._pictures, self._now_ms))
+
+        socket.on_message(heard)
+        self._say(socket, wire.Cameras(self._facts.cameras))
+
+    @property
+    def _is_frozen(self) -> bool:
+        moment = self._moment
+        return bool(moment.silent or moment.gone or moment.cut or moment.state.unseen_s)
+
+    @property
+    def _now_ms(self) -> float:
+        return 1000.0 * (time.monotonic() - self._begun_s)
+
+    @staticmethod
+    def _say(socket: WebSocketRoute, message: Any) -> None:
+        socket.send(wire.encode(message).decode())

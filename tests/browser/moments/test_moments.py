@@ -1,0 +1,89 @@
+"""At the moments that matter, nothing on the driving page covers what a person needs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from django.test import Client
+from playwright.sync_api import Browser
+
+from fleet.accounts.models import User
+from robots.registry.models import Robot
+from robots.registry.selectors import robot_facts
+from tests.browser.moments.driving_page import DrivingPage
+from tests.browser.moments.scenes import MOMENTS, Moment
+
+SIZES = [(360, 640), (390, 844), (844, 390), (1440, 900), (320, 256)]
+# Which element lies uppermost at points of what a person needs? An element that paints nothing covers nothing.
+COVERED = """() => {
+  const paints = (element) => {
+    const { backgroundColor, backgroundImage } = getComputedStyle(element);
+    const isText = [...element.childNodes].some((node) => node.nodeType === 3 && node.data.trim());
+    return !/, 0\\)$|^transparent$/.test(backgroundColor) || backgroundImage !== "none" || isText
+      || ["CANVAS", "BUTTON", "svg", "IMG"].includes(element.tagName);
+  };
+  const part = (selector) => document.querySelector(selector);
+  const needed = {
+    stop: [part(".stop-button"), "box"],
+    reason: [part("[data-part=reason]"), "box"],
+    stick: [part("[data-part=zone]"), "disc"],
+    take: [part("[data-action=take]"), "box"],
+    robot: [part(".picture"), [0.5, 0.6]],
+    camera: [part("[data-part=camera]"), [0.5, 0.5]],
+  };
+  const wrong = [];
+  for (const [name, [element, shape]] of Object.entries(needed)) {
+    if (!element?.checkVisibility()) continue;
+    const { left, top: y0, width, height } = element.getBoundingClientRect();
+    if (left < -1 || y0 < -1 || left + width > innerWidth + 1 || y0 + height > innerHeight + 1)
+      wrong.push(`${name} is partly outside`);
+    const shares = { box: [[.5, .5], [.06, .1], [.94, .1], [.06, .9], [.94, .9]],
+      disc: [[.5, .5], [.2, .5], [.8, .5], [.5, .2], [.5, .8]] }[shape] ?? [shape];
+    for (const [right, down] of shares) {
+      const there = document.elementsFromPoint(left + right * width, y0 + down * height);
+      const found = there.find((one) => element.contains(one) || paints(one));
+      if (!element.contains(found)) wrong.push(`${name} is covered by ${found?.className || found?.tagName}`);
+    }
+  }
+  const { scrollWidth } = document.scrollingElement;
+  if (scrollWidth > innerWidth) wrong.push(`the page is ${scrollWidth} wide`);
+  return wrong;
+}"""
+SHOTS = os.environ.get("MOMENT_SHOTS")
+
+
+@pytest.fixture(autouse=True)
+def _beside_a_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DJANGO_ALLOW_ASYNC_UNSAFE", "1")  # Playwright runs an event loop in this thread
+
+
+@pytest.fixture
+def driving(
+    _beside_a_loop: None, browser: Browser, robot: Robot, operator: User
+) -> Iterator[DrivingPage]:
+    client = Client()
+    client.force_login(operator)
+    context = browser.new_context(reduced_motion="reduce", service_workers="block")
+    yield DrivingPage(context.new_page(), client, robot_facts(robot))
+    context.close()
+
+
+@pytest.mark.parametrize("moment", MOMENTS, ids=lambda moment: moment.name.replace(" ", "-"))
+def test_nothing_covers_what_matters(driving: DrivingPage, moment: Moment) -> None:
+    driving.show(moment)
+    driving.page.add_style_tag(content="* { pointer-events: auto !important }")  # what takes no pointer covers, too
+    wrong = {}
+    for width, height in SIZES:
+        driving.page.set_viewport_size({"width": width, "height": height})
+        driving.page.wait_for_timeout(150)
+        if found := driving.page.evaluate(COVERED):
+            wrong[f"{width}x{height}"] = sorted(set(found))
+        if SHOTS:
+            for theme in ("light", "dark") if os.environ.get("MOMENT_DARK") else ("light",):
+                driving.page.emulate_media(color_scheme=theme)
+                driving.page.screenshot(path=Path(SHOTS) / f"{moment.name.replace(' ', '-')}-{width}x{height}-{theme}.png")
+    assert wrong == {}
+    assert driving.complaints == []
