@@ -170,9 +170,9 @@ export class CameraPanel {
     this.#head.moves = Boolean(main?.moves);
     for (const name of before)
       if (name && name !== main?.name && name !== second?.name) this.#socket.end(name);
-    if (main) {
+    if (main || second) {
       this.#socket.open();
-      this.#socket.watch(main.name, "full");
+      if (main) this.#socket.watch(main.name, "full");
       if (second) this.#socket.watch(second.name, "small");
     } else if (this.#isKnown) {
       this.#socket.close();

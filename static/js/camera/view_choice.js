@@ -21,6 +21,7 @@ export class Views extends EventTarget {
   #view = "plan";
   #main = null;
   #hasSecond = recall("camera-second", false);
+  #isSwapped = false; // the camera's picture changed places with the small plan
   #listening = new AbortController();
 
   /** @param {HTMLElement} area gets data-view for the style sheet */
@@ -33,7 +34,8 @@ export class Views extends EventTarget {
     on("views", "click", ({ target }) => this.#pick(target.closest("[data-view]")));
     on("camera-select", "change", ({ target }) => this.#turnTo(target.value));
     on("second-toggle", "click", () => this.#toggleSecond());
-    on("second-swap", "click", () => this.#turnTo(this.second.name));
+    on("second-swap", "click", () => this.#enlarge(this.second.name));
+    on("plan-swap", "click", () => this.#shrink());
     on("view-open", "click", () => this.#open(!this.#isOpen));
     on("full-screen", "click", () => this.#open(false));
     document.addEventListener(
@@ -62,8 +64,9 @@ export class Views extends EventTarget {
     return WITHOUT_CAMERA.includes(this.#view) ? null : this.#main;
   }
 
-  /** The camera that is shown small beside it, or null. */
+  /** The camera that is shown small, or null. */
   get second() {
+    if (this.#view === "plan" && this.#isSwapped) return this.#main;
     if (!this.main || !this.#hasSecond || this.#cameras.length < 2) return null;
     const at = this.#cameras.indexOf(this.#main);
     return this.#cameras[(at + 1) % this.#cameras.length];
@@ -109,8 +112,22 @@ export class Views extends EventTarget {
   #pick(button) {
     if (!button) return;
     this.#view = button.dataset.view;
+    this.#isSwapped = false;
     remember("camera-view", this.#view);
     this.#open(false);
+    this.#changed();
+  }
+
+  /** The small picture and the large one change places. */
+  #enlarge(name) {
+    if (this.#isSwapped) this.#view = "camera";
+    this.#isSwapped = false;
+    this.#turnTo(name);
+  }
+
+  #shrink() {
+    this.#view = "plan";
+    this.#isSwapped = true;
     this.#changed();
   }
 

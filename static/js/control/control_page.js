@@ -405,7 +405,7 @@ class ControlPage {
     const [act] = actions.filter((name) => name === "take" || name === "ask");
     this.#statusBar.wished({
       level: "warning",
-      title: interpolate(gettext("You cannot drive yet: %s"), [headline]),
+      title: act === "take" ? gettext("Take control first: then you drive") : headline,
       text: reason,
       act,
     });

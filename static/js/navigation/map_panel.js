@@ -58,6 +58,7 @@ export class MapPanel {
     const { signal } = this.#listening;
     const on = (part, act) => parts[part].addEventListener("click", act, { signal });
     on("map-open", () => this.#open(parts.map.hidden));
+    on("camera-swap", () => this.#open(false));
     on("map-go", () => this.#choose("go"));
     on("map-pose", () => this.#choose("pose"));
     on("map-place", () => this.#choose("place"));

@@ -9,11 +9,8 @@ function endText({ outcome, text }) {
     return gettext("The stick took over: the drive to the place has ended.");
   if (outcome === "cancelled") return gettext("The drive to the place was cancelled.");
   if (outcome === "held_back")
-    return gettext(
-      "The robot stopped on its way: something is in the way, or it cannot see enough.",
-    );
-  if (outcome === "no_progress")
-    return gettext("The robot stopped on its way: it did not move any more.");
+    return gettext("Stopped on its way: something is there, or it cannot see enough");
+  if (outcome === "no_progress") return gettext("Stopped on its way: it did not move any more");
   return interpolate(gettext("The drive to the place has ended: %s"), [text]);
 }
 

@@ -11,6 +11,7 @@ const PARTS = `
       <canvas class="camera-picture"></canvas>
       <p class="camera-age"></p><p class="camera-words"></p>
       <button data-part="second-swap"></button>
+      <button data-part="plan-swap"></button>
     </section>
     <button data-part="view-open" aria-expanded="false" hidden></button>
     <div data-part="view-bar" hidden>

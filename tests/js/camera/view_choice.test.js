@@ -90,6 +90,14 @@ describe("the views", () => {
     expect(views.second).toBe(null);
   });
 
+  it("swap the camera with the small plan, and back", () => {
+    views.cameras = [HEAD];
+    found["plan-swap"].click();
+    expect([views.view, views.main, views.second]).toEqual(["plan", null, HEAD]);
+    found["second-swap"].click();
+    expect([views.view, views.main, views.second]).toEqual(["camera", HEAD, null]);
+  });
+
   it("opens the bar of a small screen until a press elsewhere", () => {
     views.cameras = [HEAD];
     found["view-open"].click();

@@ -10,7 +10,17 @@ const NAMES = [
   ...["map-picked", "place-delete-title"],
 ];
 const BUTTONS = [
-  ...["map-open", "map-go", "map-places", "map-pose", "map-place", "map-in", "map-out", "map-fit"],
+  ...[
+    "map-open",
+    "map-go",
+    "map-places",
+    "map-pose",
+    "map-place",
+    "map-in",
+    "map-out",
+    "map-fit",
+    "camera-swap",
+  ],
   ...["place-add", "place-here", "map-name", "places-import", "place-delete"],
   ...["map-picked-go", "map-picked-close"],
 ];
