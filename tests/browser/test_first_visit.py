@@ -44,7 +44,7 @@ def test_a_newcomer_is_led_by_three_hints(person: Arrive, width: int, height: in
     expect(hint).to_contain_text("1 of 3")
     assert found_by_axe(operator) == []
     assert [one for one in too_small(operator) if "hint" in one] == []
-    expect(hint).to_be_visible()  # if the page of a busy computer shows a banner, the hint comes after it
+    expect(hint).to_be_visible()  # if the page of a busy computer shows a reason, the hint comes after it
     for opener in operator.page.locator(".picture-tools button:visible").all():
         assert not overlap(box_of(hint), box_of(opener))
     operator.press("Take control")
@@ -55,7 +55,7 @@ def test_a_newcomer_is_led_by_three_hints(person: Arrive, width: int, height: in
     operator.push("a", until=lambda: operator.state["odometry"]["w"] > 0.05, what="a turn")
     operator.let_go("a")
     expect(hint).to_contain_text("3 of 3")
-    expect(hint).to_be_visible()  # if the page of a busy computer shows a banner, the hint comes after it
+    expect(hint).to_be_visible()  # if the page of a busy computer shows a reason, the hint comes after it
     assert not overlap(box_of(hint), box_of(operator.page.locator("form.stop .stop-button")))
     with operator.page.expect_response("**/accounts/settings/page/"):  # the account stores this choice
         operator.page.get_by_role("button", name="Got it").click()

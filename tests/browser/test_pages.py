@@ -418,7 +418,7 @@ def places_of_stick_and_stop(person: Person) -> tuple[dict[str, float], dict[str
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_nothing_covers_stop_speeds_or_picture(person: Arrive, width: int, height: int) -> None:
-    """Two people at one robot: what opens, who waits in line, long names, a long line, the banner of a stop."""
+    """Two people at one robot: what opens, who waits in line, long names, a long line, the reason of a stop."""
     operator, staff = (
         person(role, width=width, height=height, touch=width < 1000) for role in ("operator", "staff")
     )
@@ -438,7 +438,7 @@ def test_nothing_covers_stop_speeds_or_picture(person: Arrive, width: int, heigh
     staff.press("Leave the line")
     if width < 1000:
         stand_in_line(staff, operator)
-        banner_and_requests_leave_the_picture_free(operator, width, height)
+        requests_leave_the_picture_free(operator, width, height)
         staff.press("Leave the line")  # otherwise the next test waits until the offer ends
         operator.clear()
     operator.release()
@@ -494,11 +494,11 @@ def test_the_menu_stays_in_the_header_beside_a_long_battery_text(
     assert abs(lower) < 10.0
 
 
-def banner_and_requests_leave_the_picture_free(operator: Person, width: int, height: int) -> None:
+def requests_leave_the_picture_free(operator: Person, width: int, height: int) -> None:
     operator.page.locator("form.stop .stop-button").click()
     operator.page.get_by_role("button", name="Clear stop…").wait_for()
     picture = box_of(operator.page.locator("[data-picture-area]"))
-    for over in (operator.part("banner"), operator.part("requests")):
+    for over in (operator.part("requests"),):
         box = box_of(over)
         assert (
             box["y"] >= picture["y"] + picture["height"]
@@ -523,7 +523,7 @@ CROSSED = """(part) => {
   const before = buttons.map(box);
   const shown = document.querySelectorAll(`[data-part=${part}], [data-part=${part}] [data-part=going-runs]`);
   for (const one of shown) Object.assign(one, { hidden: false });
-  shown[0].dataset.level = "console";
+  shown[0].dataset.level = "warning";
   const over = box(shown[0]);
   const crossed = buttons.filter((one, i) => {
     const [left, top, right, bottom] = box(one);
@@ -549,7 +549,7 @@ def what_comes_by_itself_covers_no_button_of_the_picture(operator: Person) -> No
 
 
 def nothing_is_crossed(operator: Person) -> None:
-    for part in ("banner", "running"):
+    for part in ("reason", "running"):
         buttons, crossed = operator.page.evaluate(CROSSED, part)
         assert buttons > 2
         assert crossed == [], part

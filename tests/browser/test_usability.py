@@ -190,7 +190,7 @@ def try_to_hit(tasks: Tasks, world: subprocess.Popen[str]) -> None:
     def held() -> bool:
         verdict = person.state["verdict"]
         stands = verdict["allowed"] == [0, 0, 0] and verdict["asked"][0] > 0
-        return stands and person.part("words").inner_text() != ""
+        return stands and person.part("reason-title").inner_text() != ""
 
     grip = seize_stick(tasks)
     deadline = time.monotonic() + PATIENCE_S

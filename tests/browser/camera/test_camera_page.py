@@ -95,7 +95,7 @@ def test_a_picture_that_stands_still_is_grey_and_slows_the_robot(
     operator.push(
         "w", until=lambda: (held_to() or 1.0) < 0.3, what="a limit that falls as the picture grows old"
     )
-    expect(operator.part("limits")).to_contain_text("the camera’s picture comes after")
+    expect(operator.part("all-limits")).to_contain_text("the camera’s picture comes after")
     assert abs(operator.state["odometry"]["vx"]) < 0.35
     faults("none")
     operator.until(lambda: held_to() is None, "the end of the limit")

@@ -358,7 +358,7 @@ def test_control_taken_over_during_a_lost_link_is_reported(person: Arrive) -> No
     supervisor.watch("tiago-2")
     lost = True
     sockets[0].close()
-    operator.part("banner").get_by_text("No connection").wait_for()
+    operator.part("reason").get_by_text("No connection").wait_for()
     supervisor.press("Take over…")
     dialog = supervisor.page.get_by_role("dialog", name="Take over control?")
     dialog.get_by_label("Reason").fill("a test")
@@ -388,15 +388,15 @@ def test_an_old_page_after_an_upgrade_can_only_stop(person: Arrive) -> None:
     operator.page.get_by_role("button", name="Release", exact=True).wait_for()
     upgraded = True
     sockets[0].close()
-    banner = operator.part("banner")
-    banner.get_by_text("This page is of another version").wait_for()
-    expect(banner).to_contain_text("Reload it.")
+    reason = operator.part("reason")
+    reason.get_by_text("This page is of another version").wait_for()
+    expect(reason.get_by_role("button")).to_have_text("Load again")
     operator.page.locator("form.stop .stop-button").click()
     observer.until(lambda: observer.state["stop"]["state"] == "stopped", "the stop")
     assert len(sockets) == 2
-    expect(banner).to_contain_text("Reload it.")
+    expect(reason).to_contain_text("it can only stop the robot")
     upgraded = False
-    operator.page.reload()
+    operator.press("Load again")
     operator.press("Clear stop…")
     operator.page.get_by_role("dialog").get_by_role("button", name="Clear stop").click()
     observer.until(lambda: observer.state["stop"]["state"] == "clear", "a robot that may drive")
@@ -407,7 +407,7 @@ def test_a_silent_robot_is_shown_and_inputs_give_way(person: Arrive, stack: Stac
     operator = person("operator")
     operator.take("tiago-2")
     go_to(operator, "Motions")
-    motions, banner = operator.part("motion-list"), operator.part("banner")
+    motions, reason = operator.part("motion-list"), operator.part("reason")
     wave = operator.page.get_by_role("button", name="Play Wave")
     wave.wait_for()
     bridge = bridge_of(stack, "tiago-2")
@@ -416,7 +416,7 @@ def test_a_silent_robot_is_shown_and_inputs_give_way(person: Arrive, stack: Stac
         wave.evaluate("button => button.click()")  # at once
         notice(operator, re.compile("Play Wave: no answer within 0.75 s"))
         motions.wait_for(state="hidden")
-        assert re.search("No news for .* s.*This page continues by itself", banner.inner_text(), re.DOTALL)
+        assert re.search("The console is silent for .* s.*This page goes on by itself", reason.inner_text(), re.DOTALL)
     finally:
         os.kill(bridge, signal.SIGCONT)
     motions.wait_for()
@@ -428,7 +428,7 @@ def test_a_silent_robot_is_shown_and_inputs_give_way(person: Arrive, stack: Stac
 def test_out_of_reach_inputs_give_way_except_open_fields(person: Arrive, stack: Stack) -> None:
     operator = person("operator")
     operator.take("tiago-2")
-    motions, banner, text = (operator.part(name) for name in ("motion-list", "banner", "say-text"))
+    motions, reason, text = (operator.part(name) for name in ("motion-list", "reason", "say-text"))
     operator.press("Play Inspect surroundings")
     operator.until(lambda: operator.heard.get("accepted", {}).get("of") == "play", "the motion")
     go_to(operator, "Speech")
@@ -440,13 +440,13 @@ def test_out_of_reach_inputs_give_way_except_open_fields(person: Arrive, stack: 
         operator.page.locator(".control[data-cut]").wait_for()
         operator.page.keyboard.type(" wo dd")  # outside a field, letters would drive and a space would stop
         assert text.input_value() == "was wo dd"
-        expect(banner).to_contain_text("No link to the robot")
+        expect(reason).to_contain_text("No link to the robot")
         go_to(operator, "Motions")
         assert not motions.is_visible()
     finally:
         os.kill(stack.supervisor.pid, signal.SIGCONT)
     motions.wait_for()  # the supervisor started another bridge
-    assert not banner.is_visible() or "stick" in banner.inner_text()
+    assert not reason.is_visible() or "stick" in reason.inner_text()
     notice(operator, "Inspect surroundings: the robot did not report its end.")
     assert operator.state["stop"]["state"] == "clear"
     assert operator.complaints == []

@@ -24,10 +24,10 @@ def test_every_page_says_that_a_stopped_robot_moves(person: Arrive, stack: Stack
     with robot_side(stack.robots[ROBOT], "rogue", tmp_path / "said"):
         observer.until(lambda: abs(observer.state["odometry"]["w"]) > 0.1, "a robot that turns")
         observer.part("stop").get_by_role("button").click()
-        expect(observer.part("banner-title")).to_have_text(TITLE)
-        expect(observer.part("banner-title")).to_be_in_viewport()
-        expect(observer.part("banner-text")).to_have_text(WHO)
-        expect(observer.part("alarm")).to_contain_text(TITLE)
+        expect(observer.part("reason-title")).to_have_text("It moves although stopped: press its red button")
+        expect(observer.part("reason-title")).to_be_in_viewport()
+        expect(observer.part("reasons-now")).to_have_text(WHO)
+        expect(observer.part("alarm")).to_contain_text("It moves although stopped")
         expect(observer.part("stop-state")).to_have_text("It moves: red button")
         axe_accepts(observer, "a stopped robot that moves")
         for path in ("/", "/?wall"):
@@ -49,7 +49,7 @@ def test_every_page_says_that_a_stopped_robot_moves(person: Arrive, stack: Stack
         assert again.json()["text"].startswith("Moves although it is stopped: TIAGo Two.")
         other.open("/plan/")
         expect(other.page.locator(f"[data-robot={ROBOT}] [data-part=doing]")).to_have_text(TITLE)
-    expect(observer.part("banner-title")).to_have_text(re.compile("^Stopped by "))
+    expect(observer.part("reason-title")).to_have_text(re.compile("^Stopped by "))
     expect(other.page.locator(f"[data-robot={ROBOT}] [data-part=doing]")).to_have_text("Stopped")
     state = other.page.request.get(f"{stack.url}/api/v1/robots/{ROBOT}").json()["state"]
     assert (state["stands"], state["moves_although_stopped"]) == (True, None)

@@ -133,7 +133,7 @@ def page(window: Window, robot: RobotSide) -> Iterator[Window]:
     take_control(window)
     desk = window.desk
     # At first, Chromium's address bar has the keyboard.
-    desk.hand("mousemove", *window.place("words"), "click", 1)
+    desk.hand("mousemove", *window.place("who"), "click", 1)
     desk.hand("mousemove", *window.place("zone", up=0.7))
     robot.until(lambda: not robot.turns and robot.state["neutral_needed"] is None, "a free stick")
     yield window

@@ -3,7 +3,7 @@
  * detail. Pure.
  */
 
-import { number } from "../../lib/numbers.js";
+import { number } from "../../formats/numbers.js";
 
 // Nothing holds the robot back; or a fault, or the stick, has its own reason.
 const SILENT = new Set([

@@ -1,6 +1,6 @@
 /** Which part of the way from this page to the robot is silent, and for how long. Pure. */
 
-import { number } from "../../lib/numbers.js";
+import { number } from "../../formats/numbers.js";
 
 const SILENT_MS = 400;
 

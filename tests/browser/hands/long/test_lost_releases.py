@@ -104,7 +104,7 @@ def holds(modifier: str) -> Loss:
 
 def menu_elsewhere(page: Window, door: Door) -> None:
     """Release the door while a menu of the page is open."""
-    page.desk.hand("mousemove", *page.place("words"), "click", 3)
+    page.desk.hand("mousemove", *page.place("who"), "click", 3)
     time.sleep(RELEASED_S)
     door.release(page)
     page.desk.hand("key", "Escape")
@@ -113,7 +113,7 @@ def menu_elsewhere(page: Window, door: Door) -> None:
 def address_bar(page: Window, door: Door) -> None:
     """Release the door while the address bar has the keyboard, then return to the page."""
     presses("key", "F6")(page, door)
-    page.desk.hand("mousemove", *page.place("words"), "click", 1)
+    page.desk.hand("mousemove", *page.place("who"), "click", 1)
 
 
 def hidden(page: Window, door: Door) -> None:
@@ -221,8 +221,8 @@ def clicks_on(element: str) -> Loss:
 
 def drag_of_text(page: Window, door: Door) -> None:
     """Release the door while the mouse drags a text of the page."""
-    page.evaluate("getSelection().selectAllChildren(document.querySelector('[data-part=words]'))")
-    x, y = page.place("words")
+    page.evaluate("getSelection().selectAllChildren(document.querySelector('[data-part=who]'))")
+    x, y = page.place("who")
     page.desk.hand("mousemove", x, y, "mousedown", 1)
     for step in range(6):
         page.desk.hand("mousemove", x + 10 * step, y - 10 * step)
@@ -293,7 +293,7 @@ def test_a_slider_whose_hand_is_lost_sends_no_goal(page: Window, robot: RobotSid
         page.desk.hand("mousemove", *page.place("torso-to"), "mousedown", 1, "mousemove", x, y)
         time.sleep(RELEASED_S)
         lose(page, Stick())
-        page.desk.hand("mousemove", x + 20, y, "mousemove", *page.place("words"), "click", 1)
+        page.desk.hand("mousemove", x + 20, y, "mousemove", *page.place("who"), "click", 1)
         time.sleep(RELEASED_S)
         assert robot.state["limbs"]["torso"].get("to_m") == goal
 

@@ -21,7 +21,7 @@ def test_a_key_whose_release_is_lost_ends(page: Window, robot: RobotSide) -> Non
 
 def test_a_mouse_that_rests_ends_and_says_why(page: Window, robot: RobotSide) -> None:
     grip(page, robot)
-    asks = "document.querySelector('[data-part=hint]').textContent.startsWith('Still there?')"
+    asks = "document.querySelector('[data-part=reason-title]').textContent.startsWith('Still there?')"
     page.until(asks, 5.0)
     page.desk.hand("mousemove", *page.place("zone", LEFT, 0.02))  # a sign
     page.until(f"!({asks})", 2.0)
