@@ -412,6 +412,7 @@ class Core:
         grant = self.lease.current
         return (
             *self.reports.phase(now_s),
+            self.reports.is_silent(now_s),
             self.stop_state,
             grant and (grant.fence, self._neutral_needed),
             *self._after_stop.headline,

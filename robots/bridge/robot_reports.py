@@ -110,6 +110,10 @@ class RobotReports:
         odometry = self.odometry
         return odometry if odometry is not None and now_s - odometry[0] <= ODOMETRY_ONLINE_S else None
 
+    def is_silent(self, now_s: float) -> bool:
+        """Return whether odometry came, and has stopped: then people must see at once that they look at the past."""
+        return self.odometry is not None and now_s - self.odometry[0] > wire.SILENT_S
+
     def battery(self, percent: float, now_s: float) -> None:
         """Take the battery's charge in percent."""
         if math.isfinite(percent):

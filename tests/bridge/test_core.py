@@ -767,6 +767,13 @@ def test_gate_is_reset_once_for_a_new_run_of_the_robot(bench):
         assert bench.gate.forgot == forgot
 
 
+def test_pages_hear_at_once_that_a_robot_fell_silent(bench):
+    bench.stamp_s += 0.02
+    bench.core.odometry(bench.stamp_s, bench.now_s, Pose(0.0, 0.0, 0.0), STILL, 50.0, 0)
+    before = bench.core.headline(bench.now_s + 0.3)
+    assert bench.core.headline(bench.now_s) == before != bench.core.headline(bench.now_s + 0.45)
+
+
 def test_state_says_why_memory_was_dropped_and_how_long_ago(bench):
     def said():
         bench.core.tick(bench.now_s)

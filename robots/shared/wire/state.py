@@ -13,6 +13,9 @@ from robots.shared.wire.navigation import Location
 from robots.shared.wire.tasks import TaskStates
 
 
+SILENT_S = 0.4  # without odometry for so long, people see the past; their pages have the same limit
+
+
 class SpeedLimit(Worded, frozen=True, omit_defaults=True):
     """A speed limit for every request. It holds the robot back now if the verdict has its code and way."""
 

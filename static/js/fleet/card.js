@@ -11,6 +11,7 @@ import { bookingWords } from "./card_words.js";
 export function showRobot({ card, own }, shown, robot) {
   mark(card, "level", shown.level);
   mark(card, "stopped", shown.stopped);
+  mark(card, "silent", shown.old);
   mark(card, "alarm", shown.alarm !== "");
   setText(own.alarm, shown.alarm); // read at once by a screen reader, once
   mark(own.status, "level", shown.level);

@@ -2,6 +2,7 @@
 
 import { minutesText } from "../control/lease.js";
 import { gateReason } from "../control/reason/gate_words.js";
+import { silenceOf, silenceText } from "../control/reason/silence.js";
 import {
   isSeen,
   movesTitle,
@@ -25,6 +26,7 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
   if (!state) {
     const unknown = unknownText(seenByConsole);
     return {
+      old: true,
       level: "fail",
       status: refusal?.code === "bridge_silent" ? gettext("No news") : gettext("No link"),
       why: refusal?.text ?? "",
@@ -42,6 +44,7 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
     };
   }
   const online = state.phase === "online";
+  const silence = silenceOf({ connected: true, state, sinceViewMs: 0 });
   const { stop } = state;
   const latched = stop.state !== "clear";
   const silent = latched && state.stands === null;
@@ -53,8 +56,10 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
       ? interpolate(gettext("Standstill: %s"), [unknown])
       : standstillText(stop);
   return {
-    level: alarm ? "fail" : online && !state.watchdog_missing ? "ok" : "warn",
-    status: phaseTitle(state.phase),
+    old: silence !== null,
+    level:
+      alarm || (online && silence) ? "fail" : online && !state.watchdog_missing ? "ok" : "warn",
+    status: online && silence ? silenceText(silence) : phaseTitle(state.phase),
     why: [
       alarm && state.moves_although_stopped.text,
       online ? "" : state.text,

@@ -222,7 +222,7 @@ class FleetConsumer(MessageSocket, Listener):
                 link.up,
                 link.silent,
                 link.pending,
-                state and (state.phase, state.holder, state.stop, state.verdict.code),
+                state and (state.phase, _is_silent(state), state.holder, state.stop, state.verdict.code),
             )
             for link in self._links.values()
             for state in (link.state,)
@@ -263,6 +263,10 @@ class FleetConsumer(MessageSocket, Listener):
 
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
         self._wake()
+
+
+def _is_silent(state: wire.State) -> bool:
+    return state.unseen_s is not None and state.unseen_s >= wire.SILENT_S
 
 
 def _with_slug(refusal: Refusal, slug: str) -> Refusal:

@@ -1,4 +1,4 @@
-"""A driving page in Chromium without any console process: Django answers here, and a moment's messages come from here."""
+"""A driving page in Chromium without a console: Django answers in this process, and a moment has the messages."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import re
 import time
 from mimetypes import guess_type
-from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -20,6 +19,10 @@ from tests.browser.moments.scenes import MOTIONS, Moment, camera_frame, scan
 
 ORIGIN = "http://testserver"
 NAME = "Olga Operator"
+# A person who has used the console before, and drives by the camera.
+CHOICES = (
+    """localStorage.setItem("fleet-console", '{"camera-view": "camera", "hints_seen operator": true}')"""
+)
 
 
 def _pages_of(client: Client, address: str) -> dict[str, tuple[str, bytes]]:
@@ -42,8 +45,10 @@ class DrivingPage:
         )
         self._moment = Moment("none")
         self._begun_s = time.monotonic()
-        self._socket: WebSocketRoute | None = None
+        self._socket: WebSocketRoute | None = None  # of the control page
+        self._cut: Moment | None = None  # the moment whose socket was closed
         self._pictures = 0
+        page.add_init_script(CHOICES)
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.route("**/*", self._answer)
         page.route_web_socket(re.compile("/ws/robots/[^/]+/$"), self._control)
@@ -54,21 +59,24 @@ class DrivingPage:
         """Open the page, and bring it to a moment."""
         self._moment = moment
         self._pictures = 0
-        self.page.add_init_script(f"localStorage.setItem('fleet-console', '{{\"camera-view\": \"{moment.view}\", \"hints_seen operator\": true}}')")
         self.page.goto(f"{ORIGIN}/robots/{self._facts.slug}/")
-        self.page.wait_for_function("document.querySelector('[data-part=who]').textContent !== 'Control is not known'")
-        if moment.view != "plan":
-            self.page.wait_for_function("document.querySelector('.camera-words').hidden")
+        self.page.wait_for_function(
+            "document.querySelector('[data-part=who]').textContent !== 'Control is not known'"
+        )
+        self.page.wait_for_function("document.querySelector('.camera-words').hidden")  # a picture came
         if moment.mapped:
             self.page.locator("[data-part=map-open]").click()
         self._go_on(moment)
         if moment.keys:
             self.page.keyboard.down(moment.keys)
-        self.page.wait_for_timeout(600)  # nothing tells when a page has settled; a stale world is stale by then
+        self.page.wait_for_timeout(
+            600
+        )  # nothing tells when a page has settled; a stale world is stale by then
 
     def _go_on(self, moment: Moment) -> None:
         assert self._socket is not None
         if moment.cut:
+            self._cut = moment
             self._socket.close(code=1011)
         elif moment.gone:
             self._say(self._socket, moment.gone)
@@ -87,10 +95,10 @@ class DrivingPage:
 
     def _control(self, socket: WebSocketRoute) -> None:
         moment = self._moment
-        if moment.cut and self._socket is not None and self._socket_of is moment:
+        if moment is self._cut:
             socket.close(code=1011)
             return
-        self._socket, self._socket_of = socket, moment
+        self._socket = socket
 
         def heard(text: str | bytes) -> None:
             message = json.loads(text)

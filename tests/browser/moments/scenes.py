@@ -1,11 +1,10 @@
-"""Moments of a drive: the messages that a driving page gets, made from the wire's own structs, and a camera's picture."""
+"""Moments of a drive: what a driving page hears, made from the wire's own structs, and a camera's picture."""
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -82,8 +81,8 @@ MINE = wire.Control("yours", holder="Olga Operator", fence=7, session="s", remai
 class Moment:
     """What the console tells a page at one moment, and what the person does.
 
-    `silent`: the console says nothing more. `gone`: the console has lost the bridge. `cut`: the page has no socket.
-    `keys`: held by the person. `menu`: the view that is open.
+    `gone`: the console has lost the bridge. `silent`: the console says nothing more. `cut`: the page has no socket.
+    `keys`: held by the person. `mapped`: the map is open. `before`: an earlier state.
     """
 
     name: str
@@ -93,7 +92,6 @@ class Moment:
     silent: bool = False
     cut: bool = False
     keys: str = ""
-    view: str = "camera"
     mapped: bool = False
     before: State | None = None
 
@@ -113,7 +111,10 @@ MOMENTS = [
             READY, phase="waiting", text="No ROS master at http://tiago-1:11311 [Errno 111]", unseen_s=14.0
         ),
     ),
-    Moment("bridge gone", gone=wire.BridgeGone(wire.Refusal("bridge_gone", "The robot's bridge is not running.", "link"))),
+    Moment(
+        "bridge gone",
+        gone=wire.BridgeGone(wire.Refusal("bridge_gone", "The robot's bridge is not running.", "link")),
+    ),
     Moment("console silent", silent=True),
     Moment("no connection", cut=True),
     Moment(
@@ -127,21 +128,40 @@ MOMENTS = [
             stop=StopState("stopped", "Bo Berg", number=3),
             stands=False,
             moves_although_stopped=MovesAlthoughStopped(
-                2.0, ["base"], 0.3, 0.0, {"/cmd_vel": ["/rogue"]},
+                2.0,
+                ["base"],
+                0.3,
+                0.0,
+                {"/cmd_vel": ["/rogue"]},
                 "It drives at 0.3 m/s. Velocities for its base come from /rogue on /cmd_vel.",
             ),
         ),
     ),
     Moment("stick without control", control=FREE, keys="w"),
-    Moment("navigation held back", msgspec.structs.replace(
-        READY, going_ended=GoEnd(4, 1, 7, "held_back", "held back: laser, 0.1 m ahead", "obstacle", 1.4)),
-        before=msgspec.structs.replace(READY, going=GOING)),
-    Moment("drives itself", _held(
-        Verdict("free", "", (0.3, 0.0, 0.1), (0.3, 0.0, 0.1), limits=LIMITS), going=GOING, stands=False), mapped=True),
-    Moment("driving, all well", _held(
-        Verdict("free", "", (0.4, 0.0, 0.0), (0.4, 0.0, 0.0), limits=LIMITS[:1]), stands=False), keys="w"),
-    Moment("stick must rest", msgspec.structs.replace(
-        READY, neutral_needed=NeutralNeeded("stop_cleared", "the stop was cleared")), keys="w"),
+    Moment(
+        "navigation held back",
+        msgspec.structs.replace(
+            READY, going_ended=GoEnd(4, 1, 7, "held_back", "held back: laser, 0.1 m ahead", "obstacle", 1.4)
+        ),
+        before=msgspec.structs.replace(READY, going=GOING),
+    ),
+    Moment(
+        "drives itself",
+        _held(
+            Verdict("free", "", (0.3, 0.0, 0.1), (0.3, 0.0, 0.1), limits=LIMITS), going=GOING, stands=False
+        ),
+        mapped=True,
+    ),
+    Moment(
+        "driving, all well",
+        _held(Verdict("free", "", (0.4, 0.0, 0.0), (0.4, 0.0, 0.0), limits=LIMITS[:1]), stands=False),
+        keys="w",
+    ),
+    Moment(
+        "stick must rest",
+        msgspec.structs.replace(READY, neutral_needed=NeutralNeeded("stop_cleared", "the stop was cleared")),
+        keys="w",
+    ),
 ]
 
 
@@ -191,8 +211,14 @@ def camera_frame(number: int, taken_ms: float) -> bytes:
     # rows: right, down, into the picture; the lens is HEIGHT_M above the base's origin
     pose = (0.0, -1.0, 0.0, 0.0, -sin, 0.0, -cos, cos * HEIGHT_M, cos, 0.0, -sin, sin * HEIGHT_M)
     header = wire.PictureHeader(
-        "head", number, "jpeg", WIDTH, HEIGHT, taken_ms,
-        lens=(FOCAL_PX, FOCAL_PX, WIDTH / 2, HEIGHT / 2), pose=pose,
+        "head",
+        number,
+        "jpeg",
+        WIDTH,
+        HEIGHT,
+        taken_ms,
+        lens=(FOCAL_PX, FOCAL_PX, WIDTH / 2, HEIGHT / 2),
+        pose=pose,
     )
     head = msgspec.json.encode(header)
     return len(head).to_bytes(4, "big") + head + picture()

@@ -16,7 +16,7 @@ from robots.registry.selectors import robot_facts
 from tests.browser.moments.driving_page import DrivingPage
 from tests.browser.moments.scenes import MOMENTS, Moment
 
-SIZES = [(360, 640), (390, 844), (844, 390), (1440, 900), (320, 256)]
+SIZES = [(360, 640), (390, 844), (844, 390), (320, 256), (1440, 900)]  # the last one also as a whole screen
 # Which element lies uppermost at points of what a person needs? An element that paints nothing covers nothing.
 COVERED = """() => {
   const paints = (element) => {
@@ -52,7 +52,7 @@ COVERED = """() => {
   if (scrollWidth > innerWidth) wrong.push(`the page is ${scrollWidth} wide`);
   return wrong;
 }"""
-SHOTS = os.environ.get("MOMENT_SHOTS")
+SHOTS = os.environ.get("MOMENT_SHOTS")  # a directory for pictures of all moments, light and dark
 
 
 @pytest.fixture(autouse=True)
@@ -61,9 +61,7 @@ def _beside_a_loop(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def driving(
-    _beside_a_loop: None, browser: Browser, robot: Robot, operator: User
-) -> Iterator[DrivingPage]:
+def driving(_beside_a_loop: None, browser: Browser, robot: Robot, operator: User) -> Iterator[DrivingPage]:
     client = Client()
     client.force_login(operator)
     context = browser.new_context(reduced_motion="reduce", service_workers="block")
@@ -73,17 +71,24 @@ def driving(
 
 @pytest.mark.parametrize("moment", MOMENTS, ids=lambda moment: moment.name.replace(" ", "-"))
 def test_nothing_covers_what_matters(driving: DrivingPage, moment: Moment) -> None:
+    page = driving.page
     driving.show(moment)
-    driving.page.add_style_tag(content="* { pointer-events: auto !important }")  # what takes no pointer covers, too
+    page.add_style_tag(content="* { pointer-events: auto !important }")  # what takes no pointer covers, too
     wrong = {}
+
+    def look(name: str) -> None:
+        page.wait_for_timeout(150)  # the page follows its size in the next frames
+        if found := page.evaluate(COVERED):
+            wrong[name] = sorted(set(found))
+        for theme in ("light", "dark") if SHOTS else ():
+            page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
+            page.screenshot(path=Path(SHOTS or "") / f"{moment.name.replace(' ', '-')}-{name}-{theme}.png")
+
     for width, height in SIZES:
-        driving.page.set_viewport_size({"width": width, "height": height})
-        driving.page.wait_for_timeout(150)
-        if found := driving.page.evaluate(COVERED):
-            wrong[f"{width}x{height}"] = sorted(set(found))
-        if SHOTS:
-            for theme in ("light", "dark") if os.environ.get("MOMENT_DARK") else ("light",):
-                driving.page.emulate_media(color_scheme=theme)
-                driving.page.screenshot(path=Path(SHOTS) / f"{moment.name.replace(' ', '-')}-{width}x{height}-{theme}.png")
+        page.set_viewport_size({"width": width, "height": height})
+        look(f"{width}x{height}")
+    page.evaluate("document.querySelector('main').requestFullscreen()")
+    page.locator(".control[data-full]").wait_for()
+    look("whole-screen")
     assert wrong == {}
     assert driving.complaints == []

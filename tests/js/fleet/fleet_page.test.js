@@ -82,6 +82,15 @@ describe("a card", () => {
     expect(doingText({ ...state, charging: false, odometry: null, ...now })).toBe(words);
   });
 
+  it("is old at once when the robot falls silent", () => {
+    expect(cardOf({ state: { ...state, unseen_s: 0.3 } }).old).toBe(false);
+    expect(cardOf({ state: { ...state, unseen_s: 0.5 } })).toMatchObject({
+      old: true,
+      level: "fail",
+      status: "Robot silent",
+    });
+  });
+
   it("says why a robot is unreachable", () => {
     const refusal = { text: "Its bridge does not answer." };
     const away = cardOf({ state: null, refusal });

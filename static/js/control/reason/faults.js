@@ -11,7 +11,7 @@ import {
   unknownText,
   watchdogText,
 } from "../status/status_text.js";
-import { ageText } from "./silence.js";
+import { sinceText } from "./silence.js";
 
 /**
  * Why the robot does not do what the person wants, or may not do it soon.
@@ -105,7 +105,11 @@ function silent({ silence, gone, pending, seen }) {
     };
   return {
     level: "fault",
-    title: interpolate(gettext("The console is silent for %s"), [ageText(silence.forMs)]),
+    title: sinceText(
+      silence,
+      gettext("The console is silent"),
+      gettext("The console is silent for %s"),
+    ),
     text: gettext("The picture is old, and commands may not arrive. This page goes on by itself."),
   };
 }
@@ -132,7 +136,11 @@ function robotSilent({ silence, state, seen }) {
     };
   return {
     level: "fault",
-    title: interpolate(gettext("The robot is silent for %s"), [ageText(silence.forMs)]),
+    title: sinceText(
+      silence,
+      gettext("The robot is silent"),
+      gettext("The robot is silent for %s"),
+    ),
     text: gettext(
       "What you see is old. It gets no commands; if it still moves, press its red button.",
     ),

@@ -3,6 +3,7 @@
 import { number } from "../../formats/numbers.js";
 
 const SILENT_MS = 400;
+const SAID_MS = 1000; // a shorter silence has no figure
 
 /**
  * @param {object} now
@@ -34,22 +35,17 @@ export function silenceText({ who, forMs }) {
     console: gettext("Console silent"),
     robot: gettext("Robot silent"),
   }[who];
-  return forMs === null ? text : `${text}, ${ageText(forMs)}`;
+  return forMs === null || forMs < SAID_MS ? text : `${text}, ${ageText(forMs)}`;
+}
+
+/** Return a title with the age of the silence, once it has one. @param {string} title @param {string} since with %s */
+export function sinceText({ forMs }, title, since) {
+  return forMs === null || forMs < SAID_MS ? title : interpolate(since, [ageText(forMs)]);
 }
 
 /** Return a short age: "4 s", "3 min". */
-export function ageText(ms) {
+function ageText(ms) {
   const seconds = ms / 1000;
   if (seconds >= 120) return interpolate(gettext("%s min"), [Math.floor(seconds / 60)]);
   return interpolate(gettext("%s s"), [number(Math.floor(seconds), 0)]);
-}
-
-/** Return why a button does nothing while a part is silent. */
-export function silentFirst({ who }) {
-  return {
-    page: gettext("This page has no connection to the console."),
-    bridge: gettext("There is no link to the robot."),
-    console: gettext("The console is silent."),
-    robot: gettext("The robot is silent."),
-  }[who];
 }
