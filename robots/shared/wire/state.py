@@ -12,7 +12,6 @@ from robots.shared.wire.health import Health
 from robots.shared.wire.navigation import Location
 from robots.shared.wire.tasks import TaskStates
 
-
 SILENT_S = 0.4  # without odometry for so long, people see the past; their pages have the same limit
 
 

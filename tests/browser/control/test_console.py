@@ -416,7 +416,9 @@ def test_a_silent_robot_is_shown_and_inputs_give_way(person: Arrive, stack: Stac
         wave.evaluate("button => button.click()")  # at once
         notice(operator, re.compile("Play Wave: no answer within 0.75 s"))
         motions.wait_for(state="hidden")
-        assert re.search("The console is silent for .* s.*This page goes on by itself", reason.inner_text(), re.DOTALL)
+        assert re.search(
+            "The console is silent for .* s.*This page goes on by itself", reason.inner_text(), re.DOTALL
+        )
     finally:
         os.kill(bridge, signal.SIGCONT)
     motions.wait_for()

@@ -37,7 +37,9 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive, t
     fingers.push(1, ahead, held, "the gate to hold at the wall")
     assert 0 < operator.state["verdict"]["distance_m"] < 0.5  # before the wall, not in the wall
     says = re.compile(r"Something (is|was seen earlier,) 0\.\d m ahead")
-    fingers.push(1, ahead, lambda: says.fullmatch(operator.part("reason-title").inner_text()), "words on the wall")
+    fingers.push(
+        1, ahead, lambda: says.fullmatch(operator.part("reason-title").inner_text()), "words on the wall"
+    )
 
     # The robot drives back; then stop, with the first finger still on the stick.
     fingers.push(1, back, lambda: operator.state["odometry"]["vx"] < -0.05, "reverse")
