@@ -7,6 +7,7 @@ import { NewEnds } from "../tasks/task_ends.js";
 import { MapView } from "./map_view.js";
 import { readMaps, readPicture } from "./places_api.js";
 import { PlacesPanel } from "./places_panel.js";
+import { goRequest, rounded } from "./requests.js";
 import { endNotice, goingText } from "./words.js";
 
 const LOOK_MS = 2_000; // between two reads, while the panel is open and has no map
@@ -251,7 +252,7 @@ export class MapPanel {
     if (!this.#mayRequest()) return;
     this.#places.open(false);
     this.#pick(null);
-    this.#request({ t: "go", ...rounded(place), place: place.name });
+    this.#request(goRequest(place));
   }
 
   #speak(wanted = "") {
@@ -272,13 +273,6 @@ export class MapPanel {
     setText(this.#parts["map-words"], words);
     show(this.#parts["map-words"], words !== "");
   }
-}
-
-/** Return a pose in steps of 1 mm and 1 mrad. */
-function rounded(pose) {
-  if (pose === null) return null;
-  const millimetres = (value) => Math.round(value * 1000) / 1000;
-  return { x: millimetres(pose.x), y: millimetres(pose.y), heading: millimetres(pose.heading) };
 }
 
 function lostText() {

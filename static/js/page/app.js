@@ -1,4 +1,6 @@
-/** Registers the service worker: a device can install the console, and has a page for offline. */
+/** Of every page: the service worker, so that a device can install the console, and the keys of the palette. */
+
+import { opensPalette } from "../palette/opener.js";
 
 /** @param {string} url of the service worker */
 export async function install(url) {
@@ -11,3 +13,7 @@ export async function install(url) {
 
 const link = document.querySelector("link[data-service-worker]");
 if (link) install(link.dataset.serviceWorker);
+
+const opener = document.querySelector("[data-palette-module]");
+if (opener)
+  opensPalette(opener, async () => (await import(opener.dataset.paletteModule)).togglePalette());

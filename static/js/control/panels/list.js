@@ -8,6 +8,7 @@ import { SpeedChart } from "../../drive/speed_chart.js";
 import { HeadStick } from "../../limbs/head_stick.js";
 import { LimbPanel } from "../../limbs/limb_panel.js";
 import { MapPanel } from "../../navigation/map_panel.js";
+import { ControlPalette } from "../../palette/control_palette.js";
 import { ScenePanel } from "../../scene/scene_panel.js";
 import { History } from "../../tasks/history.js";
 import { Motions } from "../../tasks/motions.js";
@@ -33,4 +34,5 @@ export const PANELS = [
   History,
   Forget,
   ForgottenNotices,
+  ControlPalette,
 ];
