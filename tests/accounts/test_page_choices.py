@@ -37,10 +37,11 @@ def test_choices_are_kept_for_every_browser_of_the_person(
     records = Record.objects.count()
     assert client.post(KEEP, PLACES).status_code == 204
     assert client.post(KEEP, {"hints_seen": "true"}).status_code == 204
+    assert client.post(KEEP, {"vibration": "false"}).status_code == 204
     assert Record.objects.count() == records  # not recorded: nobody else is concerned
     other = Client()
     other.force_login(operator)
-    assert shown(other, robot) == {"panels": PLACES, "hints_seen": True}
+    assert shown(other, robot) == {"panels": PLACES, "hints_seen": True, "vibration": False}
     other.force_login(staff)
     assert shown(other, robot) == {}
     account_close(user=operator)

@@ -12,19 +12,24 @@ from django.utils.translation import gettext_lazy
 from fleet.base import zones
 
 PANELS = ("chart", "motions", "phrases")  # panels of the control page on a desktop screen
+FLAGS = ("hints_seen", "sound", "vibration", "speech")
 PLACES = ("left", "top", "bottom")
 
 
 class PageChoicesForm(forms.Form):
     """The choices that the control page stores for a person; a request may contain only some of them.
 
-    `kept` contains the valid choices: `panels` (the place of each panel) and `hints_seen`.
+    `kept` contains the valid choices: `panels` (the place of each panel) and each of `FLAGS`: whether
+    the hints were read, and how the page signals a stop.
     """
 
     chart = forms.ChoiceField(choices=[(place, place) for place in PLACES], required=False)
     motions = forms.ChoiceField(choices=[(place, place) for place in PLACES], required=False)
     phrases = forms.ChoiceField(choices=[(place, place) for place in PLACES], required=False)
     hints_seen = forms.NullBooleanField()
+    sound = forms.NullBooleanField()
+    vibration = forms.NullBooleanField()
+    speech = forms.NullBooleanField()
 
     kept: dict[str, Any]
 
@@ -32,13 +37,11 @@ class PageChoicesForm(forms.Form):
         """Refuse two panels at one place, a missing panel, and a request without any choice."""
         fields = super().clean() or {}
         places = {panel: place for panel in PANELS if (place := fields.get(panel))}
-        self.kept = {}
+        self.kept = {flag: fields[flag] for flag in FLAGS if fields.get(flag) is not None}
         if places:
             if sorted(places.values()) != sorted(PLACES):
                 raise forms.ValidationError(_("Each panel needs a place of its own."))
             self.kept["panels"] = places
-        if fields.get("hints_seen") is not None:
-            self.kept["hints_seen"] = fields["hints_seen"]
         if not self.kept:
             raise forms.ValidationError(_("There is no choice in this request."))
         return fields

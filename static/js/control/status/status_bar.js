@@ -46,6 +46,7 @@ export class StatusBar {
    * @param {object} now as `reasonsOf` takes it, and:
    * @param {number | null} now.delayMs time from the page to the console and back
    * @param {number | null} now.echoMs time from the page to the robot's bridge and back
+   * @returns {import("../reason/faults.js").Reason | undefined} the most important reason
    */
   show(now) {
     const nowMs = performance.now();
@@ -64,6 +65,7 @@ export class StatusBar {
     this.#details.interventions = this.#interventions.list;
     this.#showConnection(now);
     if (state) this.#showRobot(state, silence);
+    return reasons[0];
   }
 
   set facts(robot) {
