@@ -33,6 +33,7 @@ import { PageState } from "./panels/page_state.js";
 import { silenceOf } from "./reason/silence.js";
 import { RobotContact } from "./robot_contact.js";
 import { isAtLeast } from "./roles.js";
+import { Signals } from "./signals/signals.js";
 import { controlWords } from "./status/control_words.js";
 import { StatusBar } from "./status/status_bar.js";
 import { isHeld } from "./status/status_text.js";
@@ -81,6 +82,7 @@ class ControlPage {
   #tabs;
   #drawers;
   #hints;
+  #signals;
   #layout;
   #over;
   #screen = screenLock();
@@ -141,6 +143,7 @@ class ControlPage {
     this.#over = new Over(root);
     const choices = new Choices(root.dataset);
     this.#hints = new Hints(root, this.#parts, choices);
+    this.#signals = new Signals(this.#parts, choices);
     this.#layout = new Panels(root, choices, (text) =>
       this.#notices.add({ level: "success", code: "moved", text, quiet: true }),
     );
@@ -186,6 +189,7 @@ class ControlPage {
       this.#state,
       this.#panels,
       this.#hints,
+      this.#signals,
       this.#layout,
       this.#over,
       this.#panel,
@@ -232,6 +236,8 @@ class ControlPage {
       holonomic: () => this.#facts?.holonomic ?? false,
       drives: () => this.#steers,
       refused: () => this.#wish(),
+      take: () => this.#take(),
+      notify: (text) => this.#notify("info", "gamepad", text),
       mayStop: () => this.#mine,
       stop: () => this.#stopButton.press(),
     };
@@ -398,6 +404,13 @@ class ControlPage {
     if (x >= left && x <= right && y >= top && y <= bottom) this.#wish();
   }
 
+  /** The key for control was pressed: press the button, or say why there is none. */
+  #take() {
+    const button = this.#parts.actions.querySelector("[data-action=take]");
+    if (button.hidden) this.#wish();
+    else button.click();
+  }
+
   /** The person wants to drive, and this tab has no control. */
   #wish() {
     if (this.#control === null || this.#drives) return;
@@ -499,7 +512,7 @@ class ControlPage {
     }
     if (document.hidden) this.#contact.hide(now);
     mark(this.#root, "cut", !this.#socket.open || this.#contact.isLost(now));
-    this.#statusBar.show({
+    const reason = this.#statusBar.show({
       outdated: this.#outdated,
       connected: this.#socket.open,
       ...this.#contact.facts(now),
@@ -511,6 +524,7 @@ class ControlPage {
       delayMs: this.#heartbeat.delayMs,
       echoMs: this.#echoTrips.median,
     });
+    this.#signals.follow(this.#contact.state, silence, reason?.title ?? "", now);
   }
 
   #reverseHint() {

@@ -23,6 +23,13 @@ NAME = "Olga Operator"
 CHOICES = (
     """localStorage.setItem("fleet-console", '{"camera-view": "camera", "hints_seen operator": true}')"""
 )
+LISTS = json.dumps(
+    {
+        "phrases": [{"id": 1, "text": "Hello, I am TIAGo.", "language": "en", "tags": []}],
+        "robots": [{"slug": "tiago-9", "name": "TIAGo Nine", "profile": "tiago", "enabled": True}],
+        "maps": [],
+    }
+).encode()
 
 
 def _pages_of(client: Client, address: str) -> dict[str, tuple[str, bytes]]:
@@ -39,6 +46,7 @@ class DrivingPage:
     def __init__(self, page: Page, client: Client, facts: wire.RobotFacts) -> None:
         self.page = page
         self.complaints: list[str] = []
+        self.heard: list[dict[str, Any]] = []  # by the console, from the page
         self._pages = _pages_of(client, f"/robots/{facts.slug}/")
         self._facts = msgspec.structs.replace(
             facts, cameras=[wire.CameraEntry("head", "Head camera", True)], has_head=True, has_map=True
@@ -90,7 +98,7 @@ class DrivingPage:
             if found is None:
                 return route.fulfill(status=404)
             return route.fulfill(path=str(found), content_type=guess_type(str(found))[0] or "text/plain")
-        kind, body = self._pages.get(url.path, ("application/json", b'{"phrases": [], "places": []}'))
+        kind, body = self._pages.get(url.path, ("application/json", LISTS))
         return route.fulfill(content_type=kind, body=body)
 
     def _control(self, socket: WebSocketRoute) -> None:
@@ -102,6 +110,7 @@ class DrivingPage:
 
         def heard(text: str | bytes) -> None:
             message = json.loads(text)
+            self.heard.append(message)
             if message["t"] == "hello":
                 self._say(socket, wire.Welcome(wire.PROTOCOL, NAME, "operator", self._facts))
                 self._say(socket, moment.control)

@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from django.test import Client
-from playwright.sync_api import Browser
 
-from fleet.accounts.models import User
-from robots.registry.models import Robot
-from robots.registry.selectors import robot_facts
 from tests.browser.moments.driving_page import DrivingPage
 from tests.browser.moments.scenes import MOMENTS, Moment
 
@@ -53,20 +47,6 @@ COVERED = """() => {
   return wrong;
 }"""
 SHOTS = os.environ.get("MOMENT_SHOTS")  # a directory for pictures of all moments, light and dark
-
-
-@pytest.fixture(autouse=True)
-def _beside_a_loop(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("DJANGO_ALLOW_ASYNC_UNSAFE", "1")  # Playwright runs an event loop in this thread
-
-
-@pytest.fixture
-def driving(_beside_a_loop: None, browser: Browser, robot: Robot, operator: User) -> Iterator[DrivingPage]:
-    client = Client()
-    client.force_login(operator)
-    context = browser.new_context(reduced_motion="reduce", service_workers="block")
-    yield DrivingPage(context.new_page(), client, robot_facts(robot))
-    context.close()
 
 
 @pytest.mark.parametrize("moment", MOMENTS, ids=lambda moment: moment.name.replace(" ", "-"))

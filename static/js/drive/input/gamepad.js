@@ -87,6 +87,17 @@ export class Pad {
   }
 }
 
+/** Return what a device needs before it drives. @param {Gamepad} pad */
+function connectedText({ mapping }) {
+  return mapping === "standard"
+    ? gettext(
+        "A gamepad is connected. Take control, let its sticks rest: then its left stick drives, and B or circle stops.",
+      )
+    : gettext(
+        "A device is connected that the browser does not know as a gamepad. To drive with it, take control and press one of its buttons.",
+      );
+}
+
 /**
  * @param {object} host
  * @param {import("./stick.js").Stick} host.stick
@@ -94,9 +105,10 @@ export class Pad {
  * @param {() => boolean} host.mayStop this person has control, as far as the page knows: also while the
  *   connection is lost
  * @param {() => void} host.stop
+ * @param {(text: string) => void} host.notify
  * @returns {() => void} ends it
  */
-export function listenToGamepads({ stick, holonomic, mayStop, stop }) {
+export function listenToGamepads({ stick, holonomic, mayStop, stop, notify }) {
   if (!navigator.getGamepads) return () => {}; // browsers offer none to plain http pages of another host
   const listening = new AbortController();
   const { signal } = listening;
@@ -128,8 +140,17 @@ export function listenToGamepads({ stick, holonomic, mayStop, stop }) {
     if (frame === null) frame = requestAnimationFrame(look);
   };
 
-  window.addEventListener("gamepadconnected", begin, { signal });
-  window.addEventListener("gamepaddisconnected", begin, { signal });
+  const connected = ({ gamepad }) => {
+    notify(connectedText(gamepad));
+    begin();
+  };
+  const gone = () => {
+    notify(gettext("The gamepad is gone. To drive with it again, switch it on or plug it in."));
+    begin();
+  };
+
+  window.addEventListener("gamepadconnected", connected, { signal });
+  window.addEventListener("gamepaddisconnected", gone, { signal });
   hand.addEventListener("interrupted", leave, { signal });
   begin();
   return () => {

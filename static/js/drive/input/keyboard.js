@@ -1,4 +1,4 @@
-/** Driving by keys: WASD and arrows, Q and E to slide. A key counts by its position, not by its letter. */
+/** Driving by keys: WASD and arrows, Q and E to slide, Space to stop, T to take control. A key counts by its position, not by its letter. */
 
 import { HeldKeys } from "../../hand/held_keys.js";
 import { isModified } from "../../hand/watch.js";
@@ -41,12 +41,13 @@ export function axesOf(held, holonomic) {
  * @param {() => boolean} host.holonomic
  * @param {() => boolean} host.drives this person has control, and the joystick is shown
  * @param {() => void} host.refused a key was pressed to drive, and this person has no control
+ * @param {() => void} host.take the person asks for control by its key
  * @param {() => boolean} host.mayStop this person has control, as far as the page knows: also while the
  *   connection is lost
  * @param {() => void} host.stop
  * @returns {() => void} ends it
  */
-export function listenToKeys({ stick, holonomic, drives, refused, mayStop, stop }) {
+export function listenToKeys({ stick, holonomic, drives, refused, take, mayStop, stop }) {
   const listening = new AbortController();
   const { signal } = listening;
   const keys = new HeldKeys(window, Object.keys(AXES), drives, (held, lost) => {
@@ -59,6 +60,7 @@ export function listenToKeys({ stick, holonomic, drives, refused, mayStop, stop 
     const slides = event.target?.type === "range";
     const isFree = !event.repeat && !isModified(event) && !isEditing(event.target) && !slides;
     if (isFree && /^Key[WASDQE]$/.test(event.code) && !drives()) refused();
+    if (isFree && event.code === "KeyT" && !event.defaultPrevented) take(); // the 3D view has a T of its own
     if (event.code !== "Space" || (isEditing(event.target) && !slides)) return;
     if (isModified(event) || !mayStop()) return;
     event.preventDefault();

@@ -20,6 +20,7 @@ describe("gamepads", () => {
   let stop;
   let mayStop;
   let end;
+  let notify;
   const frame = (...axes) => {
     for (const [index, each] of axes.entries()) pads[index].axes = each;
     vi.advanceTimersByTime(20);
@@ -34,7 +35,9 @@ describe("gamepads", () => {
     stick = new Stick();
     stop = vi.fn();
     mayStop = true;
-    end = listenToGamepads({ stick, holonomic: () => false, mayStop: () => mayStop, stop });
+    notify = vi.fn();
+    const host = { holonomic: () => false, mayStop: () => mayStop };
+    end = listenToGamepads({ stick, stop, notify, ...host });
     frame(MIDDLE);
   });
 
@@ -49,6 +52,17 @@ describe("gamepads", () => {
     frame(AHEAD);
     expect(stick.axes.x).toBe(1);
     expect(stick.input).toBe("gamepad 0 pad");
+  });
+
+  it("say that they are there, what they need, and that they are gone", () => {
+    const tell = (type, gamepad) =>
+      window.dispatchEvent(Object.assign(new Event(type), { gamepad }));
+    tell("gamepadconnected", pads[0]);
+    expect(notify).toHaveBeenLastCalledWith(expect.stringContaining("Take control"));
+    tell("gamepadconnected", device(1, { mapping: "" }));
+    expect(notify).toHaveBeenLastCalledWith(expect.stringContaining("press one of its buttons"));
+    tell("gamepaddisconnected", pads[0]);
+    expect(notify).toHaveBeenLastCalledWith(expect.stringContaining("gone"));
   });
 
   it("rest when they are unplugged", () => {

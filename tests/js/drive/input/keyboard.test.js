@@ -26,6 +26,7 @@ describe("the keyboard", () => {
   let drives;
   let mayStop;
   let refused;
+  let take;
   let end;
 
   const press = (type, code, target = document.body, extra = {}) => {
@@ -40,13 +41,27 @@ describe("the keyboard", () => {
     drives = true;
     mayStop = true;
     refused = vi.fn();
+    take = vi.fn();
     const host = { holonomic: () => false, drives: () => drives, mayStop: () => mayStop };
-    end = listenToKeys({ stick, stop, refused, ...host });
+    end = listenToKeys({ stick, stop, refused, take, ...host });
   });
 
   afterEach(() => {
     end();
     document.body.replaceChildren();
+  });
+
+  it("takes control by T, once, but not while a person writes or another view uses the key", () => {
+    const field = document.body.appendChild(document.createElement("input"));
+    const scene = document.body.appendChild(document.createElement("canvas"));
+    scene.addEventListener("keydown", (event) => event.preventDefault());
+    press("keydown", "KeyT", field);
+    press("keydown", "KeyT", scene);
+    press("keydown", "KeyT", document.body, { ctrlKey: true });
+    press("keydown", "KeyT", document.body, { repeat: true });
+    expect(take).not.toHaveBeenCalled();
+    press("keydown", "KeyT");
+    expect(take).toHaveBeenCalledTimes(1);
   });
 
   it("drives while a key is held", () => {
