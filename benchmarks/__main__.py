@@ -16,6 +16,7 @@ MODULES = (
     "audit.audit",
     "web.bookings",
     "views.camera",
+    "views.first_window",
     "web.console",
     "driving.drive",
     "gate.gate",
