@@ -2,7 +2,7 @@
 
 import { socketUrl } from "../connection/socket.js";
 import { brief } from "../control/status/plain_words.js";
-import { dim } from "../lib/dom.js";
+import { dim, mark } from "../lib/dom.js";
 import { recall } from "../lib/prefs.js";
 import { CameraSocket } from "./camera_socket.js";
 import { CameraView } from "./camera_view.js";
@@ -17,7 +17,7 @@ const REPORT_MS = 200;
 const GONE_MS = 3000; // an older picture does not count: beside a plan, nobody drives by it any more
 
 export class CameraPanel {
-  static hears = ["facts", "view", "stale", "mayAct"];
+  static hears = ["facts", "view", "stale", "mayAct", "cells"];
   #area;
   #socket;
   #main;
@@ -87,6 +87,11 @@ export class CameraPanel {
     if (stale) this.#floor.view = null;
   }
 
+  /** @param {?string[]} cells contents of the own layout; null: there is none */
+  set cells(cells) {
+    this.#views.cells = cells;
+  }
+
   /** @param {?boolean} may whether this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
@@ -128,9 +133,13 @@ export class CameraPanel {
     on(parts.snapshot, "click", () => this.#main.save(this.#facts?.slug));
   }
 
-  /** Give the size of the view's buttons to the style sheet: running tasks must not cover them. */
+  /**
+   * Give the size of the view's buttons to the style sheet: running tasks must not cover them; and whether there is
+   * more room side by side or one below the other.
+   */
   #makeRoom(root, { "view-bar": bar, "view-open": opener }) {
-    const isBelow = getComputedStyle(bar).gridRowStart === "2";
+    mark(this.#area, "broad", this.#area.clientWidth > this.#area.clientHeight);
+    const isBelow = ["2", "bar"].includes(getComputedStyle(bar).gridRowStart);
     root.style.setProperty("--view-bar", `${isBelow ? bar.offsetHeight : 0}px`);
     root.style.setProperty("--view-open", `${opener.offsetWidth}px`);
   }
@@ -159,7 +168,8 @@ export class CameraPanel {
   /** Watch the cameras that are shown, and no others. */
   #follow() {
     const isShown = this.#area.clientWidth > 0; // some tabs hide the picture
-    this.#tell({ sceneShown: isShown && this.#views.view === "scene" });
+    const shown = (content) => isShown && this.#views.shows(content);
+    this.#tell({ sceneShown: shown("scene"), mapShown: shown("map") });
     const before = [this.#main, this.#second].map((view) => view.camera?.name);
     const main = isShown ? this.#views.main : null;
     const second = isShown ? this.#views.second : null;
@@ -170,10 +180,11 @@ export class CameraPanel {
     this.#head.moves = Boolean(main?.moves);
     for (const name of before)
       if (name && name !== main?.name && name !== second?.name) this.#socket.end(name);
+    const isLarge = this.#views.view === "own"; // the second camera has a cell of its own
     if (main || second) {
       this.#socket.open();
       if (main) this.#socket.watch(main.name, "full");
-      if (second) this.#socket.watch(second.name, "small");
+      if (second) this.#socket.watch(second.name, isLarge ? "full" : "small");
     } else if (this.#isKnown) {
       this.#socket.close();
     }
@@ -205,6 +216,6 @@ export class CameraPanel {
   #drivenBy() {
     if (!this.#main.camera) return null;
     const ageMs = this.#main.ageMs ?? performance.now() - this.#mainSinceMs;
-    return this.#views.view === "both" && ageMs > GONE_MS ? null : ageMs;
+    return this.#views.shows("plan") && ageMs > GONE_MS ? null : ageMs;
   }
 }

@@ -1,10 +1,15 @@
-/** A person's choice: plan, camera, both or 3D; the main camera, and a small second one. Kept per browser. */
+/**
+ * A person's choice: plan, camera, both, 3D or the cells of the own layout; the main camera, and a small second one.
+ * Kept per browser, but for the layout.
+ */
 
+import { CELLS } from "../control/layout/cells.js";
 import { make, mark, show } from "../lib/dom.js";
 import { recall, remember } from "../lib/prefs.js";
 
 const VIEWS = ["plan", "camera", "both", "scene"];
 const WITHOUT_CAMERA = ["plan", "scene"];
+const LARGE = { plan: ["plan"], camera: ["camera"], both: ["camera", "plan"], scene: ["scene"] };
 const ROOMY_PX = 560; // a smaller picture is not divided, unless the person chose both
 
 /** Return the first view: the chosen view; else both if there is room, or the camera. */
@@ -22,6 +27,8 @@ export class Views extends EventTarget {
   #main = null;
   #hasSecond = recall("camera-second", false);
   #isSwapped = false; // the camera's picture changed places with the small plan
+  #cells = null; // contents of the own layout; null: there is none
+  #isOwn = false; // the own layout is shown
   #listening = new AbortController();
 
   /** @param {HTMLElement} area gets data-view for the style sheet */
@@ -54,20 +61,35 @@ export class Views extends EventTarget {
     this.#show();
   }
 
-  /** @returns {"plan" | "camera" | "both" | "scene"} */
+  /** @returns {"plan" | "camera" | "both" | "scene" | "own"} */
   get view() {
-    return this.#view;
+    return this.#isOwn ? "own" : this.#view;
+  }
+
+  /** @param {?string[]} cells contents of the own layout, which is shown from now on; null: there is none */
+  set cells(cells) {
+    if (String(cells) === String(this.#cells)) return;
+    this.#cells = cells;
+    this.#isOwn = cells !== null;
+    this.#isSwapped = false;
+    this.#changed();
+  }
+
+  /** Whether a content has a picture of its own: "plan", "camera", "second", "map" or "scene". */
+  shows(content) {
+    return (this.#isOwn ? this.#cells : LARGE[this.#view]).includes(content);
   }
 
   /** The camera that is shown large, or null. */
   get main() {
-    return WITHOUT_CAMERA.includes(this.#view) ? null : this.#main;
+    return this.shows("camera") ? this.#main : null;
   }
 
   /** The camera that is shown small, or null. */
   get second() {
     if (this.#view === "plan" && this.#isSwapped) return this.#main;
-    if (!this.main || !this.#hasSecond || this.#cameras.length < 2) return null;
+    const isWanted = this.#isOwn ? this.shows("second") : this.main && this.#hasSecond;
+    if (!isWanted || this.#cameras.length < 2) return null;
     const at = this.#cameras.indexOf(this.#main);
     return this.#cameras[(at + 1) % this.#cameras.length];
   }
@@ -111,9 +133,12 @@ export class Views extends EventTarget {
 
   #pick(button) {
     if (!button) return;
-    this.#view = button.dataset.view;
+    this.#isOwn = button.dataset.view === "own";
     this.#isSwapped = false;
-    remember("camera-view", this.#view);
+    if (!this.#isOwn) {
+      this.#view = button.dataset.view;
+      remember("camera-view", this.#view);
+    }
     this.#open(false);
     this.#changed();
   }
@@ -154,19 +179,31 @@ export class Views extends EventTarget {
     const isKnown = Boolean(this.#area.dataset.cameras);
     show(bar, isKnown);
     show(opener, isKnown);
-    mark(this.#area, "view", this.#view);
+    mark(this.#area, "view", this.view);
+    this.#place();
     for (const button of views.querySelectorAll("[data-view]")) {
       const { view } = button.dataset;
-      button.setAttribute("aria-pressed", String(view === this.#view));
-      show(button, this.#main !== null || WITHOUT_CAMERA.includes(view));
+      button.setAttribute("aria-pressed", String(view === this.view));
+      const isOffered = this.#main !== null || WITHOUT_CAMERA.includes(view);
+      show(button, view === "own" ? this.#cells !== null : isOffered);
     }
     const many = this.#cameras.length > 1 && this.main !== null;
     show(this.#parts["camera-pick"], many);
-    show(this.#parts["second-toggle"], many);
+    show(this.#parts["second-toggle"], many && !this.#isOwn);
     this.#parts["second-toggle"].setAttribute("aria-pressed", String(this.#hasSecond));
     this.#parts["camera-select"].value = this.#main?.name ?? "";
     show(this.#parts.camera, this.main !== null);
     show(this.#parts.snapshot, this.main !== null);
     show(second, this.second !== null);
+  }
+
+  /** Each content of the own layout gets its cell, for the style sheet. */
+  #place() {
+    const cells = this.#isOwn ? this.#cells : [];
+    mark(this.#area, "cells", cells.length || null);
+    const { picture, camera, second, scene, map } = this.#parts;
+    const places = { plan: picture.parentElement, camera, second, scene, map };
+    for (const [content, element] of Object.entries(places))
+      mark(element, "cell", CELLS[cells.indexOf(content)]);
   }
 }

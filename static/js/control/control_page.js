@@ -127,11 +127,13 @@ class ControlPage {
       this.#notices.add(notice),
     );
     this.#notices = new Notices(this.#parts);
+    const choices = new Choices(root.dataset);
     this.#panels = new PagePanels(PANELS, this.#state, {
       root,
       parts: this.#parts,
       send: (message) => this.#socket.send(message),
       notify: (notice) => this.#report(notice),
+      choices,
       clock: this.#clock,
       steers: () => this.#steers,
     });
@@ -141,12 +143,12 @@ class ControlPage {
     this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
     this.#drawers = new Drawers(root);
     this.#over = new Over(root);
-    const choices = new Choices(root.dataset);
     this.#hints = new Hints(root, this.#parts, choices);
     this.#signals = new Signals(this.#parts, choices);
     this.#layout = new Panels(root, choices, (text) =>
       this.#notices.add({ level: "success", code: "moved", text, quiet: true }),
     );
+    this.#state.on("layoutReset", () => this.#layout.reset());
     this.#requests = new ControlRequests(
       (message) => this.#socket.send(message),
       (notice) => this.#notices.add(notice),

@@ -18,7 +18,7 @@ const MODES = ["go", "pose", "place"];
 const IN_CONTROL = ["go", "pose"];
 
 export class MapPanel {
-  static hears = ["facts", "view", "state.going", "go_path", "stale", "mayAct"];
+  static hears = ["facts", "view", "state.going", "go_path", "stale", "mayAct", "mapShown"];
   static task = "going";
   static requests = {
     go: { name: () => gettext("Go there") },
@@ -44,6 +44,8 @@ export class MapPanel {
   #loaded = null; // the map that is shown
   #picked = null; // the named place that was pressed on the map
   #pickedMs = 0;
+  #hasMap = false;
+  #hasCell = false; // the map has a cell of the own layout; otherwise it lies over all pictures
   #timer = null;
   #listening = new AbortController();
 
@@ -87,8 +89,17 @@ export class MapPanel {
 
   /** @param {object} facts of the robot: it may have a map without knowing its pose on it */
   set facts({ has_map: hasMap = false }) {
-    show(this.#parts["map-open"], hasMap);
+    this.#hasMap = hasMap;
+    show(this.#parts["map-open"], hasMap && !this.#hasCell);
     if (!hasMap && !this.#parts.map.hidden) this.#open(false);
+  }
+
+  /** @param {boolean} shown whether the map has a cell of the own layout */
+  set mapShown(shown) {
+    if (shown === this.#hasCell) return;
+    this.#hasCell = shown;
+    show(this.#parts["map-open"], this.#hasMap && !shown);
+    this.#open(shown);
   }
 
   /** @param {{state: object, scan: ?object}} view of the robot */
@@ -140,7 +151,7 @@ export class MapPanel {
 
   #open(opens) {
     show(this.#parts.map, opens);
-    mark(this.#root, "mapped", opens);
+    mark(this.#root, "mapped", opens && !this.#hasCell);
     this.#parts["map-open"].setAttribute("aria-expanded", String(opens));
     clearInterval(this.#timer);
     if (!opens) {

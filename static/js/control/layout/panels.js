@@ -66,6 +66,12 @@ export class Panels {
     this.#listening.abort();
   }
 
+  /** Move all panels back. */
+  reset() {
+    this.#place(STANDARD);
+    this.#choices.remember("panels", STANDARD);
+  }
+
   #place(places) {
     this.#places = places;
     for (const [name, panel] of this.#panels) mark(panel, "place", places[name]);

@@ -15,6 +15,7 @@ import { Motions } from "../../tasks/motions.js";
 import { Phrases } from "../../tasks/phrases.js";
 import { Say } from "../../tasks/say.js";
 import { TopicsTab } from "../../topics/topics_tab.js";
+import { Arrange } from "../layout/arrange.js";
 import { ForgottenNotices } from "../status/forgotten.js";
 
 /** In the order in which they hear news, and in which running tasks are shown. */
@@ -35,4 +36,5 @@ export const PANELS = [
   Forget,
   ForgottenNotices,
   ControlPalette,
+  Arrange,
 ];

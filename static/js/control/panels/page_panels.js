@@ -13,6 +13,7 @@ import { TaskRequests } from "../../tasks/tasks.js";
  * @property {(message: object) => boolean} send sends any other message
  * @property {(notice: object) => void} notify
  * @property {(news: object) => void} tell tells other panels, see `PageState`
+ * @property {import("../choices.js").Choices} choices of the person
  * @property {() => number} clock milliseconds; a reload of the tab does not set it back
  * @property {() => boolean} steers whether keys drive the robot now
  */
