@@ -11,12 +11,14 @@ from allauth.mfa.models import Authenticator
 from allauth.socialaccount.models import SocialAccount
 from django.contrib.auth import HASH_SESSION_KEY
 from django.contrib.sessions.models import Session
+from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.db.models import QuerySet
 from django.dispatch import Signal
 from django.http import HttpRequest
 from django.utils import timezone
 from django.utils.text import slugify
+from django.utils.translation import gettext as _
 
 from fleet.accounts.models import SignIn, User
 from fleet.accounts.names import require_names
@@ -31,6 +33,7 @@ from fleet.base.names import RESERVED, require
 
 FROM_THE_LIST = "ended from the session list"
 NAMES = ("username", "full_name", "email")  # the fields of an account that identify the person
+MOST_CHOICES = 200  # of one person about the control page: one for each robot, and few more
 MOST_SIGN_INS = 50  # of one person; a newer one ends the oldest
 SEEN_EVERY = timedelta(minutes=1)
 _NOTED = "seen_at"  # key in the session's data: the time when its use was noted last, seconds since 1970
@@ -131,10 +134,13 @@ def settings_choose(*, user: User, time_zone: str, language: str) -> None:
 def page_choices_keep(*, user: User, kept: dict[str, Any]) -> None:
     """Store these choices of a person and keep the others.
 
-    They are not recorded: they concern nobody else.
+    They are not recorded: they concern nobody else. Raises `ValidationError`: the account keeps too many.
     """
     account = User.objects.select_for_update(no_key=True).get(pk=user.pk)
-    User.objects.filter(pk=user.pk).update(page_choices={**account.page_choices, **kept})
+    choices = {**account.page_choices, **kept}
+    if len(choices) > MOST_CHOICES:
+        raise ValidationError(_("Your account keeps the layouts of too many robots."))
+    User.objects.filter(pk=user.pk).update(page_choices=choices)
 
 
 def service_account_make(*, name: str, project: str, actor: User) -> User:

@@ -16,6 +16,7 @@ from fleet.audit.models import Record
 from robots.registry.models import Robot
 
 KEEP = "/accounts/settings/page/"
+LAYOUT = {"robot": "tiago-1", "cells": "camera,map,scene", "side": "false"}
 PLACES = {"chart": "top", "motions": "left", "phrases": "bottom"}
 
 pytestmark = pytest.mark.django_db
@@ -38,10 +39,16 @@ def test_choices_are_kept_for_every_browser_of_the_person(
     assert client.post(KEEP, PLACES).status_code == 204
     assert client.post(KEEP, {"hints_seen": "true"}).status_code == 204
     assert client.post(KEEP, {"vibration": "false"}).status_code == 204
+    assert client.post(KEEP, LAYOUT).status_code == 204
     assert Record.objects.count() == records  # not recorded: nobody else is concerned
     other = Client()
     other.force_login(operator)
-    assert shown(other, robot) == {"panels": PLACES, "hints_seen": True, "vibration": False}
+    assert shown(other, robot) == {
+        "panels": PLACES,
+        "hints_seen": True,
+        "vibration": False,
+        "layout tiago-1": {"cells": "camera,map,scene", "side": "false"},
+    }
     other.force_login(staff)
     assert shown(other, robot) == {}
     account_close(user=operator)
@@ -59,6 +66,11 @@ def test_choices_are_kept_for_every_browser_of_the_person(
         {**PLACES, "chart": "left"},
         {**PLACES, "chart": "ceiling"},
         {**PLACES, "chart": "x" * 10_000},
+        {**LAYOUT, "robot": ""},
+        {**LAYOUT, "side": ""},
+        {**LAYOUT, "cells": "camera,camera"},
+        {**LAYOUT, "cells": "camera,hologram"},
+        {**LAYOUT, "cells": "camera,plan,map,scene,second"},
     ],
 )
 def test_bad_choices_change_nothing(client: Client, operator: User, fields: dict[str, str]) -> None:
@@ -70,6 +82,14 @@ def test_bad_choices_change_nothing(client: Client, operator: User, fields: dict
     assert answer.json()["text"]
     operator.refresh_from_db()
     assert operator.page_choices == {"panels": PLACES}
+
+
+def test_an_account_keeps_no_flood_of_layouts(client: Client, operator: User) -> None:
+    operator.page_choices = {f"layout robot-{n}": {} for n in range(200)}
+    operator.save()
+    client.force_login(operator)
+    assert client.post(KEEP, {**LAYOUT, "robot": "robot-7"}).status_code == 204
+    assert client.post(KEEP, LAYOUT).status_code == 400
 
 
 def test_a_stranger_or_another_site_keeps_nothing(operator: User) -> None:

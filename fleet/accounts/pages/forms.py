@@ -9,6 +9,7 @@ from django.conf import settings
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
+from fleet.accounts.layouts import check_cells
 from fleet.base import zones
 
 PANELS = ("chart", "motions", "phrases")  # panels of the control page on a desktop screen
@@ -19,8 +20,8 @@ PLACES = ("left", "top", "bottom")
 class PageChoicesForm(forms.Form):
     """The choices that the control page stores for a person; a request may contain only some of them.
 
-    `kept` contains the valid choices: `panels` (the place of each panel) and each of `FLAGS`: whether
-    the hints were read, and how the page signals a stop.
+    `kept` contains the valid choices: `panels` (the place of each panel), each of `FLAGS` (whether the hints were
+    read, and how the page signals a stop), and a robot's layout, under the name that the page reads.
     """
 
     chart = forms.ChoiceField(choices=[(place, place) for place in PLACES], required=False)
@@ -30,6 +31,9 @@ class PageChoicesForm(forms.Form):
     sound = forms.NullBooleanField()
     vibration = forms.NullBooleanField()
     speech = forms.NullBooleanField()
+    robot = forms.SlugField(max_length=50, required=False)
+    cells = forms.CharField(max_length=60, required=False)  # separated by commas; blank: the page's own views
+    side = forms.ChoiceField(choices=[("true", "true"), ("false", "false")], required=False)
 
     kept: dict[str, Any]
 
@@ -42,6 +46,10 @@ class PageChoicesForm(forms.Form):
             if sorted(places.values()) != sorted(PLACES):
                 raise forms.ValidationError(_("Each panel needs a place of its own."))
             self.kept["panels"] = places
+        if fields.get("robot") and fields.get("side"):
+            cells = fields.get("cells", "")
+            check_cells(cells.split(",") if cells else [])
+            self.kept[f"layout {fields['robot']}"] = {"cells": cells, "side": fields["side"]}
         if not self.kept:
             raise forms.ValidationError(_("There is no choice in this request."))
         return fields

@@ -7,6 +7,7 @@ from uuid import UUID
 from allauth.account.models import EmailAddress
 from allauth.socialaccount.models import SocialAccount
 from django.contrib import messages
+from django.core.exceptions import ValidationError
 from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import redirect, render
 from django.utils import timezone
@@ -62,10 +63,13 @@ def own_settings(request: HttpRequest) -> HttpResponse:
 def page_choices(request: HttpRequest) -> HttpResponse:
     """Store choices that a page sends for its person: 204, or 400 with the reason, and nothing is stored."""
     form = PageChoicesForm(request.POST)
-    if not form.is_valid():
-        texts = [str(text) for errors in form.errors.values() for text in errors]
-        return JsonResponse({"code": "bad_choice", "text": " ".join(texts), "rule": "account"}, status=400)
-    services.page_choices_keep(user=person_of(request), kept=form.kept)
+    try:
+        if not form.is_valid():
+            raise ValidationError([text for errors in form.errors.as_data().values() for text in errors])
+        services.page_choices_keep(user=person_of(request), kept=form.kept)
+    except ValidationError as error:
+        text = " ".join(error.messages)
+        return JsonResponse({"code": "bad_choice", "text": text, "rule": "account"}, status=400)
     return HttpResponse(status=204)
 
 

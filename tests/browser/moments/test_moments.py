@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Page
 
 from tests.browser.moments.driving_page import DrivingPage
 from tests.browser.moments.scenes import MOMENTS, Moment
@@ -46,29 +47,50 @@ COVERED = """() => {
   if (scrollWidth > innerWidth) wrong.push(`the page is ${scrollWidth} wide`);
   return wrong;
 }"""
+ALL_POINTED = "* { pointer-events: auto !important }"  # what takes no pointer covers, too
 SHOTS = os.environ.get("MOMENT_SHOTS")  # a directory for pictures of all moments, light and dark
+
+
+def covered(page: Page, name: str) -> list[str]:
+    """Return what is covered in the page as it is now. `name`: of its pictures."""
+    page.wait_for_timeout(150)  # the page follows its size in the next frames
+    for theme in ("light", "dark") if SHOTS else ():
+        page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
+        page.screenshot(path=Path(SHOTS or "") / f"{name.replace(' ', '-')}-{theme}.png")
+    return sorted(set(page.evaluate(COVERED)))
 
 
 @pytest.mark.parametrize("moment", MOMENTS, ids=lambda moment: moment.name.replace(" ", "-"))
 def test_nothing_covers_what_matters(driving: DrivingPage, moment: Moment) -> None:
     page = driving.page
     driving.show(moment)
-    page.add_style_tag(content="* { pointer-events: auto !important }")  # what takes no pointer covers, too
+    page.add_style_tag(content=ALL_POINTED)
     wrong = {}
-
-    def look(name: str) -> None:
-        page.wait_for_timeout(150)  # the page follows its size in the next frames
-        if found := page.evaluate(COVERED):
-            wrong[name] = sorted(set(found))
-        for theme in ("light", "dark") if SHOTS else ():
-            page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
-            page.screenshot(path=Path(SHOTS or "") / f"{moment.name.replace(' ', '-')}-{name}-{theme}.png")
-
     for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
-        look(f"{width}x{height}")
+        wrong[f"{width}x{height}"] = covered(page, f"{moment.name}-{width}x{height}")
     page.evaluate("document.querySelector('main').requestFullscreen()")
     page.locator(".control[data-full]").wait_for()
-    look("whole-screen")
-    assert wrong == {}
+    wrong["whole screen"] = covered(page, f"{moment.name}-whole-screen")
+    assert {size: found for size, found in wrong.items() if found} == {}
+    assert driving.complaints == []
+
+
+def test_nothing_covers_what_matters_beside_cells(driving: DrivingPage) -> None:
+    page = driving.page
+    page.set_viewport_size({"width": 1440, "height": 900})
+    driving.show(next(moment for moment in MOMENTS if moment.name == "held before a wall"))
+    page.add_style_tag(content=ALL_POINTED)
+    page.locator("[data-part=arrange-open]").click()
+    page.locator("[data-count='4']").click()
+    wrong = {}
+    for lists in (True, False):
+        page.locator("[data-part=arrange-side]").set_checked(lists)
+        page.locator("[data-part=arrange-close]").click()
+        for width, height in [(1100, 640), (1440, 900), (1920, 1080)]:
+            page.set_viewport_size({"width": width, "height": height})
+            size = f"{width}x{height}{'' if lists else ' without lists'}"
+            wrong[size] = covered(page, f"four cells-{size}")
+        page.locator("[data-part=arrange-open]").click()
+    assert {size: found for size, found in wrong.items() if found} == {}
     assert driving.complaints == []

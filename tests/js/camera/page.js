@@ -3,6 +3,9 @@
 const PARTS = `
 <main data-camera="/ws/robots/tiago-1/camera/">
   <div data-part="picture-area" data-view="plan">
+    <section><canvas data-part="picture"></canvas></section>
+    <section data-part="scene" hidden></section>
+    <section data-part="map" hidden></section>
     <section data-part="camera" hidden>
       <canvas class="camera-picture"></canvas><canvas data-part="camera-floor"></canvas>
       <p class="camera-age"></p><p class="camera-words"></p>
@@ -16,7 +19,7 @@ const PARTS = `
     <button data-part="view-open" aria-expanded="false" hidden></button>
     <div data-part="view-bar" hidden>
       <div data-part="views">
-        <button data-view="plan"></button><button data-view="camera"></button><button data-view="both"></button><button data-view="scene"></button>
+        <button data-view="plan"></button><button data-view="camera"></button><button data-view="both"></button><button data-view="scene"></button><button data-view="own" hidden></button>
       </div>
       <label data-part="camera-pick" hidden><select data-part="camera-select"></select></label>
       <button data-part="second-toggle" aria-pressed="false" hidden></button>

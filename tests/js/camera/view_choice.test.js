@@ -98,6 +98,33 @@ describe("the views", () => {
     expect([views.view, views.main, views.second]).toEqual(["camera", HEAD, null]);
   });
 
+  it("are those of the own layout, until another view is chosen or the layout ends", () => {
+    views.cameras = [HEAD, WRIST];
+    expect(found.views.querySelector("[data-view=own]").hidden).toBe(true);
+    views.cells = ["camera", "second", "map"];
+    expect([views.view, views.main, views.second]).toEqual(["own", HEAD, WRIST]);
+    expect([views.shows("map"), views.shows("plan"), views.shows("scene")]).toEqual([
+      true,
+      false,
+      false,
+    ]);
+    expect([found.camera.dataset.cell, found.second.dataset.cell, found.map.dataset.cell]).toEqual([
+      "a",
+      "b",
+      "c",
+    ]);
+    press("plan");
+    expect([views.view, views.shows("map"), found.map.dataset.cell]).toEqual([
+      "plan",
+      false,
+      undefined,
+    ]);
+    press("own");
+    expect(views.view).toBe("own");
+    views.cells = null;
+    expect([views.view, found["picture-area"].dataset.cells]).toEqual(["plan", undefined]);
+  });
+
   it("opens the bar of a small screen until a press elsewhere", () => {
     views.cameras = [HEAD];
     found["view-open"].click();

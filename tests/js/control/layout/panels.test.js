@@ -46,6 +46,14 @@ describe("the panels of a desk", () => {
     });
   });
 
+  it("move back", () => {
+    press("motions", "ArrowLeft");
+    panels.reset();
+    panels.close();
+    open("ann");
+    expect(places()).toEqual(["left", "top", "bottom"]);
+  });
+
   it("move by arrow keys, which do not drive", () => {
     const drives = vi.fn();
     window.addEventListener("keydown", drives);

@@ -1,0 +1,113 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { Choices } from "../../../../static/js/control/choices.js";
+import { Arrange } from "../../../../static/js/control/layout/arrange.js";
+import { contentsOf, placed, resized } from "../../../../static/js/control/layout/cells.js";
+import { parts } from "../../../../static/js/lib/dom.js";
+
+const FACTS = { cameras: [{ name: "head" }], has_map: true };
+
+describe("the cells", () => {
+  it("offer what the robot has", () => {
+    expect(contentsOf({})).toEqual(["plan", "scene"]);
+    expect(contentsOf(FACTS)).toEqual(["camera", "plan", "map", "scene"]);
+    expect(contentsOf({ cameras: [{}, {}] })).toEqual(["camera", "plan", "scene", "second"]);
+  });
+
+  it("keep their contents when their number changes", () => {
+    expect(resized(["map"], 3, contentsOf(FACTS))).toEqual(["map", "camera", "plan"]);
+    expect(resized(["map", "camera", "plan"], 1, contentsOf(FACTS))).toEqual(["map"]);
+    expect(resized([], 4, contentsOf({}))).toEqual(["plan", "scene"]);
+  });
+
+  it("exchange contents", () => {
+    expect(placed(["camera", "plan", "map"], 0, "map")).toEqual(["map", "plan", "camera"]);
+    expect(placed(["camera", "plan"], 1, "scene")).toEqual(["camera", "scene"]);
+  });
+});
+
+describe("a layout", () => {
+  let root;
+  let found;
+  let arrange;
+  let told;
+  let desk;
+  const cells = () => told.filter((news) => "cells" in news).at(-1).cells;
+  const count = (n) => root.querySelector(`[data-count="${n}"]`).click();
+  const open = (person) => {
+    told = [];
+    const tell = (news) => told.push(news);
+    arrange = new Arrange({ root, parts: found, choices: new Choices({ person }), tell });
+    arrange.facts = FACTS;
+  };
+
+  beforeEach(() => {
+    vi.stubGlobal("fetch", () => Promise.reject(new Error("offline"))); // the browser's copy is enough
+    desk = Object.assign(new EventTarget(), { matches: true });
+    vi.stubGlobal("matchMedia", () => desk);
+    document.body.innerHTML = `<main data-robot="tiago-1" data-stick="true">
+      <button data-part="arrange-open" aria-expanded="false"></button>
+      <section data-part="arrange" hidden><button data-part="arrange-close"></button>
+        <div data-part="arrange-count">${[0, 1, 2, 3, 4]
+          .map((n) => `<button data-count="${n}"></button>`)
+          .join("")}</div>
+        <div data-part="arrange-cells"></div>
+        <input type="checkbox" data-part="arrange-side"><button data-part="arrange-reset"></button>
+      </section></main>`;
+    root = document.querySelector("main");
+    found = parts(root);
+  });
+  afterEach(() => arrange.close());
+
+  it("is none at first: the page looks as always", () => {
+    open("ada");
+    expect([cells(), root.dataset.lists, found["arrange-side"].checked]).toEqual([
+      null,
+      undefined,
+      true,
+    ]);
+  });
+
+  it("is kept for this robot, and ends by a reset", () => {
+    open("ben");
+    count(3);
+    const [first] = found["arrange-cells"].children;
+    first.value = "scene";
+    first.dispatchEvent(new Event("change", { bubbles: true }));
+    found["arrange-side"].click();
+    arrange.close();
+    open("ben");
+    expect([cells(), root.dataset.lists]).toEqual([["scene", "plan", "map"], "hidden"]);
+    found["arrange-reset"].click();
+    expect([cells(), root.dataset.lists, told.at(-1)]).toEqual([
+      null,
+      undefined,
+      { layoutReset: true },
+    ]);
+    arrange.close();
+    root.dataset.robot = "tiago-2";
+    open("ben");
+    expect(cells()).toBe(null);
+  });
+
+  it("has no effect in a small window, and on tabs without the stick", () => {
+    open("cy");
+    count(2);
+    expect(cells()).toEqual(["camera", "plan"]);
+    desk.matches = false;
+    desk.dispatchEvent(new Event("change"));
+    expect(cells()).toBe(null);
+    desk.matches = true;
+    delete root.dataset.stick;
+    arrange.tab = "speech";
+    expect(cells()).toBe(null);
+  });
+
+  it("opens and closes by keys", () => {
+    open("di");
+    found["arrange-open"].click();
+    expect([found.arrange.hidden, document.activeElement]).toEqual([false, found["arrange-close"]]);
+    const esc = new KeyboardEvent("keydown", { key: "Escape", bubbles: true });
+    found["arrange-close"].dispatchEvent(esc);
+    expect([found.arrange.hidden, document.activeElement]).toEqual([true, found["arrange-open"]]);
+  });
+});
