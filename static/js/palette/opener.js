@@ -1,6 +1,6 @@
 /** What opens the palette: a button of the menu, and Ctrl+K, on a Mac Cmd+K. */
 
-import { setText } from "../lib/dom.js";
+import { setText, show } from "../lib/dom.js";
 
 function isMac() {
   return /Mac|iPhone|iPad/.test(navigator.platform);
@@ -12,7 +12,7 @@ function isHotkey({ code, ctrlKey, metaKey, altKey, shiftKey }) {
 }
 
 /**
- * @param {HTMLElement} button in the menu, with the keys in a `kbd`
+ * @param {HTMLElement} button in the menu, with the keys in a `kbd`; hidden where no script calls this
  * @param {() => void} toggle opens the palette, or closes it
  * @param {AbortSignal} [signal] ends it
  */
@@ -29,6 +29,7 @@ export function opensPalette(button, toggle, signal) {
     event.preventDefault();
     if (!event.repeat) toggle();
   };
+  show(button, true);
   button.addEventListener("click", shutMenu, { signal });
   window.addEventListener("keydown", press, { signal });
 }
