@@ -118,6 +118,7 @@ TEMPLATES = [
                 "django.contrib.auth.context_processors.auth",
                 "django.contrib.messages.context_processors.messages",
                 "fleet.bookings.pages.news.news",
+                "fleet.site.navigation.navigation",
             ],
             "builtins": ["fleet.base.formats.filters"],
         },

@@ -130,7 +130,6 @@ def take_pictures(stack: Stack, cookie: str) -> None:
                 page.screenshot(path=PICTURES / f"{tab}.png")
             page.locator("[data-part=actions]").get_by_role("button", name="Release").click()
             page.goto(f"{stack.url}/")
-            page.get_by_role("button", name="Understood").click()
             page.get_by_text("Online").nth(len(stack.robots) - 1).wait_for()
             page.wait_for_function(EVERY_THUMBNAIL)
             page.screenshot(path=PICTURES / "fleet.png")
@@ -191,8 +190,6 @@ def shrink(file: Path) -> None:
 def show_bookings(page: Page, stack: Stack) -> None:
     """Take the calendar of all robots, with bookings."""
     page.goto(f"{stack.url}/bookings/")
-    if (understood := page.get_by_role("button", name="Understood")).is_visible():
-        understood.click()
     page.locator(".ec-event").first.wait_for()
     page.screenshot(path=PICTURES / "bookings.png")
 
@@ -352,8 +349,6 @@ def make_a_course(page: Page, url: str) -> None:
     page.get_by_label("Hours per person and week").fill("2")
     page.get_by_role("button", name="Make the course").click()
     page.get_by_role("heading", name="Please check the list").wait_for()
-    if (understood := page.get_by_role("button", name="Understood")).is_visible():
-        understood.click()
     page.screenshot(path=PICTURES / "course-list.png")
     page.get_by_role("button", name="Make the course").first.click()
     page.get_by_role("link", name="Enrol people").wait_for()

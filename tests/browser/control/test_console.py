@@ -314,13 +314,9 @@ def test_notices_are_logged_and_never_cover_stop_or_stick(person: Arrive, width:
     assert menu.evaluate("menu => menu === document.activeElement")
 
 
-def test_the_note_on_cookies_is_read_once_and_can_be_read_again(person: Arrive) -> None:
+def test_the_page_on_cookies_names_those_of_the_browser(person: Arrive) -> None:
     observer = person("observer")
     observer.open("/")
-    note = observer.page.get_by_label("Cookies")
-    observer.press("Understood")
-    observer.open("/")
-    assert not note.is_visible()
     observer.page.locator(".menu summary").click()
     observer.page.get_by_role("link", name="Cookies").click()
     names = {cookie["name"] for cookie in observer.context.cookies()}
