@@ -67,6 +67,17 @@ def out_of_service(robot: Robot) -> Refusal | None:
     return None
 
 
+def out_now(robot: Robot, schedule: Schedule, user: User, now: datetime) -> Refusal | None:
+    """Return why the robot is out of service for all but its supervisors; None: it is in service."""
+    if not robot.enabled:
+        return ROBOT_DISABLED
+    if (out := schedule.out) is None:
+        return None
+    key = "This robot is out of service {until} ({why}). Choose another robot."
+    text = say(key, until=_until(out.slot.ends_at, user, now), why=out.label)
+    return Refusal("out_of_service", text, "robot")
+
+
 class Permit(Struct, frozen=True):
     """Permission to control. `until` None: this rule sets no end."""
 
@@ -122,14 +133,9 @@ def require_robot_in_service(subject: Subject) -> Permit | Refusal:
     """
     if (refusal := out_of_service(subject.robot)) is not None:
         return refusal
-    out, coming = subject.schedule.out, subject.schedule.out_next
-    if out is None or subject.supervises:
-        ends = coming.slot.starts_at if coming and not subject.supervises else None
-        return Permit(until=ends, max_share=subject.robot.max_share)
-    until = _until(out.slot.ends_at, subject.user, subject.now)
-    key = "This robot is out of service {until} ({why}). Choose another robot."
-    text = say(key, until=until, why=out.label)
-    return Refusal("out_of_service", text, "robot")
+    out = None if subject.supervises else out_now(subject.robot, subject.schedule, subject.user, subject.now)
+    coming = None if subject.supervises else subject.schedule.out_next
+    return out or Permit(until=coming.slot.starts_at if coming else None, max_share=subject.robot.max_share)
 
 
 def require_role(subject: Subject) -> Permit | Refusal:

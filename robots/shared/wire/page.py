@@ -239,6 +239,7 @@ class FleetCard(Struct, frozen=True):
     booked: Booked | None = None  # the present booking
     next_booked: Booked | None = None  # the next booking within a day
     free_in_s: float | None = None  # until its next free time; None: not within a day
+    out: Refusal | None = None  # why nobody can book it now: it is out of service
 
 
 class BookingsChanged(Struct, frozen=True, tag_field="t", tag="bookings_changed"):

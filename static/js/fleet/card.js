@@ -1,6 +1,6 @@
 /** A robot's card on the fleet page and on the lab's monitor. */
 
-import { mark, setText, setTextOrHide } from "../lib/dom.js";
+import { mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { bookingWords } from "./card_words.js";
 
 /**
@@ -10,6 +10,7 @@ import { bookingWords } from "./card_words.js";
  */
 export function showRobot({ card, own }, shown, robot) {
   mark(card, "level", shown.level);
+  mark(card, "unknown", !robot.state);
   mark(card, "stopped", shown.stopped);
   mark(card, "silent", shown.old);
   mark(card, "alarm", shown.alarm !== "");
@@ -24,6 +25,7 @@ export function showRobot({ card, own }, shown, robot) {
   setText(own.driver, shown.driver);
   setText(own.booking, bookingWords(robot));
   setText(own.gate, shown.gate);
+  if (own.book) show(own.book, !robot.out); // else the console would refuse it
 }
 
 /** Show the robot's stop as the robot reports it. */

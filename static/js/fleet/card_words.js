@@ -22,16 +22,22 @@ const TURNS_RADPS = 0.05;
 const GAP_S = 60; // a shorter time between two bookings does not count as free
 
 /** Return the texts of a robot's card: its state, or the refusal if the state is not known. Pure. */
-export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending = null }) {
+export function cardOf({
+  state,
+  refusal,
+  seen_at: seenByConsole = null,
+  pending = null,
+  out = null,
+}) {
   if (!state) {
     const unknown = unknownText(seenByConsole);
+    const silent = refusal?.code === "bridge_silent";
     return {
       old: true,
-      level: "fail",
-      status: refusal?.code === "bridge_silent" ? gettext("No news") : gettext("No link"),
-      why: refusal?.text ?? "",
-      doing:
-        refusal?.code === "bridge_silent" ? gettext("It sends no data") : gettext("Out of reach"),
+      level: out ? "warn" : "fail",
+      status: out ? outOfService() : silent ? gettext("No news") : gettext("No link"),
+      why: (out ?? refusal)?.text ?? "",
+      doing: silent ? gettext("It sends no data") : gettext("Out of reach"),
       driver: "–",
       battery: "–",
       health: "–",
@@ -44,6 +50,7 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
     };
   }
   const online = state.phase === "online";
+  const fit = online && !state.watchdog_missing && !out;
   const silence = silenceOf({ connected: true, state, sinceViewMs: 0 });
   const { stop } = state;
   const latched = stop.state !== "clear";
@@ -57,11 +64,12 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
       : standstillText(stop);
   return {
     old: silence !== null,
-    level:
-      alarm || (online && silence) ? "fail" : online && !state.watchdog_missing ? "ok" : "warn",
-    status: online && silence ? silenceText(silence) : phaseTitle(state.phase),
+    level: alarm || (online && silence) ? "fail" : fit ? "ok" : "warn",
+    status:
+      online && silence ? silenceText(silence) : out ? outOfService() : phaseTitle(state.phase),
     why: [
       alarm && state.moves_although_stopped.text,
+      out?.text,
       online ? "" : state.text,
       state.watchdog_missing ? watchdogMissing() : "",
     ]
@@ -83,21 +91,32 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
 }
 
 /** Return a text about the current booking, the next booking and the next free time. Pure. */
-export function bookingWords({ booked = null, next_booked: next = null, free_in_s: freeInS = 0 }) {
+export function bookingWords({
+  booked = null,
+  next_booked: next = null,
+  free_in_s: freeInS = 0,
+  out = null,
+}) {
+  if (out) return freeInS === null ? "–" : freeIn(freeInS);
   const name = (one) => (one.mine ? gettext("You") : one.name);
   if (booked) {
     const left = minutesText(booked.seconds);
     if (!next || next.seconds >= booked.seconds + GAP_S)
       return interpolate(gettext("%s, %s left, then free"), [name(booked), left]);
     const words = interpolate(gettext("%s, %s left, then %s"), [name(booked), left, name(next)]);
-    const free =
-      freeInS === null
-        ? gettext("booked for a day")
-        : interpolate(gettext("free in %s"), [minutesText(freeInS)]);
+    const free = freeInS === null ? gettext("booked for a day") : freeIn(freeInS);
     return `${words}; ${free}`;
   }
   if (next) return interpolate(gettext("Free, %s in %s"), [name(next), minutesText(next.seconds)]);
   return gettext("Free");
+}
+
+function freeIn(seconds) {
+  return interpolate(gettext("free in %s"), [minutesText(seconds)]);
+}
+
+function outOfService() {
+  return gettext("Out of service");
 }
 
 function watchdogMissing() {

@@ -27,7 +27,7 @@ from robots.shared.wire import FleetCard, NotDone, Refusal, Refused, State, flee
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.changes import database_refusal
-from teleop.control.rules import out_of_service
+from teleop.control.rules import out_now, out_of_service
 from teleop.control.selectors import SIGNED_OUT, SignIn
 from teleop.control.status import booked_slots
 from teleop.live.consumers.message_socket import BUSY, CloseCode, MessageSocket
@@ -55,6 +55,7 @@ class VisibleRobot(Struct, frozen=True):
     slug: str
     enabled: bool
     refusal: Refusal | None  # why it cannot be driven now
+    out: Refusal | None  # why nobody can book it now
     link: LinkAddress
     may_clear: bool
     schedule: Schedule  # its bookings
@@ -205,10 +206,18 @@ class FleetConsumer(MessageSocket, Listener):
         state = link.state if known else None
         now = timezone.now()
         booked, next_booked = booked_slots(robot.schedule, robot.user, now)
-        free_from = robot.schedule.free_from(now)
+        free_from = robot.schedule.free_from(now) if robot.enabled else None
         free_in_s = None if free_from is None else round((free_from - now).total_seconds(), 1)
         return FleetCard(
-            state, refusal, link.seen_at, robot.may_clear, link.pending, booked, next_booked, free_in_s
+            state,
+            refusal,
+            link.seen_at,
+            robot.may_clear,
+            link.pending,
+            booked,
+            next_booked,
+            free_in_s,
+            robot.out,
         )
 
     def _wake(self) -> None:
@@ -284,13 +293,15 @@ def _visible_to(person: SignIn) -> Iterable[VisibleRobot] | None:
         return None
     robots = list(robots_visible_to(user))
     roles = roles_of(user, robots)
-    schedules = schedules_of(robots, timezone.now())
+    now = timezone.now()
+    schedules = schedules_of(robots, now)
     return [
         VisibleRobot(
             robot.id,
             robot.slug,
             robot.enabled,
             out_of_service(robot),
+            out_now(robot, schedules[robot.id], user, now),
             link_address(robot),
             may_clear=roles.get(robot.id, Role.OBSERVER) >= Role.SUPERVISOR,
             schedule=schedules[robot.id],

@@ -32,7 +32,7 @@ LISTS = json.dumps(
 ).encode()
 
 
-def _pages_of(client: Client, address: str) -> dict[str, tuple[str, bytes]]:
+def pages_of(client: Client, address: str) -> dict[str, tuple[str, bytes]]:
     """Return a page and its own scripts outside /static/: content types and bodies, by path."""
     page = client.get(address)
     scripts = re.findall(r'<script[^>]* src="(/(?!static)[^"]+)"', page.content.decode())
@@ -47,7 +47,7 @@ class DrivingPage:
         self.page = page
         self.complaints: list[str] = []
         self.heard: list[dict[str, Any]] = []  # by the console, from the page
-        self._pages = _pages_of(client, f"/robots/{facts.slug}/")
+        self._pages = pages_of(client, f"/robots/{facts.slug}/")
         self._facts = msgspec.structs.replace(
             facts, cameras=[wire.CameraEntry("head", "Head camera", True)], has_head=True, has_map=True
         )

@@ -29,6 +29,17 @@ describe("a card", () => {
     expect(shown.stopped).toBe(false);
   });
 
+  it("says that a robot is out of service, with or without its state", () => {
+    const out = { code: "out_of_service", text: "Out until further notice." };
+    expect(cardOf({ state: null, refusal: { text: "No bridge." }, out })).toMatchObject({
+      level: "warn",
+      status: "Out of service",
+      why: out.text,
+    });
+    const shown = cardOf({ state, refusal: null, out });
+    expect(shown).toMatchObject({ level: "warn", status: "Out of service", why: out.text });
+  });
+
   it("says that a robot's watchdog is missing", () => {
     const shown = cardOf({ state: { ...state, watchdog_missing: true }, refusal: null });
     expect(shown).toMatchObject({ level: "warn", status: "Online" });
@@ -151,6 +162,8 @@ describe("a card's booking", () => {
       { booked, next_booked: next(1200), free_in_s: null },
       "Anna, 20 min left, then Ben; booked for a day",
     ],
+    ["out of service", { out: {}, free_in_s: null }, "–"],
+    ["out of service, for a while", { out: {}, free_in_s: 4800 }, "free in 1 h 20 min"],
     ["somebody follows later", { booked, next_booked: next(3600) }, "Anna, 20 min left, then free"],
   ])("says who has the robot, and when it is free: %s", (_when, robot, words) => {
     expect(bookingWords(robot)).toBe(words);

@@ -3,12 +3,15 @@
 import asyncio
 import threading
 import time
+from datetime import timedelta
 
 import msgspec
 import pytest
 import pytest_asyncio
+from django.utils import timezone
 
 from fleet.audit.models import Record
+from fleet.bookings.models import OutOfService
 from robots.link import client as robots_link
 from robots.registry.models import Robot, RobotRole
 from robots.shared import wire
@@ -80,7 +83,17 @@ async def test_disabled_robot_is_shown_as_such(open_fleet, robot, bridge):
     await in_database(lambda: Robot.objects.update(enabled=False))
     await bridge.close()
     page = await open_fleet("staff")
-    await shows(page, lambda robots: robots[robot.slug]["refusal"]["code"] == "robot_disabled")
+    robots = await shows(page, lambda robots: robots[robot.slug]["refusal"]["code"] == "robot_disabled")
+    assert (robots[robot.slug]["out"]["code"], robots[robot.slug]["free_in_s"]) == ("robot_disabled", None)
+
+
+async def test_out_of_service_is_on_the_card_of_a_robot_that_answers(open_fleet, robot, bridge):
+    page = await open_fleet("staff")
+    await shows(page, lambda robots: robots[robot.slug]["state"] and robots[robot.slug]["out"] is None)
+    begins = timezone.now() - timedelta(hours=1)
+    await in_database(lambda: OutOfService.objects.create(robot=robot, starts_at=begins, why="repair"))
+    robots = await shows(page, lambda robots: robots[robot.slug]["out"])
+    assert "out of service until further notice" in robots[robot.slug]["out"]["text"]
 
 
 async def test_change_is_shown_at_once(open_fleet, robot, bridge):
