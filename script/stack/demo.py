@@ -19,6 +19,7 @@ from script.stack.stack import Stack, StartError, temporary_stack
 FIRST_PORT = 8000
 PORTS_TRIED = 100
 STUDENTS = ("anna", "ben", "cleo", "dana")
+DOOR = {"DJANGO_SETTINGS_MODULE": "script.stack.door.settings"}  # not with --lan, where others reach it, too
 
 
 def main() -> int:
@@ -60,7 +61,7 @@ def demo(port: int | None, *, lan: bool) -> int:
         with (
             lan_stack(directory, listener)
             if lan
-            else Stack(directory, listener=listener, students=STUDENTS) as stack
+            else Stack(directory, listener=listener, students=STUDENTS, settings=DOOR) as stack
         ):
             introduce(stack, time.monotonic() - began_s)
             raise ChildDied(wait_for_any_end(stack.children))
@@ -109,6 +110,8 @@ def introduce(stack: Stack, seconds: float) -> None:
         say(qr_code(f"{stack.url}/"))
         say("The certificate is this demo's own, so a browser warns once. To have it trusted, install on the")
         say(f"phone: {stack.certificate.authority}\n")
+    else:
+        say("Its sign-in page has a button for staff, supervisor, operator and observer.\n")
     say("Sign in as        with the password")
     for account in (*stack.accounts.values(), *stack.students):
         course = "   (a student of the course Human-Robot Interaction)" if account.role == "student" else ""

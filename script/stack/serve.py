@@ -20,13 +20,18 @@ from script.stack.processes import Child, ChildDied, Ended, end_all, ended_by_si
 from script.stack.stack import Certificate, StartError, daphne, tls_endpoint
 
 # collectstatic runs first, because the check needs its result.
-PREPARATION = (["collectstatic", "--no-input", "-v", "0"], ["check", "--deploy"], ["migrate", "--no-input"])
+PREPARATION = (
+    ["collectstatic", "--no-input", "-v", "0"],
+    ["check", "--deploy"],
+    ["migrate", "--no-input", "-v", "0"],  # without a line for each, so that the address stays in sight
+)
 
 
 def main() -> int:
     """Run the command, and return the exit status."""
     asked = arguments()
     os.chdir(REPOSITORY)
+    os.environ["DJANGO_SETTINGS_MODULE"] = "fleet.settings"  # never others, such as the demo's with its door
     try:
         with ended_by_signals():
             return serve(asked)

@@ -9,6 +9,8 @@ import re
 import shutil
 import signal
 import subprocess
+import urllib.parse
+import urllib.request
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -118,11 +120,23 @@ def test_ctrl_c_ends_all_processes_and_keeps_passwords(port: int, start: Start):
     second = start(port)
     assert passwords.read_text() == kept
     assert all(line.split()[1] in second.said for line in kept.splitlines())
+    assert_one_press_signs_in(second)
     assert_the_port_is_refused_to_another(second)
     assert len(second.family) > 10  # three masters, three simulators, three bridges, supervisor, web process
     second.process.kill()
     second.process.wait()
     second.assert_nothing_left()
+
+
+def assert_one_press_signs_in(demo: Demo) -> None:
+    browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    address = f"http://127.0.0.1:{demo.port}/accounts/sign-in/"
+    with browser.open(address, timeout=PATIENCE_S) as page:
+        [token, *_] = re.findall(r'name="csrfmiddlewaretoken" value="([^"]+)"', page.read().decode())
+    pressed = urllib.parse.urlencode({"name": "supervisor", "csrfmiddlewaretoken": token}).encode()
+    request = urllib.request.Request(f"{address}demo/", pressed, {"Referer": address})  # noqa: S310 - our own
+    with browser.open(request, timeout=PATIENCE_S) as page:
+        assert "Menu of Supervisor" in page.read().decode()
 
 
 def assert_the_port_is_refused_to_another(demo: Demo) -> None:
@@ -197,6 +211,7 @@ def drive_by_phone(demo: Demo, address: str) -> None:
 
     page = console.get("/accounts/sign-in/")
     assert page.status == 200
+    assert "Demo" not in page.read().decode()  # everybody on the network would come in
     assert page.headers["Set-Cookie"].endswith("; Secure")
     assert console.get("/accounts/sign-in/", host="fleet.example").status == 400
 
