@@ -8,7 +8,7 @@ from typing import Any
 from django.conf import settings
 from django.contrib.auth.decorators import login_not_required
 from django.contrib.auth.views import redirect_to_login
-from django.core.exceptions import PermissionDenied, TooManyFieldsSent
+from django.core.exceptions import DisallowedHost, PermissionDenied, TooManyFieldsSent
 from django.db import DatabaseError, connection
 from django.db.migrations.executor import MigrationExecutor
 from django.http import HttpRequest, HttpResponse, JsonResponse
@@ -42,12 +42,18 @@ def bad_request(request: HttpRequest, exception: Exception) -> HttpResponse:
         if wants_json(request):
             refusal = {"code": "too_many_fields", "text": text, "rule": "limits"}
             return JsonResponse(refusal, status=400)
-    return render(request, "400.html", {"text": text}, status=400)
+    context = {"text": text, "foreign_name": isinstance(exception, DisallowedHost)}
+    return render(request, "400.html", context, status=400)
 
 
 def not_found(request: HttpRequest, exception: Exception) -> HttpResponse:
-    """Handle 404. Django's own handler reads the request's body, which fails again if the body is broken."""
-    return render(request, "404.html", status=404)
+    """Handle 404, with advice for a robot, for an address of no page, and for anything else that is gone.
+
+    Django's own handler reads the request's body, which fails again if the body is broken.
+    """
+    match = request.resolver_match
+    robot = match.kwargs.get("slug") if match and match.route.startswith("robots/") else None
+    return render(request, "404.html", {"robot": robot, "nowhere": match is None}, status=404)
 
 
 @login_not_required

@@ -121,7 +121,26 @@ def test_health_says_that_migrations_are_missing(monkeypatch):
 def test_a_foreign_host_name_is_refused_in_words():
     answer = Client().get("/", headers={"host": "elsewhere.example"})
     assert answer.status_code == 400
-    assert "cannot handle your browser’s request" in answer.text
+    assert "a name that is not this console’s" in answer.text
+
+
+@pytest.mark.parametrize(
+    ("who", "path", "status", "advice", "way_on"),
+    [
+        ("operator", "/admin/", 403, "You are signed in as Olga Operator", "/access/"),
+        ("operator", "/robots/gone/", 404, "It was deleted or renamed", "/access/"),
+        ("operator", "/nowhere/", 404, "Was it typed or copied wrongly?", "/"),
+        ("operator", "/webhooks/", 403, "supervisors or staff", "/"),
+        ("staff", "/bookings/policies/group/gone/", 404, "It was deleted, or you may not see it", "/"),
+        ("anonymous", "/nowhere/", 404, "Was it typed or copied wrongly?", "/accounts/sign-in/"),
+    ],
+)
+def test_refusals_of_pages_advise_in_each_case(who, path, status, advice, way_on, request, signed_in):
+    client = Client() if who == "anonymous" else signed_in(request.getfixturevalue(who))
+    answer = client.get(path, follow=True)
+    assert answer.status_code == status
+    assert advice in answer.text
+    assert f'href="{way_on}"' in answer.text.partition("<main")[2]
 
 
 def test_a_form_from_another_sign_in_is_refused_in_words():
