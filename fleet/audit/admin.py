@@ -151,7 +151,7 @@ class RecordsAdmin(ListAdmin):
 
     def found(self, request: HttpRequest, form: FilterForm) -> dict[str, Any]:
         """Return the template's data: each request with its outcome."""
-        selection = Selection(form.wanted(), self._kinds())
+        selection = Selection(form.listed(), self._kinds())
         page = selection.page(before=number(request, "before"), after=number(request, "after"))
         return {
             "days": by_day(request, [(zones.day_of(row.record.at), _line(row)) for row in page.rows]),

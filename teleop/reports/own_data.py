@@ -70,9 +70,10 @@ def own_sessions(user: User, before: datetime | None) -> Sessions:
     return Sessions(found[:SESSIONS], older=len(found) > SESSIONS)
 
 
-def own_records(user: User, *, before: int | None, after: int | None) -> Page:
-    """Return the person's own records, newest first, each with its outcome."""
-    return Selection(_own_records(user)).page(before=before, after=after, size=RECORDS)
+def own_records(user: User, *, before: int | None, after: int | None, viewings: bool) -> Page:
+    """Return the person's own records, newest first, each with its outcome; with or without viewings of cameras."""
+    wanted = replace(_own_records(user), without_viewings=not viewings)
+    return Selection(wanted).page(before=before, after=after, size=RECORDS)
 
 
 def records_visible_to(user: User, wanted: Wanted) -> Wanted | None:

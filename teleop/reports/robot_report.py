@@ -87,8 +87,8 @@ class RobotReport(Struct, frozen=True):
 
     @property
     def interventions_per_hour(self) -> float | None:
-        """Gate interventions per hour of driving; None without driving."""
-        return self.interventions / self.driven_h if self.driven_h else None
+        """Gate interventions per hour of driving; None below an hour, which says little."""
+        return self.interventions / self.driven_h if self.driven_h >= 1.0 else None
 
 
 def report_of(robot: Robot, days: int, now: datetime) -> RobotReport:

@@ -10,7 +10,7 @@ from typing import Any
 from uuid import UUID
 
 from django.conf import settings
-from django.core.exceptions import BadRequest
+from django.core.exceptions import BadRequest, PermissionDenied
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import render
 from django.utils.dateparse import parse_date, parse_datetime
@@ -103,7 +103,7 @@ def robot(request: HttpRequest, slug: str) -> HttpResponse:
     person = person_of(request)
     asked = robot_visible_to(person, slug)
     if not supervises(person, asked):
-        raise Http404("This report is for supervisors of the robot.")
+        raise PermissionDenied("This report is for supervisors of the robot.")
     days = _period(request)
     report = robot_report.report_of(asked, days, now())
     context = {
@@ -129,7 +129,7 @@ def today_page(request: HttpRequest) -> HttpResponse:
     """Show one day of all robots of which the person is supervisor; staff see every robot."""
     robots = today.supervised_by(person_of(request))
     if not robots and not person_of(request).is_staff:
-        raise Http404("This page is for supervisors and staff.")
+        raise PermissionDenied("This page is for supervisors and staff.")
     moment = now()
     current = zones.day_of(moment)
     try:
@@ -153,13 +153,15 @@ def today_page(request: HttpRequest) -> HttpResponse:
 def your_data(request: HttpRequest) -> HttpResponse:
     """Show a person their own data."""
     person = person_of(request)
-    page = own_data.own_records(person, before=number(request, "before"), after=number(request, "after"))
+    before, after, viewings = number(request, "before"), number(request, "after"), "viewings" in request.GET
+    page = own_data.own_records(person, before=before, after=after, viewings=viewings)
     sessions = own_data.own_sessions(person, _moment(request, "began_before"))
     about = own_data.recorded_by_others(person, number(request, "about_before"))
     context = {
         "sessions": sessions,
         "lines": [_line(row) for row in page.rows],
         "page": page,
+        "viewings": viewings,
         "oldest_session": sessions.shown[-1].started_at.isoformat() if sessions.shown else "",
         "newest_number": page.rows[0].number if page.rows else None,
         "oldest_number": page.rows[-1].number if page.rows else None,

@@ -11,6 +11,7 @@ from django import forms
 from django.core.exceptions import ValidationError
 from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
+from msgspec.structs import replace
 
 from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.kinds import KINDS, grouped
@@ -72,6 +73,7 @@ class FilterForm(forms.Form):
     person = PersonField(label=_("Person"), required=False)
     kind = forms.ChoiceField(label=_("What"), required=False)
     outcome = forms.ChoiceField(label=_("Outcome"), required=False)
+    viewings = forms.BooleanField(label=_("With viewings of cameras"), required=False)
     session = forms.UUIDField(required=False, widget=forms.HiddenInput)
 
     def __init__(
@@ -99,7 +101,7 @@ class FilterForm(forms.Form):
         self.offer("outcome", sorted((outcome, wording.outcome(outcome)) for outcome in outcomes))
         if outcomes_are is not None:
             self.fields["outcome"].label = outcomes_are
-        for name in without:
+        for name in [*without, *([] if kinds is None else ["viewings"])]:
             del self.fields[name]
 
     def clean(self) -> dict[str, Any]:
@@ -124,6 +126,10 @@ class FilterForm(forms.Form):
             session=asked.get("session"),
             zone=zone if (asked["since"] or asked["until"]) and zone != zones.UTC_ZONE else "",
         )
+
+    def listed(self) -> Wanted:
+        """Return `wanted` for a list: viewings of cameras would fill it. Exports have them."""
+        return replace(self.wanted(), without_viewings=not self.cleaned_data.get("viewings", True))
 
     @property
     def is_filtered(self) -> bool:

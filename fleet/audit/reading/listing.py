@@ -58,6 +58,9 @@ class Wanted(Struct, frozen=True):
     outcome: str = ""
     session: UUID | None = None  # control session
     zone: str = ""
+    without_viewings: bool = (
+        False  # without the viewings of cameras, which are the most; a wanted `kind` is stronger
+    )
 
     @property
     def days_utc(self) -> tuple[datetime.date | None, datetime.date | None]:
@@ -254,7 +257,7 @@ class Selection:
                 if outcome == self._wanted.outcome
             ]
         if kinds is None:
-            return [~_IS_OUTCOME]
+            return [~_IS_OUTCOME & ~Q(kind="camera.start") if self._wanted.without_viewings else ~_IS_OUTCOME]
         return [Q(kind=kind) & ~_IS_OUTCOME for kind in without_ends(kinds)]
 
     def _whos(self) -> list[Q]:

@@ -64,6 +64,12 @@ async def test_csv_has_a_row_for_each_request_with_its_outcome(export, operator)
     assert "no-store" in response["Cache-Control"]
 
 
+async def test_exports_keep_the_viewings_that_lists_leave_out(export, operator):
+    viewing = await exports.sync_to_async(record)("camera.start", actor=operator)
+    text, _response = await export("jsonl", name="admin:audit_record_export")
+    assert viewing.pk in [json.loads(line)["number"] for line in text.splitlines()]
+
+
 async def test_json_lines_have_all_columns_and_the_outcome_inside(export, operator):
     start = await exports.sync_to_async(say)("Hello\nworld", actor=operator, fence=7)
     text, _response = await export("jsonl")

@@ -53,6 +53,20 @@ def shown(kinds=None, **wanted):
     return [row.record for row in Selection(Wanted(**wanted), kinds).page().rows]
 
 
+def test_viewings_of_cameras_are_shown_on_demand(admin, operator):
+    record("camera.start", actor=operator)
+    say("hello", actor=operator)
+
+    def kinds(query):
+        page = admin.get(f"{reverse('admin:audit_record_changelist')}?{query}&person=Olga")
+        return [line.what for _day, _url, lines in page.context["days"] for line in lines]
+
+    viewing = "began to watch a camera"
+    assert len(kinds("")) == 1
+    assert kinds("viewings=on").count(viewing) == 1
+    assert kinds("kind=camera.start") == [viewing]
+
+
 # --- access -------------------------------------------------------------------------------------
 
 

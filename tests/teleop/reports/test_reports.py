@@ -14,6 +14,7 @@ from django.test import AsyncClient, Client
 from django.test.utils import CaptureQueriesContext
 from django.urls import reverse
 from django.utils.timezone import now
+from msgspec.structs import replace
 
 from fleet.audit.models import Record
 from fleet.audit.retention import take_out
@@ -102,9 +103,9 @@ PEOPLE = {
     #       status of: session, report of the robot
     "anonymous": (401, 401),
     "stranger": (404, 404),
-    "observer": (404, 404),
-    "operator": (200, 404),
-    "second_operator": (404, 404),
+    "observer": (404, 403),
+    "operator": (200, 403),
+    "second_operator": (404, 403),
     "supervisor": (200, 200),
     "other_supervisor": (404, 404),
     "staff": (200, 200),
@@ -287,7 +288,8 @@ def test_robot_report_has_hours_distance_and_interventions(robot, drive, at):
     report = robot_report.report_of(robot, 7, TUESDAY + timedelta(days=4))
     assert (report.drives, report.distance_m, report.interventions) == (2, 8.0, 2)
     assert report.driven == "0:00:16"
-    assert report.interventions_per_hour == pytest.approx(450)
+    assert report.interventions_per_hour is None  # a rate of a quarter of a minute says nothing
+    assert replace(report, driven_h=1.5, interventions=36).interventions_per_hour == 24.0
     assert [day.metres for day in report.use.days] == [0, 0, 4, 0, 0, 4, 0]
     assert [bool(hours) for hours in report.use.hours] == [hour == 14 for hour in range(24)]
     assert [bool(hours) for hours in report.use.weekdays] == [day in (1, 4) for day in range(7)]
@@ -329,7 +331,6 @@ def test_older_records_and_other_robots_do_not_count(robot, other_robot, drive, 
     record("fault", robot_id=other_robot.pk, outcome="bridge_lost")
     report = robot_report.report_of(robot, 7, TUESDAY)
     assert (report.drives, report.driven_h, report.interventions, report.faults) == (0, 0.0, 0, [])
-    assert report.interventions_per_hour is None
     assert robot_report.report_of(robot, 30, TUESDAY).drives == 1
 
 
@@ -414,6 +415,13 @@ def test_own_records_come_page_by_page(operator, signed_in, put):
     sign_in, *refusals = found
     assert sign_in == ""
     assert refusals == [f"number {number}." for number in reversed(range(70))]
+
+
+def test_own_viewings_of_cameras_are_shown_on_demand(operator, signed_in, put):
+    put("camera.start")
+    client, page = signed_in(operator), reverse("your-data")
+    assert "began to watch" not in client.get(page).text
+    assert "began to watch" in client.get(f"{page}?viewings=1").text
 
 
 def test_own_sessions_come_page_by_page(operator, robot, signed_in):

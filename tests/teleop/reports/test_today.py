@@ -66,7 +66,7 @@ def test_supervisors_see_their_robots_and_nobody_else_any(
     status, text = page(supervisor)
     assert (status, "Olga Operator" in text, other_robot.name in text) == (200, True, False)
     assert other_robot.name in page(staff)[1]
-    assert page(operator)[0] == 404
+    assert page(operator)[0] == 403
     assert page(staff, "?day=yesterday")[0] == 400
     assert page(staff, "?day=2026-02-31")[0] == 400
     assert page(staff, "?day=9999-12-31")[0] == 400
