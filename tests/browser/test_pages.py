@@ -64,6 +64,7 @@ PAGES = [
     "/setup/people/",
     "/offline/",
     "/nowhere/",
+    "/api/v1/reference",
 ]
 DAILY = {
     "/",

@@ -5,9 +5,19 @@
 const main = document.querySelector("main");
 const token = document.querySelector('input[name="csrfmiddlewaretoken"]').value;
 
+const root = document.querySelector("[data-part=reference]");
+
+/** Correct what the library tells screen readers: a second main, a skipped heading, links within buttons. */
+function correctRoles() {
+  root.querySelector("main")?.setAttribute("role", "none");
+  for (const heading of root.querySelectorAll(".opblock-tag")) heading.ariaLevel = "2";
+  for (const link of root.querySelectorAll("button a[href]")) link.removeAttribute("href");
+}
+new MutationObserver(correctRoles).observe(root, { childList: true, subtree: true });
+
 globalThis.SwaggerUIBundle({
   url: main.dataset.schema,
-  domNode: document.querySelector("[data-part=reference]"),
+  domNode: root,
   deepLinking: true,
   docExpansion: "list",
   defaultModelsExpandDepth: 0,
