@@ -2,10 +2,12 @@
 
 import { socketUrl } from "../connection/socket.js";
 import { brief } from "../control/status/plain_words.js";
+import { FARTHEST_M } from "../going/way.js";
 import { dim, mark } from "../lib/dom.js";
 import { recall } from "../lib/prefs.js";
 import { CameraSocket } from "./camera_socket.js";
 import { CameraView } from "./camera_view.js";
+import { floorAt } from "./floor_geometry.js";
 import { FloorOverlay } from "./floor_overlay.js";
 import { FullScreen } from "./full_screen.js";
 import { Head } from "./head.js";
@@ -17,7 +19,7 @@ const REPORT_MS = 200;
 const GONE_MS = 3000; // an older picture does not count: beside a plan, nobody drives by it any more
 
 export class CameraPanel {
-  static hears = ["facts", "view", "stale", "mayAct", "cells"];
+  static hears = ["facts", "view", "stale", "mayAct", "cells", "ghost"];
   #area;
   #socket;
   #main;
@@ -57,6 +59,7 @@ export class CameraPanel {
     this.#head = new Head(parts["camera-floor"], parts["head-keys"], {
       request,
       header: () => this.#main.header,
+      point: (pixel) => this.#point(pixel),
     });
     this.#fullScreen = new FullScreen(root, parts["full-screen"]);
     this.#listen(parts, notify);
@@ -80,6 +83,11 @@ export class CameraPanel {
 
   set view(view) {
     this.#floor.view = view;
+  }
+
+  /** @param {?import("../going/way.js").Way} ghost the robot where a person pressed */
+  set ghost(ghost) {
+    this.#floor.ghost = ghost;
   }
 
   /** @param {boolean} stale the newest view is too old */
@@ -154,6 +162,20 @@ export class CameraPanel {
     for (const view of [this.#main, this.#second]) if (view.camera) act(view);
   }
 
+  /**
+   * Tell that a person pressed on the floor. Farther away one pixel is too much of the floor.
+   * @param {?number[]} pixel of the main camera's picture; null: the person meant something else
+   * @returns {boolean} whether the pixel shows the floor near the robot
+   */
+  #point(pixel) {
+    const { header } = this.#main;
+    const point = pixel && header.lens && header.pose ? floorAt(pixel, header) : null;
+    const isNear = point !== null && Math.hypot(...point) <= FARTHEST_M;
+    const look = this.#main.camera.moves ? (there) => this.#head.lookAt(there) : null;
+    this.#tell({ pointed: isNear ? { point, look } : null });
+    return isNear;
+  }
+
   #of(camera) {
     return [this.#main, this.#second].find((view) => view.camera?.name === camera) ?? null;
   }
@@ -170,6 +192,7 @@ export class CameraPanel {
     const isShown = this.#area.clientWidth > 0; // some tabs hide the picture
     const shown = (content) => isShown && this.#views.shows(content);
     this.#tell({ sceneShown: shown("scene"), mapShown: shown("map") });
+    if (this.#views.view === "scene") this.#tell({ pointed: null }); // 3D draws no ghost
     const before = [this.#main, this.#second].map((view) => view.camera?.name);
     const main = isShown ? this.#views.main : null;
     const second = isShown ? this.#views.second : null;

@@ -64,6 +64,28 @@ function tierAt(leftM) {
 }
 
 /**
+ * Return the metres that a twist drives until the gate would stop the robot before a known obstacle; Infinity: none
+ * is in the way. As the gate does, it widens the footprint by the lateral margin, or by the gap if that is smaller,
+ * and keeps the front margin before the first contact.
+ * @param {?number[]} obstacle the gate's own
+ */
+export function freeWay(
+  footprint,
+  twist,
+  obstacle,
+  flatCm,
+  { front_margin_m: frontM, lateral_margin_m: besideM },
+) {
+  const gapM = Math.min(besideM, leastGap(footprint, obstacle, flatCm, besideM) - 1e-4);
+  const outline = withArm(
+    footprint,
+    footprint.map(([x, y]) => [x, y, Math.max(0, gapM)]),
+  );
+  const contactM = contactOf(obstacle, flatCm, outline, sweptArea(outline, twist).travelTo);
+  return Math.max(0, contactM - frontM);
+}
+
+/**
  * Return the path in front of the robot, to where the gate would stop before a known obstacle, or to the
  * longest length.
  * @param {number[][]} footprint
@@ -76,12 +98,7 @@ function tierAt(leftM) {
  *   line where the gate stops the robot; `later`: the footprint two seconds later. All are empty if no
  *   drive is asked, or if the robot turns on the spot.
  */
-export function floorPath(
-  footprint,
-  verdict,
-  flatCm,
-  { front_margin_m: frontM, lateral_margin_m: besideM },
-) {
+export function floorPath(footprint, verdict, flatCm, margins) {
   const twist = shownTwist(verdict);
   const speed = Math.hypot(twist.vx, twist.vy);
   if (!moves([twist.vx, twist.vy, 0])) return { bands: [], stop: null, later: null };
@@ -89,15 +106,7 @@ export function floorPath(
   const farM = Math.min(FAR_M, (MOST_TURN * speed) / Math.abs(twist.w));
   const isHeld = !moves(verdict.allowed);
   const { bordersAt } = sweptArea(footprint, twist);
-  // As the gate does: widen the footprint by the lateral margin, or by the gap if that is smaller. The front
-  // margin is kept before the first contact.
-  const gapM = Math.min(besideM, leastGap(footprint, verdict.point, flatCm, besideM) - 1e-4);
-  const outline = withArm(
-    footprint,
-    footprint.map(([x, y]) => [x, y, Math.max(0, gapM)]),
-  );
-  const contactM = contactOf(verdict.point, flatCm, outline, sweptArea(outline, twist).travelTo);
-  const freeM = Math.max(0, contactM - frontM);
+  const freeM = freeWay(footprint, twist, verdict.point, flatCm, margins);
   const goesM = isHeld ? 0 : Math.min(freeM, farM);
   const isStopped = isHeld || freeM <= farM;
   const tierOf = (atM) => (isStopped ? tierAt(nose + goesM - atM) : "green");
@@ -128,12 +137,28 @@ function bandsTo(endM, bordersAt, tierOf) {
 }
 
 /** Convert a point of the floor to the optical frame. */
-function seen([x, y], m) {
+export function seen([x, y], m) {
   return [m[0] * x + m[1] * y + m[3], m[4] * x + m[5] * y + m[7], m[8] * x + m[9] * y + m[11]];
 }
 
 function pixel([x, y, z], [fx, fy, cx, cy]) {
   return [cx + (fx * x) / z, cy + (fy * y) / z];
+}
+
+/**
+ * Return the point of the floor at a pixel: the inverse of `inPicture`. Null: the pixel is at the horizon or above.
+ * @param {number[]} pixel of the header's size
+ * @param {object} header of the picture, with lens and pose
+ */
+export function floorAt([u, v], { lens: [fx, fy, cx, cy], pose: m }) {
+  const ray = [(u - cx) / fx, (v - cy) / fy, 1];
+  const [x, y, z] = [0, 1, 2].map(
+    (axis) => m[axis] * ray[0] + m[4 + axis] * ray[1] + m[8 + axis] * ray[2],
+  );
+  if (z >= 0) return null;
+  const stand = standOf(m);
+  const share = -stand.height / z;
+  return [stand.x + share * x, stand.y + share * y];
 }
 
 /** Convert an outline on the floor to pixels of the header's size, without the part behind the camera. */
@@ -155,10 +180,10 @@ function wrapped(angle) {
   return Math.atan2(Math.sin(angle), Math.cos(angle));
 }
 
-/** Return position and heading of the camera on the floor plan. */
+/** Return position and heading of the camera on the floor plan, and its height. */
 function standOf(m) {
   const at = (column) => -(m[column] * m[3] + m[4 + column] * m[7] + m[8 + column] * m[11]);
-  return { x: at(0), y: at(1), heading: Math.atan2(m[9], m[8]) };
+  return { x: at(0), y: at(1), height: at(2), heading: Math.atan2(m[9], m[8]) };
 }
 
 /**

@@ -17,6 +17,7 @@ export class FloorOverlay {
   #path = null; // of the newest view
   #hold = null; // the obstacle for which the gate slows the robot: x, y
   #near = []; // obstacles that get a hint if the picture does not show them
+  #ghost = null;
   #header = null;
 
   /**
@@ -48,6 +49,12 @@ export class FloorOverlay {
     this.#canvas.redraw();
   }
 
+  /** @param {?import("../going/way.js").Way} ghost the robot where a person pressed, and the way there */
+  set ghost(ghost) {
+    this.#ghost = ghost;
+    this.#canvas.redraw();
+  }
+
   /** @param {?object} header of the picture that is shown; nothing is drawn without its lens and pose */
   set header(header) {
     this.#header = header?.lens && header.pose ? header : null;
@@ -69,6 +76,7 @@ export class FloorOverlay {
     pen.rect(0, 0, header.width, header.height);
     pen.clip();
     this.#drawPath(header, pixel);
+    if (this.#ghost) this.#drawGhost(header, pixel);
     this.#drawHints(header, pixel);
     this.#drawHold(header, pixel);
     pen.restore();
@@ -100,6 +108,32 @@ export class FloorOverlay {
       pen.strokeStyle = this.#canvas.colour.red;
       pen.stroke();
     }
+  }
+
+  #drawGhost(header, pixel) {
+    const { pen, colour } = this.#canvas;
+    const { ghost, nose, floor, problem } = this.#ghost;
+    const ink = problem ? colour.red : colour.green;
+    pen.fillStyle = ink;
+    pen.globalAlpha = 0.2;
+    if (this.#trace(inPicture(floor, header))) pen.fill();
+    pen.globalAlpha = 0.35;
+    if (this.#trace(inPicture(ghost, header))) pen.fill();
+    pen.globalAlpha = 1;
+    for (const [stroke, width] of [
+      [colour.edge, 5],
+      [ink, 3],
+    ]) {
+      pen.strokeStyle = stroke;
+      pen.lineWidth = width * pixel;
+      pen.stroke();
+    }
+    const [tip] = inPicture([nose], header);
+    if (!tip) return;
+    pen.fillStyle = colour.edge;
+    pen.beginPath();
+    pen.arc(...tip, 5 * pixel, 0, 2 * Math.PI);
+    pen.fill();
   }
 
   /** Mark the very spot, as the plan does. */

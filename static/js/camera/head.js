@@ -1,10 +1,12 @@
 /**
- * Turns the robot's head: by drag, click and double click on the picture, and by buttons for the keyboard.
+ * Turns the robot's head: by drag, click and double click on the picture, and by buttons for the keyboard. A click on
+ * the floor near the robot only points there: the person then chooses to drive or to look there.
  */
 
 import { whyNotNow } from "../control/lease.js";
 import { PointerGrip } from "../hand/pointer_grip.js";
 import { dim, mark, show } from "../lib/dom.js";
+import { seen } from "./floor_geometry.js";
 import { covering } from "./frame.js";
 
 const PERIOD_MS = 200; // five requests a second are enough to follow a finger
@@ -41,15 +43,21 @@ export function turnToPoint(u, v, header) {
   const [fx, fy, cx, cy] = lensOf(header);
   const [left, up] = [(cx - u) / fx, (cy - v) / fy];
   if (!header.pose) return { pan: Math.atan(left), tilt: Math.atan(up) };
-  const now = directionOf([0, 0, 1], header.pose);
-  const wanted = directionOf([-left, -up, 1], header.pose);
-  const turn = wanted.heading - now.heading;
-  const pan = Math.atan2(Math.sin(turn), Math.cos(turn));
+  const turn = turnTowards([-left, -up, 1], header.pose);
   // The point is behind the floor below the camera: the neck must not turn round for it.
-  const isBelow = Math.abs(pan) > Math.PI / 2;
-  return isBelow
-    ? { pan: Math.atan(left), tilt: Math.atan(up) }
-    : { pan, tilt: wanted.elevation - now.elevation };
+  const isBelow = Math.abs(turn.pan) > Math.PI / 2;
+  return isBelow ? { pan: Math.atan(left), tilt: Math.atan(up) } : turn;
+}
+
+/** Return the turn from the camera's axis to an optical direction. */
+function turnTowards(direction, pose) {
+  const now = directionOf([0, 0, 1], pose);
+  const wanted = directionOf(direction, pose);
+  const turn = wanted.heading - now.heading;
+  return {
+    pan: Math.atan2(Math.sin(turn), Math.cos(turn)),
+    tilt: wanted.elevation - now.elevation,
+  };
 }
 
 export class Head {
@@ -57,6 +65,7 @@ export class Head {
   #keys;
   #request;
   #header;
+  #point;
   #moves = false;
   #may = false;
   #finger;
@@ -75,12 +84,15 @@ export class Head {
    * @param {object} ways
    * @param {(request: object) => Promise<?object>} ways.request sends a request; returns the refusal or null
    * @param {() => ?object} ways.header of the picture that is shown
+   * @param {(pixel: ?number[]) => boolean} ways.point gets a click, also while the head may not be turned; null: the
+   *   click was the first of two. Returns whether the click points at the floor near the robot
    */
-  constructor(area, keys, { request, header }) {
+  constructor(area, keys, { request, header, point }) {
     this.#area = area;
     this.#keys = keys;
     this.#request = request;
     this.#header = header;
+    this.#point = point;
     const { signal } = this.#listening;
     this.#finger = new PointerGrip(area, {
       begin: (event) => this.#down(event),
@@ -92,6 +104,10 @@ export class Head {
     keys.addEventListener("click", ({ target }) => this.#press(target.closest("[data-turn]")), {
       signal,
     });
+    const onlyPoints = (event) => {
+      if (!this.#turns && this.#header()) this.#point(this.#pixelAt(event));
+    };
+    area.addEventListener("click", onlyPoints, { signal });
     this.#follow();
   }
 
@@ -109,16 +125,25 @@ export class Head {
     this.#follow();
   }
 
+  /** Turn the head to a point of the floor, in the base frame, if the picture tells where the camera looks. */
+  lookAt(point) {
+    const pose = this.#header()?.pose;
+    if (pose) this.#look(turnTowards(seen(point, pose), pose));
+  }
+
   close() {
     this.#listening.abort();
     this.#end();
     this.#finger.close();
   }
 
+  get #turns() {
+    return this.#moves && this.#may;
+  }
+
   #follow() {
-    const can = this.#moves && this.#may;
-    mark(this.#area, "turns", can);
-    if (!can) this.#end();
+    mark(this.#area, "turns", this.#turns);
+    if (!this.#turns) this.#end();
   }
 
   #end() {
@@ -129,7 +154,7 @@ export class Head {
   }
 
   #down({ clientX: x, clientY: y }) {
-    if (!this.#moves || !this.#may || !this.#header()) return false;
+    if (!this.#turns || !this.#header()) return false;
     this.#drag = { x, y, startX: x, startY: y, isDrag: false };
     this.#waiting = this.#late = 0;
     return true;
@@ -158,20 +183,23 @@ export class Head {
     if (this.#click) {
       clearTimeout(this.#click.timer);
       this.#click = null;
+      this.#point(null);
       this.#ask({ t: "look_ahead" });
       return;
     }
-    const turn = this.#turnTo(event.clientX, event.clientY);
+    const pixel = this.#pixelAt(event);
+    const turn = turnToPoint(...pixel, this.#header());
+    const isFloor = this.#point(pixel);
     const timer = setTimeout(() => {
       this.#click = null;
-      this.#look(turn);
+      if (!isFloor) this.#look(turn);
     }, DOUBLE_MS);
     this.#click = { timer };
   }
 
-  #turnTo(clientX, clientY) {
-    const { header, scale, left, top } = this.#pictureOnPage();
-    return turnToPoint((clientX - left) / scale, (clientY - top) / scale, header);
+  #pixelAt({ clientX, clientY }) {
+    const { scale, left, top } = this.#pictureOnPage();
+    return [(clientX - left) / scale, (clientY - top) / scale];
   }
 
   /** Return scale and position of the picture on the page. */

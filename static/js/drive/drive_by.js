@@ -1,4 +1,4 @@
-/** A program's drive by a distance or an angle: shown while it runs. */
+/** A drive by a distance or an angle: shown while it runs. */
 
 import { number } from "../formats/numbers.js";
 
@@ -21,7 +21,8 @@ export class DriveBy {
   static task = "drive_by";
   static requests = {
     drive_by: {
-      name: ({ distance_m: metres }) => (metres ? gettext("Back off") : gettext("Turn and look")),
+      name: ({ title, distance_m: metres }) =>
+        title ?? (metres ? gettext("Back off") : gettext("Turn and look")),
     },
     drive_by_cancel: { name: () => gettext("Cancel the drive") },
   };

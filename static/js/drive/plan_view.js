@@ -27,22 +27,36 @@ const COLOURS = [
   "path",
   "path-body",
   "hold",
+  "alarm",
 ];
 
 function away([x, y]) {
   return Math.hypot(x, y);
 }
 
+function middleOf(outline) {
+  return [0, 1].map(
+    (axis) => outline.reduce((sum, corner) => sum + corner[axis], 0) / outline.length,
+  );
+}
+
 export class PlanView {
-  static hears = ["facts", "view", "stale"];
+  static hears = ["facts", "view", "stale", "ghost"];
+  #element;
   #canvas;
   #facts = null;
   #view = null;
   #stale = false;
+  #ghost = null;
   #span = 3;
+  #listening = new AbortController();
 
   /** @param {import("../control/panels/page_panels.js").Page} page */
-  constructor({ parts }) {
+  constructor({ parts, tell }) {
+    this.#element = parts.picture;
+    const { signal } = this.#listening;
+    const point = (event) => tell({ pointed: { point: this.#pointAt(event) } });
+    this.#element.addEventListener("click", point, { signal });
     this.#canvas = new Canvas(parts.picture, "--view-", COLOURS, (pen, width, height) =>
       this.#draw(pen, width, height),
     );
@@ -66,16 +80,32 @@ export class PlanView {
     this.#canvas.redraw();
   }
 
+  /** @param {?import("../going/way.js").Way} ghost the robot where a person pressed, and the way there */
+  set ghost(ghost) {
+    this.#ghost = ghost;
+    this.#canvas.redraw();
+  }
+
   close() {
+    this.#listening.abort();
     this.#canvas.close();
+  }
+
+  /** Pixels per metre; the sizes are in the same pixels, `density` of them in one of the page. */
+  #scale(width, height, density) {
+    return Math.max(Math.min(width / 2, height * ROBOT_AT) / this.#span, COARSEST * density);
+  }
+
+  /** Return the point under a press, in the base frame. */
+  #pointAt({ clientX, clientY }) {
+    const { left, top, width, height } = this.#element.getBoundingClientRect();
+    const scale = this.#scale(width, height, 1);
+    return [(height * ROBOT_AT - (clientY - top)) / scale, (width / 2 - (clientX - left)) / scale];
   }
 
   #draw(pen, width, height) {
     const { density } = this.#canvas;
-    const pixels = Math.max(
-      Math.min(width / 2, height * ROBOT_AT) / this.#span,
-      COARSEST * density,
-    ); // per metre
+    const pixels = this.#scale(width, height, density);
     // From here on: metres, x forward is up, y left is left.
     pen.setTransform(0, -pixels, -pixels, 0, width / 2, height * ROBOT_AT);
     const pixel = density / pixels;
@@ -91,6 +121,7 @@ export class PlanView {
     this.#drawPoints(depth_cm, "depth", grain);
     this.#drawPoints(laser_cm, "laser", 3 * pixel);
     this.#drawRobot(pixel);
+    if (this.#ghost) this.#drawGhost(this.#ghost, pixel);
     this.#drawHold(this.#view.state.verdict.point, pixel);
   }
 
@@ -187,6 +218,23 @@ export class PlanView {
     this.#outline(carried(this.#facts.footprint, poses.at(-1)));
     pen.stroke();
     pen.setLineDash([]);
+  }
+
+  #drawGhost({ ghost, nose, floor, problem }, pixel) {
+    const { pen, colour } = this.#canvas;
+    pen.fillStyle = colour["path-body"];
+    pen.strokeStyle = problem ? colour.alarm : colour.path;
+    pen.lineWidth = 2 * pixel;
+    this.#outline(floor);
+    pen.fill();
+    pen.setLineDash([6 * pixel, 4 * pixel]);
+    this.#outline(ghost);
+    pen.fill();
+    pen.stroke();
+    pen.setLineDash([]);
+    const [x, y] = middleOf(ghost);
+    this.#outline([[x, y], nose]);
+    pen.stroke();
   }
 
   #drawRobot(pixel) {

@@ -31,9 +31,11 @@ export class MapPanel {
   #root;
   #parts;
   #robot;
+  #footprint = [];
   #places;
   #request;
   #notify;
+  #tell;
   #view = null; // made when the panel is first opened
   #mode = null; // one of MODES, or null
   #wanted = ""; // text: what a press on the map lacked
@@ -42,7 +44,7 @@ export class MapPanel {
   #newest = null;
   #ends;
   #loaded = null; // the map that is shown
-  #picked = null; // the named place that was pressed on the map
+  #picked = null; // pressed on the map: a named place, or the pose of the ghost, which has no number
   #pickedMs = 0;
   #hasMap = false;
   #hasCell = false; // the map has a cell of the own layout; otherwise it lies over all pictures
@@ -50,7 +52,7 @@ export class MapPanel {
   #listening = new AbortController();
 
   /** @param {import("../control/panels/page_panels.js").Page} page */
-  constructor({ root: { dataset }, parts, request, notify }) {
+  constructor({ root: { dataset }, parts, request, notify, tell }) {
     const root = parts["picture-area"];
     this.#root = root;
     this.#parts = parts;
@@ -58,6 +60,7 @@ export class MapPanel {
     this.#request = request;
     this.#ends = new NewEnds((ended) => notify(endNotice(ended)));
     this.#notify = notify;
+    this.#tell = tell;
     const { signal } = this.#listening;
     const on = (part, act) => parts[part].addEventListener("click", act, { signal });
     on("map-open", () => this.#open(parts.map.hidden));
@@ -66,8 +69,9 @@ export class MapPanel {
     on("map-pose", () => this.#choose("pose"));
     on("map-place", () => this.#choose("place"));
     const ends = (event) => {
-      if (event.key !== "Escape" || this.#mode === null) return;
+      if (event.key !== "Escape" || (this.#mode === null && !this.#picked)) return;
       event.preventDefault();
+      this.#pick(null);
       this.#choose(null);
     };
     root.addEventListener("keydown", ends, { signal });
@@ -88,7 +92,9 @@ export class MapPanel {
   }
 
   /** @param {object} facts of the robot: it may have a map without knowing its pose on it */
-  set facts({ has_map: hasMap = false }) {
+  set facts({ has_map: hasMap = false, footprint = [] }) {
+    this.#footprint = footprint;
+    if (this.#view) this.#view.footprint = footprint;
     this.#hasMap = hasMap;
     show(this.#parts["map-open"], hasMap && !this.#hasCell);
     if (!hasMap && !this.#parts.map.hidden) this.#open(false);
@@ -136,6 +142,7 @@ export class MapPanel {
   /** @param {boolean} stale the map shows old data */
   set stale(stale) {
     mark(this.#parts.map, "old", stale);
+    if (stale) this.#pick(null);
   }
 
   gone() {
@@ -159,6 +166,7 @@ export class MapPanel {
       this.#pick(null);
       return this.#choose(null);
     }
+    if (!this.#hasCell) this.#tell({ pointed: null }); // the map hides the plan and its ghost
     if (!this.#view) this.#begin();
     if (this.#newest) this.view = this.#newest;
     this.#view.path = this.#path;
@@ -178,11 +186,13 @@ export class MapPanel {
     canvas.setAttribute("aria-label", this.#parts.map.dataset.help);
     this.#parts.map.prepend(canvas);
     this.#view = new MapView(canvas);
+    this.#view.footprint = this.#footprint;
     const { signal } = this.#listening;
-    this.#view.addEventListener("choose", ({ detail }) => this.#chosen(detail), { signal });
-    this.#view.addEventListener("pick", ({ detail }) => this.#pick(detail.place ?? null), {
-      signal,
-    });
+    const on = (type, act) =>
+      this.#view.addEventListener(type, ({ detail }) => act(detail), { signal });
+    on("choose", (pose) => this.#chosen(pose));
+    on("pick", ({ place, point }) => this.#pick(place ?? this.#ghostAt(point)));
+    on("turn", (ghost) => this.#haunt(ghost));
   }
 
   async #load() {
@@ -195,10 +205,12 @@ export class MapPanel {
       this.#places.show(map, earlier);
       if (map && map.map !== this.#loaded) {
         this.#view.show(map, await readPicture(map));
+        this.#pick(null);
         this.#loaded = map.map;
       }
       this.#view.places = map?.places ?? [];
-      this.#pick(map?.places.find(({ number }) => number === this.#picked?.number) ?? null);
+      if (this.#picked?.number)
+        this.#pick(map?.places.find(({ number }) => number === this.#picked.number) ?? null);
     } catch (error) {
       setTextOrHide(this.#parts["map-none"], error.message);
     }
@@ -224,14 +236,37 @@ export class MapPanel {
     this.#speak();
   }
 
-  /** Offer to drive to the pressed place. The press alone sends no robot: it may be meant to move the map. */
-  #pick(place) {
-    if (place?.number !== this.#picked?.number) this.#pickedMs = performance.now();
-    this.#picked = place;
-    show(this.#parts["map-picked"], place !== null);
-    if (place) this.#places.open(false);
-    if (place)
-      setText(this.#parts["map-picked-go"], interpolate(gettext("Go to “%s”"), [place.name]));
+  /**
+   * Offer to drive to the pressed place, or to where the ghost stands. The press alone sends no robot: it may be meant
+   * to move the map.
+   */
+  #pick(picked) {
+    if (picked?.number === undefined || picked.number !== this.#picked?.number)
+      this.#pickedMs = performance.now();
+    show(this.#parts["map-picked"], picked !== null);
+    if (picked) this.#places.open(false);
+    this.#haunt(picked);
+    if (picked)
+      setText(
+        this.#parts["map-picked-go"],
+        picked.name ? interpolate(gettext("Go to “%s”"), [picked.name]) : gettext("Go here"),
+      );
+    this.#speak();
+  }
+
+  /** Show the ghost at a pose; none for a named place, which has its own mark. */
+  #haunt(picked) {
+    this.#picked = picked;
+    if (this.#view) this.#view.ghost = this.#isGhost ? picked : null;
+  }
+
+  get #isGhost() {
+    return this.#picked !== null && this.#picked.number === undefined;
+  }
+
+  #ghostAt(point) {
+    if (!point || this.#loaded === null) return null;
+    return { ...point, heading: this.#view.headingTo(point) };
   }
 
   #mayRequest() {
@@ -245,12 +280,8 @@ export class MapPanel {
       return this.#speak(gettext("Press, then drag to where the robot looks."));
     this.#choose(null);
     if (mode === "place") this.#places.add(rounded(pose));
-    else
-      this.#send({
-        t: mode === "pose" ? "set_pose" : "go",
-        ...rounded(pose),
-        map: this.#loaded ?? "",
-      });
+    else if (mode === "go") this.#pick({ x: pose.x, y: pose.y, heading: pose.heading });
+    else this.#send({ t: "set_pose", ...rounded(pose), map: this.#loaded ?? "" });
   }
 
   /** Send a request. If the robot refuses it because it has another map by now, load that map. */
@@ -259,11 +290,13 @@ export class MapPanel {
     if (refusal?.code === "map_changed") this.#load();
   }
 
-  #goTo(place) {
+  /** @param {object} there a named place, or the pose of the ghost */
+  #goTo(there) {
     if (!this.#mayRequest()) return;
     this.#places.open(false);
     this.#pick(null);
-    this.#request(goRequest(place));
+    const here = { t: "go", ...rounded(there), map: this.#loaded ?? "" };
+    this.#send(there.name ? goRequest(there) : here);
   }
 
   #speak(wanted = "") {
@@ -278,9 +311,10 @@ export class MapPanel {
     else if (wanted) this.#wanted = wanted;
     // Without control, the robot's pose is not read: a missing pose does not mean that the robot is lost.
     const isLost = state && !location && isSeen(state) && this.#mayAct && this.#loaded !== null;
+    const turns = this.#isGhost ? gettext("Drag it to where the robot should look.") : "";
     const words =
       this.#wanted ||
-      (modes[this.#mode] ?? (held || location?.problem || (isLost ? lostText() : "")));
+      (modes[this.#mode] ?? (held || location?.problem || (isLost ? lostText() : "") || turns));
     setText(this.#parts["map-words"], words);
     show(this.#parts["map-words"], words !== "");
   }

@@ -6,7 +6,10 @@
  * @typedef {{pen: CanvasRenderingContext2D, colour: Record<string, string>, pixel: number}} Brush
  */
 
+import { carried } from "../drive/twist_geometry.js";
 import { onMap } from "./map_frame.js";
+
+export const GOAL_PX = 11; // radius of a goal's outer ring
 
 /** @param {Brush} brush @param {object} map as the API describes it @param {CanvasImageSource} picture */
 export function drawPicture({ pen }, map, picture) {
@@ -70,9 +73,52 @@ export function drawRobot(brush, robot) {
   drawArrow(brush, robot);
 }
 
+/** Return the radius of a robot's symbol (m) at this scale (pixels per metre). */
+export function robotSize(scale) {
+  return Math.max(0.27, 9 / scale);
+}
+
+/**
+ * Draw the robot where a person wants it, and a straight line from where it stands: navigation plans its way later.
+ * @param {Brush} brush
+ * @param {{x: number, y: number, heading: number}} ghost
+ * @param {number[][]} footprint
+ * @param {?{x: number, y: number}} robot null: nobody knows where it is
+ */
+export function drawGhost({ pen, colour, pixel }, ghost, footprint, robot) {
+  const { x, y, heading } = ghost;
+  pen.save();
+  pen.strokeStyle = pen.fillStyle = colour.path;
+  pen.lineWidth = 2 * pixel;
+  pen.setLineDash([6 * pixel, 5 * pixel]);
+  pen.beginPath();
+  if (robot) pen.moveTo(robot.x, robot.y);
+  pen.lineTo(x, y);
+  pen.stroke();
+  pen.beginPath();
+  for (const corner of carried(footprint, { x, y, yaw: heading })) pen.lineTo(...corner);
+  pen.closePath();
+  pen.stroke();
+  pen.fillStyle = colour["path-body"];
+  pen.fill();
+  pen.setLineDash([]);
+  pen.translate(x, y);
+  pen.rotate(heading);
+  pen.fillStyle = colour.path;
+  const size = robotSize(1 / pixel);
+  pen.beginPath();
+  pen.moveTo(0, 0);
+  pen.lineTo(1.6 * size, 0);
+  pen.stroke();
+  pen.beginPath();
+  pen.arc(1.6 * size, 0, 5 * pixel, 0, 2 * Math.PI); // the handle that turns it
+  pen.fill();
+  pen.restore();
+}
+
 /** Draw a ring around a triangle that shows the heading. */
 function drawArrow({ pen, colour, pixel }, { x, y, heading }) {
-  const size = Math.max(0.27, 9 * pixel);
+  const size = robotSize(1 / pixel);
   pen.save();
   pen.translate(x, y);
   pen.rotate(heading);
@@ -97,7 +143,7 @@ function drawArrow({ pen, colour, pixel }, { x, y, heading }) {
  * @param {string} ink its colour
  */
 export function drawGoal({ pen, colour, pixel }, { x, y, heading }, ink) {
-  const size = 11 * pixel;
+  const size = GOAL_PX * pixel;
   pen.save();
   pen.translate(x, y);
   pen.rotate(heading);

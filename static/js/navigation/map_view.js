@@ -1,13 +1,24 @@
 /**
  * The map with the robot on it. Wheel, pinch and keys zoom and move the map; a drag chooses a point and a
- * heading; a press picks a place or a robot. It sends
+ * heading, or turns the ghost; a press picks a place, a robot or a point. It sends
  * nothing: `map_panel.js` makes requests of its events.
  */
 
 import { hand } from "../hand/watch.js";
 import { Canvas } from "../lib/canvas.js";
 import { corners, headingOf, panned, toPixels, toPoint, whole, zoomed } from "./map_frame.js";
-import { drawGoal, drawLaser, drawPath, drawPicture, drawPlace, drawRobot } from "./map_symbols.js";
+import { placed } from "./map_labels.js";
+import {
+  drawGhost,
+  drawGoal,
+  drawLaser,
+  drawPath,
+  drawPicture,
+  drawPlace,
+  drawRobot,
+  GOAL_PX,
+  robotSize,
+} from "./map_symbols.js";
 
 const COLOURS = [
   "surface",
@@ -34,7 +45,8 @@ const LETTER_PX = 3; // half the width of a letter of a name
 
 /**
  * Events: "choose" (detail: {x, y, heading}); "pick", on a press while `chooses` is false (detail: {place} or
- * {robot}, as they were given; else {}).
+ * {robot}, as they were given; {point: {x, y}} elsewhere; {} on the ghost); "turn" (detail: the ghost with another
+ * heading).
  */
 export class MapView extends EventTarget {
   #element;
@@ -48,6 +60,9 @@ export class MapView extends EventTarget {
   #path = [];
   #places = [];
   #goal = null;
+  #footprint = [];
+  #ghost = null; // pose of the robot where a person pressed
+  #turns = false; // a finger turns the ghost
   #chooses = false;
   #chosen = null; // point and heading that are being chosen
   #heading = 0; // of a point that is chosen by keys
@@ -95,6 +110,22 @@ export class MapView extends EventTarget {
     this.#goal = state.going ?? null;
     this.#scan = scan?.laser_cm ?? [];
     this.#canvas.redraw();
+  }
+
+  /** @param {number[][]} footprint of the robot, for its ghost */
+  set footprint(footprint) {
+    this.#footprint = footprint;
+  }
+
+  /** @param {?{x: number, y: number, heading: number}} ghost the robot where a person wants it */
+  set ghost(ghost) {
+    this.#ghost = ghost;
+    this.#canvas.redraw();
+  }
+
+  /** Return the heading from the robot to a point. */
+  headingTo({ x, y }) {
+    return this.#robot ? Math.atan2(y - this.#robot.y, x - this.#robot.x) : 0;
   }
 
   /** @param {{name: string, location: object, going: ?object}[]} robots of a fleet */
@@ -178,6 +209,7 @@ export class MapView extends EventTarget {
     this.#element.setPointerCapture?.(event.pointerId);
     this.#pointers.set(event.pointerId, this.#pixel(event));
     this.#pressedAt = !this.#chooses && this.#pointers.size === 1 ? this.#pixel(event) : null;
+    this.#turns = this.#pressedAt !== null && this.#isOnGhost(this.#pressedAt);
     if (this.#chooses && this.#pointers.size === 1) {
       this.#from = this.#pixel(event);
       this.#choose(this.#from);
@@ -196,6 +228,8 @@ export class MapView extends EventTarget {
     this.#pressedAt = null;
     if (this.#from) {
       this.#choose(now);
+    } else if (this.#turns && this.#pointers.size === 1) {
+      this.#turn(now);
     } else {
       const others = [...this.#pointers].filter(([id]) => id !== event.pointerId);
       if (others.length) this.#pinch(before, now, others[0][1]);
@@ -213,15 +247,27 @@ export class MapView extends EventTarget {
     this.#frame = zoomed(moved, factor, between, ...this.#size, this.#coarsest);
   }
 
+  #isOnGhost(pixel) {
+    if (!this.#ghost) return false;
+    const { x, y } = this.#ghost;
+    const least = robotSize(this.#seen.scale) * this.#seen.scale;
+    return apart(pixel, toPixels(this.#seen, [x, y], ...this.#size)) < Math.max(REACH_PX, least);
+  }
+
+  #turn(pixel) {
+    const { x, y, heading } = this.#ghost;
+    const from = toPixels(this.#seen, [x, y], ...this.#size);
+    const detail = { ...this.#ghost, heading: headingOf(from, pixel, heading) };
+    this.dispatchEvent(new CustomEvent("turn", { detail }));
+  }
+
   #choose(pixel) {
-    const point = toPoint(this.#seen, this.#from, ...this.#size);
-    const { x, y } = this.#robot ?? { x: point[0], y: point[1] };
-    const away = Math.atan2(point[1] - y, point[0] - x);
+    const [x, y] = toPoint(this.#seen, this.#from, ...this.#size);
     const heading = headingOf(this.#from, pixel, null);
     this.#chosen = {
-      x: point[0],
-      y: point[1],
-      heading: heading ?? away,
+      x,
+      y,
+      heading: heading ?? this.headingTo({ x, y }),
       isTurned: heading !== null,
     };
     this.#canvas.redraw();
@@ -251,8 +297,17 @@ export class MapView extends EventTarget {
     const spots = this.#robots.map(({ name, location: { x, y } }) => ({ name, x, y }));
     const robot = this.#robots[near(spots)];
     const place = this.#places[near(this.#places)];
-    const detail = robot ? { robot } : place ? { place } : {};
-    this.dispatchEvent(new CustomEvent("pick", { detail }));
+    this.dispatchEvent(
+      new CustomEvent("pick", { detail: this.#pickedOf(robot, place, [left, top]) }),
+    );
+  }
+
+  #pickedOf(robot, place, pixel) {
+    if (robot) return { robot };
+    if (place) return { place };
+    if (this.#isOnGhost(pixel)) return {};
+    const [x, y] = toPoint(this.#seen, pixel, ...this.#size);
+    return { point: { x, y } };
   }
 
   #dropped(event) {
@@ -345,19 +400,18 @@ export class MapView extends EventTarget {
     drawPath(brush, this.#path, 2.5);
     if (this.#goal) drawGoal(brush, this.#goal, colour.path);
     if (this.#robot) drawLaser(brush, this.#robot, this.#scan);
-    for (const place of this.#places) {
-      drawPlace(brush, place);
-      this.#write(brush, place.name, place, 17, colour.place);
-    }
+    for (const place of this.#places) drawPlace(brush, place);
     if (this.#robot) drawRobot(brush, this.#robot);
     for (const robot of this.#robots) this.#drawOneOfMany(brush, robot);
+    if (this.#ghost) drawGhost(brush, this.#ghost, this.#footprint, this.#robot);
+    this.#drawNames(brush);
     if (this.#chosen) drawGoal(brush, this.#chosen, colour.hold);
     else if (this.#chooses && document.activeElement === this.#element)
       drawGoal(brush, this.#middlePoint, colour.hold);
   }
 
-  /** Draw a robot of a fleet, its name, and a straight line to its goal: only its own page gets the path. */
-  #drawOneOfMany(brush, { name, location, going, moves_although_stopped: moves }) {
+  /** Draw a robot of a fleet and a straight line to its goal: only its own page gets the path. */
+  #drawOneOfMany(brush, { location, going }) {
     const { pen, colour, pixel } = brush;
     if (going) {
       pen.setLineDash([6 * pixel, 5 * pixel]);
@@ -367,29 +421,49 @@ export class MapView extends EventTarget {
       drawGoal(brush, going, colour.path);
     }
     drawRobot(brush, location);
-    this.#write(brush, name, location, -18, moves ? colour.alarm : colour.laser);
   }
 
-  /**
-   * Write a text some pixels below a point, outlined in the background's colour; at an edge it moves inside.
-   */
-  #write({ pen, colour, pixel }, text, { x, y }, below, ink) {
-    const [width] = this.#size;
-    const [left] = toPixels(this.#seen, [x, y], ...this.#size);
-    if (left < 0 || left > width) return;
+  /** Write the names of robots and places where they cover no robot, no goal and no other name. */
+  #drawNames({ pen, colour, pixel }) {
+    const [width, height] = this.#size;
     pen.save();
-    pen.translate(x, y);
-    pen.scale(pixel, -pixel);
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.scale(this.#canvas.density, this.#canvas.density);
     pen.font = FONT;
-    const half = pen.measureText(text).width / 2 + RIM;
-    pen.translate(Math.max(half, Math.min(left, width - half)) - left, 0);
     pen.textAlign = "center";
+    pen.textBaseline = "middle";
     pen.lineJoin = "round";
     pen.lineWidth = RIM;
     pen.strokeStyle = colour.surface;
-    pen.fillStyle = ink;
-    pen.strokeText(text, 0, below);
-    pen.fillText(text, 0, below);
+    const at = ({ x, y }) => {
+      const [left, top] = toPixels(this.#seen, [x, y], width, height);
+      return { left, top };
+    };
+    const robots = this.#robots.map(({ name, location, moves_although_stopped: moves }) => ({
+      text: name,
+      ...at(location),
+      ink: moves ? colour.alarm : colour.laser,
+    }));
+    const places = this.#places.map((place) => ({
+      text: place.name,
+      ...at(place),
+      ink: colour.place,
+    }));
+    const labels = [...robots, ...places]
+      .filter(({ left }) => left >= 0 && left <= width)
+      .map((label) => ({ ...label, half: pen.measureText(label.text).width / 2 + RIM }));
+    const radius = robotSize(1 / pixel) / pixel;
+    const poses = [this.#robot, this.#ghost, ...this.#robots.map(({ location }) => location)];
+    const goals = [this.#goal, ...this.#robots.map(({ going }) => going)];
+    const marks = [
+      ...poses.filter(Boolean).map((pose) => ({ ...at(pose), radius })),
+      ...goals.filter(Boolean).map((goal) => ({ ...at(goal), radius: GOAL_PX })),
+    ];
+    placed(labels, marks, width).forEach(({ left, top }, i) => {
+      pen.fillStyle = labels[i].ink;
+      pen.strokeText(labels[i].text, left, top);
+      pen.fillText(labels[i].text, left, top);
+    });
     pen.restore();
   }
 }

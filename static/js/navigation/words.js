@@ -2,9 +2,11 @@
 
 import { number } from "../formats/numbers.js";
 
+const THERE = ["arrived", "done"]; // the words of navigation, and of a drive by a distance
+
 /** Return a text about the end of a drive. @param {{outcome: string, text: string}} end */
 function endText({ outcome, text }) {
-  if (outcome === "arrived") return gettext("The robot is there.");
+  if (THERE.includes(outcome)) return gettext("The robot is there.");
   if (outcome === "replaced")
     return gettext("The stick took over: the drive to the place has ended.");
   if (outcome === "cancelled") return gettext("The drive to the place was cancelled.");
@@ -16,9 +18,7 @@ function endText({ outcome, text }) {
 
 /** Return the notice of a drive's end. */
 export function endNotice(ended) {
-  const level = ["arrived", "cancelled", "replaced"].includes(ended.outcome)
-    ? "success"
-    : "warning";
+  const level = [...THERE, "cancelled", "replaced"].includes(ended.outcome) ? "success" : "warning";
   const isBad = level === "warning"; // then the place for the reason has it
   const text = endText(ended);
   return {

@@ -61,6 +61,7 @@ export class Running {
   #tab = null;
   #mayAct = null;
   #mayCancel = false;
+  #offers = false;
 
   /**
    * @param {Record<string, HTMLElement>} parts
@@ -96,6 +97,12 @@ export class Running {
     this.#show();
   }
 
+  /** @param {?object} ghost of the robot where a person pressed: its buttons are beside the running tasks */
+  set ghost(ghost) {
+    this.#offers = ghost !== null;
+    this.#show();
+  }
+
   /** @param {boolean} may whether this person may cancel what supervisors may cancel without control */
   set mayCancel(may) {
     this.#mayCancel = may;
@@ -125,7 +132,8 @@ export class Running {
       this.#parts.elsewhere.dataset.shown = shown;
       this.#parts.elsewhere.replaceChildren(...uses.map((use) => this.#elsewhere(use)));
     }
-    show(this.#parts.running, this.#rows.some(({ element }) => !element.hidden) || uses.length > 0);
+    const isAny = this.#rows.some(({ element }) => !element.hidden) || uses.length > 0;
+    show(this.#parts.running, isAny || this.#offers);
   }
 
   #elsewhere(use) {

@@ -303,6 +303,40 @@ def test_a_drive_by_a_distance_is_shown_cancelled_and_replaced(person: Arrive) -
     operator.release()
 
 
+def test_a_press_on_the_plan_drives_there(person: Arrive, tiago_two: PutBack) -> None:
+    tiago_two()
+    operator = person("operator", apart=True)
+    operator.take("tiago-2")
+    operator.fold_arm()
+    box = operator.part("picture").bounding_box()
+    assert box is not None
+    robot = (box["x"] + box["width"] / 2, box["y"] + 0.6 * box["height"])
+    offer, go = operator.part("there-offer"), operator.part("there-go")
+    for left, ahead in ((50, 60), (-50, 60), (50, -60), (-50, -60)):  # pixels; one of them is free floor
+        operator.page.mouse.click(robot[0] - left, robot[1] - ahead)
+        expect(offer).to_be_visible()
+        if offer.get_attribute("data-problem") is None:
+            break
+    words = re.fullmatch(r"([\d.]+) m away", operator.part("there-words").inner_text())
+    assert words is not None
+    start, yaw = operator.place, operator.state["odometry"]["yaw"]
+
+    def taken() -> bool:
+        if go.is_visible():
+            go.click()  # it ignores the second tap of a double tap
+        return operator.state["drive_by"] is not None
+
+    operator.until(taken, "the turn")
+    operator.until(lambda: (operator.state["drive_by"] or {}).get("goal_m"), "the straight drive after it")
+    operator.until(lambda: operator.state["drive_by"] is None, "its end")
+    assert operator.state["drive_by_ended"]["outcome"] == "done"
+    assert math.dist(operator.place, start) == pytest.approx(float(words[1]), abs=0.1)
+    turned = operator.state["odometry"]["yaw"] - yaw - math.atan2(left, ahead)
+    assert math.cos(turned) > 0.99
+    expect(offer).to_be_hidden()
+    operator.release()
+
+
 def test_space_stops_for_the_holder_while_the_connection_is_lost(person: Arrive) -> None:
     operator, observer = person("operator", apart=True), person("observer")
     sockets: list[WebSocketRoute] = []

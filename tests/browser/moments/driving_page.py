@@ -77,6 +77,12 @@ class DrivingPage:
         self._go_on(moment)
         if moment.keys:
             self.page.keyboard.down(moment.keys)
+        if moment.points:
+            floor = self.page.locator("[data-part=camera-floor]")
+            box = floor.bounding_box()
+            assert box is not None
+            floor.click(position={"x": 0.4 * box["width"], "y": 0.8 * box["height"]})
+            self.page.locator("[data-part=there-offer]").wait_for()
         self.page.wait_for_timeout(
             600
         )  # nothing tells when a page has settled; a stale world is stale by then

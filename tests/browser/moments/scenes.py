@@ -82,7 +82,8 @@ class Moment:
     """What the console tells a page at one moment, and what the person does.
 
     `gone`: the console has lost the bridge. `silent`: the console says nothing more. `cut`: the page has no socket.
-    `keys`: held by the person. `mapped`: the map is open. `before`: an earlier state.
+    `keys`: held by the person. `mapped`: the map is open. `before`: an earlier state. `points`: the person presses on
+    the floor behind the wall in the camera's picture.
     """
 
     name: str
@@ -93,6 +94,7 @@ class Moment:
     cut: bool = False
     keys: str = ""
     mapped: bool = False
+    points: bool = False
     before: State | None = None
 
 
@@ -157,6 +159,7 @@ MOMENTS = [
         _held(Verdict("free", "", (0.4, 0.0, 0.0), (0.4, 0.0, 0.0), limits=LIMITS[:1]), stands=False),
         keys="w",
     ),
+    Moment("pointed behind the wall", points=True),
     Moment(
         "stick must rest",
         msgspec.structs.replace(READY, neutral_needed=NeutralNeeded("stop_cleared", "the stop was cleared")),

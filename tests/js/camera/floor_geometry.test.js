@@ -1,5 +1,10 @@
 import { describe, expect, it } from "vitest";
-import { edgeHints, floorPath, inPicture } from "../../../static/js/camera/floor_geometry.js";
+import {
+  edgeHints,
+  floorAt,
+  floorPath,
+  inPicture,
+} from "../../../static/js/camera/floor_geometry.js";
 import { withArm } from "../../../static/js/drive/twist_geometry.js";
 
 const SQUARE = [
@@ -12,6 +17,16 @@ const SQUARE = [
 const AHEAD = [0, -1, 0, 0, 0, 0, -1, 1, 1, 0, 0, 0];
 // It looks straight down; the picture's top is ahead: x_cam = -y, y_cam = -x, z_cam = 1 - z.
 const DOWN = [0, -1, 0, 0, -1, 0, 0, 0, 0, 0, -1, 1];
+// It stands 0.2 m ahead and 0.1 m left of the base's centre, 1.2 m high, and looks 0.6 rad down and 0.4 rad left.
+const TILTED = (() => {
+  const [c, s, ct, st] = [Math.cos(0.4), Math.sin(0.4), Math.cos(0.6), Math.sin(0.6)];
+  const rows = [
+    [s, -c, 0],
+    [-st * c, -st * s, -ct],
+    [ct * c, ct * s, -st],
+  ];
+  return rows.flatMap((row) => [...row, -(0.2 * row[0] + 0.1 * row[1] + 1.2 * row[2])]);
+})();
 const LENS = [500, 500, 320, 240];
 const header = (pose) => ({ lens: LENS, pose, width: 640, height: 480 });
 const LEFT_M = 0.08; // the distance that the gate keeps to an obstacle
@@ -52,6 +67,16 @@ describe("the floor in the picture", () => {
     // u = 320 + 500 * -0.4 / 2, v = 240 + 500 * 1 / 2
     expect(round(inPicture([[2, 0.4]], header(AHEAD)))).toEqual([[220, 490]]);
     expect(round(inPicture([[0.2, 0.4]], header(DOWN)))).toEqual([[120, 140]]);
+  });
+
+  it("finds the point of the floor again at its pixel, and none at the horizon or above", () => {
+    for (const pose of [AHEAD, DOWN, TILTED]) {
+      const point = [1.4, -0.3];
+      const [pixel] = inPicture([point], header(pose));
+      expect(floorAt(pixel, header(pose))).toEqual(point.map((value) => expect.closeTo(value, 9)));
+    }
+    expect(floorAt([320, 240], header(AHEAD))).toBe(null);
+    expect(floorAt([320, 100], header(AHEAD))).toBe(null);
   });
 
   it("cuts off what lies behind the camera", () => {

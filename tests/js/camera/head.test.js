@@ -42,6 +42,9 @@ describe("the picture as a handle of the head", () => {
   let refused;
   let request;
   let head;
+  let pose;
+  let pointed; // pixels of clicks
+  let isFloor;
 
   beforeEach(() => {
     vi.useFakeTimers();
@@ -54,6 +57,9 @@ describe("the picture as a handle of the head", () => {
       key.dataset.turn = turn;
     }
     requests = [];
+    pose = null;
+    pointed = [];
+    isFloor = false;
     refused = null;
     request = async () => refused;
     head = new Head(area, keys, {
@@ -61,7 +67,11 @@ describe("the picture as a handle of the head", () => {
         requests.push(given);
         return request();
       },
-      header: () => headerOf(1, { lens: LENS }),
+      header: () => headerOf(1, { lens: LENS, pose }),
+      point: (pixel) => {
+        pointed.push(pixel);
+        return isFloor;
+      },
     });
     head.moves = true;
     head.mayAct = true;
@@ -140,6 +150,33 @@ describe("the picture as a handle of the head", () => {
     click(101, 100);
     vi.advanceTimersByTime(1000);
     expect(requests).toEqual([{ t: "look_ahead", quiet: true }]);
+  });
+
+  it("only points at a clicked place of the floor near the robot", () => {
+    isFloor = true;
+    click(10 + 420 * 0.625, 20 - 60 + 340 * 0.625);
+    vi.advanceTimersByTime(1000);
+    expect([pointed, requests]).toEqual([[[420, 340]], []]);
+    click(100, 100);
+    click(101, 100);
+    expect(pointed.at(-1)).toBe(null); // the person meant to look ahead
+    expect(requests).toEqual([{ t: "look_ahead", quiet: true }]);
+  });
+
+  it("points without control, too", () => {
+    head.mayAct = false;
+    point("click", 210, 140);
+    expect(pointed).toEqual([[320, 288]]);
+  });
+
+  it("looks at a point of the floor, also one that the picture does not show", () => {
+    pose = [0, -1, 0, 0, 0, 0, -1, 1, 1, 0, 0, 0]; // 1 m high, straight ahead
+    head.lookAt([0, 1]);
+    expect(requests[0]).toMatchObject({
+      t: "turn_head",
+      pan: expect.closeTo(Math.PI / 2),
+      tilt: expect.closeTo(-Math.PI / 4),
+    });
   });
 
   it("follows one finger only", () => {

@@ -5,6 +5,7 @@ import { DriveBy } from "../../drive/drive_by.js";
 import { Forget } from "../../drive/forget.js";
 import { PlanView } from "../../drive/plan_view.js";
 import { SpeedChart } from "../../drive/speed_chart.js";
+import { GoingPanel } from "../../going/going_panel.js";
 import { HeadStick } from "../../limbs/head_stick.js";
 import { LimbPanel } from "../../limbs/limb_panel.js";
 import { MapPanel } from "../../navigation/map_panel.js";
@@ -24,6 +25,7 @@ export const PANELS = [
   PlanView,
   CameraPanel,
   MapPanel,
+  GoingPanel,
   ScenePanel,
   LimbPanel,
   HeadStick,

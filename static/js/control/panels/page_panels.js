@@ -60,7 +60,7 @@ export class PagePanels {
       for (const t of Object.keys(Kind.requests ?? {})) this.#owners.set(t, panel);
       if (Kind.task) state.on(`state.${Kind.task}`, running.row(Kind.task, panel));
     }
-    state.subscribe(running, ["mayAct", "mayCancel", "state.chosen", "tab"]);
+    state.subscribe(running, ["mayAct", "mayCancel", "state.chosen", "tab", "ghost"]);
     this.#panels.push(this.#requests);
   }
 
