@@ -1,4 +1,4 @@
-"""Control sessions, the lease of each robot, and webhooks."""
+"""Control sessions, the lease of each robot, shared layouts, and webhooks."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from uuid import uuid4
 from django.conf import settings
 from django.db import models
 from django.db.models import Q
+from django.db.models.functions import Lower
 from django.utils.translation import gettext_lazy as _
 
 from fleet.base.names import NameField
@@ -91,6 +92,24 @@ class Lease(models.Model):
 
     def __str__(self) -> str:
         return f"lease of {self.robot}"
+
+
+class SharedLayout(models.Model):
+    """A layout of a robot's control page, for everybody who sees the robot (`teleop.layouts`)."""
+
+    robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="layouts")
+    name = NameField(_("name"), max_length=40)
+    cells = models.JSONField(default=list, blank=True)  # contents, as in `fleet.accounts.layouts`
+    side = models.BooleanField(default=True)  # the lists beside the pictures are shown
+
+    class Meta:
+        ordering = ["name"]
+        constraints = [
+            models.UniqueConstraint("robot", Lower("name"), name="one_layout_per_robot_and_name"),
+        ]
+
+    def __str__(self) -> str:
+        return self.name
 
 
 class Webhook(models.Model):

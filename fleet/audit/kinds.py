@@ -123,6 +123,8 @@ KINDS: dict[str, Kind] = {
     "place.delete": Kind(_("place of a map deleted")),
     "place.import": Kind(_("places of a map imported")),
     "map.name": Kind(_("map named")),
+    "layout.share": Kind(_("layout of a page shared")),
+    "layout.delete": Kind(_("shared layout of a page deleted")),
     "allowance.create": Kind(_("allow-list entry added")),
     "allowance.change": Kind(_("allow-list entry changed")),
     "allowance.delete": Kind(_("allow-list entry deleted")),

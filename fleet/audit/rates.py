@@ -43,6 +43,7 @@ COUNTED = (
     "course.change",
     "course.enrol",
     "course.invite",
+    "layout.share",
     "map.name",
     "place.change",
     "place.create",

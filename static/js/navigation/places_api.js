@@ -1,6 +1,7 @@
 /** Maps and their places: the console's REST API, as the person who is signed in. */
 
 import { bodyOf, readJson } from "../connection/read.js";
+import { send, silent } from "../connection/write.js";
 
 const MAPS = "/api/v1/maps";
 
@@ -66,22 +67,4 @@ async function edit(address, changes, unchanged) {
   if (!unchanged(now))
     throw new Error(gettext("It has changed meanwhile. Check the new values, then try again."));
   return send("PATCH", address, changes, { "If-Match": answer.headers.get("ETag") });
-}
-
-/** @throws {Error} with a sentence for people */
-async function send(method, address, body = null, headers = {}) {
-  const token = document.querySelector('input[name="csrfmiddlewaretoken"]')?.value ?? "";
-  const answer = await fetch(address, {
-    method,
-    headers: { "Content-Type": "application/json", "X-CSRFToken": token, ...headers },
-    body: body === null ? null : JSON.stringify(body),
-  }).catch(() => null);
-  if (answer?.status === 204) return null;
-  const data = await bodyOf(answer);
-  if (!answer?.ok || data === null) throw new Error(data?.detail ?? silent());
-  return data;
-}
-
-function silent() {
-  return gettext("The console does not answer. Nothing was changed; try again.");
 }

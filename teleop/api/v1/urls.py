@@ -7,7 +7,7 @@ from django.urls import path, re_path
 
 from teleop.api.v1 import bookings, courses, events, records, unknown_address, views
 from teleop.api.v1.maps import maps, places
-from teleop.api.v1.robot import control, description, limbs, navigation, robots, tasks, topics
+from teleop.api.v1.robot import control, description, layouts, limbs, navigation, robots, tasks, topics
 from teleop.api.v1.setup import (
     groups,
     invitations,
@@ -26,6 +26,8 @@ urlpatterns = [
     path("robots/<slug:slug>", robots.RobotView.as_view(), name="api-robot"),
     path("robots/<slug:slug>/phrases", robots.PhrasesView.as_view(), name="api-phrases"),
     path("robots/<slug:slug>/speech/history", robots.SpeechHistoryView.as_view(), name="api-speech"),
+    path("robots/<slug:slug>/layouts", layouts.LayoutsView.as_view(), name="api-layouts"),
+    path("robots/<slug:slug>/layouts/<int:number>", layouts.LayoutView.as_view()),
     path("robots/<slug:slug>/control", control.ControlView.as_view()),
     path("robots/<slug:slug>/control/renew", control.RenewView.as_view()),
     path("robots/<slug:slug>/control/line", control.AskView.as_view()),

@@ -93,6 +93,7 @@ BOUNDED_OTHERWISE = {
         "qualification.revoke",
         "token.end",
         "place.delete",
+        "layout.delete",
         "control.end",
         "account.sign_out",
         "policy.remove",

@@ -38,7 +38,7 @@ from robots.registry.models import Robot, RobotProfile, Role
 from robots.shared.wire import TASK_KINDS, StopState
 from script.generate.messages import OPENAPI
 from teleop.control.scopes import ACTING
-from teleop.models import ControlSession
+from teleop.models import ControlSession, SharedLayout
 from teleop.records import refusals
 from teleop.stop import emergency_stop
 from teleop.webhooks.services import webhook_make
@@ -154,6 +154,12 @@ TABLE: dict[str, Row] = {
     "phrases_list": Row(READ, "/robots/{robot}/phrases", seen("200")),
     "speech_history": Row(READ, "/robots/{robot}/speech/history", seen("200")),
     "events": Row(READ, "/events?robot={robot}", seen("200")),
+    # shared layouts of the page
+    "layouts_list": Row(READ, "/robots/{robot}/layouts", seen("200")),
+    "layouts_share": Row(
+        MANAGE, "/robots/{robot}/layouts", supervised("201"), {"name": "new", "cells": ["map", "camera"]}
+    ),
+    "layouts_delete": Row(MANAGE, "/robots/{robot}/layouts/{layout}", supervised("204")),
     # control
     "control_read": Row(READ, "/robots/{robot}/control", seen("200")),
     "control_take": Row(ACTING, "/robots/{robot}/control", NO_PROGRAMS, {}),
@@ -500,10 +506,11 @@ class Lab:
         mine = self._course("mine", "course", Role.OPERATOR, ["operator", "student"], ["teacher"])
         theirs = self._course("theirs", "other", Role.OPERATOR, ["stranger"], [])
         service_account_make(name="Night tests", project="Grasping", actor=staff)
-        self.groups, self.webhooks, self.places = {}, {}, {}
+        self.groups, self.webhooks, self.places, self.layouts = {}, {}, {}, {}
         for place, robot in self.robots.items():
             kitchen = PlaceEntry("kitchen", 1.0, 1.0)
             self.places[place] = place_add(digest=map_of(robot, mark=place), entry=kitchen, actor=staff)
+            self.layouts[place] = SharedLayout.objects.create(robot=robot, name="Survey", cells=["map"])
             self.groups[place] = RobotGroup.objects.create(name=f"Robots {place}", slug=f"robots-{place}")
             self.groups[place].robots.add(robot)
             self.webhooks[place], _ = webhook_make(
@@ -569,6 +576,7 @@ class Lab:
             "robot": place,
             "map": self.places[place].map_id,
             "place": str(self.places[place].pk),
+            "layout": str(self.layouts[place].pk),
             "group": self.groups[place].slug,
             "webhook": str(self.webhooks[place].pk),
             "period": str(period.pk),

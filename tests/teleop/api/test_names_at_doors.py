@@ -65,6 +65,7 @@ BY_REST: dict[str, dict[str, Any]] = {
     "/qualifications": {"robots": ["tiago-1"]},
     "/courses": {"robots": ["tiago-1"], **TERM},
     "/registry": {"profile": "tiago", "master_uri": "http://127.0.0.1:7"},
+    "/robots/tiago-1/layouts": {"cells": ["camera"]},
     "/webhooks": {"address": "https://example.org/x", "kinds": ["stops"]},
 }
 

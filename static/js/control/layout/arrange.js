@@ -5,6 +5,7 @@
 
 import { make, mark, show } from "../../lib/dom.js";
 import { contentsOf, placed, resized } from "./cells.js";
+import { SharedLayouts } from "./shared_layouts.js";
 
 const DESK = "(min-width: 68.75em) and (min-height: 40em)"; // smaller windows have their fixed layouts
 const STANDARD = { cells: [], side: true };
@@ -20,13 +21,14 @@ function contentName(content) {
 }
 
 export class Arrange {
-  static hears = ["facts", "tab"];
+  static hears = ["facts", "role", "tab"];
   #root;
   #parts;
   #choices;
   #tell;
   #layout;
   #offered = [];
+  #shared;
   #desk = matchMedia(DESK);
   #listening = new AbortController();
 
@@ -37,6 +39,7 @@ export class Arrange {
     this.#choices = choices;
     this.#tell = tell;
     this.#layout = layoutOf(choices.recall(this.#key, {}));
+    this.#shared = new SharedLayouts(parts, root.dataset.layouts, () => this.#layout);
     const { signal } = this.#listening;
     const on = (target, type, act) => target.addEventListener(type, act, { signal });
     on(this.#desk, "change", () => this.#follow());
@@ -47,6 +50,7 @@ export class Arrange {
     on(parts["arrange-count"], "click", ({ target }) => this.#resize(target.dataset.count));
     on(parts["arrange-cells"], "change", ({ target }) => this.#put(target));
     on(parts["arrange-side"], "change", ({ target }) => this.#choose({ side: target.checked }));
+    on(this.#shared, "choose", ({ detail: { cells, side } }) => this.#choose({ cells, side }));
     on(parts["arrange-reset"], "click", () => this.#reset());
   }
 
@@ -56,6 +60,11 @@ export class Arrange {
     this.#follow();
   }
 
+  /** @param {string} role of the person: supervisors share layouts */
+  set role(role) {
+    this.#shared.role = role;
+  }
+
   /** Another tab is shown: some have no room for cells. */
   set tab(_tab) {
     this.#follow();
@@ -63,6 +72,7 @@ export class Arrange {
 
   close() {
     this.#listening.abort();
+    this.#shared.close();
   }
 
   get #key() {
@@ -83,6 +93,7 @@ export class Arrange {
     this.#parts["arrange-open"].setAttribute("aria-expanded", String(opens));
     const part = opens ? "arrange-close" : "arrange-open";
     this.#parts[part].focus();
+    if (opens) this.#shared.read();
   }
 
   #resize(count) {

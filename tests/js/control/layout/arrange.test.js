@@ -44,13 +44,16 @@ describe("a layout", () => {
     vi.stubGlobal("fetch", () => Promise.reject(new Error("offline"))); // the browser's copy is enough
     desk = Object.assign(new EventTarget(), { matches: true });
     vi.stubGlobal("matchMedia", () => desk);
-    document.body.innerHTML = `<main data-robot="tiago-1" data-stick="true">
+    document.body.innerHTML = `<main data-robot="tiago-1" data-layouts="/layouts" data-stick="true">
       <button data-part="arrange-open" aria-expanded="false"></button>
       <section data-part="arrange" hidden><button data-part="arrange-close"></button>
         <div data-part="arrange-count">${[0, 1, 2, 3, 4]
           .map((n) => `<button data-count="${n}"></button>`)
           .join("")}</div>
         <div data-part="arrange-cells"></div>
+        <div data-part="layouts" hidden><ul data-part="layouts-list"></ul>
+          <form data-part="layout-form" hidden><input data-part="layout-name"></form>
+          <p data-part="layouts-fault" hidden></p></div>
         <input type="checkbox" data-part="arrange-side"><button data-part="arrange-reset"></button>
       </section></main>`;
     root = document.querySelector("main");
@@ -109,5 +112,54 @@ describe("a layout", () => {
     const esc = new KeyboardEvent("keydown", { key: "Escape", bubbles: true });
     found["arrange-close"].dispatchEvent(esc);
     expect([found.arrange.hidden, document.activeElement]).toEqual([true, found["arrange-open"]]);
+  });
+
+  describe("that is shared", () => {
+    let asked;
+    const texts = () =>
+      [...found["layouts-list"].querySelectorAll("button")].map((b) => b.textContent);
+    const answering = (status, body) =>
+      vi.stubGlobal("fetch", async (address, { method = "GET", body: sent } = {}) => {
+        if (address === "/layouts" || address.startsWith("/layouts/"))
+          asked.push([method, address, sent && JSON.parse(sent)]);
+        return { ok: status < 300, status, json: async () => body };
+      });
+
+    beforeEach(() => {
+      asked = [];
+      answering(200, { layouts: [{ number: 4, name: "Survey", cells: ["map"], side: false }] });
+    });
+
+    it("can be chosen by everybody", async () => {
+      open("eve");
+      arrange.role = "operator";
+      found["arrange-open"].click();
+      await vi.waitFor(() => expect(texts()).toEqual(["Survey"]));
+      expect([found.layouts.hidden, found["layout-form"].hidden]).toEqual([false, true]);
+      found["layouts-list"].querySelector("button").click();
+      expect([cells(), root.dataset.lists]).toEqual([["map"], "hidden"]);
+    });
+
+    it("is shared and deleted by supervisors, who read why one is refused", async () => {
+      open("flo");
+      arrange.role = "supervisor";
+      count(2);
+      answering(201, { number: 5, name: "Pair", cells: ["camera", "plan"], side: true });
+      found["layout-name"].value = " Pair ";
+      found["layout-form"].dispatchEvent(new Event("submit", { cancelable: true }));
+      await vi.waitFor(() => expect(texts()).toEqual(["Pair", "×"]));
+      const pair = { name: "Pair", cells: ["camera", "plan"], side: true };
+      expect(asked).toEqual([["POST", "/layouts", pair]]);
+      answering(409, { detail: "This name is taken." });
+      found["layout-name"].value = "Pair";
+      found["layout-form"].dispatchEvent(new Event("submit", { cancelable: true }));
+      await vi.waitFor(() =>
+        expect(found["layouts-fault"].textContent).toBe("This name is taken."),
+      );
+      answering(204, null);
+      found["layouts-list"].querySelector("[aria-label]").click();
+      await vi.waitFor(() => expect(texts()).toEqual([]));
+      expect(asked.at(-1)).toEqual(["DELETE", "/layouts/5", null]);
+    });
   });
 });

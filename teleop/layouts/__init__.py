@@ -1,0 +1,1 @@
+"""Layouts of a robot's control page that supervisors share with everybody who sees the robot."""

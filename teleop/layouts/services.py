@@ -1,0 +1,54 @@
+"""Sharing and deleting layouts. Each change is recorded in the same transaction."""
+
+from __future__ import annotations
+
+from django.db import transaction
+from django.utils.translation import gettext as _
+
+from fleet.accounts.layouts import check_cells
+from fleet.accounts.models import User
+from fleet.audit.services import record
+from fleet.base.names import require
+from robots.access.selectors import supervises
+from robots.registry.models import Robot
+from robots.shared.wire import NotDone, Refusal
+from teleop.models import SharedLayout
+
+MOST = 20  # of one robot: the page lists them all
+
+
+@transaction.atomic
+def layout_share(*, robot: Robot, name: str, cells: list[str], side: bool, actor: User) -> SharedLayout:
+    """Share a layout. Raises `NotDone`, or `ValidationError` about name or cells."""
+    _require_supervisor(robot, actor)
+    require(name)
+    check_cells(cells)
+    Robot.objects.select_for_update(no_key=True).get(pk=robot.pk)  # two people at once
+    if robot.layouts.filter(name__iexact=name).exists():
+        raise NotDone(Refusal("name_taken", _("This robot has a layout of this name already."), "account"))
+    if robot.layouts.count() >= MOST:
+        raise NotDone(
+            Refusal("too_many", _("A robot has at most %d layouts: delete one first.") % MOST, "account")
+        )
+    layout = SharedLayout.objects.create(robot=robot, name=name, cells=cells, side=side)
+    _record("layout.share", layout, actor)
+    return layout
+
+
+@transaction.atomic
+def layout_delete(*, layout: SharedLayout, actor: User) -> None:
+    """Delete a shared layout. Who chose it keeps it. Raises `NotDone`."""
+    _require_supervisor(layout.robot, actor)
+    _record("layout.delete", layout, actor)
+    layout.delete()
+
+
+def _require_supervisor(robot: Robot, actor: User) -> None:
+    if not supervises(actor, robot):
+        text = _("Layouts are shared and deleted by supervisors of the robot and staff.")
+        raise NotDone(Refusal("permission_denied", text, "account"))
+
+
+def _record(kind: str, layout: SharedLayout, actor: User) -> None:
+    facts = {"name": layout.name, "cells": layout.cells, "side": layout.side}
+    record(kind, actor=actor, robot_id=layout.robot.id, robot_name=layout.robot.name, parameters=facts)
