@@ -28,6 +28,7 @@ LISTS = json.dumps(
         "phrases": [{"id": 1, "text": "Hello, I am TIAGo.", "language": "en", "tags": []}],
         "robots": [{"slug": "tiago-9", "name": "TIAGo Nine", "profile": "tiago", "enabled": True}],
         "maps": [],
+        "layouts": [{"number": 1, "name": "Survey", "cells": ["map", "camera"], "side": False}],
     }
 ).encode()
 
