@@ -4,13 +4,16 @@
 
 const main = document.querySelector("main");
 const token = document.querySelector('input[name="csrfmiddlewaretoken"]').value;
-
 const root = document.querySelector("[data-part=reference]");
 
-/** Correct what the library tells screen readers: a second main, a skipped heading, links within buttons. */
+// The library makes a main of its own, within the page's, and has no setting for it: here it gets a div.
+const create = document.createElement.bind(document);
+document.createElement = (tag, options) => create(tag === "main" ? "div" : tag, options);
+
+/** Correct levels of headings, which skip some, and links within buttons. */
 function correctRoles() {
-  root.querySelector("main")?.setAttribute("role", "none");
   for (const heading of root.querySelectorAll(".opblock-tag")) heading.ariaLevel = "2";
+  for (const heading of root.querySelectorAll("h4")) heading.ariaLevel = "3";
   for (const link of root.querySelectorAll("button a[href]")) link.removeAttribute("href");
 }
 new MutationObserver(correctRoles).observe(root, { childList: true, subtree: true });
