@@ -1,99 +1,168 @@
-"""The simulated robot's looks: simple shapes on the links of its description. Metres, radians."""
+"""The simulated robot's looks: a TIAGo of boxes and cylinders on the links of its description. Metres, radians.
+
+PAL's own meshes may not be shipped. Frames and collision shapes are those of `frames`: only what is seen is made here.
+Pages without a graphics processor draw it, too: prefer few solids, and few that hide others.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
+from typing import Literal, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from robots.simulator.joints.arm import SEGMENTS
-from robots.simulator.joints.frames import Frame, Vector, frames, place, urdf
-from robots.simulator.joints.joint_table import HOME
+from robots.simulator.joints.frames import Vector, urdf
 from robots.simulator.sensors.body import Body
 
-WHITE, GREY, DARK = "0.90 0.91 0.89 1", "0.55 0.58 0.60 1", "0.16 0.18 0.20 1"
-_JOINT_M = 0.012  # a joint's radius minus the arm's radius
-_FINGERS = {"gripper_left_finger_link": 1.0, "gripper_right_finger_link": -1.0}
-_HAND = "gripper_grasping_frame"
+# Red, green, blue, opacity. Pages take them as amounts of light: 0.05 is a dark grey.
+_WHITE, _GREY, _DARK, _BLACK = (
+    "0.86 0.87 0.86 1",
+    "0.30 0.32 0.34 1",
+    "0.045 0.05 0.055 1",
+    "0.012 0.013 0.015 1",
+)
+_LIGHT, _LENS = "0.02 0.45 0.62 1", "0.05 0.16 0.22 1"
+
+Axis = Literal["x", "y", "z"]
+_RPY: Mapping[Axis, Vector] = {
+    "x": (0.0, math.pi / 2.0, 0.0),
+    "y": (math.pi / 2.0, 0.0, 0.0),
+    "z": (0.0, 0.0, 0.0),
+}
 
 
-def description(body: Body, name: str) -> str:
-    """Return the robot's description (URDF) with shapes that people recognise."""
-    robot = ElementTree.fromstring(urdf(body, name))  # noqa: S314 - our own text
-    links = {link.get("name", ""): link for link in robot.findall("link")}
-    for visual in robot.iterfind("link/visual"):
-        _colour(visual, DARK)
-    if body.upper_body:
-        _dress(links, frames(body))
-    return ElementTree.tostring(robot, encoding="unicode")
+class Solid(NamedTuple):
+    """A solid on a link: colour, middle, shape and sizes as in URDF, the axis of a cylinder."""
+
+    colour: str
+    at: Vector
+    shape: str
+    sizes: dict[str, str]
+    axis: Axis = "z"
 
 
-def _dress(links: dict[str, Element], table: Sequence[Frame]) -> None:
-    for hull in ("torso_hull", "head_hull"):  # these hulls do not move; the shapes below do, and replace them
-        links[hull].remove(_found(links[hull].find("visual")))
-    base, torso = links["base_link"], links["torso_lift_link"]
-    _cylinder(base, (-0.062, 0.0, 0.50), 0.13, 0.42, GREY)
-    _box(torso, (0.0, 0.0, -0.16), (0.24, 0.30, 0.38), WHITE)
-    _cylinder(torso, (0.12, 0.0, -0.01), 0.09, 0.08, WHITE)
-    _cylinder(links["head_1_link"], (0.0, 0.0, 0.05), 0.05, 0.10, DARK)
-    head = links["head_2_link"]
-    _box(head, (-0.01, 0.0, 0.07), (0.16, 0.20, 0.16), WHITE)
-    _box(head, (0.072, 0.0, 0.07), (0.01, 0.17, 0.12), DARK)
-    _box(head, (0.045, 0.0, 0.178), (0.04, 0.18, 0.035), DARK)
-    for segment in SEGMENTS:
-        end = place(table, segment.end, HOME, root=segment.begin).origin
-        _rod(links[segment.begin], (float(end[0]), float(end[1]), float(end[2])), segment.radius)
-    _box(links[_HAND], (0.0, 0.0, -0.11), (0.06, 0.14, 0.08), GREY)
-    for finger, side in _FINGERS.items():
-        if finger in links:
-            _box(links[finger], (0.0, 0.0, 0.0), (0.03, 0.015, 0.09), DARK)
-        else:
-            _box(links[_HAND], (0.0, side * 0.03, -0.03), (0.03, 0.015, 0.09), DARK)
+def _box(colour: str, at: Vector, size: Vector) -> Solid:
+    return Solid(colour, at, "box", {"size": _text(size)})
 
 
-def _rod(link: Element, end: Vector, radius: float) -> None:
-    """Add a joint at the link's origin, and a cylinder from there to `end`."""
-    x, y, z = end
-    length = math.hypot(x, y, z)
-    _sphere(link, radius + _JOINT_M, DARK)
-    rpy = (0.0, math.acos(z / length), math.atan2(y, x))
-    _cylinder(link, (x / 2.0, y / 2.0, z / 2.0), radius, length, WHITE, rpy)
-
-
-def _box(link: Element, at: Vector, size: Vector, colour: str) -> None:
-    SubElement(_visual(link, at, colour), "box", size=_text(size))
-
-
-def _sphere(link: Element, radius: float, colour: str) -> None:
-    SubElement(_visual(link, (0.0, 0.0, 0.0), colour), "sphere", radius=f"{radius:g}")
-
-
-def _cylinder(
-    link: Element, at: Vector, radius: float, length: float, colour: str, rpy: Vector = (0.0, 0.0, 0.0)
-) -> None:
-    geometry = _visual(link, at, colour, rpy)
-    SubElement(geometry, "cylinder", radius=f"{radius:g}", length=f"{length:g}")
-
-
-def _visual(link: Element, at: Vector, colour: str, rpy: Vector = (0.0, 0.0, 0.0)) -> Element:
-    """Return the geometry of a new shape on the link."""
-    visual = SubElement(link, "visual")
-    SubElement(visual, "origin", xyz=_text(at), rpy=_text(rpy))
-    geometry = SubElement(visual, "geometry")
-    _colour(visual, colour)
-    return geometry
-
-
-def _colour(visual: Element, colour: str) -> None:
-    material = SubElement(visual, "material", name=f"colour {colour}")
-    SubElement(material, "color", rgba=colour)
+def _tube(colour: str, at: Vector, axis: Axis, radius: float, length: float) -> Solid:
+    return Solid(colour, at, "cylinder", {"radius": f"{radius:g}", "length": f"{length:g}"}, axis)
 
 
 def _text(values: Vector) -> str:
     return " ".join(f"{value:.5g}" for value in values)
 
 
-def _found(element: Element | None) -> Element:
-    assert element is not None  # noqa: S101 - our own text has it
-    return element
+# Where one solid hides another, it comes first: the hidden one then costs a page little.
+_BASE = (  # PMB-2: cover, lid, bumper, band of light, slot of the laser
+    _tube(_WHITE, (0.0, 0.0, 0.173), "z", 0.262, 0.200),
+    _tube(_DARK, (0.0, 0.0, 0.276), "z", 0.205, 0.016),
+    _tube(_DARK, (0.0, 0.0, 0.047), "z", 0.270, 0.056),
+    _tube(_LIGHT, (0.0, 0.0, 0.152), "z", 0.266, 0.016),
+    _tube(_BLACK, (0.178, 0.0, 0.096), "z", 0.090, 0.030),
+)
+_COLUMN = (  # carries the torso, and does not move
+    _tube(_WHITE, (-0.062, 0.0, 0.370), "z", 0.120, 0.170),
+    _box(_DARK, (-0.062, 0.0, 0.610), (0.150, 0.180, 0.320)),
+)
+_TORSO = (
+    _tube(_WHITE, (0.160, 0.0, -0.035), "z", 0.105, 0.090),  # the chest reaches over the shoulder
+    _box(_WHITE, (0.080, 0.0, -0.035), (0.160, 0.210, 0.090)),
+    _tube(_WHITE, (-0.010, 0.045, -0.165), "z", 0.105, 0.350),
+    _tube(_WHITE, (-0.010, -0.045, -0.165), "z", 0.105, 0.350),
+    _box(_WHITE, (-0.010, 0.0, -0.165), (0.210, 0.090, 0.350)),
+    _tube(_GREY, (0.155, 0.0, -0.090), "z", 0.070, 0.030),
+    _box(_DARK, (-0.100, 0.0, -0.150), (0.040, 0.120, 0.220)),
+    _box(_LIGHT, (0.095, 0.0, -0.300), (0.008, 0.080, 0.012)),
+)
+_NECK = (
+    _tube(_GREY, (0.0, 0.0, 0.020), "z", 0.070, 0.016),
+    _tube(_DARK, (0.0, 0.0, 0.055), "z", 0.048, 0.070),
+)
+_EYE_M = 0.042  # from the middle
+_HEAD = (
+    _tube(_WHITE, (-0.012, 0.0, 0.130), "y", 0.084, 0.200),
+    _box(_WHITE, (-0.012, 0.0, 0.080), (0.168, 0.200, 0.100)),
+    _tube(_GREY, (-0.012, 0.0, 0.130), "y", 0.048, 0.212),  # the ears
+    _box(_BLACK, (0.066, 0.0, 0.122), (0.040, 0.180, 0.150)),
+    _box(_DARK, (0.080, 0.0, 0.179), (0.030, 0.170, 0.038)),  # the camera of colours and depth
+    *(_tube(_WHITE, (0.094, side, 0.179), "x", 0.016, 0.006) for side in (-_EYE_M, _EYE_M)),
+    *(_tube(_LENS, (0.096, side, 0.179), "x", 0.012, 0.006) for side in (-_EYE_M, _EYE_M)),
+    _box(_LIGHT, (0.086, 0.0, 0.085), (0.004, 0.070, 0.008)),
+    _tube(_DARK, (0.0, 0.0, 0.010), "y", 0.040, 0.110),
+)
+_ARM = {
+    "arm_1_link": (
+        _tube(_WHITE, (0.0, 0.0, -0.020), "z", 0.062, 0.110),
+        _tube(_WHITE, (0.060, 0.010, -0.031), "x", 0.046, 0.120),
+    ),
+    "arm_2_link": (
+        _tube(_WHITE, (0.0, 0.0, 0.0), "z", 0.058, 0.120),
+        _tube(_DARK, (0.0, 0.0, 0.0), "z", 0.044, 0.128),
+        _tube(_WHITE, (0.055, 0.0, 0.0), "x", 0.050, 0.070),
+    ),
+    "arm_3_link": (
+        _tube(_DARK, (0.0, 0.0, 0.0), "z", 0.046, 0.030),
+        _tube(_WHITE, (-0.005, -0.002, -0.062), "z", 0.054, 0.100),
+        _tube(_WHITE, (-0.012, 0.0, -0.155), "z", 0.049, 0.090),
+    ),
+    "arm_4_link": (
+        _tube(_WHITE, (0.0, 0.0, 0.027), "z", 0.054, 0.112),
+        _tube(_DARK, (0.0, 0.0, 0.027), "z", 0.041, 0.120),
+        _tube(_WHITE, (-0.080, 0.016, 0.027), "x", 0.048, 0.130),
+    ),
+    "arm_5_link": (
+        _tube(_DARK, (0.0, 0.0, 0.0), "z", 0.043, 0.034),
+        _tube(_WHITE, (0.0, 0.0, 0.065), "z", 0.047, 0.100),
+    ),
+    "arm_6_link": (
+        _tube(_DARK, (0.0, 0.0, 0.0), "z", 0.038, 0.092),
+        _tube(_WHITE, (0.0, 0.0, 0.0), "z", 0.046, 0.060),
+    ),
+    "arm_7_link": (
+        _tube(_WHITE, (0.0, 0.0, 0.060), "z", 0.042, 0.044),
+        _tube(_GREY, (0.0, 0.0, 0.090), "z", 0.046, 0.016),
+    ),
+}
+_FINGER_M = 0.032  # from the middle: half open
+_GRIPPER = (
+    _box(_DARK, (0.0, 0.0, -0.110), (0.062, 0.130, 0.066)),
+    _box(_WHITE, (0.0, 0.0, -0.112), (0.070, 0.080, 0.045)),
+    *(_box(_GREY, (0.0, side, -0.062), (0.030, 0.026, 0.034)) for side in (-_FINGER_M, _FINGER_M)),
+    *(_box(_BLACK, (0.0, side, -0.012), (0.026, 0.014, 0.075)) for side in (-_FINGER_M, _FINGER_M)),
+)
+_TIAGO: Mapping[str, tuple[Solid, ...]] = {
+    "base_link": (*_BASE, *_COLUMN),
+    "torso_lift_link": _TORSO,
+    "head_1_link": _NECK,
+    "head_2_link": _HEAD,
+    **_ARM,
+    "gripper_grasping_frame": _GRIPPER,
+}
+
+
+def description(body: Body, name: str) -> str:
+    """Return the robot's description (URDF) with shapes that people recognise."""
+    robot = ElementTree.fromstring(urdf(body, name))  # noqa: S314 - our own text
+    looks = _TIAGO if body.upper_body else {"base_link": _BASE} if body.wheels else {}
+    for link in robot.findall("link"):
+        for hull in link.findall("visual"):
+            if looks:
+                link.remove(hull)
+            _paint(hull, _DARK)
+        for solid in looks.get(link.get("name", ""), ()):
+            _add(link, solid)
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _add(link: Element, solid: Solid) -> None:
+    visual = SubElement(link, "visual")
+    SubElement(visual, "origin", xyz=_text(solid.at), rpy=_text(_RPY[solid.axis]))
+    SubElement(SubElement(visual, "geometry"), solid.shape, solid.sizes)
+    _paint(visual, solid.colour)
+
+
+def _paint(visual: Element, colour: str) -> None:
+    material = SubElement(visual, "material", name=f"colour {colour}")
+    SubElement(material, "color", rgba=colour)

@@ -5,6 +5,8 @@
  */
 
 import {
+  BufferAttribute,
+  BufferGeometry,
   CylinderGeometry,
   ExtrudeGeometry,
   Group,
@@ -35,6 +37,7 @@ export class RobotModel {
   #joints = {};
   #wanted = {};
   #plain = new MeshLambertMaterial(); // of shapes without a colour
+  #painted = new MeshLambertMaterial({ vertexColors: true }); // of joined shapes
   #substitute = new MeshLambertMaterial();
   #movable = []; // names of joints that are not fixed and do not mimic another joint
   #lacking = 0; // number of movable joints whose positions are not known
@@ -152,6 +155,7 @@ export class RobotModel {
       .map(({ name }) => name);
     this.#saysFromMs = performance.now() + JOINTS_COME_MS;
     this.group.add(this.#model);
+    for (const link of Object.values(this.#model.links)) joinShapes(link, this.#painted);
     this.#plainMaterials(this.#model);
     this.#changed();
     const entries = Object.fromEntries(description.meshes.map((mesh) => [mesh.filename, mesh]));
@@ -203,7 +207,7 @@ export class RobotModel {
 
   #lambert(material) {
     if (material.isMeshLambertMaterial) return material;
-    if (!material.name && material.color.getHex() === 0xffffff) return this.#plain;
+    if (isPlain(material)) return this.#plain;
     const { color, opacity, transparent } = material;
     return new MeshLambertMaterial({ color, opacity, transparent });
   }
@@ -267,7 +271,7 @@ export class RobotModel {
     this.#movable = [];
     this.#lacking = 0;
     this.#joints = {};
-    const ours = [this.#plain, this.#substitute];
+    const ours = [this.#plain, this.#painted, this.#substitute];
     this.#model?.traverse((part) => {
       part.geometry?.dispose();
       for (const material of [part.material ?? []].flat())
@@ -276,4 +280,43 @@ export class RobotModel {
     this.#model?.removeFromParent();
     this.#model = null;
   }
+}
+
+/** Return whether the description gives no colour. */
+function isPlain(material) {
+  return !material.name && material.color.getHex() === 0xffffff;
+}
+
+/** Join the link's opaque, coloured shapes to one part: the fewer parts, the faster a picture is drawn. */
+function joinShapes(link, painted) {
+  const visuals = link.children.filter(({ isURDFVisual, children: [part] }) => {
+    return isURDFVisual && part?.isMesh && !isPlain(part.material) && !part.material.transparent;
+  });
+  if (visuals.length < 2) return;
+  const parts = visuals.map((visual) => {
+    const [{ geometry, material, matrix }] = visual.children;
+    for (const placed of [visual, ...visual.children]) placed.updateMatrix();
+    visual.removeFromParent();
+    const { count } = geometry.getAttribute("position");
+    const colours = Array.from({ length: count }, () => material.color.toArray()).flat();
+    geometry.setAttribute("color", new BufferAttribute(new Float32Array(colours), 3));
+    return geometry.applyMatrix4(matrix.premultiply(visual.matrix));
+  });
+  link.add(new Mesh(joined(parts), painted));
+}
+
+function joined(parts) {
+  const whole = new BufferGeometry();
+  for (const name of ["position", "normal", "color"]) {
+    const values = parts.flatMap((part) => [...part.getAttribute(name).array]);
+    whole.setAttribute(name, new BufferAttribute(new Float32Array(values), 3));
+  }
+  let first = 0;
+  const corners = parts.flatMap((part) => {
+    const begin = first;
+    first += part.getAttribute("position").count;
+    return [...part.index.array].map((corner) => begin + corner);
+  });
+  whole.setIndex(corners);
+  return whole;
 }

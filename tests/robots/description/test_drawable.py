@@ -37,6 +37,8 @@ def test_each_simulated_robot_has_shapes_and_can_be_drawn(kind):
     links = parsed(found.urdf).findall("link")
     assert {frame.child for frame in frames(BODIES[kind])} <= {link.get("name") for link in links}
     assert any(link.findall("visual") for link in links)
+    triangles = {"box": 12, "cylinder": 120, "sphere": 1740}  # as pages draw them
+    assert sum(triangles[shape[0].tag] for shape in parsed(found.urdf).iter("geometry")) < 10_000
 
 
 def test_a_tiago_has_shapes_on_torso_head_arm_and_gripper():
