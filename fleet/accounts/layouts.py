@@ -5,7 +5,7 @@ from __future__ import annotations
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext as _
 
-CONTENTS = ("camera", "plan", "map", "scene", "second")
+CONTENTS = ("camera", "plan", "map", "scene", "second", "plot")
 MOST_CELLS = 4
 
 

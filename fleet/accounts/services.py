@@ -33,7 +33,7 @@ from fleet.base.names import RESERVED, require
 
 FROM_THE_LIST = "ended from the session list"
 NAMES = ("username", "full_name", "email")  # the fields of an account that identify the person
-MOST_CHOICES = 200  # of one person about the control page: one for each robot, and few more
+MOST_CHOICES = 200  # of one person about the control page: two for each robot, and few more
 MOST_SIGN_INS = 50  # of one person; a newer one ends the oldest
 SEEN_EVERY = timedelta(minutes=1)
 _NOTED = "seen_at"  # key in the session's data: the time when its use was noted last, seconds since 1970

@@ -40,6 +40,7 @@ def test_choices_are_kept_for_every_browser_of_the_person(
     assert client.post(KEEP, {"hints_seen": "true"}).status_code == 204
     assert client.post(KEEP, {"vibration": "false"}).status_code == 204
     assert client.post(KEEP, LAYOUT).status_code == 204
+    assert client.post(KEEP, {"robot": "tiago-1", "plot": "/odom twist.linear.x"}).status_code == 204
     assert Record.objects.count() == records  # not recorded: nobody else is concerned
     other = Client()
     other.force_login(operator)
@@ -48,6 +49,7 @@ def test_choices_are_kept_for_every_browser_of_the_person(
         "hints_seen": True,
         "vibration": False,
         "layout tiago-1": {"cells": "camera,map,scene", "side": "false"},
+        "plot tiago-1": {"plot": "/odom twist.linear.x"},
     }
     other.force_login(staff)
     assert shown(other, robot) == {}
@@ -67,6 +69,7 @@ def test_choices_are_kept_for_every_browser_of_the_person(
         {**PLACES, "chart": "ceiling"},
         {**PLACES, "chart": "x" * 10_000},
         {**LAYOUT, "robot": ""},
+        {"robot": "tiago-1", "plot": "x" * 501},
         {**LAYOUT, "side": ""},
         {**LAYOUT, "cells": "camera,camera"},
         {**LAYOUT, "cells": "camera,hologram"},

@@ -21,7 +21,7 @@ class PageChoicesForm(forms.Form):
     """The choices that the control page stores for a person; a request may contain only some of them.
 
     `kept` contains the valid choices: `panels` (the place of each panel), each of `FLAGS` (whether the hints were
-    read, and how the page signals a stop), and a robot's layout, under the name that the page reads.
+    read, and how the page signals a stop), and a robot's layout and plot, under the name that the page reads.
     """
 
     chart = forms.ChoiceField(choices=[(place, place) for place in PLACES], required=False)
@@ -33,6 +33,7 @@ class PageChoicesForm(forms.Form):
     speech = forms.NullBooleanField()
     robot = forms.SlugField(max_length=50, required=False)
     cells = forms.CharField(max_length=60, required=False)  # separated by commas; blank: the page's own views
+    plot = forms.CharField(max_length=500, required=False)  # topic and fields, separated by spaces
     side = forms.ChoiceField(choices=[("true", "true"), ("false", "false")], required=False)
 
     kept: dict[str, Any]
@@ -50,6 +51,8 @@ class PageChoicesForm(forms.Form):
             cells = fields.get("cells", "")
             check_cells(cells.split(",") if cells else [])
             self.kept[f"layout {fields['robot']}"] = {"cells": cells, "side": fields["side"]}
+        if fields.get("robot") and fields.get("plot"):
+            self.kept[f"plot {fields['robot']}"] = {"plot": fields["plot"]}
         if not self.kept:
             raise forms.ValidationError(_("There is no choice in this request."))
         return fields

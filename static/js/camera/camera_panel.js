@@ -191,7 +191,7 @@ export class CameraPanel {
   #follow() {
     const isShown = this.#area.clientWidth > 0; // some tabs hide the picture
     const shown = (content) => isShown && this.#views.shows(content);
-    this.#tell({ sceneShown: shown("scene"), mapShown: shown("map") });
+    this.#tell({ sceneShown: shown("scene"), mapShown: shown("map"), plotShown: shown("plot") });
     if (this.#views.view === "scene") this.#tell({ pointed: null }); // 3D draws no ghost
     const before = [this.#main, this.#second].map((view) => view.camera?.name);
     const main = isShown ? this.#views.main : null;

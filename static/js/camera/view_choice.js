@@ -75,7 +75,7 @@ export class Views extends EventTarget {
     this.#changed();
   }
 
-  /** Whether a content has a picture of its own: "plan", "camera", "second", "map" or "scene". */
+  /** Whether a content has a picture of its own: "plan", "camera", "second", "map", "scene" or "plot". */
   shows(content) {
     return (this.#isOwn ? this.#cells : LARGE[this.#view]).includes(content);
   }
@@ -201,8 +201,8 @@ export class Views extends EventTarget {
   #place() {
     const cells = this.#isOwn ? this.#cells : [];
     mark(this.#area, "cells", cells.length || null);
-    const { picture, camera, second, scene, map } = this.#parts;
-    const places = { plan: picture.parentElement, camera, second, scene, map };
+    const { picture, camera, second, scene, map, plot } = this.#parts;
+    const places = { plan: picture.parentElement, camera, second, scene, map, plot };
     for (const [content, element] of Object.entries(places))
       mark(element, "cell", CELLS[cells.indexOf(content)]);
   }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 import time
@@ -61,7 +62,7 @@ class DrivingPage:
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.route("**/*", self._answer)
         page.route_web_socket(re.compile("/ws/robots/[^/]+/$"), self._control)
-        page.route_web_socket(re.compile("/ws/robots/[^/]+/topics/$"), lambda _socket: None)
+        page.route_web_socket(re.compile("/ws/robots/[^/]+/topics/$"), self._topics)
         page.route_web_socket(re.compile("/ws/robots/[^/]+/camera/$"), self._camera)
 
     def show(self, moment: Moment) -> None:
@@ -149,6 +150,22 @@ class DrivingPage:
 
         socket.on_message(heard)
         self._say(socket, wire.Cameras(self._facts.cameras))
+
+    def _topics(self, socket: WebSocketRoute) -> None:
+        """One topic; a message comes for each that the page has shown."""
+        numbers = itertools.count(1)
+
+        def heard(text: str | bytes) -> None:
+            message = json.loads(text)
+            if message["t"] == "topics":
+                topics = [{"name": "/odom", "type": "nav_msgs/Odometry"}]
+                answer = {"t": "graph", "topics": topics, "actions": [], "services": []}
+                socket.send(json.dumps({**answer, "seq": message["seq"]}))
+            elif message["t"] in ("subscribe", "ack"):
+                sample = {"t": "sample", "topic": "/odom", "fields": {"x": self._now_ms % 1000}}
+                socket.send(json.dumps({**sample, "number": next(numbers)}))
+
+        socket.on_message(heard)
 
     @property
     def _is_frozen(self) -> bool:

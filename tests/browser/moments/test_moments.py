@@ -83,6 +83,9 @@ def test_nothing_covers_what_matters_beside_cells(driving: DrivingPage) -> None:
     page.add_style_tag(content=ALL_POINTED)
     page.locator("[data-part=arrange-open]").click()
     page.locator("[data-count='4']").click()
+    page.locator("[data-at='2']").select_option("plot")
+    page.locator("[data-part=plot-topic]").select_option("/odom")
+    page.locator("[data-part=plot-field]").select_option("x")
     wrong = {}
     for lists in (True, False):
         page.locator("[data-part=arrange-side]").set_checked(lists)

@@ -6,6 +6,7 @@ const PARTS = `
     <section><canvas data-part="picture"></canvas></section>
     <section data-part="scene" hidden></section>
     <section data-part="map" hidden></section>
+    <section data-part="plot" hidden></section>
     <section data-part="camera" hidden>
       <canvas class="camera-picture"></canvas><canvas data-part="camera-floor"></canvas>
       <p class="camera-age"></p><p class="camera-words"></p>

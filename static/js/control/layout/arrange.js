@@ -17,6 +17,7 @@ function contentName(content) {
     map: gettext("Map"),
     scene: gettext("3D"),
     second: gettext("Second camera"),
+    plot: gettext("Plot"),
   }[content];
 }
 

@@ -4,7 +4,7 @@
 export const CELLS = ["a", "b", "c", "d"];
 
 /** In the order in which new cells get them. */
-export const CONTENTS = ["camera", "plan", "map", "scene", "second"];
+export const CONTENTS = ["camera", "plan", "map", "scene", "second", "plot"];
 
 /** Return what a robot can show. @param {{cameras: ?object[], has_map: ?boolean}} facts of the robot */
 export function contentsOf({ cameras = [], has_map: hasMap = false }) {

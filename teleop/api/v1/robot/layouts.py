@@ -17,7 +17,7 @@ class LayoutRequest(Struct, frozen=True, forbid_unknown_fields=True):
     """A layout: the contents of its pictures, the largest first, and whether the lists beside them are shown."""
 
     name: Annotated[str, Meta(min_length=1, max_length=40)]
-    cells: Annotated[list[Literal["camera", "plan", "map", "scene", "second"]], Meta(max_length=4)]
+    cells: Annotated[list[Literal["camera", "plan", "map", "scene", "second", "plot"]], Meta(max_length=4)]
     side: bool = True
 
 

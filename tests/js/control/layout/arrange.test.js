@@ -8,15 +8,21 @@ const FACTS = { cameras: [{ name: "head" }], has_map: true };
 
 describe("the cells", () => {
   it("offer what the robot has", () => {
-    expect(contentsOf({})).toEqual(["plan", "scene"]);
-    expect(contentsOf(FACTS)).toEqual(["camera", "plan", "map", "scene"]);
-    expect(contentsOf({ cameras: [{}, {}] })).toEqual(["camera", "plan", "scene", "second"]);
+    expect(contentsOf({})).toEqual(["plan", "scene", "plot"]);
+    expect(contentsOf(FACTS)).toEqual(["camera", "plan", "map", "scene", "plot"]);
+    expect(contentsOf({ cameras: [{}, {}] })).toEqual([
+      "camera",
+      "plan",
+      "scene",
+      "second",
+      "plot",
+    ]);
   });
 
   it("keep their contents when their number changes", () => {
     expect(resized(["map"], 3, contentsOf(FACTS))).toEqual(["map", "camera", "plan"]);
     expect(resized(["map", "camera", "plan"], 1, contentsOf(FACTS))).toEqual(["map"]);
-    expect(resized([], 4, contentsOf({}))).toEqual(["plan", "scene"]);
+    expect(resized([], 4, contentsOf({}))).toEqual(["plan", "scene", "plot"]);
   });
 
   it("exchange contents", () => {
