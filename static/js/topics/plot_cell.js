@@ -1,7 +1,7 @@
 /** A plot beside the other pictures of a layout: fields of one topic over time. Kept for each account and robot. */
 
 import { socketUrl } from "../connection/socket.js";
-import { make, setTextOrHide, show } from "../lib/dom.js";
+import { make, mark, setTextOrHide, show } from "../lib/dom.js";
 import { TopicsChannel } from "./channel.js";
 import { rows } from "./fields.js";
 import { FieldPlot } from "./plot.js";
@@ -10,7 +10,7 @@ const RATE_HZ = 5;
 const ALL = { has: () => true }; // a list's elements are fields, too
 
 export class PlotCell {
-  static hears = ["plotShown"];
+  static hears = ["plotShown", "stale"];
   #parts;
   #choices;
   #robot;
@@ -48,6 +48,11 @@ export class PlotCell {
     show(this.#parts.plot, shown);
     if (shown) this.#channel.open();
     else this.#channel.close();
+  }
+
+  /** Whether the robot's view is out of date: then the topic is, too. */
+  set stale(stale) {
+    mark(this.#parts.plot, "old", stale);
   }
 
   close() {
