@@ -222,18 +222,18 @@ export class PlanView {
 
   #drawGhost({ ghost, nose, floor, problem }, pixel) {
     const { pen, colour } = this.#canvas;
-    pen.fillStyle = colour["path-body"];
-    pen.strokeStyle = problem ? colour.alarm : colour.path;
+    pen.fillStyle = pen.strokeStyle = problem ? colour.alarm : colour.path;
     pen.lineWidth = 2 * pixel;
-    this.#outline(floor);
-    pen.fill();
+    pen.globalAlpha = 0.12;
+    for (const outline of [floor, ghost]) {
+      this.#outline(outline);
+      pen.fill();
+    }
+    pen.globalAlpha = 1;
     pen.setLineDash([6 * pixel, 4 * pixel]);
-    this.#outline(ghost);
-    pen.fill();
     pen.stroke();
     pen.setLineDash([]);
-    const [x, y] = middleOf(ghost);
-    this.#outline([[x, y], nose]);
+    this.#outline([middleOf(ghost), nose]);
     pen.stroke();
   }
 
