@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from django.db import transaction
-from django.utils.translation import gettext as _
 
 from fleet.accounts.layouts import check_cells
 from fleet.accounts.models import User
@@ -11,6 +10,7 @@ from fleet.audit.services import record
 from fleet.base.names import require
 from robots.access.selectors import supervises
 from robots.registry.models import Robot
+from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 from teleop.models import SharedLayout
 
@@ -25,11 +25,10 @@ def layout_share(*, robot: Robot, name: str, cells: list[str], side: bool, actor
     check_cells(cells)
     Robot.objects.select_for_update(no_key=True).get(pk=robot.pk)  # two people at once
     if robot.layouts.filter(name__iexact=name).exists():
-        raise NotDone(Refusal("name_taken", _("This robot has a layout of this name already."), "account"))
+        raise NotDone(Refusal("name_taken", "This robot has a layout of this name already.", "account"))
     if robot.layouts.count() >= MOST:
-        raise NotDone(
-            Refusal("too_many", _("A robot has at most %d layouts: delete one first.") % MOST, "account")
-        )
+        text = say("A robot has at most {most} layouts: delete one first.", most=MOST)
+        raise NotDone(Refusal("too_many", text, "account"))
     layout = SharedLayout.objects.create(robot=robot, name=name, cells=cells, side=side)
     _record("layout.share", layout, actor)
     return layout
@@ -45,7 +44,7 @@ def layout_delete(*, layout: SharedLayout, actor: User) -> None:
 
 def _require_supervisor(robot: Robot, actor: User) -> None:
     if not supervises(actor, robot):
-        text = _("Layouts are shared and deleted by supervisors of the robot and staff.")
+        text = "Layouts are shared and deleted by supervisors of the robot and staff."
         raise NotDone(Refusal("permission_denied", text, "account"))
 
 
