@@ -303,8 +303,7 @@ def test_a_drive_by_a_distance_is_shown_cancelled_and_replaced(person: Arrive) -
     operator.release()
 
 
-def test_a_press_on_the_plan_drives_there(person: Arrive, tiago_two: PutBack) -> None:
-    tiago_two()
+def test_a_press_on_the_plan_drives_there(person: Arrive) -> None:
     operator = person("operator", apart=True)
     operator.take("tiago-2")
     operator.fold_arm()
