@@ -10,6 +10,7 @@ const PATH_S = 2;
 const PATH_STEPS = 24;
 const ROBOT_AT = 0.6; // share of the height: the view shows more ahead than behind
 const COARSEST = 36; // least page pixels per metre: a small picture shows less of the room, not a tiny robot
+const HALF_TEXT = 16; // page pixels
 const UNSEEN_M = 1.5; // distance to which unseen sectors are shaded: the robot can be there soon
 
 const COLOURS = [
@@ -109,7 +110,7 @@ export class PlanView {
     // From here on: metres, x forward is up, y left is left.
     pen.setTransform(0, -pixels, -pixels, 0, width / 2, height * ROBOT_AT);
     const pixel = density / pixels;
-    this.#drawGrid(pixel);
+    this.#drawGrid(pixel, (width / 2 / density - HALF_TEXT) / (pixels / density));
     if (!this.#facts || !this.#view) return;
     pen.globalAlpha = this.#stale ? 0.3 : 1;
     this.#drawUnseen(this.#view.scan?.unseen ?? []);
@@ -125,7 +126,8 @@ export class PlanView {
     this.#drawHold(this.#view.state.verdict.point, pixel);
   }
 
-  #drawGrid(pixel) {
+  /** @param {number} mostM no text stands farther aside: the edge would cut it */
+  #drawGrid(pixel, mostM) {
     const pen = this.#canvas.pen;
     pen.strokeStyle = this.#canvas.colour.grid;
     pen.lineWidth = pixel;
@@ -133,7 +135,7 @@ export class PlanView {
       pen.beginPath();
       pen.arc(0, 0, metres, 0, 2 * Math.PI);
       pen.stroke();
-      this.#write(`${metres} m`, 0, -metres, pixel);
+      if (metres < mostM) this.#write(`${metres} m`, 0, -metres, pixel);
     }
   }
 

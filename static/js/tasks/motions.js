@@ -181,7 +181,7 @@ export class Motions {
    */
   #show() {
     const [play, cancel] = [gettext("Play"), gettext("Cancel")];
-    const takeControl = this.#mayAct === false ? gettext("Take control to play one.") : "";
+    const takeControl = this.#mayAct === false ? whyNotNow() : "";
     setTextOrHide(this.#parts["motions-hint"], this.#idle || takeControl);
     for (const [name, { button, act }] of this.#buttons) {
       const runs = name === this.#running;

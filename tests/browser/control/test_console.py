@@ -413,7 +413,7 @@ def test_a_silent_robot_is_shown_and_inputs_give_way(person: Arrive, stack: Stac
         notice(operator, re.compile("Play Wave: no answer within 0.75 s"))
         motions.wait_for(state="hidden")
         assert re.search(
-            "The console is silent for .* s.*This page goes on by itself", reason.inner_text(), re.DOTALL
+            "The console has been silent for .* s.*This page connects again by itself", reason.inner_text(), re.DOTALL
         )
     finally:
         os.kill(bridge, signal.SIGCONT)

@@ -99,7 +99,7 @@ function silent({ silence, gone, pending, seen }) {
       title: gettext("No link to the robot"),
       text: sentences(
         pendingText(pending),
-        gettext("This page goes on by itself. If it lasts, tell staff."),
+        gettext("This page connects again by itself. If it lasts, tell staff."),
       ),
       detail: sentences(gone.text, lastSeen(seen)),
     };
@@ -108,16 +108,18 @@ function silent({ silence, gone, pending, seen }) {
     title: sinceText(
       silence,
       gettext("The console is silent"),
-      gettext("The console is silent for %s"),
+      gettext("The console has been silent for %s"),
     ),
-    text: gettext("The picture is old, and commands may not arrive. This page goes on by itself."),
+    text: gettext(
+      "The picture is old, and commands may not arrive. This page connects again by itself.",
+    ),
   };
 }
 
 /** The robot's computer, its network or its wheels' sensors: the bridge waits for odometry. */
 function robotSilent({ silence, state, seen }) {
   const detail = sentences(state.text, lastSeen(seenAt(state) ?? seen));
-  const goesOn = gettext("This page goes on by itself. If it lasts, tell staff.");
+  const goesOn = gettext("This page connects again by itself. If it lasts, tell staff.");
   if (state.phase === "refused")
     return {
       level: "fault",
@@ -139,10 +141,10 @@ function robotSilent({ silence, state, seen }) {
     title: sinceText(
       silence,
       gettext("The robot is silent"),
-      gettext("The robot is silent for %s"),
+      gettext("The robot has been silent for %s"),
     ),
     text: gettext(
-      "What you see is old. It gets no commands; if it still moves, press its red button.",
+      "What you see is old. It gets no commands; if it still moves, press the red button on the robot.",
     ),
     detail,
   };
@@ -154,7 +156,7 @@ function moves(state) {
     title:
       state.stands === null
         ? movesTitle(state)
-        : gettext("It moves although stopped: press its red button"),
+        : gettext("It moves although stopped: press the red button on the robot"),
     text: gettext("The console cannot stop it."),
     detail: movesText(state),
   };

@@ -60,7 +60,7 @@ export class ReasonStrip {
       setText(act, labelOf(first.act));
     }
     show(more, reasons.length > 1);
-    setText(more, `+${reasons.length - 1}`);
+    setText(more, interpolate(gettext("%s more"), [reasons.length - 1]));
     more.setAttribute(
       "aria-label",
       interpolate(ngettext("%s more reason", "%s more reasons", reasons.length - 1), [

@@ -76,7 +76,7 @@ export function standstillText(stop) {
 export function stopText(state) {
   const { stop } = state;
   if (stop.state === "clear") return "";
-  if (state.moves_although_stopped) return gettext("It moves: red button");
+  if (state.moves_although_stopped) return gettext("It moves!");
   if (!isSeen(state) || state.stands === null) return gettext("Pressed");
   if (stop.state === "stopping") return gettext("Stopping");
   if (stop.was_standing) return gettext("Stopped, was standing");

@@ -49,9 +49,9 @@ describe("the reason", () => {
 
   it("says who is silent, and what to do", () => {
     expect(first({ connected: false }).title).toBe("No connection to the console");
-    expect(first({ sinceViewMs: 2400 }).title).toBe("The console is silent for 2 s");
+    expect(first({ sinceViewMs: 2400 }).title).toBe("The console has been silent for 2 s");
     const frozen = { ...ONLINE, unseen_s: 4.2 };
-    expect(first({ state: frozen }).title).toBe("The robot is silent for 4 s");
+    expect(first({ state: frozen }).title).toBe("The robot has been silent for 4 s");
     const text = "No ROS master at http://tiago-3:11311.";
     expect(first({ state: { ...ONLINE, phase: "waiting", text } })).toMatchObject({
       title: "The robot is out of reach",
@@ -99,7 +99,7 @@ describe("the reason", () => {
     const state = { ...stopped(), stands: false, moves_although_stopped: moves };
     expect(first({ state, asksNeutral: true })).toMatchObject({
       level: "alarm",
-      title: "It moves although stopped: press its red button",
+      title: "It moves although stopped: press the red button on the robot",
       detail: expect.stringContaining("/rogue on /cmd_vel. Stopped by Bo."),
     });
     for (const cut of [{ connected: false }, { gone: { text: "No." } }, { sinceViewMs: 2400 }])

@@ -114,7 +114,10 @@ describe("the status bar of the control page", () => {
   it("counts the reasons that it does not show", () => {
     statusBar.show({ ...LIVE, state: { ...STATE, watchdog_missing: true }, hint: "Reversing" });
     expect(parts["reason-title"].textContent).toBe("Reversing");
-    expect([parts["reason-more"].hidden, parts["reason-more"].textContent]).toEqual([false, "+1"]);
+    expect([parts["reason-more"].hidden, parts["reason-more"].textContent]).toEqual([
+      false,
+      "1 more",
+    ]);
   });
 
   it("says in the header who is silent, and for how long", () => {
