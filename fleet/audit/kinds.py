@@ -180,7 +180,7 @@ _GROUPS: tuple[tuple[str | Promise, tuple[str, ...]], ...] = (
     (_("Health and faults"), ("health", "fault")),
     (_("Topics, services and cameras"), ("publish", "topic", "service", "parameter", "camera")),
     (_("Bookings"), ("booking", "policy")),
-    (_("Robots, phrases and places"), ("robot", "profile", "phrase", "place", "map", "allowance")),
+    (_("Robots, phrases and places"), ("robot", "profile", "phrase", "place", "map", "layout", "allowance")),
     (_("Rights and courses"), ("role", "group", "course", "qualification")),
     (_("Accounts"), ("account", "token", "setup")),
     (_("Log and webhooks"), ("audit", "webhook")),

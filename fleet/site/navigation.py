@@ -22,8 +22,12 @@ class PageLink(Struct, frozen=True):
 
 
 def navigation(request: HttpRequest) -> dict[str, Any]:
-    """Return `site_pages` for templates. The person's rights are read only if a template shows the links."""
-    return {"site_pages": SimpleLazyObject(lambda: links_for(request.user, request.path))}
+    """Return `site_pages` for templates. The person's rights are read only if a template shows the links.
+
+    A request that a middleware refuses before the sign-in is read has no user.
+    """
+    user = getattr(request, "user", None)
+    return {"site_pages": SimpleLazyObject(lambda: links_for(user, request.path))}
 
 
 def links_for(user: Any, path: str) -> list[PageLink]:

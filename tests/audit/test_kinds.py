@@ -43,6 +43,7 @@ INDIRECT = {
     ("fleet/bookings/services.py", "kind"): set(),
     ("teleop/control/services.py", "kind"): set(),
     ("teleop/stop/presses.py", "record.kind"): set(),
+    ("teleop/layouts/services.py", "kind"): set(),
     ("teleop/webhooks/services.py", "kind"): set(),
     ("teleop/live/service_calls.py", "begun.kind"): set(),
 }

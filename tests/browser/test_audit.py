@@ -72,7 +72,7 @@ def test_staff_find_a_text_in_three_steps_and_its_path(
     staff.open("/admin/audit/speechrecord/")
     today = datetime.now(UTC).date().isoformat()
     page.get_by_label("From").fill(today)
-    page.get_by_label("To").fill(today)
+    page.get_by_label("To", exact=True).fill(today)
     page.get_by_label("Person").fill(spoken.account.username)
     page.get_by_label("Said").fill("warm charger")
     page.get_by_role("button", name="Show", exact=True).click()

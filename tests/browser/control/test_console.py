@@ -123,7 +123,7 @@ def test_a_motion_is_played_shown_cancelled_and_exclusive(person: Arrive) -> Non
     operator.press("Play Inspect surroundings")
     operator.until(lambda: operator.state["motion"] is not None, "the motion")
     assert [box_of(row), box_of(row.get_by_text("Cancel"))] == place
-    search = operator.page.get_by_label("Search motions")
+    search = operator.page.get_by_label("Search motions", exact=True)
     search.fill("WÀV")
     search.press("Enter")
     notice(operator, re.compile("Play Wave: .*requested by Operator"))
@@ -357,8 +357,8 @@ def test_control_taken_over_during_a_lost_link_is_reported(person: Arrive) -> No
     operator.part("reason").get_by_text("No connection").wait_for()
     supervisor.press("Take over…")
     dialog = supervisor.page.get_by_role("dialog", name="Take over control?")
-    dialog.get_by_label("Reason").fill("a test")
-    dialog.get_by_label("Reason").press("Enter")
+    dialog.get_by_label("Reason", exact=True).fill("a test")
+    dialog.get_by_label("Reason", exact=True).press("Enter")
     supervisor.until_in_control()
     lost = False
     operator.part("who").get_by_text("Supervisor has control").wait_for()
@@ -413,7 +413,9 @@ def test_a_silent_robot_is_shown_and_inputs_give_way(person: Arrive, stack: Stac
         notice(operator, re.compile("Play Wave: no answer within 0.75 s"))
         motions.wait_for(state="hidden")
         assert re.search(
-            "The console has been silent for .* s.*This page connects again by itself", reason.inner_text(), re.DOTALL
+            "The console has been silent for .* s.*This page connects again by itself",
+            reason.inner_text(),
+            re.DOTALL,
         )
     finally:
         os.kill(bridge, signal.SIGCONT)

@@ -24,7 +24,9 @@ def test_every_page_says_that_a_stopped_robot_moves(person: Arrive, stack: Stack
     with robot_side(stack.robots[ROBOT], "rogue", tmp_path / "said"):
         observer.until(lambda: abs(observer.state["odometry"]["w"]) > 0.1, "a robot that turns")
         observer.part("stop").get_by_role("button").click()
-        expect(observer.part("reason-title")).to_have_text("It moves although stopped: press the red button on the robot")
+        expect(observer.part("reason-title")).to_have_text(
+            "It moves although stopped: press the red button on the robot"
+        )
         expect(observer.part("reason-title")).to_be_in_viewport()
         expect(observer.part("reasons-now")).to_have_text(WHO)
         expect(observer.part("alarm")).to_contain_text("It moves although stopped")
