@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Locator, expect
 
 from tests.browser.people import Person
-from tests.browser.test_pages import axe_accepts, axe_accepts_everywhere
+from tests.browser.test_pages import axe_accepts, axe_accepts_everywhere, box_of
 
 Arrive = Callable[..., Person]
 # The pixel of a place, computed by `map_frame.js`: whole map, north up.
@@ -191,11 +191,12 @@ def test_axe_accepts_the_map_and_no_word_covers_it(person: Arrive, width: int, h
     operator.page.mouse.click(*operator.page.evaluate(PIXEL, [1.3, 1.0]))
     expect(operator.part("map-picked-go")).to_have_text("Go to “kitchen”")
     accepted("a place is picked")
-    operator.part("map-picked-close").click()
+    closes = operator.part("map-picked-close")
+    if closes.is_visible():  # axe-core holds the page up: then the world is old, and the offer has gone
+        closes.click()
     operator.part("map-go").click()
-    accepted("a place is chosen")
-    words = operator.part("map-words").bounding_box()
+    words = box_of(operator.part("map-words"))
     _, south = operator.page.evaluate(PIXEL, [5.0, 0.0])
-    assert words is not None
     assert words["y"] >= south - 1.0
+    accepted("a place is chosen")
     operator.release()
