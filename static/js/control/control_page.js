@@ -427,7 +427,7 @@ class ControlPage {
     this.#update();
   }
 
-  /** What the button beside the reason does. */
+  /** Acts of the button beside the reason, by name. */
   #acts() {
     const { actions, forget, "arm-home": home } = this.#parts;
     const press = (name) => actions.querySelector(`[data-action=${name}]`).click();

@@ -121,7 +121,7 @@ export class GoingPanel {
     return wayTo(this.#point, this.#outline, known, this.#facts);
   }
 
-  /** What pictures draw, in the base frame; null: no ghost. */
+  /** The shape that pictures draw, in the base frame; null: no ghost. */
   get #ghost() {
     if (!this.#goal || !this.#base) return null;
     if (!this.#shape) return this.#way;

@@ -9,7 +9,7 @@ import { places } from "./places.js";
 import { robots } from "./robots.js";
 
 /**
- * What the sources of entries get of the control page.
+ * The parts of the control page that sources of entries get.
  *
  * @typedef {object} Driving
  * @property {DOMStringMap} data of the page

@@ -1,4 +1,4 @@
-/** What opens the palette: a button of the menu, and Ctrl+K, on a Mac Cmd+K. */
+/** Openers of the palette: a button of the menu, and Ctrl+K, on a Mac Cmd+K. */
 
 import { setText, show } from "../lib/dom.js";
 
