@@ -101,15 +101,17 @@ def test_in_two_courses_the_quota_of_the_second_counts_next(robot, stranger, cou
 
 def test_a_person_in_two_courses_chooses(signed_in, robot, stranger, course, thesis):
     browser, today = signed_in(stranger), lab_date()
-    Course.objects.update(starts_on=today, ends_on=today + timedelta(days=6))
+    Course.objects.update(starts_on=today, ends_on=today + timedelta(days=13))
+    monday = 24 * (7 - today.weekday())  # the quota is one of a week: both times lie in the next one
     for page in ("booking-new", "bookings"):  # the form, and the calendar's dialog
         assert '<option value="thesis">Thesis</option>' in browser.get(reverse(page)).content.decode()
-    assert browser.post(reverse("booking-new"), fields(robot, course="thesis"), **JSON).status_code == 200
+    assert browser.post(reverse("booking-new"), fields(robot, monday, course="thesis"), **JSON).status_code == 200
     assert Booking.objects.get().course == thesis
-    answer = browser.post(reverse("booking-new"), fields(robot, 4, course="thesis"), **JSON)
+    later = fields(robot, monday + 4, course="thesis")
+    answer = browser.post(reverse("booking-new"), later, **JSON)
     assert [one["code"] for one in answer.json()["refusals"]] == ["quota_course_week"]
     thesis.robots.clear()
-    answer = browser.post(reverse("booking-new"), fields(robot, 4, course="thesis"), **JSON)
+    answer = browser.post(reverse("booking-new"), later, **JSON)
     assert [one["code"] for one in answer.json()["refusals"]] == ["wrong_course"]
 
 
