@@ -105,7 +105,8 @@ def test_a_person_in_two_courses_chooses(signed_in, robot, stranger, course, the
     monday = 24 * (7 - today.weekday())  # the quota is one of a week: both times lie in the next one
     for page in ("booking-new", "bookings"):  # the form, and the calendar's dialog
         assert '<option value="thesis">Thesis</option>' in browser.get(reverse(page)).content.decode()
-    assert browser.post(reverse("booking-new"), fields(robot, monday, course="thesis"), **JSON).status_code == 200
+    answer = browser.post(reverse("booking-new"), fields(robot, monday, course="thesis"), **JSON)
+    assert answer.status_code == 200
     assert Booking.objects.get().course == thesis
     later = fields(robot, monday + 4, course="thesis")
     answer = browser.post(reverse("booking-new"), later, **JSON)
