@@ -283,6 +283,7 @@ class ControlPage {
     if (input && input !== "turn") this.#drawers.close(); // the button for "turn" is in a drawer
     const wasMoved = this.#moved;
     this.#moved = Boolean(input);
+    if (input) this.#wish(); // a gamepad moves the stick also without control
     if (wasMoved && !input) this.#hints.done("stick"); // it was pushed and released
   }
 
@@ -432,6 +433,10 @@ class ControlPage {
     const { actions, forget, "arm-home": home } = this.#parts;
     const press = (name) => actions.querySelector(`[data-action=${name}]`).click();
     const ask = (request) => this.#panels.request(request);
+    const atRest = (act) => () => {
+      this.#zero("asked"); // while the stick is pushed, the robot begins no task
+      act();
+    };
     return {
       clear: () => {
         this.#stopAsked = this.#contact.state?.stop.number ?? 0;
@@ -439,11 +444,11 @@ class ControlPage {
       },
       take: () => press("take"),
       ask: () => press("ask"),
-      back_off: () => ask({ t: "drive_by", distance_m: -BACK_OFF_M }),
-      turn: () => ask({ t: "drive_by", angle_rad: Math.PI }),
+      back_off: atRest(() => ask({ t: "drive_by", distance_m: -BACK_OFF_M })),
+      turn: atRest(() => ask({ t: "drive_by", angle_rad: Math.PI })),
       look: () => ask({ t: "look_ahead" }),
       forget: () => forget.click(),
-      arm_home: () => home.click(),
+      arm_home: atRest(() => home.click()),
     };
   }
 
@@ -503,6 +508,7 @@ class ControlPage {
 
   #update() {
     const now = performance.now();
+    if (document.hidden) this.#contact.hide(now);
     const asksNeutral = this.#stick.waitsForNeutral || Boolean(this.#contact.state?.neutral_needed);
     if (!asksNeutral || !this.#drives) this.#needsNeutralSinceMs = now;
     const silence = this.#silence;
@@ -512,7 +518,6 @@ class ControlPage {
       this.#state.tell({ stale: this.#isStale });
       this.#tellRights();
     }
-    if (document.hidden) this.#contact.hide(now);
     mark(this.#root, "cut", !this.#socket.open || this.#contact.isLost(now));
     const reason = this.#statusBar.show({
       outdated: this.#outdated,
@@ -521,12 +526,15 @@ class ControlPage {
       silence,
       asks: this.#needsSign ? soonText() : "",
       hint: this.#turn.holdText || this.#reverseHint(),
+      mayAct: this.#drives && !this.#isStale,
       asksNeutral: now - this.#needsNeutralSinceMs > NEUTRAL_SAID_AFTER_MS,
       mayClear: Boolean(this.#control?.may_clear),
       delayMs: this.#heartbeat.delayMs,
       echoMs: this.#echoTrips.median,
     });
-    this.#signals.follow(this.#contact.state, silence, reason?.title ?? "", now);
+    const isOnlyHidden = silence?.who === "console" && this.#contact.wasHidden(now);
+    const lost = isOnlyHidden ? null : silence;
+    this.#signals.follow(this.#contact.state, lost, reason?.title ?? "", now);
   }
 
   #reverseHint() {

@@ -2,6 +2,8 @@
 
 import { isLost, seenAt } from "./status/status_text.js";
 
+const BACK_WITHIN_MS = 1000; // views come again when the page is shown again
+
 export class RobotContact {
   #state = null; // the newest
   #stateMs = -Infinity; // time at which it was received
@@ -33,6 +35,11 @@ export class RobotContact {
   /** The page is hidden, or was until now. */
   hide(nowMs) {
     this.#hiddenMs = nowMs;
+  }
+
+  /** Return whether no view may have come only because the page was hidden. */
+  wasHidden(nowMs) {
+    return this.#hiddenMs > this.#stateMs && nowMs - this.#hiddenMs < BACK_WITHIN_MS;
   }
 
   /** Return whether the robot has reported a stop since this time. */

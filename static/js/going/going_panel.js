@@ -6,12 +6,11 @@
 import { whyNotNow } from "../control/lease.js";
 import { isWithin, withArm } from "../drive/twist_geometry.js";
 import { dim, mark, setText, show } from "../lib/dom.js";
+import { TWO_TAPS_MS } from "../lib/presses.js";
 import { endNotice } from "../navigation/words.js";
 import { DriveThere } from "./drive_there.js";
 import { fromBase, onFloor, wayTo } from "./way.js";
 import { problemText, wayText } from "./words.js";
-
-const TWO_TAPS_MS = 500; // the second of two quick taps must not press the button that the first tap showed
 
 export class GoingPanel {
   static hears = ["facts", "view", "stale", "mayAct", "tab", "pointed", "state.drive_by"];

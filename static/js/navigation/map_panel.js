@@ -3,6 +3,7 @@
 import { whyNotNow } from "../control/lease.js";
 import { isSeen } from "../control/status/status_text.js";
 import { dim, make, mark, setText, setTextOrHide, show } from "../lib/dom.js";
+import { TWO_TAPS_MS } from "../lib/presses.js";
 import { NewEnds } from "../tasks/task_ends.js";
 import { MapView } from "./map_view.js";
 import { readMaps, readPicture } from "./places_api.js";
@@ -13,7 +14,6 @@ import { endNotice, goingText } from "./words.js";
 const LOOK_MS = 2_000; // between two reads, while the panel is open and has no map
 const AGAIN_EVERY = 10; // times LOOK_MS: a known map is read again, because the robot may have another map
 const ZOOM = 1.5;
-const TWO_TAPS_MS = 500; // the second of two quick taps must not press the button that the first tap showed
 const MODES = ["go", "pose", "place"];
 const IN_CONTROL = ["go", "pose"];
 
@@ -22,7 +22,7 @@ export class MapPanel {
   static task = "going";
   static requests = {
     go: { name: () => gettext("Go there") },
-    go_cancel: { name: () => gettext("Cancel the drive to a place") },
+    go_cancel: { name: () => gettext("Cancel the drive to a place"), ends: true },
     set_pose: {
       name: () => gettext("Robot is here"),
       done: () => gettext("The robot was told where it is."),

@@ -4,6 +4,7 @@ import { whyNotNow } from "../control/lease.js";
 import { number } from "../formats/numbers.js";
 import { dim, make, makeButton, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
+import { heldOnce } from "../lib/presses.js";
 import { Endings, levelOf } from "./task_ends.js";
 
 // A press this soon after the end of a motion was meant to cancel it: people need longer to react to the end.
@@ -36,13 +37,6 @@ export function endNotice({ outcome, text }, title) {
 export function durationText(seconds) {
   if (!seconds) return "";
   return interpolate(gettext("%s s"), [seconds < 10 ? number(seconds, 1) : Math.round(seconds)]);
-}
-
-/** Ignore the repeats of a held key: they would play and cancel the motion again and again. */
-function heldOnce(event) {
-  if (event.key !== "Enter" || !event.repeat) return;
-  event.preventDefault();
-  event.stopPropagation();
 }
 
 export class Motions {
@@ -84,6 +78,7 @@ export class Motions {
     });
     const { signal } = this.#listening;
     parts["motions-refresh"].addEventListener("click", () => send({ t: "refresh" }), { signal });
+    // Repeats of a held key would play and cancel the motion again and again.
     parts["motion-list"].addEventListener("keydown", heldOnce, { capture: true, signal });
   }
 

@@ -18,6 +18,17 @@ describe("what a page knows of its robot", () => {
     expect(contact.isLost(4100)).toBe(false);
   });
 
+  it("knows that a hidden page gets no views, until a moment after it is shown again", () => {
+    contact.receive(STATE, 1000);
+    expect(contact.wasHidden(1500)).toBe(false);
+    contact.hide(4000);
+    expect(contact.wasHidden(4500)).toBe(true);
+    expect(contact.wasHidden(5100)).toBe(false);
+    contact.hide(6000);
+    contact.receive(STATE, 6100);
+    expect(contact.wasHidden(6200)).toBe(false);
+  });
+
   it("is out of reach at once without a bridge, and is back with the next state", () => {
     contact.receive(STATE, 1000);
     contact.lose({ refusal: { text: "No bridge." }, stop: { by: "Ann" }, seen_at: 7 });

@@ -2,6 +2,9 @@
 
 import { Announcer } from "../../lib/announce.js";
 import { mark, setText, setTextOrHide, show } from "../../lib/dom.js";
+import { heldOnce, TWO_TAPS_MS } from "../../lib/presses.js";
+
+const MOVING = new Set(["back_off", "turn", "look", "arm_home"]);
 
 function labelOf(act) {
   return {
@@ -24,6 +27,8 @@ export class ReasonStrip {
   #notify;
   #announcer;
   #shown = null;
+  #act = null; // of the button
+  #actSinceMs = 0;
   #alarm = "";
   #listening = new AbortController();
 
@@ -38,7 +43,8 @@ export class ReasonStrip {
     this.#notify = notify;
     this.#announcer = new Announcer(parts.live);
     const { signal } = this.#listening;
-    parts["reason-act"].addEventListener("click", () => this.#acts[this.#shown.act](), { signal });
+    parts["reason-act"].addEventListener("click", () => this.#press(), { signal });
+    parts["reason-act"].addEventListener("keydown", heldOnce, { signal });
   }
 
   /** @param {import("./faults.js").Reason[]} reasons the most important first */
@@ -46,19 +52,15 @@ export class ReasonStrip {
     const [first = null] = reasons;
     this.#sayAlarm(first);
     const { reason: strip, "reason-title": title, "reason-text": text } = this.#parts;
-    const { "reason-act": act, "reason-more": more } = this.#parts;
+    const { "reason-more": more } = this.#parts;
     show(strip, first !== null);
     if (!first) this.#announcer.forget(this.#shown?.title);
     this.#shown = first;
+    this.#offer(first?.act ?? null);
     if (!first) return;
     mark(strip, "level", first.level);
     setText(title, first.title);
     setTextOrHide(text, first.text ?? "");
-    show(act, Boolean(first.act));
-    if (first.act) {
-      mark(act, "act", first.act);
-      setText(act, labelOf(first.act));
-    }
     show(more, reasons.length > 1);
     setText(more, interpolate(gettext("%s more"), [reasons.length - 1]));
     more.setAttribute(
@@ -73,6 +75,22 @@ export class ReasonStrip {
   close() {
     this.#listening.abort();
     this.#announcer.close();
+  }
+
+  /** @param {?string} act what the button does from now on; null: there is none */
+  #offer(act) {
+    if (act === this.#act) return;
+    this.#act = act;
+    this.#actSinceMs = performance.now();
+    const button = this.#parts["reason-act"];
+    show(button, act !== null);
+    if (act) setText(button, labelOf(act));
+  }
+
+  /** Do what the button says. A press that may have been meant for its last words moves no robot. */
+  #press() {
+    const isNew = performance.now() - this.#actSinceMs < TWO_TAPS_MS;
+    if (!(isNew && MOVING.has(this.#act))) this.#acts[this.#act]();
   }
 
   /** A screen reader reads an alarm at once, and again if its title changes. */

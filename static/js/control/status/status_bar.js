@@ -53,6 +53,7 @@ export class StatusBar {
     const { state, silence } = now;
     const held = state && !silence ? gateReason(state.verdict) : null;
     if (held) this.#interventions.add(state.verdict, held, nowMs);
+    if (state?.going || state?.drive_by) this.#ended.untilMs = 0; // the robot tries again
     const whole = {
       ...now,
       wish: nowMs < this.#wish.untilMs ? this.#wish.reason : null,
@@ -89,7 +90,7 @@ export class StatusBar {
   }
 
   /**
-   * A task failed: its reason stays until the person has read it, or for a minute.
+   * A task failed: its reason stays until the person has read it, for a minute, or until the robot drives again.
    * @param {{text: string, detail: string}} notice of its end
    */
   ended({ text, detail }) {

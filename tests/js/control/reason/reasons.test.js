@@ -14,7 +14,14 @@ const ONLINE = {
   unseen_s: 0,
   stands: true,
 };
-const WELL = { connected: true, gone: null, state: ONLINE, sinceViewMs: 50, mayClear: true };
+const WELL = {
+  connected: true,
+  gone: null,
+  state: ONLINE,
+  sinceViewMs: 50,
+  mayClear: true,
+  mayAct: true,
+};
 
 const reasons = (now) => reasonsOf({ ...WELL, ...now, silence: silenceOf({ ...WELL, ...now }) });
 const first = (now) => reasons(now)[0];
@@ -190,8 +197,14 @@ describe("the gate's reason", () => {
     expect(held({ ...wall, code: "new_rule" })).toEqual({ level: "warning", title: wall.text });
   });
 
-  it("stays for a moment, quieter and without its button", () => {
+  it("stays for a moment, quieter, with its button: that needs a stick at rest", () => {
     const recent = { level: "warning", title: "Something is 0.1 m ahead", act: "back_off" };
-    expect(first({ recent })).toMatchObject({ level: "info", title: recent.title, act: undefined });
+    expect(first({ recent })).toEqual({ ...recent, level: "info" });
+  });
+
+  it("has its button only for a person in control, while the robot does nothing by itself", () => {
+    expect(held(wall, { mayAct: false }).act).toBeUndefined();
+    const state = { ...ONLINE, verdict: wall, drive_by: { number: 1 } };
+    expect(first({ state }).act).toBeUndefined();
   });
 });

@@ -26,11 +26,17 @@ describe("the status bar of the control page", () => {
   let statusBar;
   let notify;
   const take = vi.fn();
+  const backOff = vi.fn();
 
   beforeEach(() => {
     vi.useFakeTimers();
     notify = vi.fn();
-    statusBar = new StatusBar(document.createElement("main"), parts, { take }, notify);
+    statusBar = new StatusBar(
+      document.createElement("main"),
+      parts,
+      { take, back_off: backOff },
+      notify,
+    );
   });
   afterEach(() => {
     statusBar.close();
@@ -109,6 +115,36 @@ describe("the status bar of the control page", () => {
     parts["reason-act"].click();
     statusBar.show(LIVE);
     expect(parts.reason.hidden).toBe(true);
+  });
+
+  it("forgets the end of a failed task when the robot tries again", () => {
+    statusBar.ended({ text: "The robot stopped on its way", detail: "held back" });
+    statusBar.show({ ...LIVE, state: { ...STATE, going: { number: 2 } } });
+    expect(parts.reason.hidden).toBe(true);
+    statusBar.show(LIVE);
+    expect(parts.reason.hidden).toBe(true);
+  });
+
+  it("moves no robot by a press that was meant for the button's last words", () => {
+    const verdict = {
+      code: "obstacle",
+      text: "",
+      asked: [0.4, 0, 0],
+      allowed: [0, 0, 0],
+      side: "ahead",
+    };
+    const held = { ...LIVE, state: { ...STATE, verdict }, mayAct: true };
+    statusBar.wished({ level: "warning", title: "Take control first", act: "take" });
+    statusBar.show(held);
+    statusBar.granted();
+    statusBar.show(held);
+    expect(parts["reason-act"].textContent).toBe("Back off");
+    vi.advanceTimersByTime(400);
+    parts["reason-act"].click(); // the second press of a double click
+    expect(backOff).not.toHaveBeenCalled();
+    vi.advanceTimersByTime(200);
+    parts["reason-act"].click();
+    expect(backOff).toHaveBeenCalledOnce();
   });
 
   it("counts the reasons that it does not show", () => {
