@@ -24,7 +24,7 @@ export class DriveBy {
       name: ({ title, distance_m: metres }) =>
         title ?? (metres ? gettext("Back off") : gettext("Turn and look")),
     },
-    drive_by_cancel: { name: () => gettext("Cancel the drive") },
+    drive_by_cancel: { name: () => gettext("Cancel the drive"), ends: true },
   };
 
   shows({ now }) {

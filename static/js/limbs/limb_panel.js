@@ -18,7 +18,7 @@ export class LimbPanel {
   static task = "limbs";
   static requests = {
     move_limb: { name: ({ limb }) => limbName(limb) },
-    limb_cancel: { name: () => gettext("Cancel the move of gripper or torso") },
+    limb_cancel: { name: () => gettext("Cancel the move of gripper or torso"), ends: true },
   };
   #parts;
   #request;

@@ -15,6 +15,7 @@ export const FORGOTTEN_MS = 15_000;
  *   the end later
  * @property {"optional" | "none"} [control] optional: the console checks who may send it without control;
  *   none: it does not concern control. Without it, control is needed.
+ * @property {boolean} [ends] it ends something: it is sent also while the robot, or the way to it, is silent
  */
 
 /** The beginning of a text, on one line. */
@@ -34,6 +35,7 @@ export class TaskRequests {
   #seq;
   #kinds;
   #fence = null;
+  #isStale = false; // the robot, or the way to it, is silent
   #waiting = new Map();
 
   /**
@@ -54,17 +56,21 @@ export class TaskRequests {
     this.#fence = fence;
   }
 
+  /** @param {boolean} stale a request would come late: the robot would move when nobody expects it any more */
+  set stale(stale) {
+    this.#isStale = stale;
+  }
+
   /**
    * @param {object} request without its number and fence. `title` is for people and is not sent; `quiet`:
    *   only refusals are reported, for requests that a page repeats.
    * @returns {Promise<?object>} the refusal; null if it was accepted
    */
   send(request) {
-    const { control } = this.#kinds[request.t];
-    if (this.#fence === null && !control) {
-      const text = whyNotNow();
-      return Promise.resolve(this.#refused(request, { code: "no_lease", text }));
-    }
+    const { control, ends } = this.#kinds[request.t];
+    const code = this.#whyNot(ends);
+    if (code && !control)
+      return Promise.resolve(this.#refused(request, { code, text: whyNotNow() }));
     const { title, quiet, ...message } = request;
     this.#seq += 1;
     message.seq = this.#seq;
@@ -102,6 +108,12 @@ export class TaskRequests {
 
   close() {
     for (const seq of this.#waiting.keys()) this.#forget(seq);
+  }
+
+  /** @returns {string} code of the reason why nothing that needs control is sent now; empty: it is */
+  #whyNot(ends) {
+    if (this.#fence === null) return "no_lease";
+    return this.#isStale && !ends ? "robot_silent" : "";
   }
 
   #forget(seq) {

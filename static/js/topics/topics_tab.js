@@ -48,6 +48,7 @@ export class TopicsTab {
     publish_stop: {
       name: ({ topic }) => interpolate(gettext("Stop publishing on %s"), [topic]),
       done: ({ topic }) => publishedNoMore(topic),
+      ends: true,
     },
   };
   #parts;

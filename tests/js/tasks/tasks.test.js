@@ -40,6 +40,26 @@ describe("tasks", () => {
     expect(notices[0].text).toBe("Play wave: Take control first.");
   });
 
+  it("to a silent robot are not sent, because they would come late; a cancel is", async () => {
+    document.body.dataset.stale = "true";
+    requests.stale = true;
+    for (const request of [
+      { t: "play", motion: "wave" },
+      { t: "drive_by", distance_m: 1 },
+    ])
+      expect((await requests.send(request)).code).toBe("robot_silent");
+    expect(notices[0].text).toContain("The robot is silent");
+    for (const t of ["play_cancel", "go_cancel", "drive_by_cancel", "limb_cancel"])
+      requests.send({ t });
+    expect(sent.map(({ t }) => t)).toEqual([
+      "play_cancel",
+      "go_cancel",
+      "drive_by_cancel",
+      "limb_cancel",
+    ]);
+    delete document.body.dataset.stale;
+  });
+
   it("to cancel without control carry no fence", () => {
     requests.fence = null;
     requests.send({ t: "play_cancel" });

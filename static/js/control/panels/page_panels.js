@@ -51,7 +51,7 @@ export class PagePanels {
     const request = (message) => this.request(message);
     const given = { ...page, request, tell: (news) => state.tell(news) };
     const running = new Running(page.parts, request, requests);
-    state.subscribe(this.#requests, ["fence"]);
+    state.subscribe(this.#requests, ["fence", "stale"]);
     for (const Kind of kinds) {
       const panel = new Kind(given);
       this.#panels.push(panel);
