@@ -118,8 +118,10 @@ export class FloorOverlay {
     pen.globalAlpha = 0.2;
     if (this.#trace(inPicture(floor, header))) pen.fill();
     pen.globalAlpha = 0.35;
-    if (this.#trace(inPicture(ghost, header))) pen.fill();
+    const isSeen = this.#trace(inPicture(ghost, header));
+    if (isSeen) pen.fill();
     pen.globalAlpha = 1;
+    if (!isSeen) return;
     for (const [stroke, width] of [
       [colour.edge, 5],
       [ink, 3],
