@@ -133,7 +133,7 @@ export class Palette {
       this.#sources.flatMap((source) => this.#found.get(source) ?? []),
       search,
     );
-    // What is chosen stays so while more is read.
+    // The choice stays while more is read.
     if (!this.#shown.includes(this.#chosen)) this.#chosen = (search && this.#shown[0]) || null;
     this.#list.replaceChildren(...this.#shown.map((entry, at) => this.#row(entry, at)));
     setText(this.#none, search && this.#shown.length === 0 ? gettext("No match.") : "");

@@ -79,7 +79,7 @@ MINE = wire.Control("yours", holder="Olga Operator", fence=7, session="s", remai
 
 @dataclass(frozen=True)
 class Moment:
-    """What the console tells a page at one moment, and what the person does.
+    """One moment: the console's messages to a page, and the person's own part.
 
     `gone`: the console has lost the bridge. `silent`: the console says nothing more. `cut`: the page has no socket.
     `keys`: held by the person. `mapped`: the map is open. `before`: an earlier state. `points`: the person presses on

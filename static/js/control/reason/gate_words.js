@@ -81,73 +81,77 @@ function obstacle(verdict, stands) {
 
 /** Rules without an obstacle. No title: the bridge's own sentence. */
 function ofRule(code, stands) {
-  const slower = gettext("The robot drives slowly until it does.");
-  switch (code) {
-    case "depth_missing":
-    case "depth_stale":
-      return {
-        title: gettext("The robot cannot see table tops: its depth camera sends no picture"),
-        text: stands ? gettext("If this lasts, tell staff.") : slower,
-      };
-    case "head_away":
-      return {
-        title: gettext("The robot’s eyes look away from its way"),
-        text: gettext("Let it look where it drives."),
-        act: "look",
-      };
-    case "blind_direction":
-      return {
-        title: gettext("The robot sees nothing on that side"),
-        text: gettext("It goes slowly. Look yourself."),
-      };
-    case "behind_unseen":
-      return {
-        title: gettext("The robot has not looked behind itself"),
-        text: gettext("Let it turn and look; or look yourself, then pull again."),
-        act: "turn",
-      };
-    case "sonar_stale":
-      return {
-        title: gettext("A distance sensor is silent"),
-        text: gettext("The robot drives slowly on that side. If this lasts, tell staff."),
-      };
-    case "scan_missing":
-    case "scan_stale":
-    case "scan_unpaired":
-      return {
-        title: gettext("The laser is silent: the robot sees nothing and stands"),
-        text: gettext("If this lasts, tell staff."),
-      };
-    case "odometry_missing":
-    case "odometry_stale":
-      return {
-        title: gettext("The wheels report nothing: the robot stands"),
-        text: gettext("If this lasts, tell staff."),
-      };
-    case "robot_late":
-      return {
-        title: gettext("Slower: the robot answers late"),
-        text: gettext("Its network or its computer is busy."),
-      };
-    case "operator_late":
-      return {
-        title: gettext("Slower: your connection is slow"),
-        text: gettext("Go nearer to the network’s antenna, or use a cable."),
-      };
-    case "camera_late":
-      return {
-        title: gettext("Slower: the camera’s picture comes late"),
-        text: gettext("Go nearer to the network’s antenna, or drive by the plan."),
-      };
-    case "scan_late":
-      return { title: gettext("Slower: the laser reports late") };
-    case "arm_away":
-      return {
-        title: gettext("Slower: the arm reaches beyond the base"),
-        text: gettext("Move the arm home, and the robot may drive faster."),
-        act: "arm_home",
-      };
-    default:
-      return {};
-  }
+  return RULES[code]?.(stands) ?? {};
 }
+
+function tellStaff() {
+  return gettext("If this lasts, tell staff.");
+}
+
+function noDepth(stands) {
+  return {
+    title: gettext("The robot cannot see table tops: its depth camera sends no picture"),
+    text: stands ? tellStaff() : gettext("The robot drives slowly until it does."),
+  };
+}
+
+function noLaser() {
+  return {
+    title: gettext("The laser is silent: the robot sees nothing and stands"),
+    text: tellStaff(),
+  };
+}
+
+function noOdometry() {
+  return {
+    title: gettext("The wheels report nothing: the robot stands"),
+    text: tellStaff(),
+  };
+}
+
+/** Reasons by the rule's code; an argument: whether the robot stands. */
+const RULES = {
+  depth_missing: noDepth,
+  depth_stale: noDepth,
+  scan_missing: noLaser,
+  scan_stale: noLaser,
+  scan_unpaired: noLaser,
+  odometry_missing: noOdometry,
+  odometry_stale: noOdometry,
+  head_away: () => ({
+    title: gettext("The robot’s eyes look away from its way"),
+    text: gettext("Let it look where it drives."),
+    act: "look",
+  }),
+  blind_direction: () => ({
+    title: gettext("The robot sees nothing on that side"),
+    text: gettext("It goes slowly. Look yourself."),
+  }),
+  behind_unseen: () => ({
+    title: gettext("The robot has not looked behind itself"),
+    text: gettext("Let it turn and look; or look yourself, then pull again."),
+    act: "turn",
+  }),
+  sonar_stale: () => ({
+    title: gettext("A distance sensor is silent"),
+    text: gettext("The robot drives slowly on that side. If this lasts, tell staff."),
+  }),
+  robot_late: () => ({
+    title: gettext("Slower: the robot answers late"),
+    text: gettext("Its network or its computer is busy."),
+  }),
+  operator_late: () => ({
+    title: gettext("Slower: your connection is slow"),
+    text: gettext("Go nearer to the network’s antenna, or use a cable."),
+  }),
+  camera_late: () => ({
+    title: gettext("Slower: the camera’s picture comes late"),
+    text: gettext("Go nearer to the network’s antenna, or drive by the plan."),
+  }),
+  scan_late: () => ({ title: gettext("Slower: the laser reports late") }),
+  arm_away: () => ({
+    title: gettext("Slower: the arm reaches beyond the base"),
+    text: gettext("Move the arm home, and the robot may drive faster."),
+    act: "arm_home",
+  }),
+};
