@@ -218,6 +218,11 @@ class Waiting(models.Model):
     starts_at = models.DateTimeField(null=True, blank=True)
     ends_at = models.DateTimeField(null=True, blank=True)
     since = models.DateTimeField()
+    # Only for people who wait for a slot; the offer gets both:
+    purpose = NameField(_("purpose"), max_length=120, blank=True, default="", db_default="")
+    course = models.ForeignKey(
+        Course, null=True, blank=True, on_delete=models.SET_NULL, related_name="waiting"
+    )
     # Only for people who wait for control:
     tab = models.CharField(max_length=64, blank=True)
     sign_in = models.CharField(max_length=64, blank=True)

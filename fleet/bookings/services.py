@@ -222,7 +222,7 @@ def booking_make(
         raise BookingRefused([_FOR_ANOTHER])
     if not may_book_for(actor, person, robot, slot.starts_at):
         raise BookingRefused([_FOR_ANOTHER])
-    _require_readable(purpose)
+    require_readable(purpose)
     override = _valid_reason(override, actor, robot)
     if course is None and actor.pk != person.pk and not manages_robot(actor, robot):
         courses = courses_for(robot, person, slot.starts_at)
@@ -305,7 +305,7 @@ def booking_cancel(
 
     Raises `BookingRefused`.
     """
-    _require_readable(reason)
+    require_readable(reason)
     with _changeable(booking_id, actor, version, now) as booking:
         if (refusal := _late_to_cancel(booking, actor, now)) is not None:
             raise BookingRefused([refusal])
@@ -545,11 +545,11 @@ def check_offer(booking: Booking, actor: User, now: datetime) -> Course | None:
 
 def _valid_reason(override: str, actor: User, robot: Robot) -> str:
     """Return the reason to book against the policy; blank if this person may not do that."""
-    _require_readable(override)
+    require_readable(override)
     return override if override and manages_robot(actor, robot) else ""
 
 
-def _require_readable(text: str) -> None:
+def require_readable(text: str) -> None:
     """Raise `BookingRefused` if others cannot see all of a person's words."""
     if fault := fault_of(text):
         raise BookingRefused([Refusal(fault.code, str(fault.text), "wire")])

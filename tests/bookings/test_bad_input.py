@@ -94,6 +94,12 @@ def test_waiting_for_a_slot(browser, robot, code, times):
     assert not Waiting.objects.exists()
 
 
+def test_nobody_joins_a_waiting_list_for_others(signed_in, supervisor, operator, robot):
+    asked = fields(robot, (2, 3), person=operator.username)
+    assert codes(signed_in(supervisor).post(reverse("bookings-waiting"), asked, **JSON)) == ["not_for_others"]
+    assert not Waiting.objects.exists()
+
+
 @wrong_times
 def test_a_series_shows_each_refusal_and_books_nothing(client, supervisor, robot, code, times):
     supervisor.time_zone = ZONE

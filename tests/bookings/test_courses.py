@@ -6,9 +6,10 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
-from fleet.bookings.models import Booking, Policy
+from fleet.audit.models import Record
+from fleet.bookings.models import Booking, Policy, State
 from fleet.bookings.rules import Slot
-from fleet.bookings.services import BookingRefused, booking_make, booking_move
+from fleet.bookings.services import BookingRefused, booking_cancel, booking_make, booking_move
 from robots.access.models import Course, Enrolment, Qualification, QualificationGrant
 from robots.access.selectors import lab_date
 from tests.bookings.test_pages import JSON, fields
@@ -163,6 +164,20 @@ def test_a_missing_qualification_is_named(robot, operator):
     book(robot, operator, 1)
     assert refused(robot, operator, 72) == ["unqualified"]
     assert Booking.objects.count() == 1
+
+
+def test_who_waits_keeps_purpose_and_course(signed_in, robot, operator, stranger, course, thesis):
+    browser, today = signed_in(stranger), lab_date()
+    Course.objects.update(starts_on=today, ends_on=today + timedelta(days=13))
+    monday = 24 * (7 - today.weekday())
+    assert signed_in(operator).post(reverse("booking-new"), fields(robot, monday), **JSON).status_code == 200
+    asked = fields(robot, monday, course="thesis", purpose="night test")
+    assert browser.post(reverse("bookings-waiting"), asked, **JSON).status_code == 200
+    assert "night test" in browser.get(reverse("bookings-mine")).content.decode()
+    assert Record.objects.get(kind="booking.wait").details["purpose"] == "night test"
+    booking_cancel(booking_id=Booking.objects.get().pk, version=1, actor=operator, now=timezone.now())
+    offer = Booking.objects.get(state=State.OFFERED)
+    assert (offer.person, offer.purpose, offer.course) == (stranger, "night test", thesis)
 
 
 def test_only_people_who_may_override_are_asked_for_a_reason(client, course, supervisor, second_operator):

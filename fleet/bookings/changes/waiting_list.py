@@ -31,11 +31,13 @@ from fleet.bookings.services import (
     check_offer,
     free_unused,
     record_booking,
+    require_readable,
     robot_locked,
     save_booking,
     settling,
     state_for,
 )
+from robots.access.models import Course
 from robots.registry.models import Robot
 from robots.registry.services import named
 from robots.shared.sentences import say
@@ -50,9 +52,21 @@ _NO_OFFER = Refusal("offer_over", "This offer is over. Look at the calendar for 
 
 
 @transaction.atomic
-def waiting_join(*, robot: Robot, person: User, slot: Slot, now: datetime) -> Waiting:
-    """Join the waiting list of a slot. Refused if the slot is free, or if another rule refuses to book it."""
-    found = refusals(wish_of(robot=robot, person=person, slot=slot, now=now))
+def waiting_join(
+    *,
+    robot: Robot,
+    person: User,
+    slot: Slot,
+    now: datetime,
+    purpose: str = "",
+    course: Course | None = None,
+) -> Waiting:
+    """Join the waiting list of a slot. Refused if the slot is free, or if another rule refuses to book it.
+
+    The offer gets `purpose` and `course`, as a booking does.
+    """
+    require_readable(purpose)
+    found = refusals(wish_of(robot=robot, person=person, slot=slot, now=now, course=course))
     if not found:
         raise BookingRefused([Refusal("free", "This slot is free: book it.", "booking")])
     if others := [refusal for refusal in found if refusal.code != "taken"]:
@@ -60,12 +74,13 @@ def waiting_join(*, robot: Robot, person: User, slot: Slot, now: datetime) -> Wa
     if Waiting.objects.filter(person=person, ends_at__gt=now).count() >= MOST:
         text = say("You wait for {most} slots already. Leave one of them first.", most=MOST)
         raise BookingRefused([Refusal("waits_enough", text, "booking", {"most": MOST})])
+    wanted = {"ends_at": slot.ends_at, "purpose": purpose, "course": course}
     waiting, made = Waiting.objects.update_or_create(
         robot=robot,
         person=person,
         starts_at=slot.starts_at,
-        defaults={"ends_at": slot.ends_at},
-        create_defaults={"ends_at": slot.ends_at, "since": now},
+        defaults=wanted,
+        create_defaults={**wanted, "since": now},
     )
     if made:
         record("booking.wait", actor=person, **_facts(waiting))
@@ -88,7 +103,8 @@ def _facts(waiting: Waiting) -> dict[str, Any]:
         "from": waiting.starts_at.isoformat() if waiting.starts_at else None,
         "to": waiting.ends_at.isoformat() if waiting.ends_at else None,
     }
-    return {**named(waiting.robot), "parameters": parameters}
+    private = {"purpose": waiting.purpose} if waiting.purpose else {}
+    return {**named(waiting.robot), "parameters": parameters, "private": private}
 
 
 def keep_waiting_lists(now: datetime) -> None:
@@ -98,7 +114,7 @@ def keep_waiting_lists(now: datetime) -> None:
             lapsed = Booking.objects.select_related("robot", "person").get(pk=booking.pk)
             if lapsed.state == State.OFFERED and lapsed.offer_until and lapsed.offer_until <= now:
                 _end_offer(lapsed)
-    waiting = _perhaps_free(now).select_related("robot", "person")
+    waiting = _perhaps_free(now).select_related("robot", "person", "course")
     for robot_id in {one.robot_id for one in waiting if _wish_if_free(one.robot, one, now)}:
         with robot_locked(robot_id, now):
             pass  # this makes the offers
@@ -111,7 +127,7 @@ def _offer_free_time(*, robot: Robot, now: datetime, **_options: Any) -> None:
     The caller has locked the robot. The quotas of these people are not locked, because two transactions might
     then wait for each other: `offer_accept` checks them again.
     """
-    for waiting in _perhaps_free(now).filter(robot=robot).select_related("person"):
+    for waiting in _perhaps_free(now).filter(robot=robot).select_related("person", "course"):
         if (wish := _wish_if_free(robot, waiting, now)) is not None:
             _offer(robot, waiting, wish, now)
 
@@ -121,7 +137,7 @@ def _wish_if_free(robot: Robot, waiting: Waiting, now: datetime) -> Wish | None:
     if waiting.starts_at is None or waiting.ends_at is None:
         return None
     slot = Slot(waiting.starts_at, waiting.ends_at)
-    wish = wish_of(robot=robot, person=waiting.person, slot=slot, now=now)
+    wish = wish_of(robot=robot, person=waiting.person, slot=slot, now=now, course=waiting.course)
     return None if refusals(wish) else wish
 
 
@@ -171,6 +187,7 @@ def _offer(robot: Robot, waiting: Waiting, wish: Wish, now: datetime) -> None:
         robot=robot,
         person=waiting.person,
         course=wish.course,
+        purpose=waiting.purpose,
         starts_at=slot.starts_at,
         ends_at=slot.ends_at,
         held_until=slot.ends_at,

@@ -65,6 +65,11 @@ from robots.shared.wire import Refusal
 
 LISTED = 50  # rows at most in a list of one's own bookings
 MOST = 500  # rows at most in a list of a course's bookings
+_ONLY_ONESELF = Refusal(
+    "not_for_others",
+    "People join a waiting list for themselves: leave the other person’s user name out.",
+    "booking",
+)
 
 
 @never_cache
@@ -127,10 +132,7 @@ def booking_new(request: HttpRequest) -> HttpResponse:
 
 
 def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], RobotFacts]) -> HttpResponse:
-    options = _form_options(person)
-    if "course" in request.POST:
-        options["courses"] = _courses_to_choose(person)
-    form = SlotForm(request.POST, **options)
+    form = _typed(request, person)
     if not form.is_valid():
         return _refused(request, form, _form_refusals(form))
     robot, named = form.cleaned_data["robot"], form.cleaned_data.get("person", "")
@@ -366,6 +368,14 @@ def _form_options(person: User, robot: Robot | None = None) -> dict[str, Any]:
     return {"visible": {robot.pk}, "supervises": manages, "overrides": manages}
 
 
+def _typed(request: HttpRequest, person: User) -> SlotForm:
+    """Return the form as the person sent it."""
+    options = _form_options(person)
+    if "course" in request.POST:
+        options["courses"] = _courses_to_choose(person)
+    return SlotForm(request.POST, **options)
+
+
 def _courses_to_choose(person: User) -> QuerySet[Course] | None:
     """Return the courses that let the person drive robots, if there are several."""
     courses = Course.objects.filter(
@@ -468,12 +478,21 @@ def waiting(request: HttpRequest) -> HttpResponse:
         waiting_leave(person=person, waiting_id=_whole(leave, 0))
         messages.success(request, _("You no longer wait for this slot."))
         return redirect("bookings-mine")
-    form = SlotForm(request.POST, **_form_options(person))
+    form = _typed(request, person)
     if not form.is_valid():
         return _refused(request, form, _form_refusals(form))
     robot = form.cleaned_data["robot"]
+    if form.cleaned_data.get("person", "") not in ("", person.username):
+        return _refused(request, form, [_ONLY_ONESELF])
     try:
-        waiting_join(robot=robot, person=person, slot=form.slot, now=timezone.now())
+        waiting_join(
+            robot=robot,
+            person=person,
+            slot=form.slot,
+            now=timezone.now(),
+            purpose=form.cleaned_data["purpose"],
+            course=form.cleaned_data.get("course"),
+        )
     except BookingRefused as error:
         return _refused(request, form, error.refusals)
     if wants_json(request):

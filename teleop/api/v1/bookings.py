@@ -18,6 +18,7 @@ from django.utils import timezone
 from msgspec import Meta, Struct
 from rest_framework.response import Response
 
+from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
 from fleet.bookings import services
 from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, waiting_leave
@@ -99,6 +100,8 @@ class WaitingEntry(Struct, frozen=True):
     starts_at: Time
     ends_at: Time
     since: Time
+    purpose: str
+    course: str | None  # the chosen one
 
 
 class WaitingList(Struct, frozen=True):
@@ -176,11 +179,13 @@ class HandBookingRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class WaitRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """A slot that is taken."""
+    """A slot that is taken. The offer gets `purpose` and `course`."""
 
     robot: Slug
     starts_at: Moment
     ends_at: Moment
+    purpose: Annotated[str, Meta(max_length=120)] = ""
+    course: Slug | None = None
 
 
 _change = partial(operation, scope=Scope.BOOK, answer=BookingEntry, refuses=(404, 409))
@@ -294,9 +299,7 @@ class BookingsView(BookingsBase):
         owner = self.person
         if body.person:
             owner = services.account_named(body.person, self.person, robot, slot.starts_at)
-        course = None
-        if body.course is not None:
-            course = get_object_or_404(Course, enrolments__person=owner, slug=body.course)
+        course = _course(body.course, owner)
         with _alternatives(), in_turn() as facts:
             booking = services.booking_make(
                 robot=robot,
@@ -384,14 +387,21 @@ class WaitingView(BookingsBase):
     def post(self, body: WaitRequest) -> Response:
         """Refused if the slot is free, or another rule refuses it."""
         slot = _slot(body.starts_at, body.ends_at)
-        made = waiting_join(robot=self.robot(body.robot), person=self.person, slot=slot, now=timezone.now())
+        made = waiting_join(
+            robot=self.robot(body.robot),
+            person=self.person,
+            slot=slot,
+            now=timezone.now(),
+            purpose=body.purpose,
+            course=_course(body.course, self.person),
+        )
         headers = {"Location": f"/api/v1/waiting/{made.pk}"}
         return Response(wire.to_builtins(_waiting(made)), 201, headers=headers)
 
     def waiting(self) -> QuerySet[Waiting]:
         """Return the slots for which the person waits. The line for control now is at the robot's address."""
         mine = Waiting.objects.filter(person=self.person, robot__in=self.robots())
-        return mine.exclude(starts_at=None).exclude(ends_at=None).select_related("robot")
+        return mine.exclude(starts_at=None).exclude(ends_at=None).select_related("robot", "course")
 
 
 class WaitingOneView(WaitingView):
@@ -428,5 +438,10 @@ def _slots(found: list[tuple[Robot, Slot]]) -> list[SlotEntry]:
     return [SlotEntry(robot.slug, slot.starts_at, slot.ends_at) for robot, slot in found]
 
 
+def _course(slug: str | None, person: User) -> Course | None:
+    """Return the chosen course of this person. Raises `Http404`."""
+    return None if slug is None else get_object_or_404(Course, enrolments__person=person, slug=slug)
+
+
 def _waiting(one: Waiting) -> WaitingEntry:
-    return entry_of(WaitingEntry, one, robot=one.robot.slug)
+    return entry_of(WaitingEntry, one, robot=one.robot.slug, course=one.course and one.course.slug)

@@ -82,6 +82,7 @@ def test_words_about_bookings_have_no_hidden_characters(name: str, robot: Robot,
     slot = {"robot": robot.slug, "starts_at": words(hour(24)), "ends_at": words(hour(25))}
     for field in ("purpose", "override"):
         assert _refused(manager("POST", "/bookings", {**slot, field: name})) == (400, "name_unseen")
+    assert _refused(manager("POST", "/waiting", {**slot, "purpose": name})) == (400, "name_unseen")
     assert not Booking.objects.exists()
     made = manager("POST", "/bookings", slot).data
     address = f"/bookings/{made['id']}?{urlencode({'reason': name})}"
