@@ -25,7 +25,8 @@ export function showRobot({ card, own }, shown, robot) {
   setText(own.driver, shown.driver);
   setText(own.booking, bookingWords(robot));
   setText(own.gate, shown.gate);
-  if (own.book) show(own.book, !robot.out); // else the console would refuse it
+  // Of a robot that stays out of service, the console would refuse it.
+  if (own.book) show(own.book, !robot.out || robot.free_in_s !== null);
 }
 
 /** Show the robot's stop as the robot reports it. */

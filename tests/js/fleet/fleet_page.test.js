@@ -194,6 +194,7 @@ describe("the fleet page", () => {
       <h2 data-part="name">${name}</h2><a href="/robots/${slug}/" id="open-${slug}"></a><span data-part="status"></span><p data-part="why"></p>
       <b data-part="doing"></b><b data-part="alarm"></b><b data-part="battery"></b><b data-part="health"></b><b data-part="driver"></b><b data-part="booking"></b><b data-part="gate"></b>
       <b data-part="stop-state"></b><b data-part="stop-why"></b>
+      <b data-part="book"></b>
       <form data-part="stop" action="/robots/${slug}/stop/"><button></button></form>
     </article>`;
 
@@ -264,6 +265,17 @@ describe("the fleet page", () => {
     press("Escape");
     expect([shown(), field.value]).toEqual([3, ""]);
   });
+
+  it.each([
+    ["for good", null],
+    ["for a while", 4800],
+  ])(
+    "offers to book a robot that is out of service %s only if it will be free",
+    (_when, freeInS) => {
+      hears({ "tiago-1": { ...clear, out: { text: "Repair." }, free_in_s: freeInS } });
+      expect(part("book").hidden).toBe(freeInS === null);
+    },
+  );
 
   it("posts no form when the robots report the stop", () => {
     hears({ "tiago-1": clear });
