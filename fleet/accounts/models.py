@@ -33,7 +33,7 @@ class User(RecordedUser):
     language = models.CharField(
         _("language"), max_length=10, blank=True, help_text=_("Of pages and e-mails. Blank: the browser’s.")
     )
-    # What they chose on the control page; see `PageChoicesForm`. Only pages read this.
+    # The person's choices on the control page; see `PageChoicesForm`. Only pages read this.
     page_choices = models.JSONField(default=dict, blank=True, editable=False)
     # None: the mail server took the last e-mail.
     email_refused_at = models.DateTimeField(null=True, blank=True, editable=False)

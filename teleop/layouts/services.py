@@ -36,7 +36,7 @@ def layout_share(*, robot: Robot, name: str, cells: list[str], side: bool, actor
 
 @transaction.atomic
 def layout_delete(*, layout: SharedLayout, actor: User) -> None:
-    """Delete a shared layout. Who chose it keeps it. Raises `NotDone`."""
+    """Delete a shared layout. People who chose it keep it. Raises `NotDone`."""
     _require_supervisor(layout.robot, actor)
     _record("layout.delete", layout, actor)
     layout.delete()

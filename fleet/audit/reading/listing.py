@@ -58,9 +58,8 @@ class Wanted(Struct, frozen=True):
     outcome: str = ""
     session: UUID | None = None  # control session
     zone: str = ""
-    without_viewings: bool = (
-        False  # without the viewings of cameras, which are the most; a wanted `kind` is stronger
-    )
+    # Most rows are viewings of cameras. A wanted `kind` is stronger.
+    without_viewings: bool = False
 
     @property
     def days_utc(self) -> tuple[datetime.date | None, datetime.date | None]:
