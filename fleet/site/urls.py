@@ -4,14 +4,14 @@ from django.contrib import admin
 from django.urls import include, path
 from django.views.generic import RedirectView
 
-from fleet.site import app, setup, views
+from fleet.site.pages import app, setup, views
 from teleop.api.metrics import MetricsView
 
 admin.site.site_title = admin.site.site_header = "Fleet console"
 
-handler400 = "fleet.site.views.bad_request"
-handler404 = "fleet.site.views.not_found"
-handler500 = "fleet.site.unavailable.error_page"
+handler400 = "fleet.site.pages.views.bad_request"
+handler404 = "fleet.site.pages.views.not_found"
+handler500 = "fleet.site.pages.unavailable.error_page"
 
 urlpatterns = [
     path("api/", include("teleop.api.urls")),  # first, because programs send the most requests

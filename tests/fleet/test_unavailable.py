@@ -9,7 +9,7 @@ from django.test import Client, RequestFactory
 
 from fleet.accounts.models import SignIn, User
 from fleet.accounts.pages import views
-from fleet.site.unavailable import error_page
+from fleet.site.pages.unavailable import error_page
 from robots.shared.wire import Stopped, StopState
 from teleop.stop import emergency_stop
 from tests.conftest import PASSWORD

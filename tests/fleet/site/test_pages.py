@@ -5,7 +5,7 @@ from django.conf import settings
 from django.db import DatabaseError, connection
 from django.test import Client
 
-from fleet.site import views
+from fleet.site.pages import views
 from tests.conftest import PASSWORD
 
 pytestmark = pytest.mark.django_db

@@ -8,7 +8,7 @@ import pytest
 from django.db import DatabaseError
 from django.test import Client
 
-from fleet.site import views
+from fleet.site.pages import views
 
 pytestmark = pytest.mark.django_db
 

@@ -1,0 +1,1 @@
+"""Pages of no app, and parts of every page: header, errors, first run, cookies, privacy, health, the installed app."""
