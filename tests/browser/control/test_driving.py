@@ -41,6 +41,15 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive, t
         1, ahead, lambda: says.fullmatch(operator.part("reason-title").inner_text()), "words on the wall"
     )
 
+    # The same finger takes the way out. A button that has just come takes no press: it may be meant for another.
+    fingers.lift(1)
+    wall = operator.place
+    operator.page.wait_for_timeout(500)
+    fingers.tap(operator.middle_of("reason-act"))
+    operator.until(lambda: math.dist(operator.place, wall) > 0.2, "0.2 m back from the wall")
+    operator.until(lambda: operator.state["drive_by"] is None, "the end of the way out")
+    fingers.put(1, (x, y))
+
     # The robot drives back; then stop, with the first finger still on the stick.
     fingers.push(1, back, lambda: operator.state["odometry"]["vx"] < -0.05, "reverse")
     expect(operator.part("reasons-now")).to_contain_text("Reversing")
