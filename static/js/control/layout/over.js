@@ -7,14 +7,17 @@ const LOW = "(orientation: landscape) and (max-height: 34.9375em)";
 export class Over {
   #root;
   #low = matchMedia(LOW);
+  #wide = matchMedia("(orientation: landscape)");
   #listening = new AbortController();
 
   /** @param {HTMLElement} root gets data-over for the style sheet, as the page's body does */
   constructor(root) {
     this.#root = root;
     const { signal } = this.#listening;
-    this.#low.addEventListener("change", () => this.#follow(), { signal });
-    document.addEventListener("fullscreenchange", () => this.#follow(), { signal });
+    const follow = () => this.#follow();
+    for (const query of [this.#low, this.#wide])
+      query.addEventListener("change", follow, { signal });
+    document.addEventListener("fullscreenchange", follow, { signal });
     this.#follow();
   }
 
@@ -23,7 +26,7 @@ export class Over {
   }
 
   #follow() {
-    const isWhole = document.fullscreenElement === this.#root && innerWidth > innerHeight;
+    const isWhole = document.fullscreenElement === this.#root && this.#wide.matches;
     for (const element of [this.#root, document.body])
       mark(element, "over", this.#low.matches || isWhole);
   }
