@@ -1,6 +1,8 @@
-/** A drive by a distance or an angle: shown while it runs. */
+/** A drive by a distance or an angle: shown while it runs, and why it ended otherwise than wanted. */
 
 import { number } from "../formats/numbers.js";
+import { endNotice } from "../navigation/words.js";
+import { NewEnds } from "../tasks/task_ends.js";
 
 /**
  * Return a text about a drive by a distance or an angle, with the part that is done. Robots report radians.
@@ -18,6 +20,7 @@ export function driveText({
 }
 
 export class DriveBy {
+  static hears = ["state.drive_by"];
   static task = "drive_by";
   static requests = {
     drive_by: {
@@ -26,6 +29,21 @@ export class DriveBy {
     },
     drive_by_cancel: { name: () => gettext("Cancel the drive"), ends: true },
   };
+
+  #ends;
+
+  /** @param {import("../control/panels/page_panels.js").Page} page */
+  constructor({ notify }) {
+    this.#ends = new NewEnds((ended) => {
+      const notice = endNotice(ended);
+      if (notice.stays) notify(notice);
+    });
+  }
+
+  /** @param {{now: ?object, ended: ?object}} drive */
+  set drive_by({ ended }) {
+    this.#ends.follow({ ended });
+  }
 
   shows({ now }) {
     return now && { words: driveText(now), who: now.who, cancel: [{ t: "drive_by_cancel" }] };

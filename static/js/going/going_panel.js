@@ -179,10 +179,11 @@ export class GoingPanel {
     this.#notify({ level: "info", code: "going", text });
   }
 
-  /** @param {?object} ended as `DriveThere` tells it; a refused request has its own notice */
+  /** @param {?object} ended as `DriveThere` tells it; a refused request and a bad end have their own notices */
   #over(ended) {
+    const notice = ended && endNotice(ended);
     const blocked = ended ? "" : problemText(this.#way);
-    if (ended) this.#notify(endNotice(ended));
+    if (notice && !notice.stays) this.#notify(notice);
     else if (blocked) this.#notify({ level: "warning", code: "going blocked", text: blocked });
     this.#forget();
   }

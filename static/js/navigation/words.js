@@ -13,10 +13,10 @@ function endText({ outcome, text }) {
   if (outcome === "held_back")
     return gettext("Stopped on its way: something is there, or it cannot see enough");
   if (outcome === "no_progress") return gettext("Stopped on its way: it did not move any more");
-  return interpolate(gettext("The drive to the place has ended: %s"), [text]);
+  return interpolate(gettext("The drive has ended: %s"), [text]);
 }
 
-/** Return the notice of a drive's end. */
+/** Return the notice of a drive's end; `stays`: it ended otherwise than wanted. */
 export function endNotice(ended) {
   const level = [...THERE, "cancelled", "replaced"].includes(ended.outcome) ? "success" : "warning";
   const isBad = level === "warning"; // then the place for the reason has it
