@@ -3,6 +3,7 @@
 import { whyNotNow } from "../control/lease.js";
 
 export const PATIENCE_MS = 750;
+const HICCUP_MS = 1000; // after a shorter silence a request arrives while the person still expects its effect
 // After this time an answer is ignored: the person does not expect it any more.
 export const FORGOTTEN_MS = 15_000;
 
@@ -35,7 +36,7 @@ export class TaskRequests {
   #seq;
   #kinds;
   #fence = null;
-  #isStale = false; // the robot, or the way to it, is silent
+  #silentSinceMs = Infinity; // the robot, or the way to it
   #waiting = new Map();
 
   /**
@@ -58,7 +59,7 @@ export class TaskRequests {
 
   /** @param {boolean} stale a request would come late: the robot would move when nobody expects it any more */
   set stale(stale) {
-    this.#isStale = stale;
+    this.#silentSinceMs = stale ? performance.now() : Infinity;
   }
 
   /**
@@ -113,7 +114,8 @@ export class TaskRequests {
   /** @returns {string} code of the reason why nothing that needs control is sent now; empty: it is */
   #whyNot(ends) {
     if (this.#fence === null) return "no_lease";
-    return this.#isStale && !ends ? "robot_silent" : "";
+    const isLate = performance.now() - this.#silentSinceMs > HICCUP_MS;
+    return isLate && !ends ? "robot_silent" : "";
   }
 
   #forget(seq) {
