@@ -99,8 +99,11 @@ class SharedLayout(models.Model):
 
     robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="layouts")
     name = NameField(_("name"), max_length=40)
-    cells = models.JSONField(default=list, blank=True)  # contents, as in `fleet.accounts.layouts`
-    side = models.BooleanField(default=True)  # the lists beside the pictures are shown
+    # As in `fleet.accounts.layouts.Layout`.
+    cells = models.JSONField(default=list, blank=True)
+    side = models.BooleanField(default=True)
+    stick = models.BooleanField(default=True)
+    panels = models.JSONField()
 
     class Meta:
         ordering = ["name"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.db import transaction
 
-from fleet.accounts.layouts import check_cells
+from fleet.accounts.layouts import Layout
 from fleet.accounts.models import User
 from fleet.audit.services import record
 from fleet.base.names import require
@@ -18,20 +18,20 @@ MOST = 20  # of one robot: the page lists them all
 
 
 @transaction.atomic
-def layout_share(*, robot: Robot, name: str, cells: list[str], side: bool, actor: User) -> SharedLayout:
-    """Share a layout. Raises `NotDone`, or `ValidationError` about name or cells."""
+def layout_share(*, robot: Robot, name: str, layout: Layout, actor: User) -> SharedLayout:
+    """Share a layout. Raises `NotDone`, or `ValidationError` about the name."""
     _require_supervisor(robot, actor)
     require(name)
-    check_cells(cells)
     Robot.objects.select_for_update(no_key=True).get(pk=robot.pk)  # two people at once
     if robot.layouts.filter(name__iexact=name).exists():
         raise NotDone(Refusal("name_taken", "This robot has a layout of this name already.", "account"))
     if robot.layouts.count() >= MOST:
         text = say("A robot has at most {most} layouts: delete one first.", most=MOST)
         raise NotDone(Refusal("too_many", text, "account"))
-    layout = SharedLayout.objects.create(robot=robot, name=name, cells=cells, side=side)
-    _record("layout.share", layout, actor)
-    return layout
+    facts = {field: getattr(layout, field) for field in Layout.__struct_fields__}
+    shared = SharedLayout.objects.create(robot=robot, name=name, **facts)
+    _record("layout.share", shared, actor)
+    return shared
 
 
 @transaction.atomic
@@ -49,5 +49,5 @@ def _require_supervisor(robot: Robot, actor: User) -> None:
 
 
 def _record(kind: str, layout: SharedLayout, actor: User) -> None:
-    facts = {"name": layout.name, "cells": layout.cells, "side": layout.side}
+    facts = {field: getattr(layout, field) for field in ("name", *Layout.__struct_fields__)}
     record(kind, actor=actor, robot_id=layout.robot.id, robot_name=layout.robot.name, parameters=facts)

@@ -16,8 +16,14 @@ from fleet.audit.models import Record
 from robots.registry.models import Robot
 
 KEEP = "/accounts/settings/page/"
-LAYOUT = {"robot": "tiago-1", "cells": "camera,map,scene", "side": "false"}
-PLACES = {"chart": "top", "motions": "left", "phrases": "bottom"}
+CELLS = ["camera", "map", "plot /odom twist.linear.x"]
+LAYOUT = {"robot": "tiago-1", "layout": json.dumps({"cells": CELLS, "side": False})}
+HINTS = {"hints_seen": "true"}
+
+
+def laid_out(**changes: object) -> dict[str, str]:
+    return {"robot": "tiago-1", "layout": json.dumps({"cells": CELLS, **changes})}
+
 
 pytestmark = pytest.mark.django_db
 
@@ -36,20 +42,16 @@ def test_choices_are_kept_for_every_browser_of_the_person(
     client.force_login(operator)
     assert shown(client, robot) == {}
     records = Record.objects.count()
-    assert client.post(KEEP, PLACES).status_code == 204
-    assert client.post(KEEP, {"hints_seen": "true"}).status_code == 204
+    assert client.post(KEEP, HINTS).status_code == 204
     assert client.post(KEEP, {"vibration": "false"}).status_code == 204
     assert client.post(KEEP, LAYOUT).status_code == 204
-    assert client.post(KEEP, {"robot": "tiago-1", "plot": "/odom twist.linear.x"}).status_code == 204
     assert Record.objects.count() == records  # not recorded: nobody else is concerned
     other = Client()
     other.force_login(operator)
     assert shown(other, robot) == {
-        "panels": PLACES,
         "hints_seen": True,
         "vibration": False,
-        "layout tiago-1": {"cells": "camera,map,scene", "side": "false"},
-        "plot tiago-1": {"plot": "/odom twist.linear.x"},
+        "layout tiago-1": {"layout": LAYOUT["layout"]},
     }
     other.force_login(staff)
     assert shown(other, robot) == {}
@@ -64,27 +66,28 @@ def test_choices_are_kept_for_every_browser_of_the_person(
         {},
         {"hints_seen": ""},
         {"unknown": "x" * 10_000},
-        {"chart": "top"},
-        {**PLACES, "chart": "left"},
-        {**PLACES, "chart": "ceiling"},
-        {**PLACES, "chart": "x" * 10_000},
         {**LAYOUT, "robot": ""},
-        {"robot": "tiago-1", "plot": "x" * 501},
-        {**LAYOUT, "side": ""},
-        {**LAYOUT, "cells": "camera,camera"},
-        {**LAYOUT, "cells": "camera,hologram"},
-        {**LAYOUT, "cells": "camera,plan,map,scene,second"},
+        {**LAYOUT, "layout": "{"},
+        {**LAYOUT, "layout": "[" * 10_000},
+        laid_out(side="no"),
+        laid_out(cells=["camera", "camera"]),
+        laid_out(cells=["hologram"]),
+        laid_out(cells=["plot " + "x" * 500]),
+        laid_out(cells=["plot", "plot", "plot", "plot", "plot"]),
+        laid_out(panels=["chart", "motions", "ceiling"]),
+        laid_out(panels=["chart", "motions", "motions"]),
+        laid_out(unknown=1),
     ],
 )
 def test_bad_choices_change_nothing(client: Client, operator: User, fields: dict[str, str]) -> None:
     client.force_login(operator)
-    client.post(KEEP, PLACES)
+    client.post(KEEP, HINTS)
     answer = client.post(KEEP, fields)
     assert answer.status_code == 400
     assert answer.json()["code"] == "bad_choice"
     assert answer.json()["text"]
     operator.refresh_from_db()
-    assert operator.page_choices == {"panels": PLACES}
+    assert operator.page_choices == {"hints_seen": True}
 
 
 def test_an_account_keeps_no_flood_of_layouts(client: Client, operator: User) -> None:
@@ -96,9 +99,9 @@ def test_an_account_keeps_no_flood_of_layouts(client: Client, operator: User) ->
 
 
 def test_a_stranger_or_another_site_keeps_nothing(operator: User) -> None:
-    assert Client().post(KEEP, PLACES, headers={"accept": "application/json"}).status_code == 401
+    assert Client().post(KEEP, HINTS, headers={"accept": "application/json"}).status_code == 401
     careful = Client(enforce_csrf_checks=True)
     careful.force_login(operator)
-    assert careful.post(KEEP, PLACES).status_code == 403
+    assert careful.post(KEEP, HINTS).status_code == 403
     operator.refresh_from_db()
     assert operator.page_choices == {}

@@ -111,7 +111,7 @@ def test_panels_move_by_drag_and_keys_and_stay(person: Arrive) -> None:
         name: box["x"] for name, box in moved.items()
     }
     operator.release()
-    keep_choices(operator, "chart=left&motions=top&phrases=bottom")  # the places that other tests expect
+    keep_choices(operator, 'robot=tiago-2&layout={"cells":[]}')  # the places that other tests expect
 
 
 def test_the_labs_monitor_has_nothing_to_press(person: Arrive) -> None:

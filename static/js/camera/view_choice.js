@@ -3,7 +3,7 @@
  * Kept per browser, but for the layout.
  */
 
-import { CELLS } from "../control/layout/cells.js";
+import { CELLS, kindOf } from "../control/layout/cells.js";
 import { make, mark, show } from "../lib/dom.js";
 import { recall, remember } from "../lib/prefs.js";
 
@@ -77,7 +77,7 @@ export class Views extends EventTarget {
 
   /** Whether a content has a picture of its own: "plan", "camera", "second", "map", "scene" or "plot". */
   shows(content) {
-    return (this.#isOwn ? this.#cells : LARGE[this.#view]).includes(content);
+    return (this.#isOwn ? this.#cells : LARGE[this.#view]).some((one) => kindOf(one) === content);
   }
 
   /** The camera that is shown large, or null. */
@@ -197,12 +197,12 @@ export class Views extends EventTarget {
     show(second, this.second !== null);
   }
 
-  /** Each content of the own layout gets its cell, for the style sheet. */
+  /** Each content of the own layout gets its cell, for the style sheet; plots have theirs from `PlotCells`. */
   #place() {
     const cells = this.#isOwn ? this.#cells : [];
     mark(this.#area, "cells", cells.length || null);
-    const { picture, camera, second, scene, map, plot } = this.#parts;
-    const places = { plan: picture.parentElement, camera, second, scene, map, plot };
+    const { picture, camera, second, scene, map } = this.#parts;
+    const places = { plan: picture.parentElement, camera, second, scene, map };
     for (const [content, element] of Object.entries(places))
       mark(element, "cell", CELLS[cells.indexOf(content)]);
   }

@@ -25,7 +25,6 @@ import { ControlRequests, isControlRequest } from "./control_requests.js";
 import { Hints } from "./hints.js";
 import { Drawers } from "./layout/drawers.js";
 import { Over } from "./layout/over.js";
-import { Panels } from "./layout/panels.js";
 import { whyNotNow } from "./lease.js";
 import { PANELS } from "./panels/list.js";
 import { PagePanels } from "./panels/page_panels.js";
@@ -83,7 +82,6 @@ class ControlPage {
   #drawers;
   #hints;
   #signals;
-  #layout;
   #over;
   #screen = screenLock();
   #echoes = new DelayEchoes();
@@ -145,10 +143,6 @@ class ControlPage {
     this.#over = new Over(root);
     this.#hints = new Hints(root, this.#parts, choices);
     this.#signals = new Signals(this.#parts, choices);
-    this.#layout = new Panels(root, choices, (text) =>
-      this.#notices.add({ level: "success", code: "moved", text, quiet: true }),
-    );
-    this.#state.on("layoutReset", () => this.#layout.reset());
     this.#requests = new ControlRequests(
       (message) => this.#socket.send(message),
       (notice) => this.#notices.add(notice),
@@ -175,9 +169,9 @@ class ControlPage {
     return this.#control?.state === "yours" && this.#socket.open;
   }
 
-  /** Whether keys drive the robot now. */
+  /** Whether keys drive the robot now: on tabs with the stick, also if the person's layout hides it. */
   get #steers() {
-    return this.#drives && this.#joystick.isShown;
+    return this.#drives && Boolean(this.#root.dataset.stick);
   }
 
   close() {
@@ -192,7 +186,6 @@ class ControlPage {
       this.#panels,
       this.#hints,
       this.#signals,
-      this.#layout,
       this.#over,
       this.#panel,
       this.#options,

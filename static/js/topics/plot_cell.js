@@ -1,109 +1,101 @@
-/** A plot beside the other pictures of a layout: fields of one topic over time. Kept for each account and robot. */
+/** A plot beside the other pictures of a layout: fields of one topic over time. The person chooses them in it. */
 
-import { socketUrl } from "../connection/socket.js";
-import { make, mark, setTextOrHide, show } from "../lib/dom.js";
-import { TopicsChannel } from "./channel.js";
+import { NEW_PLOT } from "../control/layout/cells.js";
+import { make, mark, parts, setTextOrHide } from "../lib/dom.js";
 import { rows } from "./fields.js";
 import { FieldPlot } from "./plot.js";
 
-const RATE_HZ = 5;
 const ALL = { has: () => true }; // a list's elements are fields, too
 
-export class PlotCell {
-  static hears = ["plotShown", "stale"];
+/** Event: "choose": the person chose another topic or other fields. */
+export class PlotCell extends EventTarget {
+  #element;
   #parts;
-  #choices;
-  #robot;
-  #channel;
   #plot;
-  #topic = ""; // that is plotted
-  #number = null; // of its newest message
-  #offered = ""; // fields in the list
-  #isShown = false;
-  #listening = new AbortController();
+  #topic = "";
+  #number = null; // of the newest message
+  #offered = null; // fields in the list
+  #refused = ""; // why the last choice was not possible
 
-  /** @param {import("../control/panels/page_panels.js").Page} page */
-  constructor({ root, parts, choices }) {
-    this.#parts = parts;
-    this.#choices = choices;
-    this.#robot = root.dataset.robot;
-    this.#plot = new FieldPlot(parts["plot-lines"]);
-    this.#channel = new TopicsChannel(socketUrl(root.dataset.topics));
-    const { signal } = this.#listening;
-    const on = (target, type, act) => target.addEventListener(type, act, { signal });
-    on(this.#channel, "open", () => this.#offerTopics());
-    on(this.#channel, "refused", ({ detail }) => this.#say(detail.text));
-    on(parts["plot-topic"], "change", ({ target }) => this.#choose(target, [target.value]));
-    on(parts["plot-field"], "change", ({ target }) =>
-      this.#choose(target, [this.#topic, ...this.#plot.names, target.value]),
+  /** @param {HTMLElement} element a copy of the template @param {string} content its topic and fields */
+  constructor(element, content) {
+    super();
+    this.#element = element;
+    this.#parts = parts(element);
+    this.#plot = new FieldPlot(this.#parts["plot-lines"]);
+    const { "plot-topic": topic, "plot-field": field, "plot-clear": clear } = this.#parts;
+    topic.addEventListener("change", () => this.#choose(topic, topic.value, []));
+    field.addEventListener("change", () =>
+      this.#choose(field, this.#topic, [...this.#plot.names, field.value]),
     );
-    on(parts["plot-clear"], "click", ({ target }) => this.#choose(target, [this.#topic]));
-    this.#begin(choices.recall(this.#key, {}).plot ?? "");
+    clear.addEventListener("click", () => this.#choose(clear, this.#topic, []));
+    const [, name = "", ...fields] = content.split(" ");
+    this.#topic = name;
+    this.topics = [];
+    this.#offerFields({});
+    this.#begin(name, fields);
   }
 
-  /** @param {boolean} shown whether a cell of the layout shows the plot: only then the topic is read */
-  set plotShown(shown) {
-    if (shown === this.#isShown) return;
-    this.#isShown = shown;
-    show(this.#parts.plot, shown);
-    if (shown) this.#channel.open();
-    else this.#channel.close();
+  /** The content of its cell: see `cells.js`. */
+  get content() {
+    return [NEW_PLOT, this.#topic, ...this.#plot.names].filter(Boolean).join(" ");
   }
 
-  /** Whether the robot's view is out of date: then the topic is, too. */
+  get topic() {
+    return this.#topic;
+  }
+
+  /** @param {string[]} names of the robot's topics */
+  set topics(names) {
+    const all = this.#topic && !names.includes(this.#topic) ? [this.#topic, ...names] : names;
+    fillOptions(this.#parts["plot-topic"], gettext("Topic"), all, this.#topic);
+    this.say("");
+  }
+
+  /** @param {string} cell its name */
+  set cell(cell) {
+    mark(this.#element, "cell", cell);
+  }
+
+  /** @param {boolean} stale the topic is as old as the robot's view */
   set stale(stale) {
-    mark(this.#parts.plot, "old", stale);
+    mark(this.#element, "old", stale);
+  }
+
+  /** @param {object} sample of its topic */
+  take({ fields, number, refusal }) {
+    this.#offerFields(fields ?? {});
+    this.say(refusal?.text ?? "");
+    this.#plot.add(number === this.#number ? null : (fields ?? null));
+    this.#number = number;
+  }
+
+  /** @param {string} text of the connection; empty: say what the person has to choose next, if anything */
+  say(text) {
+    setTextOrHide(this.#parts["plot-words"], text || this.#refused || this.#asked());
   }
 
   close() {
-    this.#listening.abort();
-    this.#channel.close();
     this.#plot.close();
+    this.#element.remove();
   }
 
-  get #key() {
-    return `plot ${this.#robot}`;
-  }
-
-  #choose(input, words) {
-    const plot = words.join(" ");
-    this.#choices.remember(this.#key, { robot: this.#robot, plot });
-    this.#begin(plot);
+  #choose(input, topic, fields) {
+    this.#begin(topic, fields);
     input.blur(); // so that keys drive again
+    this.dispatchEvent(new CustomEvent("choose"));
   }
 
-  /** @param {string} plot topic and fields, separated by spaces; empty: nothing is plotted */
-  #begin(plot) {
-    const [topic, ...fields] = plot.split(" ");
+  #begin(topic, fields) {
     if (topic !== this.#topic) {
-      if (this.#topic) this.#channel.unsubscribe(this.#topic);
-      if (topic) this.#channel.subscribe(topic, RATE_HZ, (sample) => this.#take(sample));
       this.#topic = topic;
+      this.#parts["plot-topic"].value = topic;
       this.#offerFields({});
     }
     for (const name of this.#plot.names) if (!fields.includes(name)) this.#plot.put(name, false);
-    const refused = fields.map((field) => this.#plot.put(field, true)).find(Boolean);
-    this.#say(refused ?? this.#asked());
-  }
-
-  async #offerTopics() {
-    this.#say(gettext("Asking the robot…"));
-    try {
-      const { topics } = await this.#channel.ask({ t: "topics" });
-      const names = topics.map(({ name }) => name);
-      const all = this.#topic && !names.includes(this.#topic) ? [this.#topic, ...names] : names;
-      fillOptions(this.#parts["plot-topic"], gettext("Topic"), all, this.#topic);
-      this.#say(this.#asked());
-    } catch (error) {
-      if (!this.#listening.signal.aborted) this.#say(error.message);
-    }
-  }
-
-  #take({ fields, number, refusal }) {
-    this.#say(refusal?.text ?? this.#asked());
-    this.#offerFields(fields ?? {});
-    this.#plot.add(number === this.#number ? null : (fields ?? null));
-    this.#number = number;
+    this.#refused = fields.map((field) => this.#plot.put(field, true)).find(Boolean) ?? "";
+    this.#parts["plot-field"].value = "";
+    this.say("");
   }
 
   #offerFields(fields) {
@@ -114,14 +106,12 @@ export class PlotCell {
     fillOptions(this.#parts["plot-field"], gettext("Add a field"), paths, "");
   }
 
-  /** What the person has to choose next; empty: nothing. */
   #asked() {
     if (!this.#topic) return gettext("Choose a topic, then its fields.");
-    return this.#plot.names.length === 0 ? gettext("Choose the fields of this topic.") : "";
-  }
-
-  #say(text) {
-    setTextOrHide(this.#parts["plot-words"], text);
+    if (this.#plot.names.length > 0) return "";
+    return this.#offered
+      ? gettext("Choose the fields of this topic.")
+      : gettext("No message of this topic with a number has come yet.");
   }
 }
 

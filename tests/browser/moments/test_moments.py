@@ -87,12 +87,14 @@ def test_nothing_covers_what_matters_beside_cells(driving: DrivingPage) -> None:
     page.locator("[data-part=plot-topic]").select_option("/odom")
     page.locator("[data-part=plot-field]").select_option("x")
     wrong = {}
-    for lists in (True, False):
+    for lists, stick in [(True, True), (False, True), (False, False), (True, False)]:
         page.locator("[data-part=arrange-side]").set_checked(lists)
+        page.locator("[data-part=arrange-stick]").set_checked(stick)
         page.locator("[data-part=arrange-close]").click()
-        for width, height in [(1100, 640), (1440, 900), (1920, 1080)]:
+        for width, height in [(1100, 640), (1440, 900)]:
             page.set_viewport_size({"width": width, "height": height})
-            size = f"{width}x{height}{'' if lists else ' without lists'}"
+            hidden = "".join(f" no {name}" for name, on in [("lists", lists), ("stick", stick)] if not on)
+            size = f"{width}x{height}{hidden}"
             wrong[size] = covered(page, f"four cells-{size}")
         page.locator("[data-part=arrange-open]").click()
     assert {size: found for size, found in wrong.items() if found} == {}

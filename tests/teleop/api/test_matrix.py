@@ -510,7 +510,7 @@ class Lab:
         for place, robot in self.robots.items():
             kitchen = PlaceEntry("kitchen", 1.0, 1.0)
             self.places[place] = place_add(digest=map_of(robot, mark=place), entry=kitchen, actor=staff)
-            self.layouts[place] = SharedLayout.objects.create(robot=robot, name="Survey", cells=["map"])
+            self.layouts[place] = SharedLayout.objects.create(robot=robot, name="Survey", panels=[])
             self.groups[place] = RobotGroup.objects.create(name=f"Robots {place}", slug=f"robots-{place}")
             self.groups[place].robots.add(robot)
             self.webhooks[place], _ = webhook_make(

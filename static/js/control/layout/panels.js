@@ -1,14 +1,13 @@
-/**
- * Where the panels are on a large screen: people drag them by handles, or move them by arrow keys. Kept for
- * each account.
- */
+/** Where the panels are on a large screen: people drag them by handles, or move them by arrow keys. */
 
 import { readingKey } from "../../formats/languages.js";
 import { mark } from "../../lib/dom.js";
 
 const PLACES = ["left", "top", "bottom"]; // beside the stick; at the other side, above and below
-const STANDARD = { chart: "left", motions: "top", phrases: "bottom" };
 const STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
+
+/** The panels at the places, in this order: above the stick; at the other side, above and below. */
+export const STANDARD_ORDER = ["chart", "motions", "phrases"];
 
 function placeWords(place) {
   return {
@@ -18,22 +17,21 @@ function placeWords(place) {
   }[place];
 }
 
-/** Exchange a panel with the panel at its new place. Pure. @param {Record<string, string>} places by panel */
-export function moved(places, panel, place) {
-  const there = Object.keys(places).find((other) => places[other] === place);
-  return { ...places, [there]: places[panel], [panel]: place };
+/** Exchange a panel with the panel at its new place. Pure. @param {string[]} order of the panels */
+export function moved(order, panel, at) {
+  return order.with(order.indexOf(panel), order[at]).with(at, panel);
 }
 
-/** Return whether a stored value is an arrangement: each panel has its own place. */
-function isArrangement(places) {
-  const kept = Object.keys(STANDARD).map((panel) => places?.[panel]);
-  return PLACES.every((place) => kept.includes(place));
+/** Return the order of panels whose places were kept by name; the usual order if one has none. */
+export function orderOf(places) {
+  const order = PLACES.map((place) => STANDARD_ORDER.find((panel) => places[panel] === place));
+  return order.includes(undefined) ? STANDARD_ORDER : order;
 }
 
-export class Panels {
+/** Event: "move" (detail: the new order). */
+export class Panels extends EventTarget {
   #panels;
-  #places;
-  #choices;
+  #order = STANDARD_ORDER;
   #notify;
   #dragged = null;
   #listening = new AbortController();
@@ -41,17 +39,14 @@ export class Panels {
   /**
    * @param {HTMLElement} root its elements with data-panel are the panels, those with data-moves their
    *   handles
-   * @param {import("../choices.js").Choices} choices of the person
-   * @param {(text: string) => void} notify reports a move to screen readers
+   * @param {(notice: object) => void} notify reports a move to screen readers
    */
-  constructor(root, choices, notify) {
-    this.#choices = choices;
+  constructor(root, notify) {
+    super();
     this.#notify = notify;
     this.#panels = new Map(
       [...root.querySelectorAll("[data-panel]")].map((panel) => [panel.dataset.panel, panel]),
     );
-    const kept = choices.recall("panels", STANDARD);
-    this.#place(isArrangement(kept) ? kept : STANDARD);
     const { signal } = this.#listening;
     for (const handle of root.querySelectorAll("[data-moves]")) {
       handle.addEventListener("keydown", (event) => this.#pressed(event, handle), { signal });
@@ -66,22 +61,17 @@ export class Panels {
     this.#listening.abort();
   }
 
-  /** Move all panels back. */
-  reset() {
-    this.#place(STANDARD);
-    this.#choices.remember("panels", STANDARD);
+  /** @param {string[]} order of the panels at the places */
+  set order(order) {
+    this.#order = order;
+    for (const [name, panel] of this.#panels) mark(panel, "place", PLACES[order.indexOf(name)]);
   }
 
-  #place(places) {
-    this.#places = places;
-    for (const [name, panel] of this.#panels) mark(panel, "place", places[name]);
-  }
-
-  #move(name, place) {
-    if (place === undefined || this.#places[name] === place) return;
-    this.#place(moved(this.#places, name, place));
-    this.#choices.remember("panels", this.#places);
-    this.#notify(placeWords(place));
+  #move(name, at) {
+    const place = PLACES[at];
+    if (place === undefined || this.#order[at] === name) return;
+    this.dispatchEvent(new CustomEvent("move", { detail: moved(this.#order, name, at) }));
+    this.#notify({ level: "success", code: "moved", text: placeWords(place), quiet: true });
   }
 
   /** Arrow keys on a handle move the panel: they do not drive. */
@@ -91,7 +81,7 @@ export class Panels {
     event.preventDefault();
     event.stopPropagation();
     const name = handle.dataset.moves;
-    this.#move(name, PLACES[PLACES.indexOf(this.#places[name]) + step]);
+    this.#move(name, this.#order.indexOf(name) + step);
     handle.focus();
   }
 
@@ -113,7 +103,7 @@ export class Panels {
   #drop(event) {
     if (this.#dragged === null) return;
     const over = this.#at(event);
-    if (over) this.#move(this.#dragged, this.#places[over]);
+    if (over) this.#move(this.#dragged, this.#order.indexOf(over));
     this.#letGo();
   }
 

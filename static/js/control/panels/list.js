@@ -15,7 +15,7 @@ import { History } from "../../tasks/history.js";
 import { Motions } from "../../tasks/motions.js";
 import { Phrases } from "../../tasks/phrases.js";
 import { Say } from "../../tasks/say.js";
-import { PlotCell } from "../../topics/plot_cell.js";
+import { PlotCells } from "../../topics/plot_cells.js";
 import { TopicsTab } from "../../topics/topics_tab.js";
 import { Arrange } from "../layout/arrange.js";
 import { ForgottenNotices } from "../status/forgotten.js";
@@ -39,6 +39,6 @@ export const PANELS = [
   Forget,
   ForgottenNotices,
   ControlPalette,
-  PlotCell,
+  PlotCells,
   Arrange,
 ];

@@ -13,7 +13,7 @@ function fieldOf(state, name) {
  * of the console by its `t`, such as `offers`; and of the page: `facts` of the robot, `stale` (the view may be
  * out of date), `role` of the person, `fence` of this tab's control, `mayAct` (this tab has control; null: not
  * known yet), `mayCancel` (so may supervisors without control), `tab`, `cells` (contents of the own layout),
- * `sceneShown`, `mapShown` and `plotShown`. Calls of panels, too: see `PagePanels`.
+ * `sceneShown`, `mapShown` and `plotShown`, `plotted` (the new content of a plot's cell). Calls of panels, too: see `PagePanels`.
  *
  * Each is an event: an error in one panel does not keep the news from the others.
  */

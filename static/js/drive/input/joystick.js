@@ -56,11 +56,6 @@ export class Joystick {
     this.#stick.neutralise("input-changed");
   }
 
-  /** Return whether the joystick is visible: some tabs do not show it. */
-  get isShown() {
-    return this.#zone.clientWidth > 0;
-  }
-
   /** Return whether the stick is held out of the middle without a finger on it. */
   get sticks() {
     return this.#stuck !== null;

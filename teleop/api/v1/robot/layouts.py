@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from django.shortcuts import get_object_or_404
 from msgspec import Meta, Struct
 
+from fleet.accounts.layouts import Layout, Panel
 from teleop.api.v1.framework.operation import entry_of, reads
 from teleop.api.v1.setup.base import SetupView, makes, manages
 from teleop.layouts import services
 from teleop.models import SharedLayout
 
 
-class LayoutRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """A layout: the contents of its pictures, the largest first, and whether the lists beside them are shown."""
+class LayoutRequest(Layout, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A layout: the contents of its pictures, the largest first; a plot with its topic and fields, "plot /odom pose.x".
+
+    `cells`: none for the page’s own views. `side`: motions and phrases are shown. `stick`: so is the stick. `panels`:
+    the panel above the stick, and those at the other side, above and below.
+    """
 
     name: Annotated[str, Meta(min_length=1, max_length=40)]
-    cells: Annotated[list[Literal["camera", "plan", "map", "scene", "second", "plot"]], Meta(max_length=4)]
-    side: bool = True
 
 
 class LayoutDetail(Struct, frozen=True):
-    """A shared layout. Without cells: the page's own views."""
+    """A shared layout: see `LayoutRequest`."""
 
     number: int
     name: str
     cells: list[str]
     side: bool
+    stick: bool
+    panels: list[Panel]
 
 
 class LayoutList(Struct, frozen=True):
@@ -47,11 +52,7 @@ class LayoutsView(SetupView):
     def post(self, slug: str, body: LayoutRequest) -> LayoutDetail:
         """For staff and supervisors of the robot. A robot has at most 20 shared layouts."""
         robot = self.robot(slug)
-        return _detail(
-            services.layout_share(
-                robot=robot, name=body.name, cells=list(body.cells), side=body.side, actor=self.person
-            )
-        )
+        return _detail(services.layout_share(robot=robot, name=body.name, layout=body, actor=self.person))
 
 
 class LayoutView(SetupView):

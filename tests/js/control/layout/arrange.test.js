@@ -4,30 +4,32 @@ import { Arrange } from "../../../../static/js/control/layout/arrange.js";
 import { contentsOf, placed, resized } from "../../../../static/js/control/layout/cells.js";
 import { parts } from "../../../../static/js/lib/dom.js";
 
+const SURVEY = {
+  cells: ["map", "plot /odom x"],
+  side: false,
+  stick: true,
+  panels: ["motions", "chart", "phrases"],
+};
 const FACTS = { cameras: [{ name: "head" }], has_map: true };
 
 describe("the cells", () => {
   it("offer what the robot has", () => {
-    expect(contentsOf({})).toEqual(["plan", "scene", "plot"]);
-    expect(contentsOf(FACTS)).toEqual(["camera", "plan", "map", "scene", "plot"]);
-    expect(contentsOf({ cameras: [{}, {}] })).toEqual([
-      "camera",
-      "plan",
-      "scene",
-      "second",
-      "plot",
-    ]);
+    expect(contentsOf({})).toEqual(["plan", "scene"]);
+    expect(contentsOf(FACTS)).toEqual(["camera", "plan", "map", "scene"]);
+    expect(contentsOf({ cameras: [{}, {}] })).toEqual(["camera", "plan", "scene", "second"]);
   });
 
   it("keep their contents when their number changes", () => {
     expect(resized(["map"], 3, contentsOf(FACTS))).toEqual(["map", "camera", "plan"]);
     expect(resized(["map", "camera", "plan"], 1, contentsOf(FACTS))).toEqual(["map"]);
-    expect(resized([], 4, contentsOf({}))).toEqual(["plan", "scene", "plot"]);
+    expect(resized([], 4, contentsOf({}))).toEqual(["plan", "scene", "plot", "plot"]);
   });
 
   it("exchange contents", () => {
     expect(placed(["camera", "plan", "map"], 0, "map")).toEqual(["map", "plan", "camera"]);
     expect(placed(["camera", "plan"], 1, "scene")).toEqual(["camera", "scene"]);
+    expect(placed(["camera", "plot /odom x"], 1, "camera")).toEqual(["plot /odom x", "camera"]);
+    expect(placed(["camera", "plot"], 0, "plot")).toEqual(["plot", "plot"]);
   });
 });
 
@@ -38,11 +40,16 @@ describe("a layout", () => {
   let told;
   let desk;
   const cells = () => told.filter((news) => "cells" in news).at(-1).cells;
+  const beside = () => {
+    const { panel } = root.querySelector("[data-place=left]").dataset;
+    return [root.dataset.lists, root.dataset.joystick, panel];
+  };
   const count = (n) => root.querySelector(`[data-count="${n}"]`).click();
   const open = (person) => {
     told = [];
     const tell = (news) => told.push(news);
-    arrange = new Arrange({ root, parts: found, choices: new Choices({ person }), tell });
+    const choices = new Choices({ person });
+    arrange = new Arrange({ root, parts: found, choices, notify: () => {}, tell });
     arrange.facts = FACTS;
   };
 
@@ -60,7 +67,10 @@ describe("a layout", () => {
         <div data-part="layouts" hidden><ul data-part="layouts-list"></ul>
           <form data-part="layout-form" hidden><input data-part="layout-name"></form>
           <p data-part="layouts-fault" hidden></p></div>
-        <input type="checkbox" data-part="arrange-side"><button data-part="arrange-reset"></button>
+        <input type="checkbox" data-part="arrange-side"><input type="checkbox" data-part="arrange-stick">
+        <button data-part="arrange-reset"></button></section>
+      <section data-panel="chart"></section>
+      <section data-panel="motions"><button data-moves="motions"></button>
       </section></main>`;
     root = document.querySelector("main");
     found = parts(root);
@@ -69,11 +79,8 @@ describe("a layout", () => {
 
   it("is none at first: the page looks as always", () => {
     open("ada");
-    expect([cells(), root.dataset.lists, found["arrange-side"].checked]).toEqual([
-      null,
-      undefined,
-      true,
-    ]);
+    expect(beside()).toEqual([undefined, undefined, "chart"]);
+    expect([cells(), found["arrange-side"].checked]).toEqual([null, true]);
   });
 
   it("is kept for this robot, and ends by a reset", () => {
@@ -82,16 +89,18 @@ describe("a layout", () => {
     const [first] = found["arrange-cells"].children;
     first.value = "scene";
     first.dispatchEvent(new Event("change", { bubbles: true }));
+    arrange.plotted = { at: 2, content: "plot /odom x" };
     found["arrange-side"].click();
+    found["arrange-stick"].click();
+    const left = new KeyboardEvent("keydown", { key: "ArrowLeft", bubbles: true });
+    root.querySelector("[data-moves]").dispatchEvent(left);
     arrange.close();
     open("ben");
-    expect([cells(), root.dataset.lists]).toEqual([["scene", "plan", "map"], "hidden"]);
+    expect(cells()).toEqual(["scene", "plan", "plot /odom x"]);
+    expect(beside()).toEqual(["hidden", "hidden", "motions"]);
     found["arrange-reset"].click();
-    expect([cells(), root.dataset.lists, told.at(-1)]).toEqual([
-      null,
-      undefined,
-      { layoutReset: true },
-    ]);
+    expect(cells()).toBe(null);
+    expect(beside()).toEqual([undefined, undefined, "chart"]);
     arrange.close();
     root.dataset.robot = "tiago-2";
     open("ben");
@@ -133,7 +142,7 @@ describe("a layout", () => {
 
     beforeEach(() => {
       asked = [];
-      answering(200, { layouts: [{ number: 4, name: "Survey", cells: ["map"], side: false }] });
+      answering(200, { layouts: [{ number: 4, name: "Survey", ...SURVEY }] });
     });
 
     it("can be chosen by everybody", async () => {
@@ -143,7 +152,7 @@ describe("a layout", () => {
       await vi.waitFor(() => expect(texts()).toEqual(["Survey"]));
       expect([found.layouts.hidden, found["layout-form"].hidden]).toEqual([false, true]);
       found["layouts-list"].querySelector("button").click();
-      expect([cells(), root.dataset.lists]).toEqual([["map"], "hidden"]);
+      expect([cells(), ...beside()]).toEqual([SURVEY.cells, "hidden", undefined, "motions"]);
     });
 
     it("is shared and deleted by supervisors, who read why one is refused", async () => {
@@ -154,7 +163,8 @@ describe("a layout", () => {
       found["layout-name"].value = " Pair ";
       found["layout-form"].dispatchEvent(new Event("submit", { cancelable: true }));
       await vi.waitFor(() => expect(texts()).toEqual(["Pair", "×"]));
-      const pair = { name: "Pair", cells: ["camera", "plan"], side: true };
+      const panels = ["chart", "motions", "phrases"];
+      const pair = { name: "Pair", cells: ["camera", "plan"], side: true, stick: true, panels };
       expect(asked).toEqual([["POST", "/layouts", pair]]);
       answering(409, { detail: "This name is taken." });
       found["layout-name"].value = "Pair";

@@ -1,6 +1,10 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { Choices } from "../../../../static/js/control/choices.js";
-import { moved, Panels } from "../../../../static/js/control/layout/panels.js";
+import {
+  moved,
+  orderOf,
+  Panels,
+  STANDARD_ORDER,
+} from "../../../../static/js/control/layout/panels.js";
 
 const NAMES = ["chart", "motions", "phrases"];
 const BOXES = { chart: [0, 100], motions: [100, 200], phrases: [200, 300] }; // from left to right
@@ -18,13 +22,8 @@ describe("the panels of a desk", () => {
   };
   const pointer = (name, type, clientX) =>
     handle(name).dispatchEvent(Object.assign(new Event(type), { clientX, clientY: 5 }));
-  const open = (person) => {
-    messages = [];
-    panels = new Panels(root, new Choices({ person }), (text) => messages.push(text));
-  };
 
   beforeEach(() => {
-    vi.stubGlobal("fetch", () => Promise.reject(new Error("offline"))); // the browser's copy is enough
     document.body.innerHTML = `<main>${NAMES.map(
       (name) => `<section data-panel="${name}"><button data-moves="${name}"></button></section>`,
     ).join("")}</main>`;
@@ -33,25 +32,22 @@ describe("the panels of a desk", () => {
       const [left, right] = BOXES[name];
       panel(name).getBoundingClientRect = () => ({ left, right, top: 0, bottom: 10 });
     }
-    open("ann");
+    messages = [];
+    panels = new Panels(root, ({ text }) => messages.push(text));
+    panels.order = STANDARD_ORDER;
+    panels.addEventListener("move", ({ detail }) => Object.assign(panels, { order: detail }));
   });
   afterEach(() => panels.close());
 
   it("exchange places", () => {
-    const before = { chart: "left", motions: "top", phrases: "bottom" };
-    expect(moved(before, "motions", "left")).toEqual({
-      chart: "top",
-      motions: "left",
-      phrases: "bottom",
-    });
+    expect(moved(STANDARD_ORDER, "motions", 0)).toEqual(["motions", "chart", "phrases"]);
   });
 
-  it("move back", () => {
-    press("motions", "ArrowLeft");
-    panels.reset();
-    panels.close();
-    open("ann");
-    expect(places()).toEqual(["left", "top", "bottom"]);
+  it("are found where they were kept by name", () => {
+    const kept = { chart: "top", motions: "left", phrases: "bottom" };
+    expect(orderOf(kept)).toEqual(["motions", "chart", "phrases"]);
+    expect(orderOf({ ...kept, chart: "left" })).toEqual(STANDARD_ORDER);
+    expect(orderOf({})).toEqual(STANDARD_ORDER);
   });
 
   it("move by arrow keys, which do not drive", () => {
@@ -68,17 +64,11 @@ describe("the panels of a desk", () => {
     window.removeEventListener("keydown", drives);
   });
 
-  it("move where they are dropped, and stay there for their person", () => {
+  it("move where they are dropped", () => {
     pointer("phrases", "pointerdown", 210);
     pointer("phrases", "pointermove", 10);
     expect(panel("chart").dataset.target).toBe("true");
     pointer("phrases", "pointerup", 10);
-    expect(places()).toEqual(["bottom", "top", "left"]);
-    panels.close();
-    open("bo");
-    expect(places()).toEqual(["left", "top", "bottom"]);
-    panels.close();
-    open("ann");
     expect(places()).toEqual(["bottom", "top", "left"]);
   });
 });

@@ -14,7 +14,13 @@ from tests.teleop.api.conftest import Caller
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "/robots/tiago-1/layouts"
-SURVEY = {"name": "Survey", "cells": ["map", "camera"], "side": False}
+SURVEY = {
+    "name": "Survey",
+    "cells": ["map", "plot /odom pose.pose.position.x ranges[0]", "plot"],
+    "side": False,
+    "stick": False,
+    "panels": ["motions", "chart", "phrases"],
+}
 
 
 @pytest.fixture
@@ -42,6 +48,9 @@ def test_a_layout_is_shared_and_deleted(manager: Caller) -> None:
         ({"cells": ["map", "map"]}, (400, "invalid")),
         ({"cells": ["map", "camera", "plan", "scene", "second"]}, (400, "invalid")),
         ({"cells": ["hologram"]}, (400, "invalid")),
+        ({"cells": ["plot /odom;x"]}, (400, "invalid")),
+        ({"cells": ["plot /odom " + " ".join("abcdefg")]}, (400, "invalid")),
+        ({"panels": ["chart", "chart", "phrases"]}, (400, "invalid")),
         ({"name": "x" * 41}, (400, "invalid")),
     ],
 )
@@ -55,6 +64,6 @@ def test_a_refused_layout_changes_nothing(
 
 
 def test_a_robot_has_at_most_twenty_layouts(manager: Caller, robot: Robot) -> None:
-    SharedLayout.objects.bulk_create(SharedLayout(robot=robot, name=f"{n}") for n in range(20))
+    SharedLayout.objects.bulk_create(SharedLayout(robot=robot, name=f"{n}", panels=[]) for n in range(20))
     answer = manager("POST", ADDRESS, SURVEY)
     assert (answer.status_code, answer.data["code"]) == (409, "too_many")
