@@ -146,7 +146,8 @@ export class CameraPanel {
    * more room side by side or one below the other.
    */
   #makeRoom(root, { "view-bar": bar, "view-open": opener }) {
-    mark(this.#area, "broad", this.#area.clientWidth > this.#area.clientHeight);
+    const { clientWidth: width, clientHeight: height } = this.#area;
+    mark(this.#area, "broad", width > 2 * height ? "twice" : width > height);
     const isBelow = ["2", "bar"].includes(getComputedStyle(bar).gridRowStart);
     root.style.setProperty("--view-bar", `${isBelow ? bar.offsetHeight : 0}px`);
     root.style.setProperty("--view-open", `${opener.offsetWidth}px`);
