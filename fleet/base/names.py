@@ -81,7 +81,7 @@ WORD = Fault("name_reserved", _("This word has a meaning of its own in the conso
 
 def fault_of(name: str) -> Fault | None:
     """Return why nobody may choose this name or short text; None: it is fine. An empty text is fine."""
-    if any(not _is_seen(name, place) for place in range(len(name))):
+    if name.isspace() or any(not _is_seen(name, place) for place in range(len(name))):
         return UNSEEN
     marks = 0
     for letter in unicodedata.normalize("NFC", name):

@@ -33,6 +33,7 @@ OF_PEOPLE = (
 )
 TEXTS = ("Demo 👩\u200d🏫", "🧑🏽\u200d🚀 Mars", "❤\ufe0f\u200d🔥", "A ↔\ufe0f B", "1\ufe0f⃣ first", "⏱\ufe0f")
 UNSEEN = (
+    " ",
     "a\nb",
     "a\r",
     "a\tb",

@@ -52,6 +52,7 @@ def test_a_layout_is_shared_and_deleted(manager: Caller) -> None:
         ({"cells": ["plot /odom " + " ".join("abcdefg")]}, (400, "invalid")),
         ({"panels": ["chart", "chart", "phrases"]}, (400, "invalid")),
         ({"name": "x" * 41}, (400, "invalid")),
+        ({"name": " "}, (400, "name_unseen")),
     ],
 )
 def test_a_refused_layout_changes_nothing(
