@@ -61,7 +61,7 @@ export class GoingPanel {
   /** @param {boolean} stale nobody knows what is where now */
   set stale(stale) {
     this.#isStale = stale;
-    if (stale) this.#forget();
+    if (stale && this.#drive.runs) this.#forget(); // a ghost that only stands there waits
   }
 
   /** @param {?boolean} may whether this tab has control */

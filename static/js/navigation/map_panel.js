@@ -18,7 +18,16 @@ const MODES = ["go", "pose", "place"];
 const IN_CONTROL = ["go", "pose"];
 
 export class MapPanel {
-  static hears = ["facts", "view", "state.going", "go_path", "stale", "mayAct", "mapShown"];
+  static hears = [
+    "facts",
+    "view",
+    "state.going",
+    "go_path",
+    "stale",
+    "mayAct",
+    "fence",
+    "mapShown",
+  ];
   static task = "going";
   static requests = {
     go: { name: () => gettext("Go there") },
@@ -136,13 +145,16 @@ export class MapPanel {
     this.#mayAct = may;
     this.#places.mayAct = may;
     dim(this.#parts["map-picked-go"], !may, whyNotNow());
-    if (!may && IN_CONTROL.includes(this.#mode)) this.#choose(null);
+  }
+
+  /** @param {?number} fence of this tab's control; null: it has none. A silence of a moment ends no choice */
+  set fence(fence) {
+    if (fence === null && IN_CONTROL.includes(this.#mode)) this.#choose(null);
   }
 
   /** @param {boolean} stale the map shows old data */
   set stale(stale) {
     mark(this.#parts.map, "old", stale);
-    if (stale) this.#pick(null);
   }
 
   gone() {
@@ -278,6 +290,7 @@ export class MapPanel {
     const mode = this.#mode;
     if (mode === "pose" && !pose.isTurned)
       return this.#speak(gettext("Press, then drag to where the robot looks."));
+    if (mode === "pose" && !this.#mayRequest()) return;
     this.#choose(null);
     if (mode === "place") this.#places.add(rounded(pose));
     else if (mode === "go") this.#pick({ x: pose.x, y: pose.y, heading: pose.heading });

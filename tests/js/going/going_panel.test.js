@@ -144,7 +144,6 @@ describe("a point to which the robot may drive", () => {
     ["Escape", () => document.dispatchEvent(new KeyboardEvent("keydown", { key: "Escape" }))],
     ["its cross", () => page["there-close"].click()],
     ["a press on it", () => point({ point: [0.1, 1.9] })],
-    ["a silent world", () => (panel.stale = true)],
     ["another tab", () => (panel.tab = "topics")],
     ["a stop", () => panel.zero()],
   ])("is gone after %s", (_, act) => {
@@ -152,6 +151,21 @@ describe("a point to which the robot may drive", () => {
     act();
     expect([ghost, page["there-offer"].hidden]).toEqual([null, true]);
     expect(request).not.toHaveBeenCalled();
+  });
+
+  it("waits while the world is silent, but a drive ends", async () => {
+    point();
+    panel.mayAct = false;
+    panel.stale = true;
+    expect([ghost === null, page["there-offer"].hidden]).toEqual([false, false]);
+    page["there-go"].click();
+    expect(request).not.toHaveBeenCalled();
+    panel.stale = false;
+    panel.mayAct = true;
+    page["there-go"].click();
+    panel.stale = true;
+    expect(ghost).toBe(null);
+    expect(asked().at(-1)).toEqual({ t: "drive_by_cancel" });
   });
 
   it("ends the drive with the ghost, and never sends its second part", async () => {

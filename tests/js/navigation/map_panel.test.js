@@ -237,8 +237,25 @@ describe("the map over the picture", () => {
     const goal = { t: "go", ...placeAt(240, 150), heading: -1.571, map: "abc" };
     expect(request).toHaveBeenCalledExactlyOnceWith(goal);
     pressed(canvas, 240, 150);
-    panel.stale = true;
-    expect(page["map-picked"].hidden).toBe(true);
+    panel.mayAct = false; // the world is silent for a moment
+    takeOffer();
+    expect(page["map-picked"].hidden).toBe(false);
+    expect(page["map-picked-go"].getAttribute("aria-disabled")).toBe("true");
+    expect(request).toHaveBeenCalledTimes(1);
+  });
+
+  it("keeps the choice of a place while the world is silent, and ends it with control", async () => {
+    const canvas = await openedWithMap();
+    panel.mayAct = true;
+    panel.fence = 7;
+    page["map-pose"].click();
+    panel.mayAct = false;
+    canvas.dispatchEvent(new KeyboardEvent("keydown", { key: ",", bubbles: true }));
+    canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", bubbles: true }));
+    expect(page["map-pose"].getAttribute("aria-pressed")).toBe("true");
+    expect(request).not.toHaveBeenCalled();
+    panel.fence = null;
+    expect(page["map-pose"].getAttribute("aria-pressed")).toBe("false");
   });
 
   it("tells the robot where it is, by keys too, and lets no arrow drive it there", async () => {
