@@ -148,12 +148,12 @@ class LinkServer:
         self._accept_no_more()
         if self._server:
             await self._server.wait_closed()
-        if self._address.unix_path:
-            remove_socket(self._address.unix_path)
 
     def _accept_no_more(self) -> None:
         if self._server:
             self._server.close()
+        if self._address.unix_path:
+            remove_socket(self._address.unix_path)  # at once: a process that is not done in time leaves no file
         if self._lanes:
             self._lanes.close()
 
