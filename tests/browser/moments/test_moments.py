@@ -99,3 +99,24 @@ def test_nothing_covers_what_matters_beside_cells(driving: DrivingPage) -> None:
         page.locator("[data-part=arrange-open]").click()
     assert {size: found for size, found in wrong.items() if found} == {}
     assert driving.complaints == []
+
+
+FREE = """selector => {
+  const element = document.querySelector(selector), { left, top: y, width, height } = element.getBoundingClientRect();
+  return element.contains(document.elementFromPoint(left + width / 2, y + height / 2)) && [left, y, width, height];
+}"""
+
+
+def test_a_reason_moves_no_list_and_covers_no_drawer(driving: DrivingPage) -> None:
+    page = driving.page
+    page.set_viewport_size({"width": 360, "height": 640})
+    driving.show(next(moment for moment in MOMENTS if moment.name == "held before a wall"))
+    reason = page.locator("[data-part=reason]")
+    page.locator("[data-drawer-open=actions]").click()
+    for shown in ("phrases", "motions"):
+        assert page.evaluate(FREE, f".drawer-head [data-shows={shown}]"), shown
+    page.evaluate("location.hash = 'motions'")
+    reason.wait_for()
+    with_reason = page.evaluate(FREE, ".motions .hit")
+    reason.evaluate("element => { element.hidden = true }")
+    assert with_reason and with_reason == page.evaluate(FREE, ".motions .hit")
