@@ -153,7 +153,8 @@ class LinkServer:
         if self._server:
             self._server.close()
         if self._address.unix_path:
-            remove_socket(self._address.unix_path)  # at once: a process that is not done in time leaves no file
+            # At once: a process that is not done in time leaves no file.
+            remove_socket(self._address.unix_path)
         if self._lanes:
             self._lanes.close()
 
