@@ -224,14 +224,15 @@ export class PlanView {
 
   #drawGhost({ ghost, nose, floor, problem }, pixel) {
     const { pen, colour } = this.#canvas;
+    const strength = pen.globalAlpha;
     pen.fillStyle = pen.strokeStyle = problem ? colour.alarm : colour.path;
     pen.lineWidth = 2 * pixel;
-    pen.globalAlpha = 0.12;
+    pen.globalAlpha = 0.12 * strength;
     for (const outline of [floor, ghost]) {
       this.#outline(outline);
       pen.fill();
     }
-    pen.globalAlpha = 1;
+    pen.globalAlpha = strength;
     pen.setLineDash([6 * pixel, 4 * pixel]);
     pen.stroke();
     pen.setLineDash([]);

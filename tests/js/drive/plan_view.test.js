@@ -11,16 +11,21 @@ const FACTS = {
   ],
 };
 
-/** A drawing context that stores every call. */
+/** A drawing context that stores every call, and its settings. */
 function recorder() {
   const calls = [];
   const measured = { width: 10 };
   const pen = new Proxy(
     {},
     {
-      get: (_, name) =>
-        name === "measureText" ? () => measured : (...facts) => calls.push([name, ...facts]),
-      set: () => true,
+      get: (set, name) => {
+        if (name in set) return set[name];
+        return name === "measureText" ? () => measured : (...facts) => calls.push([name, ...facts]);
+      },
+      set: (set, name, value) => {
+        set[name] = value;
+        return calls.push([name, value]) > 0;
+      },
     },
   );
   return { pen, calls };
@@ -59,6 +64,17 @@ describe("the picture from above", () => {
   const view = (scan) => ({ state: { verdict: { allowed: [0, 0, 0], point: null } }, scan });
   const scan = { laser_cm: [], sonar_cm: [], depth_cm: [], remembered_cm: [] };
   const sectors = () => calls.filter(([name, , , radius]) => name === "arc" && radius === 1.5);
+
+  it("is pale while the robot is silent, the ghost in it, too", () => {
+    picture.facts = FACTS;
+    picture.view = view(scan);
+    const ghost = { ghost: FACTS.footprint, floor: FACTS.footprint, nose: [1, 0], problem: "" };
+    picture.stale = true;
+    calls.length = 0;
+    picture.ghost = ghost;
+    const strengths = calls.filter(([name]) => name === "globalAlpha").map(([, value]) => value);
+    expect(strengths.slice(-3)).toEqual([0.3, expect.closeTo(0.036), 0.3]);
+  });
 
   it("shades the sectors that no sensor sees", () => {
     picture.facts = FACTS;

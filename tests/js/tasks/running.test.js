@@ -23,7 +23,7 @@ describe("the running tasks", () => {
       '<section data-part="running"><div data-part="elsewhere"></div></section>';
     send = vi.fn();
     running = new Running(parts(document), send, KINDS);
-    drive = running.row("drive_by", new DriveBy());
+    drive = running.row("drive_by", new DriveBy({}));
     speech = running.row("speech", {
       line: new SpeechLine(),
       shows: ({ now }) => now && { words: "Speaking", who: now.who, cancel: [{ t: "say_cancel" }] },
