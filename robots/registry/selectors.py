@@ -33,6 +33,7 @@ from robots.shared.configuration.bridge_config import (
 from robots.shared.configuration.denylist import admissible
 from robots.shared.configuration.gate_profile import GateProfile, Parameters
 from robots.shared.configuration.input_filters import describe
+from robots.shared.sentences import say
 from robots.shared.wire import CameraEntry, LimbRange, Limits, ReverseSteering, RobotFacts, SonarPose, Use
 
 DISC_CORNERS = 32  # number of corners of the polygon that is drawn for a disc
@@ -136,7 +137,8 @@ def require_link_settings(robot: Robot) -> None:
     needed = ("FLEET_LINK_CERT", "FLEET_LINK_KEY", "FLEET_LINK_SECRET")
     missing = [name for name in needed if not getattr(settings, name)]
     if missing:
-        raise Problems([f"A bridge that listens on the network needs {', '.join(missing)} to be set."])
+        names = ", ".join(missing)
+        raise Problems([say("A bridge that listens on the network needs {names} to be set.", names=names)])
 
 
 def bridge_config(robot: Robot) -> BridgeConfig:

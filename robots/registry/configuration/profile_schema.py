@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
+from functools import reduce
 from typing import Any, TypeVar
 
 import msgspec
@@ -32,7 +33,7 @@ from robots.shared.configuration.bridge_config import (
 from robots.shared.configuration.denylist import FULL_NAME
 from robots.shared.configuration.gate_profile import Parameters
 from robots.shared.configuration.input_filters import SMOOTHING, STEPS, StickStep
-from robots.shared.sentences import joined
+from robots.shared.sentences import Sentence, catalogued, joined, say
 from robots.shared.wire import MOST_CAMERAS
 
 T = TypeVar("T", bound=Struct)
@@ -42,14 +43,22 @@ CAMERA_TYPES = ("sensor_msgs/CompressedImage", "sensor_msgs/Image")
 CAMERA_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
 LANGUAGE = re.compile(r"(?=.{2,35}$)[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*")  # BCP 47
 _PLACE = re.compile(r"(?P<what>.*?)(?: - at `(?:key in )?\$(?P<path>.*)`)?", re.DOTALL)
+# Messages of msgspec, each with its sentence.
+_MESSAGES = {
+    r"Expected `(?P<expected>[^`]*)`, got `(?P<got>[^`]*)`": catalogued("Expected {expected}, got {got}"),
+    r"Expected `(?P<expected>[^`]*)` (?P<bound>[<>].*)": catalogued("Expected {expected} {bound}"),
+    r"Expected `(?P<expected>array)` of length (?P<count>\d+), got (?P<number>\d+)": catalogued(
+        "Expected {expected} of length {count}, got {number}"
+    ),
+    r"Object missing required field `(?P<field>.*)`": catalogued("Object missing required field {field}"),
+}
 _WORDS = {
-    "`float`": "a number",
-    "`int`": "a whole number",
-    "`str`": "text",
-    "`bool`": "true or false",
-    "`array`": "a list",
-    "`object`": "an object",
-    "`null`": "null",
+    "float": say("a number"),
+    "int": say("a whole number"),
+    "str": say("text"),
+    "bool": say("true or false"),
+    "array": say("a list"),
+    "object": say("an object"),
 }
 
 
@@ -125,16 +134,23 @@ def parsed(kind: type[T], given: object) -> T:
 def _in_words(message: str) -> str:
     match = _PLACE.fullmatch(message)
     what, path = (match["what"], match["path"]) if match else (message, None)
-    for word, plain in _WORDS.items():
-        what = what.replace(word, plain)
+    for pattern, key in _MESSAGES.items():
+        if found := re.fullmatch(pattern, what):
+            kinds = {name: _kind(found[name]) for name in ("expected", "got") if name in found.groupdict()}
+            what = say(key, **{**found.groupdict(), **kinds})
     place = (path or "").removeprefix(".")
-    return f"{place}: {what}" if place else what
+    return joined(": ", [place, what]) if place else what
+
+
+def _kind(name: str) -> Sentence:
+    """Return a kind of JSON value in words, such as "float | null"."""
+    return joined(" | ", [_WORDS.get(one, one) for one in name.split(" | ")])
 
 
 def _not_finite(given: object, path: str) -> Iterator[str]:
     """Yield NaN and Infinity, which Python's JSON accepts, as faults."""
     if isinstance(given, float) and not math.isfinite(given):
-        yield f"{path}: must be a finite number, not {given}"
+        yield say("{place}: must be a finite number, not {value}", place=path, value=str(given))
     for key, item in _items(given):
         yield from _not_finite(item, _join(path, key))
 
@@ -145,7 +161,8 @@ def _unknown(given: object, known: object, path: str) -> Iterator[str]:
     for key, item in _items(given):
         if key not in known_items:
             fields = ", ".join(sorted(str(name) for name in known_items))
-            yield f"{_join(path, key)}: there is no such field (there are: {fields})"
+            place = _join(path, key)
+            yield say("{place}: there is no such field (there are: {known})", place=place, known=fields)
         else:
             yield from _unknown(item, known_items[key], _join(path, key))
 
@@ -165,6 +182,8 @@ def _join(path: str, key: str | int) -> str:
 
 # --- checks -------------------------------------------------------------------------------------
 
+_LEAST = 1e-9  # of a value that must be above zero
+
 
 def topic_problems(topics: Topics) -> Iterator[str]:
     """Yield faults of names, types and poses, and duplicates."""
@@ -174,16 +193,14 @@ def topic_problems(topics: Topics) -> Iterator[str]:
             continue
         name = source.name if isinstance(source, Topic) else source.topic
         yield from _name_problem(name, f"{field}.{'name' if isinstance(source, Topic) else 'topic'}")
-        if source.type not in understood:
-            yield f"{field}.type: {source.type!r} is not understood here, only {' or '.join(understood)}"
+        yield from _kind_problem(field, source.type, understood)
     if topics.depth:
         yield from _depth_problems(topics.depth)
     if topics.head:
         yield from _head_problems(topics.head)
     if topics.arm:
         yield from _arm_problems(topics.arm)
-        if topics.joint_states is None:
-            yield "arm: needs joint_states, from which its position is known"
+        yield from _unseen("arm", topics)
     for index, scan in enumerate(topics.scans):
         yield from _name_problem(scan.topic, f"scans[{index}].topic")
         yield from _pose_problems(scan, f"scans[{index}]")
@@ -194,13 +211,15 @@ def topic_problems(topics: Topics) -> Iterator[str]:
         yield from _navigation_problems(topics.navigation)
     for limb, joints in topics.limbs.items():
         yield from _limb_problems(joints, limb)
-        if topics.joint_states is None:
-            yield f"{limb}: needs joint_states, from which its position is known"
+        yield from _unseen(limb, topics)
     for index, action in enumerate(topics.cancel_on_stop):
         yield from _name_problem(action, f"cancel_on_stop[{index}]")
     for index, language in enumerate(topics.languages):
         if not LANGUAGE.fullmatch(language):
-            yield f"languages[{index}]: {language!r} is not a language code such as en-GB"
+            place = f"languages[{index}]"
+            yield say(
+                "{place}: {code} is not a language code such as en-GB", place=place, code=repr(language)
+            )
     yield from _doublets([scan.topic for scan in topics.scans], "scans", "topic")
     yield from _doublets([sonar.frame_id for sonar in topics.sonars], "sonars", "frame_id")
 
@@ -217,31 +236,30 @@ _DEPTH_BOUNDS = {
 
 def _depth_problems(depth: DepthSource) -> Iterator[str]:
     for name, (lowest, highest, unit) in _DEPTH_BOUNDS.items():
-        value = getattr(depth, name)
-        if not lowest <= value <= highest:
-            yield f"depth.{name}: must be between {lowest:g} and {highest:g} {unit}, not {value:g}"
+        yield from _outside(f"depth.{name}", getattr(depth, name), lowest, highest, unit)
     if depth.info is not None:
         yield from _name_problem(depth.info, "depth.info")
-    if not depth.base_frame:
-        yield "depth.base_frame: must name the frame that lies on the floor below the robot"
+    yield from _base_frame_problem("depth", depth)
 
 
 def _camera_problems(cameras: list[CameraSource]) -> Iterator[str]:
     if len(cameras) > MOST_CAMERAS:
-        yield f"cameras: at most {MOST_CAMERAS}, not {len(cameras)}"
+        yield say("cameras: at most {most}, not {count}", most=MOST_CAMERAS, count=len(cameras))
     for index, camera in enumerate(cameras):
         path = f"cameras[{index}]"
         if not CAMERA_NAME.fullmatch(camera.name):
-            yield f"{path}.name: {camera.name!r} must be short: small letters, digits, - and _, such as head"
+            yield say(
+                "{place}: {name} must be short: small letters, digits, - and _, such as head",
+                place=f"{path}.name",
+                name=repr(camera.name),
+            )
         yield from _name_problem(camera.topic, f"{path}.topic")
-        if camera.type not in CAMERA_TYPES:
-            yield f"{path}.type: {camera.type!r} is not understood here, only {' or '.join(CAMERA_TYPES)}"
+        yield from _kind_problem(path, camera.type, CAMERA_TYPES)
         if camera.info is not None:
             yield from _name_problem(camera.info, f"{path}.info")
-        if not camera.base_frame:
-            yield f"{path}.base_frame: must name the frame that lies on the floor below the robot"
+        yield from _base_frame_problem(path, camera)
     if len({camera.base_frame for camera in cameras}) > 1:
-        yield "cameras: all must have the same base_frame"
+        yield say("cameras: all must have the same base_frame")
     yield from _doublets([camera.name for camera in cameras], "cameras", "name")
 
 
@@ -251,48 +269,48 @@ def _head_problems(head: HeadSource) -> Iterator[str]:
         yield from _name_problem(head.point_head, "head.point_head")
     for name in ("pan_joint", "tilt_joint"):
         if not getattr(head, name):
-            yield f"head.{name}: must name a joint"
+            yield say("{place}: must name a joint", place=f"head.{name}")
     for name in ("pan_rad", "tilt_rad"):
         low, high = getattr(head, name)
         if not -math.pi <= low < high <= math.pi:
-            yield f"head.{name}: must be two angles from -3.14 to 3.14 rad, the lower one first"
-    if abs(head.look_tilt) > math.pi / 2.0:
-        yield f"head.look_tilt: must be between -1.57 and 1.57 rad, not {head.look_tilt:g}"
+            place = f"head.{name}"
+            yield say("{place}: must be two angles from -3.14 to 3.14 rad, the lower one first", place=place)
+    yield from _outside("head.look_tilt", head.look_tilt, -math.pi / 2.0, math.pi / 2.0, "rad")
 
 
 def _arm_problems(arm: ArmSource) -> Iterator[str]:
     if not arm.home:
-        yield "arm.home: must name the arm’s joints"
+        yield say("arm.home: must name the arm’s joints")
     if len(arm.links) < 2:
-        yield "arm.links: must name the arm’s links from shoulder to tip"
+        yield say("arm.links: must name the arm’s links from shoulder to tip")
     if not 0.0 < arm.tolerance <= 0.5:
-        yield f"arm.tolerance: must be above 0 and at most 0.5 rad or m, not {arm.tolerance:g}"
-    if not 0.02 <= arm.radius_m <= 0.5:
-        yield f"arm.radius_m: must be between 0.02 and 0.5 m, not {arm.radius_m:g}"
-    if not 0.1 <= arm.reach_m <= 3.0:
-        yield f"arm.reach_m: must be between 0.1 and 3 m, not {arm.reach_m:g}"
+        value = f"{arm.tolerance:g}"
+        yield say("arm.tolerance: must be above 0 and at most 0.5 rad or m, not {value}", value=value)
+    yield from _outside("arm.radius_m", arm.radius_m, 0.02, 0.5, "m")
+    yield from _outside("arm.reach_m", arm.reach_m, 0.1, 3.0, "m")
     for motion, discs in arm.postures.items():
         for index, (_, _, radius_m) in enumerate(discs):
             if radius_m <= 0.0:
-                yield f"arm.postures.{motion}[{index}]: its radius must be above zero"
+                place = f"arm.postures.{motion}[{index}]"
+                yield say("{place}: its radius must be above zero", place=place)
 
 
 def _limb_problems(limb: LimbSource, path: str) -> Iterator[str]:
     yield from _name_problem(limb.action, f"{path}.action")
     types = (TRAJECTORY, GRIPPER_COMMAND) if path == "gripper" else (TRAJECTORY,)
-    if limb.type not in types:
-        yield f"{path}.type: {limb.type!r} is not understood here, only {' or '.join(types)}"
+    yield from _kind_problem(path, limb.type, types)
+    force = f"{path}.effort_n"
     if (limb.type == GRIPPER_COMMAND) != (limb.effort_n is not None):
-        yield f"{path}.effort_n: belongs to the type {GRIPPER_COMMAND}, which needs it"
-    elif limb.effort_n is not None and not 0.0 <= limb.effort_n <= 1000.0:
-        yield f"{path}.effort_n: must be between 0 and 1000 N, not {limb.effort_n:g}"
+        yield say("{place}: belongs to the type {kind}, which needs it", place=force, kind=GRIPPER_COMMAND)
+    elif limb.effort_n is not None:
+        yield from _outside(force, limb.effort_n, 0.0, 1000.0, "N")
     low, high = limb.range_m
     if not -1.0 <= low < high <= 1.0:
-        yield f"{path}.range_m: must be two places from -1 to 1 m, the lower one first"
-    if not 0.005 <= limb.speed_mps <= 0.5:
-        yield f"{path}.speed_mps: must be between 0.005 and 0.5 m/s, not {limb.speed_mps:g}"
+        place = f"{path}.range_m"
+        yield say("{place}: must be two places from -1 to 1 m, the lower one first", place=place)
+    yield from _outside(f"{path}.speed_mps", limb.speed_mps, 0.005, 0.5, "m/s")
     if not 1 <= len(limb.joints) <= 4 or not all(limb.joints):
-        yield f"{path}.joints: must name one to four joints"
+        yield say("{place}: must name one to four joints", place=f"{path}.joints")
     yield from _doublets(limb.joints, path, "joints")
 
 
@@ -303,66 +321,115 @@ def _navigation_problems(navigation: NavigationSource) -> Iterator[str]:
     for field in ("action", "velocity", "pose", "plan", "set_pose"):
         if (name := getattr(navigation, field)) is not None:
             yield from _name_problem(name, f"navigation.{field}")
-    if navigation.type not in NAVIGATION_TYPES:
-        yield f"navigation.type: {navigation.type!r} is not understood here, only {' or '.join(NAVIGATION_TYPES)}"
+    yield from _kind_problem("navigation", navigation.type, NAVIGATION_TYPES)
     if navigation.frame != "map":
-        yield f"navigation.frame: must be 'map', the frame of the map, not {navigation.frame!r}"
+        frame = repr(navigation.frame)
+        yield say("navigation.frame: must be 'map', the frame of the map, not {frame}", frame=frame)
 
 
 def _sonar_problems(sonar: SonarSource, path: str) -> Iterator[str]:
     yield from _name_problem(sonar.topic, f"{path}.topic")
     yield from _pose_problems(sonar, path)
     if not sonar.frame_id:
-        yield f"{path}.frame_id: must name the sensor’s frame"
-    if not 0.0 < sonar.fov <= math.pi:
-        yield f"{path}.fov: must be between 0 and 3.14 rad, not {sonar.fov:g}"
-    if not 0.0 < sonar.max_range_m <= 50.0:
-        yield f"{path}.max_range_m: must be between 0 and 50 m, not {sonar.max_range_m:g}"
+        yield say("{place}: must name the sensor’s frame", place=f"{path}.frame_id")
+    yield from _outside(f"{path}.fov", sonar.fov, _LEAST, math.pi, "rad")
+    yield from _outside(f"{path}.max_range_m", sonar.max_range_m, _LEAST, 50.0, "m")
 
 
 def _name_problem(name: str, path: str) -> Iterator[str]:
     if not FULL_NAME.fullmatch(name):
-        yield f"{path}: {name!r} is not a full ROS name such as /scan_raw (leading slash, letters, digits, _)"
+        yield say(
+            "{place}: {name} is not a full ROS name such as /scan_raw (leading slash, letters, digits, _)",
+            place=path,
+            name=repr(name),
+        )
+
+
+def _kind_problem(path: str, kind: str, understood: Sequence[str]) -> Iterator[str]:
+    if kind not in understood:
+        yield say(
+            "{place}: {kind} is not understood here, only {known}",
+            place=f"{path}.type",
+            kind=repr(kind),
+            known=reduce(_or, understood),
+        )
+
+
+def _or(first: str, second: str) -> str:
+    return say("{first} or {second}", first=first, second=second)
+
+
+def _unseen(part: str, topics: Topics) -> Iterator[str]:
+    if topics.joint_states is None:
+        yield say("{part}: needs joint_states, from which its position is known", part=part)
+
+
+def _base_frame_problem(path: str, camera: DepthSource | CameraSource) -> Iterator[str]:
+    if not camera.base_frame:
+        place = f"{path}.base_frame"
+        yield say("{place}: must name the frame that lies on the floor below the robot", place=place)
+
+
+def _outside(place: str, value: float, lowest: float, highest: float, unit: str) -> Iterator[str]:
+    """Yield a fault if a value is outside its bounds. Its numbers have a point in every language, as JSON has them."""
+    if not lowest <= value <= highest:
+        yield say(
+            "{place}: must be between {lowest} and {highest}{unit}, not {value}",
+            place=place,
+            lowest=f"{round(lowest, 3):g}",
+            highest=f"{round(highest, 2):g}",
+            unit=unit and f" {unit}",
+            value=f"{value:g}",
+        )
 
 
 def _pose_problems(source: ScanSource | SonarSource, path: str) -> Iterator[str]:
     x, y, yaw = source.pose
     if max(abs(x), abs(y)) > 5.0:
-        yield f"{path}.pose: ({x:g}, {y:g}) m is further than 5 m from the base; poses are in metres"
+        yield say(
+            "{place}: ({x}, {y}) m is further than 5 m from the base; poses are in metres",
+            place=f"{path}.pose",
+            x=f"{x:g}",
+            y=f"{y:g}",
+        )
     if abs(yaw) > 2.0 * math.pi:
-        yield f"{path}.pose: a yaw of {yaw:g} is more than a full turn; angles are in radians"
+        yield say(
+            "{place}: a yaw of {yaw} is more than a full turn; angles are in radians",
+            place=f"{path}.pose",
+            yaw=f"{yaw:g}",
+        )
 
 
 def _doublets(names: list[str], path: str, field: str) -> Iterator[str]:
     for index, name in enumerate(names):
         if name in names[:index]:
-            yield f"{path}[{index}].{field}: {name!r} occurs twice"
+            yield say("{place}: {name} occurs twice", place=f"{path}[{index}].{field}", name=repr(name))
 
 
 def footprint_problems(footprint: Footprint) -> Iterator[str]:
     """Yield faults: exactly one of disc and outline; an outline is convex, with the base frame's origin inside."""
     if (footprint.radius_m is None) == (footprint.outline is None):
-        yield 'Give either "radius_m" (a disc) or "outline" (a convex polygon).'
-    if footprint.radius_m is not None and not 0.05 <= footprint.radius_m <= 2.0:
-        yield f"radius_m: must be between 0.05 and 2 m, not {footprint.radius_m:g}"
+        yield say('Give either "radius_m" (a disc) or "outline" (a convex polygon).')
+    if footprint.radius_m is not None:
+        yield from _outside("radius_m", footprint.radius_m, 0.05, 2.0, "m")
     if footprint.outline is not None:
         yield from _outline_problems(footprint.outline)
 
 
 def _outline_problems(outline: list[tuple[float, float]]) -> Iterator[str]:
     if len(outline) < 3:
-        yield f"outline: a polygon has at least 3 corners, not {len(outline)}"
+        yield say("outline: a polygon has at least 3 corners, not {count}", count=len(outline))
         return
     if max(abs(value) for corner in outline for value in corner) > 3.0:
-        yield "outline: a corner is further than 3 m from the base; corners are in metres"
+        yield say("outline: a corner is further than 3 m from the base; corners are in metres")
     sides = list(zip(outline, outline[1:] + outline[:1], strict=True))
     turns = [_turn(a, b, c) for (a, b), (_, c) in zip(sides, sides[1:] + sides[:1], strict=True)]
     one_way = all(turn > 0.0 for turn in turns) or all(turn < 0.0 for turn in turns)
     if not one_way or abs(sum(turns)) > 2.5 * math.pi:  # a star also turns only one way, but two full turns
-        yield "outline: the corners must go once around, in order, and form a convex polygon"
+        yield say("outline: the corners must go once around, in order, and form a convex polygon")
         return
     if not all(_turn(a, b, (0.0, 0.0)) * turns[0] > 0.0 for a, b in sides):
-        yield "outline: the base frame’s origin (0, 0) must lie inside"
+        yield say("outline: the base frame’s origin (0, 0) must lie inside")
 
 
 def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
@@ -394,9 +461,7 @@ CAREFUL_WHEN_SMALL = {"deceleration_share", "operator_delay_s", "creep_mps", "be
 def parameter_problems(parameters: Parameters) -> Iterator[str]:
     """Yield the parameters that are outside their bounds."""
     for name, (lowest, highest) in PARAMETER_BOUNDS.items():
-        value = getattr(parameters, name)
-        if not lowest <= value <= highest:
-            yield f"{name}: must be between {lowest:g} and {highest:g}, not {value:g}"
+        yield from _outside(name, getattr(parameters, name), lowest, highest, "")
 
 
 def loosened_parameters(given: Parameters, profile: Parameters) -> Iterator[str]:
@@ -404,9 +469,21 @@ def loosened_parameters(given: Parameters, profile: Parameters) -> Iterator[str]
     for name in PARAMETER_BOUNDS:
         mine, theirs = getattr(given, name), getattr(profile, name)
         if mine < theirs and name not in CAREFUL_WHEN_SMALL:
-            yield f"gate.{name}: {mine:g} is below the profile’s {theirs:g}; a robot may only tighten"
+            yield below(f"gate.{name}", mine, theirs)
         if mine > theirs and name in CAREFUL_WHEN_SMALL:
-            yield f"gate.{name}: {mine:g} is above the profile’s {theirs:g}; a robot may only tighten"
+            yield above(f"gate.{name}", mine, theirs)
+
+
+def below(place: str, mine: float, theirs: float) -> Sentence:
+    """Return the fault of a robot's value that must not be below its profile's."""
+    words = "{place}: {mine} is below the profile’s {theirs}; a robot may only tighten"
+    return say(words, place=place, mine=f"{mine:g}", theirs=f"{theirs:g}")
+
+
+def above(place: str, mine: float, theirs: float) -> Sentence:
+    """Return the fault of a robot's value that must not be above its profile's."""
+    words = "{place}: {mine} is above the profile’s {theirs}; a robot may only tighten"
+    return say(words, place=place, mine=f"{mine:g}", theirs=f"{theirs:g}")
 
 
 def unknown_steps(given: object) -> Iterator[str]:
@@ -414,7 +491,12 @@ def unknown_steps(given: object) -> Iterator[str]:
     known = ", ".join(sorted(STEPS))
     for index, step in enumerate(given if isinstance(given, list | tuple) else ()):
         if isinstance(step, dict) and step.get("step") not in STEPS:
-            yield f"stick[{index}].step: there is no step {step.get('step')!r} (there are: {known})"
+            yield say(
+                "{place}: there is no step {name} (there are: {known})",
+                place=f"stick[{index}].step",
+                name=repr(step.get("step")),
+                known=known,
+            )
 
 
 def stick_problems(chain: StickChain) -> Iterator[str]:
@@ -422,7 +504,7 @@ def stick_problems(chain: StickChain) -> Iterator[str]:
     names = [step.__struct_config__.tag for step in chain.stick]
     yield from _doublets([str(name) for name in names], "stick", "step")
     if sum(isinstance(step, SMOOTHING) for step in chain.stick) > 1:
-        yield "stick: one of one_euro and mean steadies the stick, not both"
+        yield say("stick: one of one_euro and mean steadies the stick, not both")
 
 
 def checked(problems: Callable[[V], Iterator[str]], value: V) -> V:

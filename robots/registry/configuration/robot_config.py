@@ -20,6 +20,8 @@ from robots.registry.configuration.profile_schema import (
     Problems,
     StickChain,
     Tightening,
+    above,
+    below,
     checked,
     footprint_problems,
     loosened_parameters,
@@ -105,9 +107,9 @@ def _stick(given: object) -> tuple[StickStep, ...]:
 
 def _topics(profile: ProfileFields, drive_topic: str, rest: object) -> Topics:
     if not isinstance(rest, dict):
-        raise Problems(["Write an object with odometry, scans and so on."])
+        raise Problems([say("Write an object with odometry, scans and so on.")])
     if "drive" in rest:
-        raise Problems(['drive: belongs into the field "drive topic"'])
+        raise Problems([say('drive: belongs into the field "drive topic"')])
     drive = msgspec.to_builtins(Topic(drive_topic, profile.drive_type))
     return checked(topic_problems, parsed(Topics, {"drive": drive, **rest}))
 
@@ -168,7 +170,8 @@ def _sensor_faults(given: Topics, profile: Topics) -> Iterator[str]:
     for kind in ("scans", "sonars"):
         mine, theirs = len(getattr(given, kind)), len(getattr(profile, kind))
         if mine < theirs:
-            yield f"{kind}: {mine} here, {theirs} in the profile; a robot must have at least as many as its profile"
+            words = "{kind}: {mine} here, {theirs} in the profile; a robot must have at least as many as its profile"
+            yield say(words, kind=kind, mine=mine, theirs=theirs)
     if given.depth and profile.depth:
         yield from _looser_depth(given.depth, profile.depth)
     if given.arm and profile.arm:
@@ -178,19 +181,19 @@ def _sensor_faults(given: Topics, profile: Topics) -> Iterator[str]:
 def _looser_arm(given: ArmSource, profile: ArmSource) -> Iterator[str]:
     """Yield entries by which the arm would count as thinner, or as folded earlier, than in the profile."""
     if given.radius_m < profile.radius_m:
-        yield f"arm.radius_m: {given.radius_m:g} is below the profile’s {profile.radius_m:g}; only tighten"
+        yield below("arm.radius_m", given.radius_m, profile.radius_m)
     if given.tolerance > profile.tolerance:
-        yield f"arm.tolerance: {given.tolerance:g} is above the profile’s {profile.tolerance:g}; only tighten"
+        yield above("arm.tolerance", given.tolerance, profile.tolerance)
 
 
 def _looser_depth(given: DepthSource, profile: DepthSource) -> Iterator[str]:
     """Yield entries by which the robot's depth camera would ignore points that count in the profile."""
     if given.height_m < profile.height_m:
-        yield f"depth.height_m: {given.height_m:g} is below the profile’s {profile.height_m:g}; only tighten"
+        yield below("depth.height_m", given.height_m, profile.height_m)
     if given.own_m > profile.own_m:
-        yield f"depth.own_m: {given.own_m:g} is above the profile’s {profile.own_m:g}; only tighten"
+        yield above("depth.own_m", given.own_m, profile.own_m)
     if given.blind_m < profile.blind_m:
-        yield f"depth.blind_m: {given.blind_m:g} is below the profile’s {profile.blind_m:g}; only tighten"
+        yield below("depth.blind_m", given.blind_m, profile.blind_m)
 
 
 def _careful(own: Parameters, theirs: Parameters) -> Parameters:
@@ -275,11 +278,11 @@ def _loosened_limits(own: Tightening, profile: ProfileFields) -> Iterator[str]:
         mine: float | None = getattr(own, name)
         theirs: float = getattr(profile, name)
         if mine is not None and mine > theirs:
-            yield f"limits.{name}: {mine:g} is above the profile’s {theirs:g}; a robot may only tighten"
+            yield above(f"limits.{name}", mine, theirs)
         if mine is not None and mine <= 0.0 < theirs and name not in MAY_BE_ZERO:
-            yield f"limits.{name}: must be above 0, not {mine:g}"
+            yield say("{place}: must be above 0, not {value}", place=f"limits.{name}", value=f"{mine:g}")
         if mine is not None and mine < 0.0 and name in MAY_BE_ZERO:
-            yield f"limits.{name}: must not be negative, {mine:g} is"
+            yield say("{place}: must not be negative, {value} is", place=f"limits.{name}", value=f"{mine:g}")
 
 
 def check_profile_share(profile: ProfileFields) -> None:
@@ -298,7 +301,14 @@ def _check_share(share: float, fastest_mps: float) -> None:
     if share * fastest_mps > BEGINNER_MPS + 1e-9:
         raise Problems(
             [
-                f"{share:g} of {fastest_mps:g} m/s is {share * fastest_mps:.2g} m/s; the first speed may be "
-                f"at most {BEGINNER_MPS:g} m/s, so the share at most {BEGINNER_MPS / fastest_mps:.2g}."
+                say(
+                    "{share} of {fastest} m/s is {speed} m/s; the first speed may be at most {most} m/s, "
+                    "so the share at most {largest}.",
+                    share=f"{share:g}",
+                    fastest=f"{fastest_mps:g}",
+                    speed=f"{share * fastest_mps:.2g}",
+                    most=f"{BEGINNER_MPS:g}",
+                    largest=f"{BEGINNER_MPS / fastest_mps:.2g}",
+                )
             ]
         )

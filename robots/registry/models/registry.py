@@ -21,6 +21,7 @@ from fleet.base.names import Looks, NameField, fault_of_word, folded, require
 from robots.registry.configuration import addresses, profile_schema, robot_config
 from robots.shared.configuration import input_filters as stick
 from robots.shared.configuration.bridge_config import TOPIC_TYPES
+from robots.shared.sentences import reason_of
 
 T = TypeVar("T")
 
@@ -364,7 +365,7 @@ class Robot(models.Model):
         try:
             robot_config.of(self)
         except profile_schema.Problems as problems:
-            return str(problems)
+            return reason_of(problems)
         return ""
 
 

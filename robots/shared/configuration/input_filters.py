@@ -194,15 +194,19 @@ def describe(steps: Sequence[StickStep]) -> str:
 def _words(step: StickStep) -> str:
     match step:
         case Scale(x, y, w):
-            shares = {"x": f"{x:g}", "y": f"{y:g}", "w": f"{w:g}"}
-            return say("scaled (forward {x}, left {y}, turn {w})", **shares)
+            return say("scaled (forward {x}, left {y}, turn {w})", x=_short(x), y=_short(y), w=_short(w))
         case DeadZone(width):
-            return say("dead zone {width}", width=f"{width:g}") if width else ""
+            return say("dead zone {width}", width=_short(width)) if width else ""
         case Curve(exponent):
-            return say("curve {exponent}", exponent=f"{exponent:g}") if exponent != 1.0 else ""
+            return say("curve {exponent}", exponent=_short(exponent)) if exponent != 1.0 else ""
         case OneEuro():
             return say("smoothed (One-Euro)")
         case Mean(count):
             return say("smoothed (mean of {count})", count=count)
         case Snap(_, share):
-            return say("sideways turns on the spot at {share}", share=f"{share:.0%}")
+            return say("sideways turns on the spot at {share:.0f}%", share=100.0 * share)
+
+
+def _short(number: float) -> float:
+    """Return a number that is shown with as few digits as it needs."""
+    return int(number) if number == int(number) else number

@@ -1,11 +1,12 @@
 /** The robot's motions in the palette. */
 
 import { whyNotNow } from "../control/lease.js";
+import { worded } from "../tasks/motion_words.js";
 import { durationText } from "../tasks/motions.js";
 
 /** @param {import("./control_palette.js").Driving} driving @returns {import("./palette.js").Entry[]} */
 export function motions({ offers, mayAct, request }) {
-  const { motions: offered = [] } = offers();
+  const offered = worded(offers().motions ?? []);
   const why = () => offers().uses?.motions?.refusal?.text || (mayAct() ? "" : whyNotNow());
   return offered.map(({ name, title, usage = "", description = "", duration_s: seconds }) => ({
     name: title || name,

@@ -5,6 +5,7 @@ import { number } from "../formats/numbers.js";
 import { dim, make, makeButton, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
 import { heldOnce } from "../lib/presses.js";
+import { worded } from "./motion_words.js";
 import { Endings, levelOf } from "./task_ends.js";
 
 // A press this soon after the end of a motion was meant to cancel it: people need longer to react to the end.
@@ -83,7 +84,8 @@ export class Motions {
   }
 
   /** @param {object} offers of the robot */
-  set offers({ motions = [], motions_text: text = "", uses = {} }) {
+  set offers({ motions: offered = [], motions_text: text = "", uses = {} }) {
+    const motions = worded(offered);
     this.#idle = uses.motions?.refusal?.text ?? "";
     for (const { name, title } of motions) this.#titles.set(name, title || name);
     this.#buttons.clear();
