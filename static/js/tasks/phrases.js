@@ -1,8 +1,11 @@
-/** Ready-made texts, each in its own language: a press makes the robot speak the text. */
+/**
+ * Ready-made texts, each in its own language, those in the page's language first: a press makes the robot speak the
+ * text.
+ */
 
 import { readJson } from "../connection/read.js";
 import { whyNotNow } from "../control/lease.js";
-import { inLanguage, languageName } from "../formats/languages.js";
+import { inLanguage, languageName, pageLanguage } from "../formats/languages.js";
 import { make, makeButton, mark, setTextOrHide } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
 import { muteText } from "./say.js";
@@ -61,7 +64,8 @@ export class Phrases {
   }
 
   #show(phrases) {
-    this.#list.items = phrases;
+    const isOwn = ({ language }) => baseOf(language) === baseOf(pageLanguage());
+    this.#list.items = phrases.toSorted((one, other) => isOwn(other) - isOwn(one));
     this.#showText(phrases.length ? "" : gettext("There are no phrases for this robot yet."));
   }
 
@@ -78,6 +82,9 @@ export class Phrases {
     mark(words, "mute", this.#none === ""); // hidden where the form for a free text already gives the reason
   }
 }
+
+/** "es" of "es-ES". */
+const baseOf = (code) => code.split("-")[0].toLowerCase();
 
 function row({ text, language }, send) {
   const words = make("span", { className: "hit-name", text });
