@@ -65,7 +65,7 @@ export class Phrases {
 
   #show(phrases) {
     const isOwn = ({ language }) => baseOf(language) === baseOf(pageLanguage());
-    this.#list.items = phrases.toSorted((one, other) => isOwn(other) - isOwn(one));
+    this.#list.items = [...phrases].sort((one, other) => isOwn(other) - isOwn(one));
     this.#showText(phrases.length ? "" : gettext("There are no phrases for this robot yet."));
   }
 
