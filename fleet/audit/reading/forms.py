@@ -128,8 +128,10 @@ class FilterForm(forms.Form):
         )
 
     def listed(self) -> Wanted:
-        """Return `wanted` for a list: viewings of cameras would fill it. Exports have them."""
-        return replace(self.wanted(), without_viewings=not self.cleaned_data.get("viewings", True))
+        """Return `wanted` for a list: viewings of cameras would fill it. Exports and lists of a session have them."""
+        wanted = self.wanted()
+        has_viewings = wanted.session or self.cleaned_data.get("viewings", True)
+        return replace(wanted, without_viewings=not has_viewings)
 
     @property
     def is_filtered(self) -> bool:

@@ -54,7 +54,8 @@ def shown(kinds=None, **wanted):
 
 
 def test_viewings_of_cameras_are_shown_on_demand(admin, operator):
-    record("camera.start", actor=operator)
+    session = uuid.uuid4()
+    record("camera.start", actor=operator, session_id=session)
     say("hello", actor=operator)
 
     def kinds(query):
@@ -64,7 +65,7 @@ def test_viewings_of_cameras_are_shown_on_demand(admin, operator):
     viewing = "began to watch a camera"
     assert len(kinds("")) == 1
     assert kinds("viewings=on").count(viewing) == 1
-    assert kinds("kind=camera.start") == [viewing]
+    assert kinds("kind=camera.start") == kinds(f"session={session}") == [viewing]
 
 
 # --- access -------------------------------------------------------------------------------------
