@@ -50,6 +50,8 @@ export class Plot {
       this.#columns(),
       this.#element,
     );
+    const taken = clientHeight - this.#element.clientHeight; // by a legend beside the element
+    if (taken > 0) this.#drawn.setSize({ width, height: height - taken });
   }
 
   /** The columns have changed: show those from `least` to `most` on the x axis. */
