@@ -9,6 +9,7 @@ vi.mock("../../../static/vendor/uplot/uPlot.esm.js", () => {
     destroy = vi.fn();
     setData = vi.fn();
     setScale = vi.fn();
+    setSize = vi.fn();
 
     constructor(options, columns) {
       Object.assign(this, { options, columns });
@@ -22,7 +23,7 @@ function element(width, height) {
   const room = document.createElement("div");
   Object.defineProperties(room, {
     clientWidth: { get: () => width },
-    clientHeight: { get: () => height },
+    clientHeight: { get: () => height, configurable: true },
   });
   document.body.append(room);
   return room;
@@ -39,6 +40,20 @@ describe("a plot", () => {
       plot.close();
     }
     expect(drawn.map(({ options }) => [options.width, options.height])).toEqual([[300, 148]]);
+  });
+
+  it("gives up the room that a legend beside it takes", () => {
+    const room = element(300, 200);
+    const left = { get: () => (drawn.length > 0 ? 146 : 200) };
+    Object.defineProperty(room, "clientHeight", { ...left, configurable: true });
+    const plot = new Plot(
+      room,
+      () => [[0]],
+      () => ({}),
+    );
+    plot.redraw();
+    plot.close();
+    expect(drawn[0].setSize).toHaveBeenCalledWith({ width: 300, height: 146 });
   });
 
   it("is redrawn in a new theme's colours until it is closed", () => {
