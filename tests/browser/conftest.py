@@ -10,18 +10,16 @@ from __future__ import annotations
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from functools import cache
-from pathlib import Path
 from typing import Any, NoReturn
 from uuid import uuid4
 
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
-from script.stack.stack import PracticeRobot, SimulatedRobot, Stack
-from tests.browser.people import Person, robot_side, running_stack
-from tests.processes import until
+from script.stack.stack import PracticeRobot, Stack
+from tests.browser.people import Person, PutBack, putting_back, running_stack
 
 CHROMIUM = "/usr/bin/chromium"
 ARGUMENTS = [
@@ -46,7 +44,6 @@ AT_THE_WALL = (7.6, 2.0, 0.0)  # the hall's east wall is 2 m ahead
 ONLINE_S = 60.0  # time limit on a busy computer; usually it takes 5 s
 
 # Puts a robot to its start, or to this pose (m, degrees).
-PutBack = Callable[..., None]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -59,23 +56,6 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     """The running console on a free port."""
     with running_stack(tmp_path_factory.mktemp("stack"), ROBOTS) as stack:
         yield stack
-
-
-@contextmanager
-def putting_back(robot: SimulatedRobot, folder: Path) -> Iterator[PutBack]:
-    """A function that puts this robot to its start, for the length of a `with` block."""
-    times, said = 0, folder / robot.plan.slug
-    with robot_side(robot, "start", said) as side:
-
-        def put_back(pose: tuple[float, float, float] = robot.plan.pose) -> None:
-            nonlocal times
-            times += 1
-            assert side.stdin is not None
-            side.stdin.write("{} {} {}\n".format(*pose))
-            side.stdin.flush()
-            until(lambda: said.read_text().count("there") == times, f"{robot.plan.name} at its start")
-
-        yield put_back
 
 
 @pytest.fixture(scope="package")

@@ -20,7 +20,9 @@ from script.stack.client import Console
 from script.stack.database import with_tables
 from script.stack.places import REPOSITORY
 from script.stack.stack import PracticeRobot, SimulatedRobot, Stack
+from tests.processes import until
 
+PutBack = Callable[..., None]
 PATIENCE_S = 30.0
 expect.set_options(timeout=1000.0 * PATIENCE_S)
 POLL_MS = 50
@@ -331,6 +333,23 @@ def robot_side(robot: SimulatedRobot, role: str, said: Path) -> Iterator[subproc
     finally:
         process.kill()
         process.communicate()
+
+
+@contextmanager
+def putting_back(robot: SimulatedRobot, folder: Path) -> Iterator[PutBack]:
+    """A function that puts this robot to its start, for the length of a `with` block."""
+    times, said = 0, folder / robot.plan.slug
+    with robot_side(robot, "start", said) as side:
+
+        def put_back(pose: tuple[float, float, float] = robot.plan.pose) -> None:
+            nonlocal times
+            times += 1
+            assert side.stdin is not None
+            side.stdin.write("{} {} {}\n".format(*pose))
+            side.stdin.flush()
+            until(lambda: said.read_text().count("there") == times, f"{robot.plan.name} at its start")
+
+        yield put_back
 
 
 @contextmanager

@@ -108,6 +108,7 @@ class GroundTruth:
 
     def _teleport(self, message: Pose2D) -> None:
         self._robot.physics.place_robot(Pose(message.x, message.y, message.theta))
+        self._robot.localisation.look_again()
 
     def _battery(self, message: Float32) -> None:
         """Set the charge in percent; negative: dock at the charger."""

@@ -45,6 +45,10 @@ class Localisation:
         turned = abs(math.remainder(pose.yaw - truth.yaw, math.tau))
         self._is_lost = math.dist(pose[:2], truth[:2]) > FOUND_M or turned > FOUND_RAD
 
+    def look_again(self) -> None:
+        """Estimate at once: somebody carried the robot. Else its next drive would begin with a jump of its pose."""
+        self._believed_at = None
+
     def map_to_odom(self, truth: Pose) -> Pose:
         """Return the odometry frame's pose in the map frame, for the robot's true pose `truth`."""
         odometry = self._odometry.pose
