@@ -170,6 +170,15 @@ class Person:
         self.page.get_by_role("dialog").get_by_role("button", name="Clear stop").click()
         self.until(lambda: self.state["stop"]["state"] == "clear", "the latch to clear")
 
+    def forget(self) -> None:
+        """Make the robot forget what it saw: it knows nothing behind it, also if it turned in an earlier test."""
+        self.part("forget").evaluate("(button) => button.click()")
+        self.page.get_by_role("button", name="Forget", exact=True).click()
+        self.until(
+            lambda: "behind_unseen" in [limit["code"] for limit in self.state["verdict"]["limits"]],
+            "a robot that knows nothing behind it",
+        )
+
     def release(self) -> None:
         """Release control."""
         self.part("actions").get_by_role("button", name="Release").click()

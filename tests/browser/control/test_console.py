@@ -84,10 +84,6 @@ def test_the_address_names_the_tab(person: Arrive) -> None:
     assert observer.complaints == []
 
 
-def limits_of(operator: Person) -> list[str]:
-    return [limit["code"] for limit in operator.state["verdict"]["limits"]]
-
-
 def waits_for(operator: Person) -> str | None:
     needed = operator.state["neutral_needed"]
     return needed["code"] if needed else None
@@ -96,9 +92,7 @@ def waits_for(operator: Person) -> str | None:
 def test_a_change_of_tab_stops_the_base_and_latches_nothing(person: Arrive) -> None:
     operator = person("operator")
     operator.take("tiago-2")
-    operator.part("forget").evaluate("(button) => button.click()")
-    operator.page.get_by_role("button", name="Forget", exact=True).click()
-    operator.until(lambda: "behind_unseen" in limits_of(operator), "a robot that knows nothing behind it")
+    operator.forget()
     operator.push("ArrowDown", until=lambda: waits_for(operator) == "behind_unseen", what="a refusal")
     operator.let_go("ArrowDown")
     operator.until(lambda: operator.state["neutral_needed"] is None, "a free stick")

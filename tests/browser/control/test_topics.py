@@ -193,6 +193,7 @@ def test_a_published_velocity_passes_the_gate_and_ends_with_tab(
 ) -> None:
     operator = person("operator")
     operator.take(ROBOT)
+    operator.forget()
     topics_of(operator)
     operator.part("publish-topic").select_option("/key_vel")
     operator.page.locator("#field-linear-x").fill("-0.1")
