@@ -136,13 +136,14 @@ def _in_words(message: str) -> str:
     what, path = (match["what"], match["path"]) if match else (message, None)
     for pattern, key in _MESSAGES.items():
         if found := re.fullmatch(pattern, what):
-            kinds = {name: _kind(found[name]) for name in ("expected", "got") if name in found.groupdict()}
-            what = say(key, **{**found.groupdict(), **kinds})
+            groups = found.groupdict()
+            kinds = {name: _words_of_kind(groups[name]) for name in ("expected", "got") if name in groups}
+            what = say(key, **groups | kinds)
     place = (path or "").removeprefix(".")
     return joined(": ", [place, what]) if place else what
 
 
-def _kind(name: str) -> Sentence:
+def _words_of_kind(name: str) -> Sentence:
     """Return a kind of JSON value in words, such as "float | null"."""
     return joined(" | ", [_WORDS.get(one, one) for one in name.split(" | ")])
 
