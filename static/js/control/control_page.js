@@ -276,7 +276,7 @@ class ControlPage {
     if (input && input !== "turn") this.#drawers.close(); // the button for "turn" is in a drawer
     const wasMoved = this.#moved;
     this.#moved = Boolean(input);
-    if (input) this.#wish(); // a gamepad moves the stick also without control
+    if (input && !wasMoved) this.#wish(); // a gamepad moves the stick also without control
     if (wasMoved && !input) this.#hints.done("stick"); // it was pushed and released
   }
 
