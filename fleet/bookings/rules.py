@@ -11,11 +11,11 @@ from datetime import UTC, date, datetime, time, timedelta
 from functools import partial
 from zoneinfo import ZoneInfo
 
-from django.utils.formats import date_format
 from django.utils.translation import gettext as _
 from msgspec import Struct
 
 from fleet.base import zones
+from fleet.base.formats.dates import dated
 from fleet.bookings.models import WEEKDAYS, Policy
 from robots.access.models import Course
 from robots.registry.models import Role
@@ -111,7 +111,7 @@ Rule = Callable[[Wish], Refusal | None]
 
 def shown(moment: datetime, zone: ZoneInfo) -> str:
     """Return a moment as text for people: weekday, date, time."""
-    return str(date_format(moment.astimezone(zone), "D d M Y, H:i"))
+    return dated(moment.astimezone(zone), "D d M Y, H:i")
 
 
 def from_to(slot: Slot, zone: ZoneInfo) -> str:

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping
 from datetime import datetime
 from typing import Any
 
-from django.utils.formats import date_format
 from django.utils.translation import gettext as _
 
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
 from fleet.audit.reading.words import CODED, WORDS
+from fleet.base.formats.dates import dated
 from fleet.base.formats.sentences import in_words
 from fleet.base.zones import viewers
 from robots.shared.sentences import of_parts
@@ -117,7 +117,7 @@ def _moment(value: Any) -> str:
     """Return a moment, given in UTC, in the reader's zone; blank if the value is no moment."""
     if not isinstance(value, str) or not _MOMENT.fullmatch(value):
         return ""
-    return str(date_format(datetime.fromisoformat(value).astimezone(viewers()), "d M Y, H:i"))
+    return dated(datetime.fromisoformat(value).astimezone(viewers()), "d M Y, H:i")
 
 
 def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:

@@ -1,8 +1,18 @@
 """Filters of templates."""
 
-from django import template
+from typing import Any
 
+from django import template
+from django.template import defaultfilters
+
+from fleet.base.formats.dates import in_language
 from fleet.base.formats.sentences import words_of
 
 register = template.Library()
 register.filter("words", words_of)
+
+
+@register.filter(expects_localtime=True, is_safe=False)
+def date(value: Any, form: str | None = None) -> str:
+    """Return a date as Django's filter does, and as the reader's language writes it."""
+    return str(defaultfilters.date(value, form and in_language(form)))

@@ -9,10 +9,11 @@ from functools import cache
 from typing import Any
 
 from django.conf import settings
-from django.utils.formats import date_format, number_format
+from django.utils.formats import number_format
 from django.utils.timezone import localtime
 from django.utils.translation import get_language, to_locale
 
+from fleet.base.formats.dates import dated
 from robots.shared.sentences import Sentence, capitalised, filled
 from robots.shared.wire import Worded
 
@@ -68,7 +69,7 @@ def _moment(form: str) -> Callable[[Any], str]:
     def shown(at: Any) -> str:
         moment = datetime.fromisoformat(at) if isinstance(at, str) else at
         is_moment = isinstance(moment, datetime) and moment.tzinfo is not None
-        return date_format(localtime(moment) if is_moment else moment, form)
+        return dated(localtime(moment) if is_moment else moment, form)
 
     return shown
 

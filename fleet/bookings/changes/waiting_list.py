@@ -14,12 +14,12 @@ from typing import Any
 from django.db import transaction
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
 from django.dispatch import receiver
-from django.utils.formats import date_format
 from django.utils.translation import gettext as _
 from django.utils.translation import override
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
+from fleet.base.formats.dates import dated
 from fleet.base.languages import of_person
 from fleet.base.zones import zone_of
 from fleet.bookings.messages.notifications import in_words, notification_write
@@ -200,7 +200,7 @@ def _offer(robot: Robot, waiting: Waiting, wish: Wish, now: datetime) -> None:
     with override(of_person(waiting.person.language)):
         text = _("%(booking)s is free now. Accept it under My bookings before %(time)s.") % {
             "booking": in_words(offered, zone),
-            "time": f"{date_format(until.astimezone(zone), 'D d M, H:i')} ({zone.key})",
+            "time": f"{dated(until.astimezone(zone), 'D d M, H:i')} ({zone.key})",
         }
         subject = _("%(robot)s: your turn") % {"robot": robot.name}
     notification_write(to=waiting.person, subject=subject, text=text, now=now)

@@ -20,13 +20,13 @@ from django.db import transaction
 from django.db.models import F, Q, QuerySet
 from django.dispatch import receiver
 from django.utils import timezone
-from django.utils.formats import date_format
 from django.utils.translation import gettext as _
 from django.utils.translation import override
 
 from fleet.accounts import emails
 from fleet.accounts.models import User
 from fleet.accounts.services import erased
+from fleet.base.formats.dates import dated
 from fleet.base.languages import of_person
 from fleet.base.zones import zone_of
 from fleet.bookings.models import Booking, FeedAddress, Notification, State, Waiting
@@ -100,7 +100,7 @@ def changed_by_another(
 
 def in_words(booking: Booking, zone: ZoneInfo) -> str:
     """Return a text with the robot and the times of a booking, in this zone."""
-    starts = date_format(booking.starts_at.astimezone(zone), "D d M Y, H:i")
+    starts = dated(booking.starts_at.astimezone(zone), "D d M Y, H:i")
     times = f"{starts} - {booking.ends_at.astimezone(zone):%H:%M} ({zone.key})"
     return f"{booking.robot.name}, {times}"
 

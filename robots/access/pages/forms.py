@@ -14,7 +14,6 @@ from django.contrib.auth.forms import BaseUserCreationForm
 from django.core.exceptions import ValidationError
 from django.db.models import Q
 from django.utils import timezone
-from django.utils.formats import date_format
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from msgspec import structs
@@ -22,6 +21,7 @@ from msgspec import structs
 from fleet.accounts.models import User
 from fleet.accounts.names import AccountNames
 from fleet.accounts.tokens.models import Scope
+from fleet.base.formats.dates import dated
 from fleet.base.kept_files import KeptFileForm
 from fleet.base.names import require
 from robots.access.models import Course, Qualification, RobotGroup
@@ -418,7 +418,7 @@ class TokenForm(forms.Form):
 
 
 def _day_after(days: int) -> str:
-    return date_format(timezone.localtime(timezone.now() + timedelta(days=days)), "j M Y")
+    return dated(timezone.localtime(timezone.now() + timedelta(days=days)), "j M Y")
 
 
 def _uuid_or_none(text: Any) -> UUID | None:
