@@ -2,6 +2,7 @@
 
 import { socketUrl } from "../connection/socket.js";
 import { brief } from "../control/status/plain_words.js";
+import { KeyPointer } from "../going/key_pointer.js";
 import { FARTHEST_M } from "../going/way.js";
 import { dim, mark } from "../lib/dom.js";
 import { recall } from "../lib/prefs.js";
@@ -9,6 +10,7 @@ import { CameraSocket } from "./camera_socket.js";
 import { CameraView } from "./camera_view.js";
 import { floorAt } from "./floor_geometry.js";
 import { FloorOverlay } from "./floor_overlay.js";
+import { pixelUnder } from "./frame.js";
 import { FullScreen } from "./full_screen.js";
 import { Head } from "./head.js";
 import { decodesVideo } from "./video.js";
@@ -26,6 +28,7 @@ export class CameraPanel {
   #second;
   #floor;
   #head;
+  #keys;
   #views;
   #fullScreen;
   #send;
@@ -60,6 +63,12 @@ export class CameraPanel {
       request,
       header: () => this.#main.header,
       point: (pixel) => this.#point(pixel),
+    });
+    const floor = parts["camera-floor"];
+    this.#keys = new KeyPointer(floor, parts["point-words"], {
+      begins: [0.5, 0.75],
+      pointAt: (spot) => this.#floorUnder(spot, floor),
+      choose: (point) => this.#tellPointed(point, floor),
     });
     this.#fullScreen = new FullScreen(root, parts["full-screen"]);
     this.#listen(parts, notify);
@@ -113,7 +122,7 @@ export class CameraPanel {
     this.#listening.abort();
     this.#observer.disconnect();
     const opened = [this.#socket, this.#main, this.#second, this.#floor, this.#head];
-    for (const part of [...opened, this.#views, this.#fullScreen]) part.close();
+    for (const part of [...opened, this.#keys, this.#views, this.#fullScreen]) part.close();
   }
 
   #listen(parts, notify) {
@@ -169,12 +178,28 @@ export class CameraPanel {
    * @returns {boolean} whether the pixel shows the floor near the robot
    */
   #point(pixel) {
-    const { header } = this.#main;
-    const point = pixel && header.lens && header.pose ? floorAt(pixel, header) : null;
-    const isNear = point !== null && Math.hypot(...point) <= FARTHEST_M;
+    const point = pixel && this.#floorAt(pixel);
+    if (point) this.#tellPointed(point);
+    else this.#tell({ pointed: null });
+    return point !== null;
+  }
+
+  /** @param {?HTMLElement} from the picture in which keys pointed */
+  #tellPointed(point, from = null) {
     const look = this.#main.camera.moves ? (there) => this.#head.lookAt(there) : null;
-    this.#tell({ pointed: isNear ? { point, look } : null });
-    return isNear;
+    this.#tell({ pointed: { point, look, from } });
+  }
+
+  /** Return the point of the floor near the robot at a pixel; null: the picture does not show it there. */
+  #floorAt(pixel) {
+    const { header } = this.#main;
+    const point = header?.lens && header.pose ? floorAt(pixel, header) : null;
+    return point && Math.hypot(...point) <= FARTHEST_M ? point : null;
+  }
+
+  #floorUnder(spot, { clientWidth, clientHeight }) {
+    const { header } = this.#main;
+    return header && this.#floorAt(pixelUnder(spot, header, clientWidth, clientHeight));
   }
 
   #of(camera) {

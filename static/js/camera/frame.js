@@ -28,6 +28,12 @@ export function fits({ width, height }) {
   return width > 0 && height > 0 && width <= LONGEST_SIDE && height <= LONGEST_SIDE;
 }
 
+/** Return the pixel of a picture under a spot of the box that it covers. */
+export function pixelUnder([left, top], header, boxWidth, boxHeight) {
+  const { scale, x, y } = covering(header, boxWidth, boxHeight);
+  return [(left - x) / scale, (top - y) / scale];
+}
+
 /**
  * Return scale and position of a picture that covers a box, as the style sheet places it: its middle and its lower
  * edge, which shows the floor before the robot, are in the box.

@@ -7,7 +7,7 @@ import { whyNotNow } from "../control/lease.js";
 import { PointerGrip } from "../hand/pointer_grip.js";
 import { dim, mark, show } from "../lib/dom.js";
 import { seen } from "./floor_geometry.js";
-import { covering } from "./frame.js";
+import { covering, pixelUnder } from "./frame.js";
 
 const PERIOD_MS = 200; // five requests a second are enough to follow a finger
 const DRAG_PX = 8; // a finger that moves less does not drag
@@ -198,16 +198,15 @@ export class Head {
   }
 
   #pixelAt({ clientX, clientY }) {
-    const { scale, left, top } = this.#pictureOnPage();
-    return [(clientX - left) / scale, (clientY - top) / scale];
+    const { left, top, width, height } = this.#area.getBoundingClientRect();
+    return pixelUnder([clientX - left, clientY - top], this.#header(), width, height);
   }
 
-  /** Return scale and position of the picture on the page. */
+  /** Return the picture's header, and its scale on the page. */
   #pictureOnPage() {
     const header = this.#header();
-    const box = this.#area.getBoundingClientRect();
-    const { scale, x, y } = covering(header, box.width, box.height);
-    return { header, scale, left: box.left + x, top: box.top + y };
+    const { width, height } = this.#area.getBoundingClientRect();
+    return { header, scale: covering(header, width, height).scale };
   }
 
   #press(key) {

@@ -13,7 +13,7 @@ import { isNeutral, Stick } from "../drive/input/stick.js";
 import { TurnAndLook } from "../drive/input/turn.js";
 import { screenLock } from "../drive/wake_lock.js";
 import { hand } from "../hand/watch.js";
-import { lostText, soonText } from "../hand/words.js";
+import { barredText, lostText, soonText } from "../hand/words.js";
 import { mark, parts } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 import { tabClock, tabToken } from "../lib/tab.js";
@@ -154,10 +154,7 @@ class ControlPage {
       send: () => this.#sendStop(),
       answered: (sinceMs) => this.#contact.isStoppedSince(sinceMs),
       showText: (text) => this.#statusBar.stopSays(text),
-      fail: (text) => {
-        this.#statusBar.stopSays(gettext("Not confirmed"));
-        this.#notify("error", "stop", text);
-      },
+      fail: (text) => this.#statusBar.stopFailed(text),
     });
     this.#listen();
     this.#tellRights();
@@ -223,6 +220,7 @@ class ControlPage {
     this.#root.addEventListener("pointerdown", (event) => this.#touched(event), { signal });
     on(document, "visibilitychange", () => this.#contact.hide(performance.now()));
     on(hand, "interrupted", ({ reason }) => this.#zero(reason));
+    on(hand, "barred", () => this.#drives && this.#notify("info", "hand", barredText()));
     on(hand, "lost", (lost) => this.#handLost(lost));
     on(hand, "soon", (soon) => this.#handSoon(soon));
 

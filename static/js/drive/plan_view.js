@@ -3,6 +3,7 @@
  * slows it. Forward is up. Drawn when something has changed, at most once per frame.
  */
 
+import { KeyPointer } from "../going/key_pointer.js";
 import { Canvas } from "../lib/canvas.js";
 import { arc, carried, moves, reach, spanFor } from "./twist_geometry.js";
 
@@ -45,6 +46,7 @@ export class PlanView {
   static hears = ["facts", "view", "stale", "ghost"];
   #element;
   #canvas;
+  #keys;
   #facts = null;
   #view = null;
   #stale = false;
@@ -56,8 +58,13 @@ export class PlanView {
   constructor({ parts, tell }) {
     this.#element = parts.picture;
     const { signal } = this.#listening;
-    const point = (event) => tell({ pointed: { point: this.#pointAt(event) } });
+    const point = (event) => tell({ pointed: { point: this.#pointAt(this.#spotOf(event)) } });
     this.#element.addEventListener("click", point, { signal });
+    this.#keys = new KeyPointer(this.#element, parts["point-words"], {
+      begins: [0.5, ROBOT_AT / 2],
+      pointAt: (spot) => this.#pointAt(spot),
+      choose: (there) => tell({ pointed: { point: there, from: this.#element } }),
+    });
     this.#canvas = new Canvas(parts.picture, "--view-", COLOURS, (pen, width, height) =>
       this.#draw(pen, width, height),
     );
@@ -89,6 +96,7 @@ export class PlanView {
 
   close() {
     this.#listening.abort();
+    this.#keys.close();
     this.#canvas.close();
   }
 
@@ -97,11 +105,16 @@ export class PlanView {
     return Math.max(Math.min(width / 2, height * ROBOT_AT) / this.#span, COARSEST * density);
   }
 
-  /** Return the point under a press, in the base frame. */
-  #pointAt({ clientX, clientY }) {
-    const { left, top, width, height } = this.#element.getBoundingClientRect();
+  #spotOf({ clientX, clientY }) {
+    const { left, top } = this.#element.getBoundingClientRect();
+    return [clientX - left, clientY - top];
+  }
+
+  /** Return the point at a spot of the picture (page pixels), in the base frame. */
+  #pointAt([right, down]) {
+    const { width, height } = this.#element.getBoundingClientRect();
     const scale = this.#scale(width, height, 1);
-    return [(height * ROBOT_AT - (clientY - top)) / scale, (width / 2 - (clientX - left)) / scale];
+    return [(height * ROBOT_AT - down) / scale, (width / 2 - right) / scale];
   }
 
   #draw(pen, width, height) {

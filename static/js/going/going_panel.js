@@ -6,7 +6,7 @@
 import { whyNotNow } from "../control/lease.js";
 import { isWithin, withArm } from "../drive/twist_geometry.js";
 import { dim, mark, setText, show } from "../lib/dom.js";
-import { TWO_TAPS_MS } from "../lib/presses.js";
+import { heldOnce, TWO_TAPS_MS } from "../lib/presses.js";
 import { endNotice } from "../navigation/words.js";
 import { DriveThere } from "./drive_there.js";
 import { fromBase, onFloor, wayTo } from "./way.js";
@@ -23,6 +23,7 @@ export class GoingPanel {
   #goal = null; // the point in the frame of the odometry
   #shape = null; // of the way that is driven, in that frame: it does not turn with the robot
   #lookAt = null; // turns the head to a point
+  #from = null; // the picture in which keys pointed: it gets the focus back from the offer
   #pointedMs = 0;
   #mayAct = null;
   #isStale = false;
@@ -39,6 +40,8 @@ export class GoingPanel {
     on("there-go", () => this.#go());
     on("there-look", () => this.#look());
     on("there-close", () => this.#forget());
+    // The key that chose the point may still be held.
+    parts["there-offer"].addEventListener("keydown", heldOnce, { signal });
     const ends = (event) => event.key === "Escape" && this.#goal && this.#forget();
     document.addEventListener("keydown", ends, { signal });
   }
@@ -71,8 +74,8 @@ export class GoingPanel {
   }
 
   /**
-   * @param {?{point: number[], look: ?function}} pointed a press: a point in the base frame; null: nothing any more.
-   *   While the robot drives there, a press ends nothing: people also look around by presses
+   * @param {?{point: number[], look: ?function, from: ?HTMLElement}} pointed a press, or by keys in the picture `from`:
+   *   a point in the base frame; null: nothing any more. While the robot drives there, a press ends nothing: people also look around by presses
    */
   set pointed(pointed) {
     if (this.#drive.runs) return;
@@ -81,8 +84,10 @@ export class GoingPanel {
     if (!pointed || isAgain || this.#isStale || !this.#base) return;
     this.#goal = onFloor(pointed.point, this.#base);
     this.#lookAt = pointed.look ?? null;
+    this.#from = pointed.from ?? null;
     this.#pointedMs = performance.now();
     this.#show();
+    if (this.#from) this.#parts["there-go"].focus();
   }
 
   /** Another tab does not show the ghost. */
@@ -142,8 +147,12 @@ export class GoingPanel {
       "there-look": look,
     } = this.#parts;
     const isOffered = ghost !== null && !this.#drive.runs;
+    const hadFocus = offer.contains(document.activeElement);
     show(offer, isOffered);
-    if (!isOffered) return;
+    if (!isOffered) {
+      if (hadFocus) this.#from?.focus();
+      return;
+    }
     mark(offer, "problem", ghost.problem || null);
     setText(words, wayText(ghost));
     const why = this.#whyNot(ghost);

@@ -47,7 +47,8 @@ export class HeldKeys {
     event.preventDefault();
     const held = this.#grips.get(event.code);
     if (held) return hand.prove(held, event);
-    if (event.repeat) return; // it was held when input ended: it must be pressed again
+    // A repeat: it was held when input ended, and must be pressed again.
+    if (event.repeat || !hand.admit()) return;
     const grip = { lose: (reason) => this.#lose(reason), usesKeys: true };
     this.#grips.set(event.code, grip);
     hand.begin(grip);

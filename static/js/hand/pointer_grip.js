@@ -67,7 +67,7 @@ export class PointerGrip {
     const wasLost = !this.#isHeld || event.pointerId === this.#pointer; // the page may never hear of its release
     if (this.#pointer !== null && wasLost) this.#lift(event);
     if (this.#pointer !== null || event.buttons !== PRIMARY || event.button !== 0) return;
-    if (isModified(event) || !this.#captures(event)) return;
+    if (isModified(event) || !hand.admit() || !this.#captures(event)) return;
     if (!this.#door.begin(event)) return this.#element.releasePointerCapture?.(event.pointerId);
     if (!this.#door.hasMenu) event.preventDefault();
     this.#pointer = event.pointerId;

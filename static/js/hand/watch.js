@@ -28,10 +28,15 @@ export function isComposing(event) {
   return event.isComposing || event.keyCode === 229 || event.key === "Dead";
 }
 
+/** Return whether a dialog of the page is open. It need not have the focus: a press beside it leaves it open. */
+function isDialogOpen() {
+  return document.querySelector("dialog[open]") !== null;
+}
+
 /**
  * Events: "lost" (detail: {reason, patienceMs}) when a grip ended without the hand; "interrupted" (detail: {reason})
  * when the page itself was left or stood still, also without a grip; "soon" (detail: boolean) when a grip needs a sign
- * of the hand.
+ * of the hand; "barred" when a grip did not begin, because a dialog is open.
  */
 class HandWatch extends EventTarget {
   #grips = new Map(); // what `begin` got → its proof
@@ -70,9 +75,16 @@ class HandWatch extends EventTarget {
       if (isEditing(target)) this.#loseHand("text", (grip) => grip.usesKeys || takesText(target));
     });
     const opens = ({ target, newState }) => target.nodeName === "DIALOG" && newState === "open";
-    document.addEventListener("toggle", (e) => opens(e) && this.#loseHand("dialog"), {
+    document.addEventListener("toggle", (e) => opens(e) && this.#loseAll("dialog"), {
       capture: true,
     });
+  }
+
+  /** Return whether a grip may begin: a key, stick or gamepad moves nothing while a dialog is open. */
+  admit() {
+    if (!isDialogOpen()) return true;
+    this.#emit("barred");
+    return false;
   }
 
   /**
@@ -110,6 +122,11 @@ class HandWatch extends EventTarget {
     this.#say(false);
   }
 
+  /** Another element takes the keys: those that are held move nothing more. */
+  loseKeys() {
+    this.#loseHand("text", (grip) => grip.usesKeys);
+  }
+
   /** End a grip that a door itself finds lost. */
   lose(grip, reason) {
     const proof = this.#grips.get(grip);
@@ -136,6 +153,7 @@ class HandWatch extends EventTarget {
     const now = performance.now();
     this.#hadFocus ||= document.hasFocus(); // the press itself may have brought the focus
     if (this.#hadFocus && !document.hasFocus()) return this.#interrupt("blurred");
+    if (isDialogOpen()) return this.#loseAll("dialog");
     for (const [grip, proof] of this.#grips) {
       const reason = proof.failure(now);
       if (reason) this.lose(grip, reason);
@@ -144,13 +162,16 @@ class HandWatch extends EventTarget {
   }
 
   #interrupt(reason) {
-    for (const grip of [...this.#grips.keys()]) this.lose(grip, reason);
+    this.#loseAll(reason);
     this.#emit("interrupted", { reason });
   }
 
   #loseHand(reason, means = () => true) {
-    for (const grip of [...this.#grips.keys()])
-      if (!grip.withoutHand && means(grip)) this.lose(grip, reason);
+    this.#loseAll(reason, (grip) => !grip.withoutHand && means(grip));
+  }
+
+  #loseAll(reason, means = () => true) {
+    for (const grip of [...this.#grips.keys()]) if (means(grip)) this.lose(grip, reason);
   }
 
   #say(soon) {

@@ -34,6 +34,13 @@ export function lostText({ reason, patienceMs }) {
   }
 }
 
+/** Says why a key or stick moves nothing beside an open dialog. */
+export function barredText() {
+  return gettext(
+    "Close the dialog first: while it is open, keys and sticks move nothing. STOP works.",
+  );
+}
+
 /** Asks for a sign of the hand, because no event has proven a grip for some time. */
 export function soonText() {
   return gettext("Still there? Move your hand a little, or press the key again.");

@@ -52,7 +52,7 @@ export class Palette {
     on(this.#field, "keydown", (event) => this.#key(event));
     // A press on an entry leaves the focus in the field.
     on(this.#list, "mousedown", (event) => event.preventDefault());
-    // Keys would drive again as soon as the focus is elsewhere.
+    // As a menu does: a press elsewhere closes it.
     on(this.#dialog, "focusout", () => setTimeout(() => this.#followFocus()));
     closable(this.#dialog, signal);
   }

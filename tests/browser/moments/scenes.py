@@ -13,6 +13,7 @@ import numpy as np
 import PIL.Image
 
 from robots.shared import wire
+from robots.shared.wire.base import PendingStop
 from robots.shared.wire.navigation import GoEnd, GoProgress, Location
 from robots.shared.wire.state import (
     MotionOffer,
@@ -115,7 +116,7 @@ MOMENTS = [
     ),
     Moment(
         "bridge gone",
-        gone=wire.BridgeGone(wire.Refusal("bridge_gone", "The robot's bridge is not running.", "link")),
+        gone=wire.BridgeGone(wire.Refusal("bridge_gone", "The robot's bridge is not running.", "robot")),
     ),
     Moment("console silent", silent=True),
     Moment("no connection", cut=True),
@@ -137,6 +138,13 @@ MOMENTS = [
                 {"/cmd_vel": ["/rogue"]},
                 "It drives at 0.3 m/s. Velocities for its base come from /rogue on /cmd_vel.",
             ),
+        ),
+    ),
+    Moment(
+        "stop not confirmed",
+        gone=wire.BridgeGone(
+            wire.Refusal("bridge_gone", "The robot's bridge is not running.", "robot"),
+            stop=PendingStop("Bo Berg", "", 1_790_000_000.0),
         ),
     ),
     Moment("stick without control", control=FREE, keys="w"),

@@ -86,6 +86,14 @@ describe("a point to which the robot may drive", () => {
     expect(page["there-words"].textContent).toBe("1.0 m away"); // the ghost stays at its place
   });
 
+  it("has the focus after keys chose the point, and gives it back", () => {
+    const from = document.body.appendChild(document.createElement("button"));
+    point({ ...LEFT, from });
+    expect(document.activeElement).toBe(page["there-go"]);
+    page["there-close"].click();
+    expect(document.activeElement).toBe(from);
+  });
+
   it("takes no double press for a press of the button", () => {
     panel.pointed = LEFT;
     page["there-go"].click();

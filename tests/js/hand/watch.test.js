@@ -1,5 +1,8 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { Pad } from "../../../static/js/drive/input/gamepad.js";
+import { Stick } from "../../../static/js/drive/input/stick.js";
 import { HeldKeys } from "../../../static/js/hand/held_keys.js";
+import { PointerGrip } from "../../../static/js/hand/pointer_grip.js";
 import { hand } from "../../../static/js/hand/watch.js";
 import { lostText } from "../../../static/js/hand/words.js";
 import { point, type } from "./events.js";
@@ -127,6 +130,73 @@ describe("the watch on the hand", () => {
     expect(stuck.lose).not.toHaveBeenCalled();
     happens(window, "blur");
     expect(stuck.lose).toHaveBeenCalledExactlyOnceWith("blurred");
+  });
+});
+
+describe("beside an open dialog", () => {
+  const barred = vi.fn();
+  let dialog;
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    vi.spyOn(document, "hasFocus").mockReturnValue(true);
+    hand.addEventListener("barred", barred);
+    dialog = document.body.appendChild(document.createElement("dialog"));
+    dialog.setAttribute("open", "");
+  });
+
+  afterEach(() => {
+    hand.removeEventListener("barred", barred);
+    barred.mockClear();
+    document.body.replaceChildren();
+    vi.restoreAllMocks();
+    vi.useRealTimers();
+  });
+
+  it("no key moves anything, until it is pressed again after the dialog closed", () => {
+    const changed = vi.fn();
+    const keys = new HeldKeys(window, ["KeyW"], () => true, changed);
+    type(document.body, "keydown", "KeyW");
+    dialog.removeAttribute("open");
+    type(document.body, "keydown", "KeyW", { repeat: true });
+    expect(changed).not.toHaveBeenCalled();
+    expect(barred).toHaveBeenCalledOnce();
+    type(document.body, "keydown", "KeyW");
+    expect(changed).toHaveBeenCalledOnce();
+    keys.close();
+  });
+
+  it("no finger holds a stick", () => {
+    const begin = vi.fn(() => true);
+    const zone = document.body.appendChild(document.createElement("div"));
+    const grip = new PointerGrip(zone, { begin, end() {} });
+    point(zone, "pointerdown");
+    expect([begin.mock.calls.length, grip.isHeld]).toEqual([0, false]);
+    dialog.removeAttribute("open");
+    point(zone, "pointerdown");
+    expect(grip.isHeld).toBe(true);
+    grip.close();
+  });
+
+  it("no gamepad drives, until its stick has rested after the dialog closed", () => {
+    const stick = new Stick();
+    const pad = new Pad(stick, "pad");
+    const read = (up) => pad.read({ mapping: "standard", axes: [0, -up], buttons: [] }, false);
+    for (const up of [0, 1, 1]) read(up);
+    dialog.removeAttribute("open");
+    read(1);
+    expect(stick.input).toBeNull();
+    expect(barred).toHaveBeenCalledOnce();
+    for (const up of [0, 1]) read(up);
+    expect(stick.input).toBe("gamepad pad");
+    pad.leave();
+  });
+
+  it("nothing goes on without a hand", () => {
+    const stuck = { lose: vi.fn(), withoutHand: true };
+    hand.begin(stuck, 30_000);
+    vi.advanceTimersByTime(100);
+    expect(stuck.lose).toHaveBeenCalledExactlyOnceWith("dialog");
   });
 });
 

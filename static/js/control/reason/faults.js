@@ -11,6 +11,7 @@ import {
   unknownText,
   watchdogText,
 } from "../status/status_text.js";
+import { reachDetail, reachText } from "../stop/stop_reach.js";
 import { sinceText } from "./silence.js";
 
 /**
@@ -22,6 +23,7 @@ import { sinceText } from "./silence.js";
  * @property {string} [text] what to do
  * @property {string} [act] the button that does it: a name of `ReasonStrip`
  * @property {string} [detail] the engineers' words
+ * @property {string} [code] of an alarm
  */
 
 /**
@@ -45,7 +47,8 @@ export function faultsOf(now) {
         act: "reload",
       },
     ];
-  if (silence && (silence.who !== "robot" || !state)) return [silent(now), ...moved(state)];
+  if (silence && (silence.who !== "robot" || !state))
+    return [...moved(state), ...pendingStop(now), silent(now)];
   if (!state) return [{ level: "info", title: gettext("Looking for the robot") }];
   const act = mayClear ? "clear" : undefined;
   const found = [];
@@ -84,75 +87,88 @@ export function warningsOf(state) {
   return found;
 }
 
-function silent({ silence, gone, pending, seen }) {
-  if (silence.who === "page")
-    return {
-      level: "fault",
-      title: gettext("No connection to the console"),
-      text: gettext(
-        "The robot stands still. This page connects again by itself: check this device’s network.",
-      ),
-    };
-  if (silence.who === "bridge")
-    return {
-      level: "fault",
-      title: gettext("No link to the robot"),
-      text: sentences(
-        pendingText(pending),
-        gettext("This page connects again by itself. If it lasts, tell staff."),
-      ),
-      detail: sentences(gone.text, lastSeen(seen)),
-    };
+/** A stop that a person pressed, and that nobody has confirmed. @param {string} text why @returns {Reason} */
+export function unconfirmedStop(text) {
   return {
+    level: "alarm",
+    code: "stop",
+    title: gettext("Your stop is not confirmed: press the red button on the robot"),
+    text,
+    act: "dismiss",
+  };
+}
+
+/** A stop waits for the robot. @returns {Reason[]} */
+function pendingStop({ gone, pending }) {
+  if (!gone || !pending) return [];
+  return [
+    {
+      level: "alarm",
+      code: "stop_pending",
+      title: gettext("A stop is not confirmed: press the red button on the robot"),
+      text: pendingText(pending),
+    },
+  ];
+}
+
+function silent({ silence, gone, seen }) {
+  const { who } = silence;
+  const goesOn = gettext("This page connects again by itself. If it lasts, tell staff.");
+  const fault = {
     level: "fault",
+    text: reachText(who),
+    detail: sentences(reachDetail(who), gone?.text, who === "bridge" && lastSeen(seen), goesOn),
+  };
+  if (who === "page")
+    return {
+      ...fault,
+      title: gettext("No connection to the console"),
+      text: sentences(fault.text, gettext("Connecting again.")),
+    };
+  if (who === "bridge") return { ...fault, title: gettext("No link to the robot") };
+  return {
+    ...fault,
     title: sinceText(
       silence,
       gettext("The console is silent"),
       gettext("The console has been silent for %s"),
     ),
-    text: gettext(
-      "The picture is old, and commands may not arrive. This page connects again by itself.",
-    ),
+    text: sentences(fault.text, gettext("The picture is old.")),
   };
 }
 
 /** The robot's computer, its network or its wheels' sensors: the bridge waits for odometry. */
 function robotSilent({ silence, state, seen }) {
-  const detail = sentences(state.text, lastSeen(seenAt(state) ?? seen));
   const goesOn = gettext("This page connects again by itself. If it lasts, tell staff.");
+  const fault = {
+    level: "fault",
+    text: reachText("robot"),
+    detail: sentences(state.text, lastSeen(seenAt(state) ?? seen), reachDetail("robot"), goesOn),
+  };
   if (state.phase === "refused")
-    return {
-      level: "fault",
-      title: gettext("The console cannot join the robot"),
-      text: goesOn,
-      detail,
-    };
-  if (state.phase === "connecting")
-    return { level: "fault", title: gettext("The robot is not ready"), text: goesOn, detail };
+    return { ...fault, title: gettext("The console cannot join the robot") };
+  if (state.phase === "connecting") return { ...fault, title: gettext("The robot is not ready") };
   if (state.phase === "waiting")
     return {
-      level: "fault",
+      ...fault,
       title: gettext("The robot is out of reach"),
-      text: sentences(gettext("Is it switched on, and in the network?"), goesOn),
-      detail,
+      text: sentences(fault.text, gettext("Is it switched on?")),
     };
   return {
-    level: "fault",
+    ...fault,
     title: sinceText(
       silence,
       gettext("The robot is silent"),
       gettext("The robot has been silent for %s"),
     ),
-    text: gettext(
-      "What you see is old. It gets no commands; if it still moves, press the red button on the robot.",
-    ),
-    detail,
+    text: sentences(fault.text, gettext("What you see is old.")),
   };
 }
 
 function moves(state) {
   return {
     level: "alarm",
+    code: "moves_although_stopped",
     title:
       state.stands === null
         ? movesTitle(state)
@@ -168,6 +184,7 @@ function moved(state) {
   return [
     {
       level: "alarm",
+      code: "moves_although_stopped",
       title: gettext("The robot moved although it is stopped: press its red button."),
     },
   ];
@@ -186,14 +203,16 @@ function stopped(state, silence) {
   };
 }
 
-/** The robot is stopped, but its odometry is silent. */
+/** The robot is stopped, but its odometry is silent: an alarm, unless it has been seen to stand since the stop. */
 function stoppedUnseen(state) {
   const { stop } = state;
+  const isUnknown = stop.state === "stopping" && (!isSeen(state) || state.stands === null);
   const title = stop.by
     ? interpolate(gettext("Stop by %s: nobody knows whether the robot stands"), [stop.by])
     : gettext("Stop: nobody knows whether the robot stands");
   return {
-    level: "stop",
+    level: isUnknown ? "alarm" : "stop",
+    code: "stop_unseen",
     title,
     text: sentences(stop.reason, gettext("If it moves, press its red button.")),
     detail: interpolate(gettext("Standstill: %s."), [unknownText(seenAt(state))]),

@@ -1,10 +1,11 @@
 /** All reasons at one moment why the robot does not do what the person wants, the most important first. Pure. */
 
-import { faultsOf, warningsOf } from "./faults.js";
+import { faultsOf, unconfirmedStop, warningsOf } from "./faults.js";
 import { gateReason } from "./gate_words.js";
 
 /**
  * @param {object} now as `faultsOf` takes it, and:
+ * @param {string} now.unconfirmed why nobody has confirmed the stop that this person pressed; empty: it is
  * @param {string} now.asks a question of the page to the hand that holds the stick; empty: none
  * @param {?object} now.wish the person tried to drive without control: a `Reason`
  * @param {?object} now.ended the last task that failed: a `Reason`
@@ -15,8 +16,10 @@ import { gateReason } from "./gate_words.js";
  * @returns {import("./faults.js").Reason[]}
  */
 export function reasonsOf(now) {
-  const { state, silence, asks, wish, ended, mayAct, asksNeutral, recent, hint } = now;
-  const found = faultsOf(now);
+  const { state, silence, unconfirmed, asks, wish, ended, mayAct } = now;
+  const { asksNeutral, recent, hint } = now;
+  const found = unconfirmed ? [unconfirmedStop(unconfirmed)] : [];
+  found.push(...faultsOf(now));
   if (wish) found.push(wish);
   const isWhole = state && !silence && state.stop.state === "clear";
   if (isWhole) {

@@ -61,14 +61,7 @@ export class ReasonStrip {
     mark(strip, "level", first.level);
     setText(title, first.title);
     setTextOrHide(text, first.text ?? "");
-    show(more, reasons.length > 1);
-    setText(more, interpolate(gettext("%s more"), [reasons.length - 1]));
-    more.setAttribute(
-      "aria-label",
-      interpolate(ngettext("%s more reason", "%s more reasons", reasons.length - 1), [
-        reasons.length - 1,
-      ]),
-    );
+    this.#offerMore(more, reasons);
     if (first.level !== "alarm") this.#announcer.announce(spoken(first), subject(first));
   }
 
@@ -84,6 +77,7 @@ export class ReasonStrip {
     this.#actSinceMs = performance.now();
     const button = this.#parts["reason-act"];
     show(button, act !== null);
+    mark(button, "act", act);
     if (act) setText(button, labelOf(act));
   }
 
@@ -93,13 +87,25 @@ export class ReasonStrip {
     if (!(isNew && MOVING.has(this.#act))) this.#acts[this.#act]();
   }
 
+  /** Offer the other reasons; of a reason alone, its text and detail: small windows have no place for them. */
+  #offerMore(more, [first, ...others]) {
+    const isAlone = others.length === 0;
+    show(more, !isAlone || Boolean(first.text || first.detail));
+    mark(more, "alone", isAlone);
+    const [word, label] = isAlone
+      ? ["…", gettext("Details")]
+      : [gettext("%s more"), ngettext("%s more reason", "%s more reasons", others.length)];
+    setText(more, interpolate(word, [others.length]));
+    more.setAttribute("aria-label", interpolate(label, [others.length]));
+  }
+
   /** A screen reader reads an alarm at once, and again if its title changes. */
   #sayAlarm(first) {
     const alarm = first?.level === "alarm" ? first.title : "";
     if (alarm && alarm !== this.#alarm) {
       this.#notify({
         level: "error",
-        code: "moves_although_stopped",
+        code: first.code,
         text: [spoken(first), first.detail].filter(Boolean).join(" "),
         quiet: true,
       });

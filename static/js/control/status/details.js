@@ -52,6 +52,10 @@ export class Details {
 
   constructor(parts) {
     this.#parts = parts;
+    // What is now is at the top; a browser opens it where it was left.
+    parts.details.addEventListener("toggle", () => {
+      parts.details.scrollTop = 0;
+    });
   }
 
   set facts({ sonars, stick, drive_topic: topic, profile }) {

@@ -8,6 +8,7 @@ import { reasonsOf } from "../reason/reasons.js";
 import { silenceText } from "../reason/silence.js";
 import { ReasonStrip } from "../reason/strip.js";
 import { SAID_MS } from "../stop/stop_button.js";
+import { reachWord } from "../stop/stop_reach.js";
 import { Details } from "./details.js";
 import { connectionFact, stopText } from "./status_text.js";
 
@@ -22,6 +23,7 @@ export class StatusBar {
   #strip;
   #interventions = new Interventions();
   #stopSaid = { text: "", untilMs: 0 };
+  #unconfirmed = ""; // why nobody has confirmed the stop that this person pressed
   #wish = { reason: null, untilMs: 0 };
   #ended = { reason: null, untilMs: 0 };
 
@@ -37,7 +39,7 @@ export class StatusBar {
     this.#health = new HealthPanel(parts, notify);
     this.#strip = new ReasonStrip(
       parts,
-      { ...acts, dismiss: () => (this.#ended.untilMs = 0), reload: () => location.reload() },
+      { ...acts, dismiss: () => this.#dismiss(), reload: () => location.reload() },
       notify,
     );
   }
@@ -54,8 +56,11 @@ export class StatusBar {
     const held = state && !silence ? gateReason(state.verdict) : null;
     if (held) this.#interventions.add(state.verdict, held, nowMs);
     if (state?.going || state?.drive_by) this.#ended.untilMs = 0; // the robot tries again
+    // The robot's own report of a stop replaces what its button said.
+    if (state && !silence && state.stop.state !== "clear") this.#stopArrived();
     const whole = {
       ...now,
+      unconfirmed: this.#unconfirmed,
       wish: nowMs < this.#wish.untilMs ? this.#wish.reason : null,
       ended: nowMs < this.#ended.untilMs ? this.#ended.reason : null,
       recent: this.#interventions.recent(nowMs),
@@ -65,6 +70,7 @@ export class StatusBar {
     this.#details.now = reasons;
     this.#details.interventions = this.#interventions.list;
     this.#showConnection(now);
+    setText(this.#parts["stop-state"], this.#stopWords(now));
     if (state) this.#showRobot(state, silence);
     return reasons[0];
   }
@@ -76,7 +82,14 @@ export class StatusBar {
   /** Show the progress of a pressed stop, until the robot itself reports it. */
   stopSays(text) {
     this.#stopSaid = { text, untilMs: performance.now() + SAID_MS };
+    this.#unconfirmed = "";
     setText(this.#parts["stop-state"], text);
+  }
+
+  /** The pressed stop is not confirmed. @param {string} text why, and the remedy */
+  stopFailed(text) {
+    this.stopSays(gettext("Not confirmed"));
+    this.#unconfirmed = text;
   }
 
   /** The person tried to drive without control. @param {import("../reason/faults.js").Reason} reason why not */
@@ -102,6 +115,24 @@ export class StatusBar {
     this.#strip.close();
   }
 
+  /** The person has read the reason that waits for it. */
+  #dismiss() {
+    if (this.#unconfirmed) this.#unconfirmed = "";
+    else this.#ended.untilMs = 0;
+  }
+
+  #stopArrived() {
+    this.#stopSaid.untilMs = 0;
+    this.#unconfirmed = "";
+  }
+
+  /** Words in the stop's button: of the press, of the way that is silent, of the robot. */
+  #stopWords({ state, silence }) {
+    if (performance.now() < this.#stopSaid.untilMs) return this.#stopSaid.text;
+    if (silence && (silence.who !== "robot" || state.stop.state === "clear")) return reachWord();
+    return state ? stopText(state) : "";
+  }
+
   #showConnection({ connected, silence, state, delayMs, echoMs }) {
     const { connection, delay, echo } = this.#parts;
     const { level, text } = silence
@@ -115,11 +146,6 @@ export class StatusBar {
 
   #showRobot(state, silence) {
     mark(this.#root, "stop", state.stop.state);
-    // The robot's own report replaces it.
-    if (state.stop.state !== "clear" && !silence) this.#stopSaid.untilMs = 0;
-    const said = performance.now() < this.#stopSaid.untilMs ? this.#stopSaid.text : "";
-    const isOld = silence && silence.who !== "robot";
-    setText(this.#parts["stop-state"], said || (isOld ? "" : stopText(state)));
     this.#health.show(state, Boolean(silence));
     this.#details.state = state;
   }

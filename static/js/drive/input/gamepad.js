@@ -39,6 +39,7 @@ export class Pad {
     this.#rested ||= neutral;
     if (neutral) return this.#rest();
     if (!this.#rested) return;
+    if (!this.#isHeld && !hand.admit()) return this.leave();
     this.#prove([...Object.values(axes), ...pad.buttons.map(({ pressed }) => Number(pressed))]);
     this.#stick.feed(this.#input, axes);
   }

@@ -2,6 +2,7 @@ import { describe, expect, it } from "vitest";
 import { reasonsOf } from "../../../../static/js/control/reason/reasons.js";
 import { silenceOf, silenceText } from "../../../../static/js/control/reason/silence.js";
 import { stopText } from "../../../../static/js/control/status/status_text.js";
+import { reachDetail } from "../../../../static/js/control/stop/stop_reach.js";
 
 const CLEAR = { state: "clear", by: null, reason: "", standstill_ms: null };
 const IDLE = { code: "idle", text: "", asked: [0, 0, 0], allowed: [0, 0, 0] };
@@ -72,10 +73,34 @@ describe("the reason", () => {
 
   it("names the person whose stop is pending", () => {
     const pending = { by: "Ann", reason: "", at: Date.now() / 1000 };
-    const { text } = first({ gone: { text: "No bridge." }, pending });
+    const { level, title, text } = first({ gone: { text: "No bridge." }, pending });
     expect(text).toMatch(
-      /^A stop by Ann, .+, waits for the robot and is delivered when it is back\. /,
+      /^A stop by Ann, .+, waits for the robot and is delivered when it is back\.$/,
     );
+    expect([level, title]).toEqual([
+      "alarm",
+      "A stop is not confirmed: press the red button on the robot",
+    ]);
+  });
+
+  it.each([
+    ["page", { connected: false }, "STOP may not arrive"],
+    ["console", { sinceViewMs: 2400 }, "STOP may not arrive"],
+    ["bridge", { gone: { text: "No bridge." } }, "STOP may reach only the watchdog"],
+    ["robot", { state: { ...ONLINE, unseen_s: 4.2 } }, "STOP may not arrive"],
+    ["robot", { state: { ...ONLINE, phase: "waiting" } }, "STOP may not arrive"],
+    ["robot", { state: { ...ONLINE, phase: "connecting" } }, "STOP may not arrive"],
+    ["robot", { state: { ...ONLINE, phase: "refused" } }, "STOP may not arrive"],
+  ])("says while the %s is silent whether a stop arrives", (who, now, words) => {
+    const { text, detail } = first(now);
+    expect(text).toContain(`${words}: if the robot moves, press the red button on the robot.`);
+    expect(detail).toContain(reachDetail(who));
+  });
+
+  it("says first that a pressed stop is not confirmed", () => {
+    const unconfirmed = "No answer to the stop.";
+    for (const now of [{}, { connected: false }, { outdated: true }])
+      expect(first({ ...now, unconfirmed })).toMatchObject({ level: "alarm", text: unconfirmed });
   });
 
   it("names the person who stopped, with the button that clears for those who may", () => {
@@ -97,6 +122,9 @@ describe("the reason", () => {
   it("says of a stop with silent odometry that nobody knows", () => {
     const state = { ...stopped(), stands: null, unseen_s: 1.5 };
     expect(first({ state }).title).toBe("Stop by Bo: nobody knows whether the robot stands");
+    expect(first({ state }).level).toBe("stop"); // it has stood since
+    const stopping = { ...state, stop: { ...state.stop, state: "stopping" } };
+    expect(first({ state: stopping }).level).toBe("alarm");
     expect(first({ state }).text).toContain("If it moves, press its red button.");
     expect(stopText(state)).toBe("Pressed");
   });
@@ -110,7 +138,7 @@ describe("the reason", () => {
       detail: expect.stringContaining("/rogue on /cmd_vel. Stopped by Bo."),
     });
     for (const cut of [{ connected: false }, { gone: { text: "No." } }, { sinceViewMs: 2400 }])
-      expect(reasons({ ...cut, state }).map(({ level }) => level)).toContain("alarm");
+      expect(first({ ...cut, state }).level).toBe("alarm");
     const unknown = {
       ...state,
       stands: null,

@@ -34,6 +34,7 @@ describe("the panel", () => {
 
   beforeEach(() => {
     const names = [
+      "details",
       "watchers",
       "sensors",
       "clock",

@@ -92,7 +92,29 @@ describe("the status bar of the control page", () => {
     expect(parts["stop-state"].textContent).toBe("Sending the stop");
     vi.advanceTimersByTime(4000);
     statusBar.show(old);
-    expect(parts["stop-state"].textContent).toBe(""); // nothing: the old "stopped" would look like the answer
+    expect(parts["stop-state"].textContent).toBe("May not arrive"); // the old "stopped" would look like the answer
+  });
+
+  it("is loud about a stop that nobody confirmed, until somebody does", () => {
+    const fails = () => {
+      statusBar.stopFailed("No answer to the stop.");
+      statusBar.show(LIVE);
+      expect(parts.reason.dataset.level).toBe("alarm");
+    };
+    fails();
+    expect(parts["stop-state"].textContent).toBe("Not confirmed");
+    expect(notify.mock.lastCall[0]).toMatchObject({ code: "stop", quiet: true });
+    statusBar.show({ ...LIVE, state: STOPPED });
+    statusBar.show(LIVE);
+    expect(parts.reason.hidden).toBe(true);
+    fails();
+    statusBar.stopSays("Stop sent");
+    statusBar.show(LIVE);
+    expect(parts.reason.hidden).toBe(true);
+    fails();
+    parts["reason-act"].click();
+    statusBar.show(LIVE);
+    expect(parts.reason.hidden).toBe(true);
   });
 
   it("offers control to a person who tries to drive without it, for a moment", () => {
@@ -154,6 +176,8 @@ describe("the status bar of the control page", () => {
       false,
       "1 more",
     ]);
+    statusBar.show(LOST);
+    expect([parts["reason-more"].hidden, parts["reason-more"].textContent]).toEqual([false, "…"]);
   });
 
   it("says in the header who is silent, and for how long", () => {
