@@ -40,7 +40,7 @@ BrowserReport = (
 )
 TopicsReport = TopicAnswer | Sample | BridgeGone | Notice | Pong
 CameraReport = Cameras | CameraState | CameraPong | BridgeGone | Notice | Refused
-FleetReport = page.Fleet | Refused | Pong
+FleetReport = page.Fleet | page.Beat | Refused | Pong
 BookingsReport = page.BookingsChanged | Refused | Pong
 LinkReport = (
     link.BridgeHello

@@ -246,6 +246,10 @@ class BookingsChanged(Struct, frozen=True, tag_field="t", tag="bookings_changed"
     """A booking, a policy or an out-of-service period changed: the page reads its data again."""
 
 
+class Beat(Struct, frozen=True, tag_field="t", tag="beat"):
+    """Nothing changed: the console still watches the robots. Sent while `fleet` has no news."""
+
+
 class Fleet(Struct, frozen=True, tag_field="t", tag="fleet"):
     """The robots that this person may see, by slug. Sent about once a second and on change."""
 

@@ -2,7 +2,6 @@
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
-import { connectionFact } from "../control/status/status_text.js";
 import { StopButton } from "../control/stop/stop_button.js";
 import { StopWords } from "../control/stop/stop_words.js";
 import { mark, parts, setText, show } from "../lib/dom.js";
@@ -11,9 +10,9 @@ import { recallInTab, rememberInTab } from "../lib/prefs.js";
 import { showRobot, showStop } from "./card.js";
 import { cardOf } from "./card_words.js";
 import { ClearAll } from "./clear_all.js";
+import { ConsoleNews } from "./console_news.js";
 import { Thumbnails } from "./thumbnails.js";
 
-const STALE_MS = 3000;
 const SIGNED_OUT = 4401;
 const RELOADED_FOR = "fleet-reloaded-for"; // the robots for which this tab last reloaded the page
 
@@ -21,11 +20,10 @@ export class FleetPage {
   #socket;
   #heartbeat;
   #cards = new Map();
-  #connection;
+  #news;
   #words;
   #receivedMs = -Infinity; // time of this connection's last report about the robots
   #robots = {};
-  #timer;
   #thumbnails;
   #stops = [];
   #clear = null;
@@ -34,7 +32,9 @@ export class FleetPage {
     this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
     this.#heartbeat = new Heartbeat(this.#socket);
     const page = parts(document);
-    this.#connection = page.connection;
+    this.#news = new ConsoleNews(this.#socket, page.connection, (isStale) => {
+      for (const { card } of this.#cards.values()) mark(card, "stale", isStale);
+    });
     this.#words = new StopWords(page["stop-all-state"]);
     for (const card of root.querySelectorAll("[data-robot]")) this.#take(card);
     if (page["clear-dialog"])
@@ -59,14 +59,13 @@ export class FleetPage {
     this.#socket.addEventListener("message", ({ detail }) => this.#receive(detail));
     this.#socket.addEventListener("open", () => this.#opened());
     this.#socket.addEventListener("down", ({ detail }) => this.#lost(detail.code));
-    this.#timer = setInterval(() => this.#update(), 500);
     this.#socket.connect();
     this.#thumbnails = new Thumbnails(root);
   }
 
   close() {
     this.#thumbnails.close();
-    clearInterval(this.#timer);
+    this.#news.close();
     for (const stop of this.#stops) stop.close();
     this.#words.close();
     this.#clear?.close();
@@ -74,13 +73,9 @@ export class FleetPage {
     this.#socket.close();
   }
 
-  get #live() {
-    return this.#socket.open && performance.now() - this.#receivedMs < STALE_MS;
-  }
-
   /** Send a message over the socket. Return true only if an answer can be expected there. */
   #send(message) {
-    return this.#socket.send(message) && this.#live;
+    return this.#socket.send(message) && this.#news.isLive;
   }
 
   #take(card) {
@@ -149,7 +144,6 @@ export class FleetPage {
   #opened() {
     this.#heartbeat.begin();
     this.#receivedMs = -Infinity;
-    this.#update();
   }
 
   #receive(message) {
@@ -162,7 +156,6 @@ export class FleetPage {
     this.#robots = message.robots;
     if (this.#clear) this.#clear.robots = message.robots;
     for (const [slug, robot] of Object.entries(message.robots)) this.#show(slug, robot);
-    this.#update();
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
   }
 
@@ -190,19 +183,6 @@ export class FleetPage {
 
   #lost(code) {
     if (code === SIGNED_OUT) location.reload(); // signed out: the server shows the sign-in page
-    this.#update();
-  }
-
-  #update() {
-    const live = this.#live;
-    const { level, text } = connectionFact({
-      connected: this.#socket.open,
-      received: this.#receivedMs > -Infinity,
-      stale: !live,
-    });
-    mark(this.#connection, "level", level);
-    setText(this.#connection, text);
-    for (const { card } of this.#cards.values()) mark(card, "stale", !live);
   }
 }
 

@@ -2,15 +2,13 @@
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
-import { connectionFact } from "../control/status/status_text.js";
 import { make, makeButton, mark, parts, setText, setTextOrHide, show } from "../lib/dom.js";
 import { MapView } from "../navigation/map_view.js";
 import { readMaps, readPicture } from "../navigation/places_api.js";
 import { cardOf } from "./card_words.js";
+import { ConsoleNews } from "./console_news.js";
 import { whereText, whyNowhere } from "./plan_words.js";
 
-const STALE_MS = 3000;
-const UPDATE_MS = 500;
 const MAPS_MS = 20_000;
 const SIGNED_OUT = 4401;
 const ZOOM = 1.5;
@@ -97,9 +95,9 @@ export class PlanPage {
   #rows = new Map(); // by robot: its entry in a list
   #maps = new Map(); // by the map's name in the API
   #mapOf = new Map(); // name of its map, by robot
-  #robots = {};
-  #receivedMs = -Infinity;
-  #timers;
+  #robots = null; // null: nothing was heard yet
+  #news;
+  #timer;
 
   constructor(root) {
     this.#root = root;
@@ -113,16 +111,18 @@ export class PlanPage {
     this.#socket.addEventListener("down", ({ detail }) => {
       if (detail.code === SIGNED_OUT) location.reload(); // the server shows the sign-in page
     });
-    this.#timers = [
-      setInterval(() => this.#update(), UPDATE_MS),
-      setInterval(() => this.#loadMaps(), MAPS_MS),
-    ];
+    this.#news = new ConsoleNews(this.#socket, this.#parts.connection, (isStale) => {
+      for (const { row } of this.#rows.values()) mark(row, "stale", isStale);
+      mark(this.#parts.maps, "stale", isStale);
+    });
+    this.#timer = setInterval(() => this.#loadMaps(), MAPS_MS);
     this.#loadMaps();
     this.#socket.connect();
   }
 
   close() {
-    for (const timer of this.#timers) clearInterval(timer);
+    clearInterval(this.#timer);
+    this.#news.close();
     for (const map of this.#maps.values()) map.close();
     this.#heartbeat.close();
     this.#socket.close();
@@ -157,7 +157,6 @@ export class PlanPage {
   #receive(message) {
     this.#heartbeat.receive(message);
     if (message.t !== "fleet") return;
-    this.#receivedMs = performance.now();
     this.#robots = message.robots;
     this.#show();
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
@@ -165,7 +164,7 @@ export class PlanPage {
 
   #show() {
     const drawn = new Map([...this.#maps.values()].map((map) => [map, []]));
-    if (this.#receivedMs > -Infinity)
+    if (this.#robots)
       for (const [slug, held] of this.#rows) this.#showRobot(held, this.#robots[slug], slug, drawn);
     for (const [map, robots] of drawn) map.robots = robots;
     show(
@@ -192,19 +191,6 @@ export class PlanPage {
     const list = why ? this.#parts["rest-list"] : map.list;
     if (row.parentElement !== list) list.append(row);
     if (!why) drawn.get(map).push({ name, address, ...robot.state });
-  }
-
-  #update() {
-    const live = this.#socket.open && performance.now() - this.#receivedMs < STALE_MS;
-    const { level, text } = connectionFact({
-      connected: this.#socket.open,
-      received: this.#receivedMs > -Infinity,
-      stale: !live,
-    });
-    mark(this.#parts.connection, "level", level);
-    setText(this.#parts.connection, text);
-    for (const { row } of this.#rows.values()) mark(row, "stale", !live);
-    mark(this.#parts.maps, "stale", !live);
   }
 }
 

@@ -2,15 +2,14 @@
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
-import { connectionFact } from "../control/status/status_text.js";
 import { screenLock } from "../drive/wake_lock.js";
 import { timeText } from "../formats/times.js";
 import { mark, parts, setText } from "../lib/dom.js";
 import { showRobot, showStop } from "./card.js";
 import { cardOf } from "./card_words.js";
+import { ConsoleNews } from "./console_news.js";
 import { Thumbnails } from "./thumbnails.js";
 
-const STALE_MS = 3000;
 const UPDATE_MS = 500;
 const SIGNED_OUT = 4401;
 // The page reloads once an hour: to get the newest version, and because a sign-in ends after twelve hours
@@ -23,7 +22,7 @@ export class WallPage {
   #heartbeat;
   #parts;
   #cards = new Map();
-  #receivedMs = -Infinity;
+  #news;
   #openedMs = performance.now();
   #screen = screenLock();
   #timer;
@@ -43,6 +42,9 @@ export class WallPage {
       if (detail.code === SIGNED_OUT) location.reload(); // the server shows the sign-in page
     });
     this.#screen.keep(true);
+    this.#news = new ConsoleNews(this.#socket, this.#parts.connection, (isStale) => {
+      for (const { card } of this.#cards.values()) mark(card, "stale", isStale);
+    });
     this.#timer = setInterval(() => this.#update(), UPDATE_MS);
     this.#update();
     this.#socket.connect();
@@ -52,6 +54,7 @@ export class WallPage {
   close() {
     this.#thumbnails.close();
     clearInterval(this.#timer);
+    this.#news.close();
     this.#screen.close();
     this.#heartbeat.close();
     this.#socket.close();
@@ -60,7 +63,6 @@ export class WallPage {
   #receive(message) {
     this.#heartbeat.receive(message);
     if (message.t !== "fleet") return;
-    this.#receivedMs = performance.now();
     for (const [slug, robot] of Object.entries(message.robots)) this.#show(slug, robot);
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
   }
@@ -74,18 +76,9 @@ export class WallPage {
   }
 
   #update() {
-    const now = performance.now();
-    const live = this.#socket.open && now - this.#receivedMs < STALE_MS;
-    const { level, text } = connectionFact({
-      connected: this.#socket.open,
-      received: this.#receivedMs > -Infinity,
-      stale: !live,
-    });
-    mark(this.#parts.connection, "level", level);
-    setText(this.#parts.connection, text);
     setText(this.#parts.clock, timeText(new Date()));
-    for (const { card } of this.#cards.values()) mark(card, "stale", !live);
-    if (live && "stays" in this.#root.dataset && now - this.#openedMs > FRESH_MS) location.reload();
+    const isOld = performance.now() - this.#openedMs > FRESH_MS;
+    if (isOld && this.#news.isLive && "stays" in this.#root.dataset) location.reload();
   }
 }
 

@@ -40,7 +40,9 @@ RIGHTS_S = 2.0
 SHARED_S = 0.5  # so long all fleet pages of one sign-in share what was read
 SLOW_S = 1.0  # between two updates when no important value changed
 FAST_S = 0.1  # between two updates when one changed
+BEAT_S = 0.2  # between two messages of any kind: pages look old after 0.5 s without one
 
+_BEAT = wire.Beat()
 _SILENT = Refusal(
     "bridge_silent", "The robot’s bridge does not answer: it or its computer is busy or frozen.", "robot"
 )
@@ -185,12 +187,17 @@ class FleetConsumer(MessageSocket, Listener):
     # --- updates -----------------------------------------------------------------------------------
 
     async def _keep_showing(self) -> None:
+        shown_s = -SLOW_S
         while True:
             with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._changed.wait(), SLOW_S)
+                await asyncio.wait_for(self._changed.wait(), BEAT_S - FAST_S)
+            is_due = self._changed.is_set() or time.monotonic() - shown_s >= SLOW_S
             self._changed.clear()
-            if self._acknowledged:
+            if self._acknowledged and not is_due:
+                await self.send_message(_BEAT)
+            elif self._acknowledged:
                 self._acknowledged = False
+                shown_s = time.monotonic()
                 self._shown_key = self._change_key()
                 try:
                     await self.send_message(wire.Fleet({slug: self._card(slug) for slug in self._robots}))
