@@ -42,6 +42,7 @@ class HeadTasks(AtOnce):
         self._asked_turns: list[wire.TurnHead] = []  # turns that wait for their record
         # Fence of the recorded turns, and until when further turns need no new record.
         self._turning: tuple[int, float] = (0, float("-inf"))
+        self._followed: int | None = None  # fence of the control in which the head last turned by itself
 
     def take(self, order: Any, grant: Grant, requester: Requester, now_s: float) -> None:
         """Record the request, or carry it out with a turn that is recorded."""
@@ -78,8 +79,15 @@ class HeadTasks(AtOnce):
         if (onward := head.onward(now_s)) is not None:
             return onward if self._why_not(now_s) is None else None
         if rules.lease.current and rules.sent != STILL and self._why_not(now_s) is None:
-            return head.follow(rules.sent, now_s)
+            aim = head.follow(rules.sent, now_s)
+            self._followed = rules.lease.current.fence if aim else self._followed
+            return aim
         return None
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return whether the head turned by itself since this control began: the driver did not ask for it."""
+        grant = self._context.rules.lease.current
+        return {"head_follows": grant is not None and grant.fence == self._followed}
 
     def _why_not(self, now_s: float) -> Refusal | None:
         if self._head is None:

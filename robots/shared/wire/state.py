@@ -166,6 +166,7 @@ class State(TaskStates, frozen=True, kw_only=True):
     # at the consumption of the last half hour; None: not known, or on the charger
     battery_left_min: int | None = None
     forgotten: Forgotten | None = None
+    head_follows: bool = False  # in this control, the head turned by itself to where the robot drives
 
 
 class MotionOffer(Struct, frozen=True):

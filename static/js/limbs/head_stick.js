@@ -29,7 +29,7 @@ export function shaped(deflection) {
 }
 
 export class HeadStick {
-  static hears = ["facts", "mayAct"];
+  static hears = ["facts", "mayAct", "state.head_follows"];
   static requests = {
     look_ahead: {
       name: () => gettext("Look ahead"),
@@ -40,6 +40,7 @@ export class HeadStick {
   #pad;
   #knob;
   #request;
+  #notify;
   #may = false;
   #hasHead = false;
   #finger;
@@ -51,8 +52,9 @@ export class HeadStick {
   #listening = new AbortController();
 
   /** @param {import("../control/panels/page_panels.js").Page} page */
-  constructor({ parts, request, steers }) {
+  constructor({ parts, request, steers, notify }) {
     this.#parts = parts;
+    this.#notify = notify;
     this.#pad = parts["head-pad"];
     this.#knob = parts["head-knob"];
     this.#request = request;
@@ -84,6 +86,15 @@ export class HeadStick {
     for (const part of AHEAD_BUTTONS) dim(this.#parts[part], !may, whyNotNow());
     mark(this.#pad, "idle", !may);
     if (!may) this.zero();
+  }
+
+  /** @param {boolean} follows the head turned by itself in this control; each control says so once */
+  set head_follows(follows) {
+    if (!follows || !this.#may) return;
+    const text = gettext(
+      "The head looks by itself to where the robot drives: its camera sees obstacles.",
+    );
+    this.#notify({ level: "info", code: "head follows", text });
   }
 
   /** End input now, also if a finger or a key is still held. */

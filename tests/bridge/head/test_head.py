@@ -323,3 +323,15 @@ def test_a_drag_ends_with_the_right_to_it(bench, spoil):
     assert codes(drag(bench, 0.2, 0.0)) != [None]
     bench.pass_time(0.1)
     assert len(bench.base.aims) == aims
+
+
+def test_a_driver_is_told_of_a_head_that_follows():
+    bench = with_head(FOLLOWS)
+    follows = lambda: bench.core.state(bench.now_s, []).head_follows  # noqa: E731
+    assert not follows()
+    bench.driving(0.5)
+    turn(bench)
+    assert follows()
+    bench.core.revoke(1, "over", bench.now_s)
+    bench.granted(2)
+    assert not follows()

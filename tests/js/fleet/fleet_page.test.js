@@ -303,7 +303,7 @@ describe("the fleet page", () => {
 
   it.each(["stop", "stop-all"])("sends both ways at once after a long silence (%s)", (form) => {
     hears({ "tiago-1": stopped });
-    vi.advanceTimersByTime(3100);
+    vi.advanceTimersByTime(600);
     expect(part("connection").textContent).toBe("No news");
     press(form);
     expect(said(form.replace("-", "_"))).toHaveLength(1);

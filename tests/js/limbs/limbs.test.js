@@ -202,17 +202,27 @@ describe("the drawer of arm, gripper and torso", () => {
 
 describe("the head's stick", () => {
   let stick;
+  let notify;
   const press = (type, clientX = 0, clientY = 0) =>
     point(page["head-pad"], type, { clientX, clientY });
 
   beforeEach(() => {
     page["head-pad"].getBoundingClientRect = () => ({ left: 0, top: 0, width: 100, height: 100 });
-    stick = new HeadStick({ parts: page, request, steers: () => true });
+    notify = vi.fn();
+    stick = new HeadStick({ parts: page, request, notify, steers: () => true });
     stick.facts = { has_head: true };
     stick.mayAct = true;
   });
 
   afterEach(() => stick.close());
+
+  it("says once that the head turned by itself, to the person in control", () => {
+    stick.head_follows = true;
+    expect(notify.mock.calls.map(([{ code }]) => code)).toEqual(["head follows"]);
+    stick.mayAct = false;
+    stick.head_follows = true;
+    expect(notify).toHaveBeenCalledTimes(1);
+  });
 
   it("turns the head while it is held, and not a moment longer", async () => {
     press("pointerdown", 0, 50);
