@@ -43,6 +43,13 @@ COVERED = """() => {
       if (!element.contains(found)) wrong.push(`${name} is covered by ${found?.className || found?.tagName}`);
     }
   }
+  const [strip] = needed.reason;
+  if (strip.checkVisibility() && strip.dataset.level === "alarm") {
+    const ordinary = parseFloat(getComputedStyle(strip).getPropertyValue("--reason"));
+    const { bottom, height } = strip.getBoundingClientRect();
+    if (height < 1.7 * ordinary) wrong.push("the alarm is no larger than another reason");
+    if (part(".reason-title").getBoundingClientRect().bottom > bottom) wrong.push("the alarm is cut");
+  }
   const { scrollWidth } = document.scrollingElement;
   if (scrollWidth > innerWidth) wrong.push(`the page is ${scrollWidth} wide`);
   return wrong;
