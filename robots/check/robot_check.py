@@ -17,7 +17,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 from msgspec import Struct
 
-from fleet.base.formats.sentences import in_words, words_of
+from fleet.base.formats.sentences import in_words, localised, words_of
 from robots.description.drawable import drawable
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot
@@ -218,14 +218,14 @@ def _clock(findings: Findings) -> Check:
         return Check(name, WARN, _("No stamped message arrived, so clocks could not be compared."))
     skew_s = min(skews, key=abs)
     if abs(skew_s) <= CLOCK_SKEW_S:
-        agree = _("Robot and console agree within %.2f s.") % max(abs(skew_s), 0.01)
+        agree = _("Robot and console agree within %s s.") % localised(max(abs(skew_s), 0.01), ".2f")
         return Check(name, OK, agree)
-    ahead = _("The robot’s stamps are %.1f s ahead of the console’s clock.")
-    behind = _("The robot’s stamps are %.1f s behind the console’s clock.")
+    ahead = _("The robot’s stamps are %s s ahead of the console’s clock.")
+    behind = _("The robot’s stamps are %s s behind the console’s clock.")
     return Check(
         name,
         WARN,
-        (ahead if skew_s > 0 else behind) % abs(skew_s),
+        (ahead if skew_s > 0 else behind) % localised(abs(skew_s), ".1f"),
         _(
             "Let both follow the same time server (chrony). The console does not depend on it; recordings may."
         ),
@@ -259,8 +259,9 @@ def _topic(listened: Listened, found: TopicFound) -> Check:
         text = _("%(topic)s has no messages from %(unseen)s, only from %(frames)s.") % {**words, **frames}
         return Check(name, bad, text, _("Correct the sensors’ frame ids in the profile."))
     if close := sorted(frame for frame, range_m in found.ranges.items() if range_m <= CLOSE_ECHO_M):
-        metres = {"frames": _and(close), "metres": min(found.ranges[frame] for frame in close)}
-        text = _("%(topic)s: %(frames)s reports %(metres).2f m.") % {**words, **metres}
+        nearest = localised(min(found.ranges[frame] for frame in close), ".2f")
+        metres = {"frames": _and(close), "metres": nearest}
+        text = _("%(topic)s: %(frames)s reports %(metres)s m.") % {**words, **metres}
         return Check(name, WARN, text, _(_CLOSE))
     alive, quiet = _("%(topic)s (%(type)s): messages arrive."), _("%(topic)s (%(type)s): right type.")
     return Check(name, OK, (alive if found.messages else quiet) % words)

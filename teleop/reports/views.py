@@ -28,7 +28,7 @@ from fleet.audit.reading import wording
 from fleet.audit.reading.addresses import number, session_url_of
 from fleet.audit.reading.listing import Row
 from fleet.base import zones
-from fleet.base.formats.sentences import in_words
+from fleet.base.formats.sentences import in_words, localised
 from fleet.bookings.permissions import awaiting_approval
 from robots.access.selectors import robot_visible_to, supervises
 from robots.access.who_sees import reader_of
@@ -215,7 +215,7 @@ def _facts_about(details: dict[str, Any], person: User) -> Iterator[str]:
 
 def _paces() -> list[str]:
     """Return the legend of the colours of a path, slowest first."""
-    limits = [f"{limit:g}" for limit in path_plot.SPEEDS_MPS]
+    limits = [localised(limit) for limit in path_plot.SPEEDS_MPS]
     between = [f"{low}–{high}" for low, high in pairwise(limits)]  # noqa: RUF001
     return [_("up to %s") % limits[0], *between, _("above %s m/s") % limits[-1]]
 

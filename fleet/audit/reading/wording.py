@@ -13,7 +13,7 @@ from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
 from fleet.audit.reading.words import CODED, WORDS
 from fleet.base.formats.dates import dated
-from fleet.base.formats.sentences import in_words
+from fleet.base.formats.sentences import in_words, localised
 from fleet.base.zones import viewers
 from robots.shared.sentences import of_parts
 
@@ -101,7 +101,7 @@ def figure(name: str, value: Any) -> str:
     """Return one value with its name and unit."""
     for ending, unit in _UNITS.items():
         if name.endswith(ending) and isinstance(value, int | float):
-            return f"{plain(name.removesuffix(ending))} {value:g} {unit}"
+            return f"{plain(name.removesuffix(ending))} {localised(value)} {unit}"
     return f"{plain(name)} {said(_coded(name, value))}"
 
 
@@ -140,7 +140,7 @@ def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, s
                 is_number = isinstance(value, int | float) and not isinstance(value, bool)
                 yield (
                     known_as,
-                    f"{value:g} {unit}".strip() if is_number and unit else said(_coded(name, value)),
+                    f"{localised(value)} {unit}".strip() if is_number and unit else said(_coded(name, value)),
                 )
 
 
@@ -161,7 +161,7 @@ def said(value: Any) -> str:
         case list():
             return ", ".join(said(entry) for entry in value) or _("none")
         case float():
-            return f"{value:g}"
+            return localised(value)
     return _moment(value) or str(value)
 
 

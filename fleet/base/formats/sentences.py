@@ -50,19 +50,19 @@ def _shown(value: Any, form: str) -> str:
     if form in _FORMATS:
         return _FORMATS[form](value)
     if isinstance(value, float | int):
-        return _number(value, int(form[1:-1]) if form else None)
+        return localised(value, form)
     return str(value)
 
 
-def _number(value: float, digits: int | None) -> str:
-    rounded = value if digits is None else f"{value:.{digits}f}"  # Django would cut the digits off
-    return str(number_format(rounded, digits, use_l10n=True, force_grouping=False))
+def localised(value: float, form: str = "g") -> str:
+    """Return a number in a format of Python, with the decimal sign of the reader's language."""
+    return str(number_format(f"{value:{form}}", use_l10n=True, force_grouping=False))
 
 
 def _age(age_s: float) -> str:
     if age_s < 120.0:
-        return f"{_number(age_s, 1 if age_s < 60.0 else 0)} s"
-    return f"{_number(age_s / 60.0, 0)} min"
+        return f"{localised(age_s, '.1f' if age_s < 60.0 else '.0f')} s"
+    return f"{localised(age_s / 60.0, '.0f')} min"
 
 
 def _moment(form: str) -> Callable[[Any], str]:
@@ -75,7 +75,7 @@ def _moment(form: str) -> Callable[[Any], str]:
 
 
 _FORMATS: Mapping[str, Callable[[Any], str]] = {
-    "fine": lambda value: _number(value, 1 if value >= 0.095 else 2),
+    "fine": lambda value: localised(value, ".1f" if value >= 0.095 else ".2f"),
     "age": _age,
     "capital": capitalised,
     "bare": lambda text: text.rstrip("."),

@@ -22,6 +22,7 @@ from django.utils.translation import gettext_lazy as _
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit.recorded_admin import RecordedAdmin
+from fleet.base.formats.sentences import localised
 from fleet.site.admin.robot_entries import AllowanceInline, SpokenFormSet, list_link, save_entries
 from robots.access.services import role_set
 from robots.registry import services, shipped_profiles
@@ -345,7 +346,7 @@ class RobotProfileAdmin(RecordedAdmin):
                 "The blind speed of every %(name)s is now %(now)s m/s (before: %(before)s). Where no sensor watches, "
                 "only the operator does."
             )
-            figures = {"now": f"{obj.blind_mps:g}", "before": f"{form.initial['blind_mps']:g}"}
+            figures = {"now": localised(obj.blind_mps), "before": localised(form.initial["blind_mps"])}
             self.message_user(request, text % {"name": obj.name, **figures}, messages.WARNING)
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:

@@ -20,6 +20,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from fleet.accounts.requests import person_of, staff_of
+from fleet.base.formats.sentences import localised
 from fleet.base.origin import public_origin, public_url
 from robots.access import enrolment, services, welcome
 from robots.access.models import Course, Invitation
@@ -334,7 +335,7 @@ def _course_page(
 
 def _quotas(found: Course) -> list[str]:
     def hours(minutes: int) -> str:
-        return f"{minutes / 60:g}"
+        return localised(minutes / 60)
 
     texts = []
     if found.day_min:
