@@ -21,6 +21,7 @@ from markdown_it.token import Token
 
 DOCS: Path = settings.BASE_DIR / "docs"
 PICTURES = {".png": "image/png", ".svg": "image/svg+xml"}
+ENGLISH = "en/"  # in URLs, before the name of a page
 INDEX = "README"  # the first page of each folder; its URL is that of the folder
 
 
@@ -42,10 +43,14 @@ def known() -> frozenset[str]:
 
 
 def meant(name: str, language: str) -> str | None:
-    """Return the page that a URL names, in this language if it is translated; None: there is no such page."""
-    found = next((one for one in (name, f"{name}/{INDEX}".lstrip("/")) if one in known()), None)
+    """Return the page that a URL names, in this language if it is translated; None: there is no such page.
+
+    A name that begins with `ENGLISH` is the English page, also where it is translated.
+    """
+    asked = name.removeprefix(ENGLISH)
+    found = next((one for one in (asked, f"{asked}/{INDEX}".lstrip("/")) if one in known()), None)
     translated = f"{language}/{found}"
-    return translated if translated in known() else found
+    return translated if asked == name and translated in known() else found
 
 
 @cache
@@ -120,7 +125,8 @@ def _address(target: str, folder: str) -> str | None:
     name = path.removesuffix(".md") if path.endswith(".md") else posixpath.join(path, INDEX)
     if name not in known():
         return None
-    return address_of(name) + (f"#{parts.fragment}" if parts.fragment else "")
+    shown = ENGLISH + name if f"{folder}/{name}" in known() else name  # a translation names its original
+    return address_of(shown) + (f"#{parts.fragment}" if parts.fragment else "")
 
 
 def address_of(name: str) -> str:
