@@ -258,15 +258,16 @@ def drive_towards_the_parcel(page: Page, stack: Stack) -> None:
     """Hold W until the picture shows the way on the floor."""
     take_control(page, stack)
     wait_for_the_camera(page)
-    let_go = page.locator("[data-part=banner]:visible")
+    reason = page.locator("[data-part=reason]:visible")
     old = page.locator("[data-part=camera][data-old]")
     for _ in range(TRIES):
         page.keyboard.down("w")
         page.wait_for_timeout(1000 * APPROACH_S)
-        if page.evaluate(WAY_IS_DRAWN) and not let_go.is_visible() and not old.is_visible():
+        if page.evaluate(WAY_IS_DRAWN) and not reason.is_visible() and not old.is_visible():
             return
         page.keyboard.up("w")  # after a late scan (busy computer) the stick has to return to the middle
-        let_go.wait_for(state="hidden")
+        with suppress(NotYet):
+            reason.wait_for(state="hidden", timeout=1000 * APPROACH_S)
     raise TimeoutError("The way was not drawn into the picture.")
 
 
