@@ -30,7 +30,7 @@ TWO_CAMERAS = "tiago-2"
 DRIVEN_S = 20.0
 UNDER_WAY_S = 5.0  # after this time a robot that was sent to a place has driven some metres
 SETTLED_S = 1.0  # after this time earlier notices have gone
-APPROACH_S = 1.8  # after this time the head looks to the floor ahead
+REPEAT_S = 0.5  # a held key repeats; one that is silent for long counts as released
 TRIES = 4
 
 TOUR_ROBOT = "tiago-1"
@@ -51,6 +51,8 @@ ENROLLED = ("Ada", "Bea", "Chen", "Dora", "Emil", "Fatma", "Goran", "Hana", "Ivo
 
 # Search for green pixels over the picture: these are the way; the hints at the edges are red.
 WAY_IS_DRAWN = """() => {
+  if (document.querySelector("[data-part=reason]").checkVisibility()) return false;
+  if (document.querySelector("[data-part=camera]").dataset.old !== undefined) return false;
   const canvas = document.querySelector("[data-part=camera-floor]");
   const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
   for (let i = 0; i < data.length; i += 4)
@@ -175,7 +177,6 @@ def page_of(
 
 def wait_for_the_camera(page: Page) -> None:
     """Wait until the page shows a new camera picture, and no banner (such as one about a busy computer)."""
-    page.locator("[data-part=banner]").wait_for(state="hidden")
     page.locator("[data-part=camera] .camera-words").wait_for(state="hidden")
     page.locator("[data-part=camera]:not([data-old])").wait_for()
 
@@ -205,7 +206,7 @@ def send_to_a_place(page: Page, stack: Stack) -> None:
         with suppress(NotYet):
             page.get_by_text(re.compile("Drives to “charging dock”: .* m left")).wait_for(timeout=5000)
             page.wait_for_timeout(1000.0 * UNDER_WAY_S)
-            page.locator("[data-part=banner]").wait_for(state="hidden", timeout=5000)
+            page.locator("[data-part=reason]").wait_for(state="hidden", timeout=5000)
             page.locator("[data-part=going-cancel]").wait_for(timeout=1000)
             page.screenshot(path=PICTURES / "map.png")
             look_at_the_plan(page, stack)
@@ -222,14 +223,7 @@ def look_in_3d(page: Page, stack: Stack) -> None:
     take_control(page, stack)
     page.get_by_role("button", name="3D").click()
     page.wait_for_function(ROBOT_IS_DRAWN)
-    for _ in range(3 * TRIES):  # on a busy computer the stick has to return to the middle
-        page.keyboard.down("w")
-        with suppress(NotYet):
-            page.wait_for_function(HOLD_IS_DRAWN, timeout=1000.0 * DRIVEN_S / 3)
-            break
-        page.keyboard.up("w")
-    else:
-        raise TimeoutError("The gate did not hold the robot.")
+    drive_until(page, HOLD_IS_DRAWN)
     page.screenshot(path=PICTURES / "scene.png")
     page.keyboard.up("w")
     page.get_by_role("button", name="Plan").click()
@@ -258,17 +252,20 @@ def drive_towards_the_parcel(page: Page, stack: Stack) -> None:
     """Hold W until the picture shows the way on the floor."""
     take_control(page, stack)
     wait_for_the_camera(page)
-    reason = page.locator("[data-part=reason]:visible")
-    old = page.locator("[data-part=camera][data-old]")
-    for _ in range(TRIES):
-        page.keyboard.down("w")
-        page.wait_for_timeout(1000 * APPROACH_S)
-        if page.evaluate(WAY_IS_DRAWN) and not reason.is_visible() and not old.is_visible():
-            return
-        page.keyboard.up("w")  # after a late scan (busy computer) the stick has to return to the middle
-        with suppress(NotYet):
-            reason.wait_for(state="hidden", timeout=1000 * APPROACH_S)
-    raise TimeoutError("The way was not drawn into the picture.")
+    drive_until(page, WAY_IS_DRAWN)
+
+
+def drive_until(page: Page, shown: str) -> None:
+    """Hold W, which repeats as at a real keyboard, until the page shows this (a function in JavaScript)."""
+    for _ in range(3 * TRIES):  # on a busy computer the stick has to return to the middle
+        for _ in range(round(DRIVEN_S / 3 / REPEAT_S)):
+            page.keyboard.down("w")
+            with suppress(NotYet):
+                page.wait_for_function(shown, timeout=1000.0 * REPEAT_S)
+                return
+        page.keyboard.up("w")
+        page.wait_for_timeout(1000.0 * REPEAT_S)
+    raise TimeoutError(f"Not shown while the robot drove: {shown}")
 
 
 def use_phones(stack: Stack, browser: Browser, cookie: str) -> None:
