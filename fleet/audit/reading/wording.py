@@ -135,19 +135,20 @@ def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, s
             case list() if value and all(isinstance(entry, Mapping) for entry in value):
                 for number, entry in enumerate(value, 1):
                     yield from lines(entry, within=f"{known_as} {number} · ")
+            case int() | float() if not isinstance(value, bool) and (unit := _UNITS.get(_unit_of(name))):
+                yield known_as, f"{localised(value)} {unit}"
             case _:
-                unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "")
-                is_number = isinstance(value, int | float) and not isinstance(value, bool)
-                yield (
-                    known_as,
-                    f"{localised(value)} {unit}".strip() if is_number and unit else said(_coded(name, value)),
-                )
+                yield known_as, said(_coded(name, value))
 
 
 def plain(name: str) -> str:
     """Return a field's name in words, without its unit."""
-    ending = next((ending for ending in _UNITS if name.endswith(ending)), "")
-    return in_words(name.removesuffix(ending).replace("_", " "))
+    return in_words(name.removesuffix(_unit_of(name)).replace("_", " "))
+
+
+def _unit_of(name: str) -> str:
+    """Return the ending of a field's name that tells its unit; empty: none does."""
+    return next((ending for ending in _UNITS if name.endswith(ending)), "")
 
 
 def said(value: Any) -> str:
