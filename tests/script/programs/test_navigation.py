@@ -30,6 +30,11 @@ def test_a_program_sends_a_robot_to_a_place_and_back(stack: Stack) -> None:
     robot = f"/robots/{ROBOT}"
     [known] = api("GET", "/maps")[1]["maps"]  # the demo's map
     assert api("POST", f"{robot}/control", {})[0] == 200
+    assert api("POST", f"{robot}/forget", {})[0] in (
+        200,
+        202,
+        204,
+    )  # what it saw before it was carried is elsewhere
     here = api("GET", robot)[1]["state"]["location"]
     place = {"x": 3.0, "y": 1.8, "heading": 0.0}
 
