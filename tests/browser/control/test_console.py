@@ -407,7 +407,7 @@ def test_a_silent_robot_is_shown_and_inputs_give_way(person: Arrive, stack: Stac
         notice(operator, re.compile("Play Wave: no answer within 0.75 s"))
         motions.wait_for(state="hidden")
         assert re.search(
-            "The console has been silent for .* s.*This page connects again by itself",
+            "The console has been silent for .* s.*The picture is old",
             reason.inner_text(),
             re.DOTALL,
         )
