@@ -127,3 +127,13 @@ def test_a_reason_moves_no_list_and_covers_no_drawer(driving: DrivingPage) -> No
     with_reason = page.evaluate(FREE, ".motions .hit")
     reason.evaluate("element => { element.hidden = true }")
     assert with_reason and with_reason == page.evaluate(FREE, ".motions .hit")
+
+
+def test_no_notice_covers_the_reason_on_a_tab(driving: DrivingPage) -> None:
+    page = driving.page
+    page.set_viewport_size({"width": 1440, "height": 900})
+    driving.show(next(moment for moment in MOMENTS if moment.name == "stopped by another"))
+    page.evaluate("location.hash = 'motions'")
+    page.locator(".motions button.hit, .motions .hit button").first.click()
+    page.locator(".notices .notice").first.wait_for()
+    assert page.evaluate(FREE, "[data-part=reason-act]")
