@@ -336,7 +336,7 @@ def test_a_token_makes_none_that_could_do_more(
     assert [one["slug"] for one in child("GET", "/robots").data["robots"]] == [robot.slug]
     assert child("POST", "/tokens", {"name": "x", "scopes": ["read"]}).data["figures"]["scope"] == "manage"
     assert own("POST", "/tokens", {"name": "less", "scopes": ["read"]}).data["code"] == "name_taken"
-    assert own("POST", "/tokens", {"name": "  ", "scopes": ["read"]}).data["code"] == "invalid"
+    assert own("POST", "/tokens", {"name": "  ", "scopes": ["read"]}).data["code"] == "name_unseen"
 
 
 def test_a_token_that_ends_takes_those_it_made_along(program: Program, operator: User) -> None:
