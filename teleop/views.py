@@ -7,6 +7,7 @@ from codecs import BOM_UTF8
 
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
+from django.views.decorators.gzip import gzip_page
 from django.views.decorators.http import require_safe
 
 from fleet.accounts.requests import person_of
@@ -25,6 +26,7 @@ from robots.shared.wire import PROTOCOL
 
 
 @require_safe
+@gzip_page  # of random length: the length tells nothing about a secret on the page
 def fleet(request: HttpRequest) -> HttpResponse:
     """Show a card for each robot that this person may see; with `?wall`, large cards without buttons."""
     person = person_of(request)
@@ -43,6 +45,7 @@ def plan(request: HttpRequest) -> HttpResponse:
 
 
 @require_safe
+@gzip_page  # of random length: the length tells nothing about a secret on the page
 def control(request: HttpRequest, slug: str) -> HttpResponse:
     """Show the control page of one robot, for driving or watching."""
     person = person_of(request)

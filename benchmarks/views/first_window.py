@@ -21,8 +21,8 @@ OPENED_S = 60.0
 USABLE_S = 1.5
 KILOBYTES = {"fleet": 40.0, "control": 160.0}
 PAGES = {
-    "fleet": ("/", "() => document.querySelector('[data-part=connection]').dataset.level === 'ok'"),
-    "control": ("/robots/tiago-1/", "() => document.querySelector('[data-action=take]').checkVisibility()"),
+    "fleet": ("/", "() => document.querySelector('[data-part=connection]')?.dataset.level === 'ok'"),
+    "control": ("/robots/tiago-1/", "() => document.querySelector('[data-action=take]')?.checkVisibility()"),
 }
 LANGUAGES = ("en", "es")  # other languages get their texts as well
 

@@ -19,6 +19,7 @@ from django.utils.translation import get_language, override
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation.trans_real import DjangoTranslation
 from django.views.decorators.cache import cache_control, never_cache
+from django.views.decorators.gzip import gzip_page
 from django.views.decorators.http import require_safe
 from django.views.i18n import JavaScriptCatalog
 
@@ -82,6 +83,7 @@ class _ScriptTexts(JavaScriptCatalog):
 @login_not_required
 @require_safe
 @cache_control(private=True, max_age=300)
+@gzip_page  # 160 kB in Spanish, 40 kB compressed
 def script_texts(request: HttpRequest) -> HttpResponseBase:
     """Return the texts of scripts as a script: the content security policy forbids inline scripts.
 

@@ -18,6 +18,7 @@ from django.utils import translation
 
 from fleet.accounts.models import User
 from fleet.base import languages
+from robots.registry.models import Robot
 
 TEMPLATES = sorted((settings.BASE_DIR / "templates").rglob("*.html"))
 # Blocks that fill attributes of a tag in base.html: people do not read them.
@@ -143,6 +144,14 @@ def test_the_texts_of_scripts_are_a_script_for_everybody() -> None:
     assert answer.status_code == 200
     assert answer["Content-Type"].startswith("text/javascript")
     assert b"gettext" in answer.content
+
+
+@pytest.mark.django_db
+def test_what_a_first_window_loads_is_compressed(operator: User, robot: Robot) -> None:
+    client = Client(HTTP_ACCEPT_ENCODING="gzip")
+    client.force_login(operator)
+    for address in ("/texts.js?language=es", "/", f"/robots/{robot.slug}/"):
+        assert client.get(address)["Content-Encoding"] == "gzip", address
 
 
 @pytest.mark.django_db
