@@ -116,7 +116,7 @@ function silent({ silence, gone, seen }) {
   const goesOn = gettext("This page connects again by itself. If it lasts, tell staff.");
   const fault = {
     level: "fault",
-    text: reachText(who),
+    text: reachText(),
     detail: sentences(reachDetail(who), gone?.text, who === "bridge" && lastSeen(seen), goesOn),
   };
   if (who === "page")
@@ -142,7 +142,7 @@ function robotSilent({ silence, state, seen }) {
   const goesOn = gettext("This page connects again by itself. If it lasts, tell staff.");
   const fault = {
     level: "fault",
-    text: reachText("robot"),
+    text: reachText(),
     detail: sentences(state.text, lastSeen(seenAt(state) ?? seen), reachDetail("robot"), goesOn),
   };
   if (state.phase === "refused")

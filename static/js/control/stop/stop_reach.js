@@ -10,19 +10,15 @@ export function reachWord() {
   return gettext("May not arrive");
 }
 
-/**
- * Return whether a stop arrives, and what to do if not. A robot that is only silent may still hear.
- * @param {"page" | "console" | "bridge" | "robot"} who is silent
- */
-export function reachText(who) {
-  return who === "bridge"
-    ? gettext(
-        "STOP may reach only the watchdog: if the robot moves, press the red button on the robot.",
-      )
-    : gettext("STOP may not arrive: if the robot moves, press the red button on the robot.");
+/** Return what to do if a stop does not arrive. A robot that is only silent may still hear. */
+export function reachText() {
+  return gettext("STOP may not arrive: if the robot moves, press the red button on the robot.");
 }
 
-/** Return the engineers' words: the ways that are left to a stop. */
+/**
+ * Return the engineers' words: the ways that are left to a stop.
+ * @param {"page" | "console" | "bridge" | "robot"} who is silent
+ */
 export function reachDetail(who) {
   return {
     page: gettext(

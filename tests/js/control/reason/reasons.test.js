@@ -86,7 +86,7 @@ describe("the reason", () => {
   it.each([
     ["page", { connected: false }, "STOP may not arrive"],
     ["console", { sinceViewMs: 2400 }, "STOP may not arrive"],
-    ["bridge", { gone: { text: "No bridge." } }, "STOP may reach only the watchdog"],
+    ["bridge", { gone: { text: "No bridge." } }, "STOP may not arrive"],
     ["robot", { state: { ...ONLINE, unseen_s: 4.2 } }, "STOP may not arrive"],
     ["robot", { state: { ...ONLINE, phase: "waiting" } }, "STOP may not arrive"],
     ["robot", { state: { ...ONLINE, phase: "connecting" } }, "STOP may not arrive"],
