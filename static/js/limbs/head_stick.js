@@ -29,7 +29,7 @@ export function shaped(deflection) {
 }
 
 export class HeadStick {
-  static hears = ["facts", "mayAct", "state.head_follows"];
+  static hears = ["facts", "mayAct", "fence", "state.head_follows"];
   static requests = {
     look_ahead: {
       name: () => gettext("Look ahead"),
@@ -42,6 +42,7 @@ export class HeadStick {
   #request;
   #notify;
   #may = false;
+  #saidThatItFollows = false;
   #hasHead = false;
   #finger;
   #keys;
@@ -88,9 +89,15 @@ export class HeadStick {
     if (!may) this.zero();
   }
 
-  /** @param {boolean} follows the head turned by itself in this control; each control says so once */
+  /** @param {?number} fence of this tab's control; null: it has none */
+  set fence(fence) {
+    if (fence === null) this.#saidThatItFollows = false;
+  }
+
+  /** @param {boolean} follows the head turned by itself in this control; heard with each state, said once */
   set head_follows(follows) {
-    if (!follows || !this.#may) return;
+    if (!follows || !this.#may || this.#saidThatItFollows) return;
+    this.#saidThatItFollows = true;
     const text = gettext(
       "The head looks by itself to where the robot drives: its camera sees obstacles.",
     );

@@ -216,12 +216,19 @@ describe("the head's stick", () => {
 
   afterEach(() => stick.close());
 
-  it("says once that the head turned by itself, to the person in control", () => {
-    stick.head_follows = true;
+  it("says once in each control that the head turned by itself", () => {
+    const eachState = () => {
+      for (const follows of [true, true, true]) stick.head_follows = follows;
+    };
+    eachState();
     expect(notify.mock.calls.map(([{ code }]) => code)).toEqual(["head follows"]);
     stick.mayAct = false;
-    stick.head_follows = true;
+    stick.fence = null;
+    eachState(); // of another person
     expect(notify).toHaveBeenCalledTimes(1);
+    stick.mayAct = true;
+    eachState();
+    expect(notify).toHaveBeenCalledTimes(2);
   });
 
   it("turns the head while it is held, and not a moment longer", async () => {
