@@ -52,7 +52,7 @@ export class Details {
 
   constructor(parts) {
     this.#parts = parts;
-    // What is now is at the top; a browser opens it where it was left.
+    // The present reasons are at the top; a browser opens it where it was left.
     parts.details.addEventListener("toggle", () => {
       parts.details.scrollTop = 0;
     });
