@@ -44,6 +44,7 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive, t
     # The same finger takes the way out. A button that has just come takes no press: it may be meant for another.
     fingers.lift(1)
     wall = operator.place
+    operator.part("reason-act").wait_for()
     operator.page.wait_for_timeout(500)
     fingers.tap(operator.middle_of("reason-act"))
     operator.until(lambda: math.dist(operator.place, wall) > 0.2, "0.2 m back from the wall")

@@ -7,6 +7,7 @@ const KEPT = 5;
 export class Interventions {
   #list = [];
   #seenMs = -Infinity;
+  #wayOut = { reason: null, seenMs: -Infinity }; // the last reason that has a button
 
   /**
    * @param {{code: string, side?: ?string, sensor?: ?string, allowed: number[]}} verdict the newest
@@ -24,10 +25,15 @@ export class Interventions {
     const newest = { key, reason, limit, at: goesOn ? last.at : at };
     this.#list = [newest, ...(goesOn ? this.#list.slice(1) : this.#list)].slice(0, KEPT);
     this.#seenMs = nowMs;
+    if (reason.act) this.#wayOut = { reason, seenMs: nowMs };
   }
 
-  /** The reason why the gate slowed the robot in the last seconds; null: there was none. */
+  /**
+   * The reason why the gate held the robot back in the last seconds; null: there was none. One with a button
+   * comes before newer ones: a stick that returns asks for less and less, and "Slower" has no way out.
+   */
   recent(nowMs) {
+    if (nowMs - this.#wayOut.seenMs < LINGERS_MS) return this.#wayOut.reason;
     return nowMs - this.#seenMs < LINGERS_MS ? this.#list[0].reason : null;
   }
 

@@ -16,6 +16,14 @@ describe("the reasons why the robot was slow or stood", () => {
     expect(reasons.recent(6100)).toBeNull();
   });
 
+  it("keep their way out while the stick returns and the robot is only slowed", () => {
+    const stands = { title: "Something is 0.4 m ahead", act: "back_off" };
+    reasons.add(wall(0), stands, 1000);
+    reasons.add(wall(0.05), { title: "Slower: something is 0.4 m ahead" }, 1100);
+    expect(reasons.recent(5900)).toBe(stands);
+    expect(reasons.recent(6050).title).toMatch(/^Slower/);
+  });
+
   it("are one while they go on, with the newest words and the lowest speed", () => {
     const at = new Date(0);
     reasons.add(wall(0.3), "slowed", 0, at);
