@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
+from robots.shared.sentences import say
+
 Panel = Literal["chart", "motions", "phrases"]
 # A plot has a topic and up to six of its fields: "plot /odom pose.x pose.y".
 CELL = r"^(camera|plan|map|scene|second|plot( /[A-Za-z0-9_/]{1,200}( [A-Za-z0-9_.\[\]]{1,200}){0,6})?)$"
@@ -26,6 +28,6 @@ class Layout(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def __post_init__(self) -> None:
         pictures = [cell for cell in self.cells if not cell.startswith("plot")]
         if len(set(pictures)) < len(pictures):
-            raise ValueError("Only plots may be in two places of a layout.")
+            raise ValueError(say("Only plots may be in two places of a layout."))
         if len(set(self.panels)) < len(self.panels):
-            raise ValueError("Each panel needs a place of its own.")
+            raise ValueError(say("Each panel needs a place of its own."))

@@ -12,6 +12,8 @@ from django.utils.translation import gettext_lazy
 
 from fleet.accounts.layouts import Layout
 from fleet.base import zones
+from fleet.base.formats.sentences import in_words
+from robots.shared.misfits import misfit_of
 
 FLAGS = ("hints_seen", "sound", "vibration", "speech")
 
@@ -40,7 +42,7 @@ class PageChoicesForm(forms.Form):
             try:
                 msgspec.json.decode(fields["layout"], type=Layout)
             except msgspec.DecodeError as error:
-                raise forms.ValidationError(str(error)) from error
+                raise forms.ValidationError(in_words(misfit_of(error))) from error
             self.kept[f"layout {fields['robot']}"] = {"layout": fields["layout"]}
         if not self.kept:
             raise forms.ValidationError(_("There is no choice in this request."))

@@ -33,7 +33,8 @@ from robots.shared.configuration.bridge_config import (
 from robots.shared.configuration.denylist import FULL_NAME
 from robots.shared.configuration.gate_profile import Parameters
 from robots.shared.configuration.input_filters import SMOOTHING, STEPS, StickStep
-from robots.shared.sentences import Sentence, catalogued, joined, say
+from robots.shared.misfits import misfit_of
+from robots.shared.sentences import Sentence, joined, say
 from robots.shared.wire import MOST_CAMERAS
 
 T = TypeVar("T", bound=Struct)
@@ -42,24 +43,6 @@ V = TypeVar("V")
 CAMERA_TYPES = ("sensor_msgs/CompressedImage", "sensor_msgs/Image")
 CAMERA_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
 LANGUAGE = re.compile(r"(?=.{2,35}$)[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*")  # BCP 47
-_PLACE = re.compile(r"(?P<what>.*?)(?: - at `(?:key in )?\$(?P<path>.*)`)?", re.DOTALL)
-# Messages of msgspec, each with its sentence.
-_MESSAGES = {
-    r"Expected `(?P<expected>[^`]*)`, got `(?P<got>[^`]*)`": catalogued("Expected {expected}, got {got}"),
-    r"Expected `(?P<expected>[^`]*)` (?P<bound>[<>].*)": catalogued("Expected {expected} {bound}"),
-    r"Expected `(?P<expected>array)` of length (?P<count>\d+), got (?P<number>\d+)": catalogued(
-        "Expected {expected} of length {count}, got {number}"
-    ),
-    r"Object missing required field `(?P<field>.*)`": catalogued("Object missing required field {field}"),
-}
-_WORDS = {
-    "float": say("a number"),
-    "int": say("a whole number"),
-    "str": say("text"),
-    "bool": say("true or false"),
-    "array": say("a list"),
-    "object": say("an object"),
-}
 
 
 class Footprint(Struct, frozen=True):
@@ -124,28 +107,11 @@ def parsed(kind: type[T], given: object) -> T:
     try:
         value = msgspec.convert(given, kind)
     except msgspec.ValidationError as error:
-        raise Problems([_in_words(str(error))]) from error
+        raise Problems([misfit_of(error)]) from error
     unknown = list(_unknown(given, msgspec.to_builtins(value), ""))
     if unknown:
         raise Problems(unknown)
     return value
-
-
-def _in_words(message: str) -> str:
-    match = _PLACE.fullmatch(message)
-    what, path = (match["what"], match["path"]) if match else (message, None)
-    for pattern, key in _MESSAGES.items():
-        if found := re.fullmatch(pattern, what):
-            groups = found.groupdict()
-            kinds = {name: _words_of_kind(groups[name]) for name in ("expected", "got") if name in groups}
-            what = say(key, **groups | kinds)
-    place = (path or "").removeprefix(".")
-    return joined(": ", [place, what]) if place else what
-
-
-def _words_of_kind(name: str) -> Sentence:
-    """Return a kind of JSON value in words, such as "float | null"."""
-    return joined(" | ", [_WORDS.get(one, one) for one in name.split(" | ")])
 
 
 def _not_finite(given: object, path: str) -> Iterator[str]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
 
-from robots.shared.sentences import Sentence, of_parts
+from robots.shared.sentences import Sentence, of_parts, say
 
 PROTOCOL = 8
 LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
@@ -105,7 +105,7 @@ class WireError(NotDone):
 
 def _require_shallow(value: Any, levels: int = DEEPEST) -> None:
     if levels < 0:
-        raise ValueError(f"values are nested deeper than {DEEPEST} levels")
+        raise ValueError(say("values are nested deeper than {most} levels", most=DEEPEST))
     if isinstance(value, dict):
         value = value.values()
     elif not isinstance(value, list):

@@ -8,6 +8,7 @@ from typing import Any, Generic, TypeVar
 import msgspec
 from msgspec import UNSET, Struct, structs
 
+from robots.shared.misfits import misfit_of
 from robots.shared.sentences import Sentence, say
 from robots.shared.wire.base import LARGEST_MESSAGE_BYTES, Refusal, Seq, ShortText, WireError, Worded
 
@@ -49,11 +50,11 @@ class MessageDecoder(Generic[T]):
             message: T = self._decoder.decode(raw)
         except msgspec.ValidationError as error:
             raise WireError(
-                Refusal("invalid", say("The message does not fit: {error}", error=error), "wire")
+                Refusal("invalid", say("The message does not fit: {error}", error=misfit_of(error)), "wire")
             ) from error
         except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
             raise WireError(
-                Refusal("not_json", say("Not a JSON message: {error}", error=error), "wire")
+                Refusal("not_json", say("Not a JSON message: {error}", error=misfit_of(error)), "wire")
             ) from error
         return message
 

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from msgspec import Meta, Struct
 
+from robots.shared.sentences import say
 from robots.shared.wire.base import (
     FARTHEST_HEAD_RAD,
     FARTHEST_M,
@@ -101,9 +102,9 @@ class DriveBy(Struct, frozen=True, tag_field="t", tag="drive_by"):
 
     def __post_init__(self) -> None:
         if (self.distance_m is None) == (self.angle_rad is None):
-            raise ValueError("give either distance_m or angle_rad")
+            raise ValueError(say("give either distance_m or angle_rad"))
         if (self.speed_mps if self.distance_m is None else self.speed_radps) is not None:
-            raise ValueError("speed_mps belongs to distance_m, speed_radps to angle_rad")
+            raise ValueError(say("speed_mps belongs to distance_m, speed_radps to angle_rad"))
 
 
 class DriveByCancel(Struct, frozen=True, tag_field="t", tag="drive_by_cancel"):
@@ -141,7 +142,7 @@ class Publish(Struct, frozen=True, tag_field="t", tag="publish"):
     def __post_init__(self) -> None:
         _require_shallow(self.fields)
         if 0.0 < self.rate_hz < SLOWEST_HZ:
-            raise ValueError(f"rate_hz is 0 for once, else at least {SLOWEST_HZ}")
+            raise ValueError(say("rate_hz is 0 for once, else at least {least}", least=SLOWEST_HZ))
 
 
 class PublishStop(Struct, frozen=True, tag_field="t", tag="publish_stop"):

@@ -12,6 +12,7 @@ from drf_spectacular.utils import OpenApiParameter
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 
+from robots.shared.misfits import misfit_of
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.problems import Problem
@@ -40,26 +41,26 @@ def query_of(request: Request, struct: type[Struct]) -> Any:
     given: dict[str, Any] = {}
     for name, values in request.query_params.lists():
         if len(values) > 1:
-            raise _invalid(f"the parameter “{name[:100]}” occurs twice")
+            raise _invalid(say("the parameter “{name}” occurs twice", name=name[:100]))
         if "\0" in values[0]:
-            raise _invalid(f"the parameter “{name[:100]}” has the character NUL")
+            raise _invalid(say("the parameter “{name}” has the character NUL", name=name[:100]))
         given[name] = values[0]
     for field in msgspec.structs.fields(struct):
         text = given.get(field.encode_name)
         # Without this check, a number would be read as seconds since 1970.
         if text is not None and "datetime" in str(field.type) and not re.match("[0-9]{4}-", text):
-            raise _invalid(f"{field.encode_name} is not a time such as 2026-03-02T14:30:00Z")
+            raise _invalid(say("{name} is not a time such as 2026-03-02T14:30:00Z", name=field.encode_name))
     try:
         return msgspec.convert(given, struct, strict=False)
     except (msgspec.ValidationError, ValueError) as error:
-        raise _invalid(str(error).replace("`$.", "`")) from error
+        raise _invalid(misfit_of(error)) from error
 
 
 def require_declared(request: Request, names: Collection[str]) -> None:
     """Refuse query parameters of other names. Raises `Problem`."""
     for name in request.query_params:
         if name not in names:
-            raise _invalid(f"there is no parameter “{name[:100]}” here")
+            raise _invalid(say("there is no parameter “{name}” here", name=name[:100]))
 
 
 def parameters_of(struct: type[Struct]) -> list[OpenApiParameter]:

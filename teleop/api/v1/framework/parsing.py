@@ -10,6 +10,7 @@ from msgspec import Struct
 from rest_framework.parsers import BaseParser
 from rest_framework.request import Request
 
+from robots.shared.misfits import misfit_of
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.problems import Problem
@@ -52,11 +53,11 @@ def decoded(request: Request, struct: type[Struct]) -> Any:
         raise Problem(_TOO_DEEP) from error
     except msgspec.ValidationError as error:
         raise Problem(
-            Refusal("invalid", say("The body does not fit: {error}", error=error), "wire")
+            Refusal("invalid", say("The body does not fit: {error}", error=misfit_of(error)), "wire")
         ) from error
     except ValueError as error:
         raise Problem(
-            Refusal("not_json", say("The body is not JSON: {error}", error=error), "wire")
+            Refusal("not_json", say("The body is not JSON: {error}", error=misfit_of(error)), "wire")
         ) from error
 
 
