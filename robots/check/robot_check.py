@@ -76,7 +76,14 @@ def run_checks(robot: Robot) -> list[Check]:
             )
         ]
     except WrapperMissing as error:
-        return [Check(_("host aliases"), FAIL, str(error), _("Install it on the console’s computer."))]
+        return [
+            Check(
+                _("host aliases"),
+                FAIL,
+                in_words(reason_of(error)),
+                _("Install it on the console’s computer."),
+            )
+        ]
     except OSError as error:
         text = _("The console cannot save them (%s).") % error.strerror
         return [Check(_("host aliases"), FAIL, text, _("Is the disk of the console’s computer full?"))]

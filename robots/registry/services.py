@@ -19,6 +19,7 @@ from robots.link import stop_courier as courier
 from robots.registry import shipped_profiles
 from robots.registry.models import Allowance, BridgeStatus, Phrase, Robot, RobotProfile
 from robots.registry.phrases import Line, tags_text
+from robots.shared.sentences import Sentence
 
 if TYPE_CHECKING:
     from fleet.accounts.models import User
@@ -29,6 +30,7 @@ log = logging.getLogger(__name__)
 # Columns that people do not fill in, or that the record already contains.
 NOT_ENTERED = {"id", "fence", "updated_at", "shipped", "shipped_phrases", "robot"}
 WORDS = "text"  # of a phrase
+LONGEST_DETAIL = 500  # of a bridge's status
 ORDER_STEP = 10  # between phrases of a file, to leave room for others
 
 
@@ -274,8 +276,15 @@ def fence_next(robot: Robot, at_least: int = 0) -> int:
 
 def bridge_status_set(*, robot_id: UUID, state: BridgeStatus.State, detail: str, pid: int | None) -> None:
     """Save the state that a bridge process has from now on. Does nothing for a deleted robot."""
+    said = detail.parts if isinstance(detail, Sentence) and len(detail) <= LONGEST_DETAIL else []
     if Robot.objects.filter(pk=robot_id).exists():
         BridgeStatus.objects.update_or_create(
             robot_id=robot_id,
-            defaults={"state": state, "detail": detail[:500], "pid": pid, "since": timezone.now()},
+            defaults={
+                "state": state,
+                "detail": detail[:LONGEST_DETAIL],
+                "said": said,
+                "pid": pid,
+                "since": timezone.now(),
+            },
         )

@@ -28,6 +28,7 @@ from robots.registry.services import bridge_status_set
 from robots.shared.configuration.watchdog_config import watchdog_config
 from robots.shared.processes import last_words
 from robots.shared.processes.shutdown import exit_within
+from robots.shared.sentences import Sentence, reason_of, say
 from robots.supervisor.process_keeper import (
     KILL_S,
     NEXT_START,
@@ -167,11 +168,14 @@ class Fleet:
             environment = ros_environment(config, settings.FLEET_RUN_DIR)
         except (Problems, WrapperMissing) as error:
             self._end_robot(robot.id)
-            self._report(robot.id, State.REFUSED, str(error), None)
+            self._report(robot.id, State.REFUSED, reason_of(error), None)
             return
         except OSError as error:  # a full disk; a running bridge continues with its old configuration
             state, _, pid = self._reported.get(robot.id, (State.BACKING_OFF, "", None))
-            text = f"The robot's new entry cannot be applied ({error.strerror}); the supervisor tries again."
+            text = say(
+                "The robot's new entry cannot be applied ({error}); the supervisor tries again.",
+                error=error.strerror,
+            )
             self._report(robot.id, state, text, pid)
             return
         keeper.want(self._program(["run_bridge", robot.slug], environment, config.digest()))
@@ -219,7 +223,7 @@ class Fleet:
         report = (state, detail, pid)
         if self._reported.get(robot_id) != report:
             self._reported[robot_id] = self._unsaved[robot_id] = report
-            _tell_why(robot_id, state, detail.partition(NEXT_START)[0])
+            _tell_why(robot_id, state, detail)
 
     def _save(self) -> None:
         for robot_id, (state, detail, pid) in list(self._unsaved.items()):
@@ -232,8 +236,9 @@ class Fleet:
             del self._unsaved[robot_id]
 
 
-def _tell_why(robot_id: UUID, state: State, why: str) -> None:
+def _tell_why(robot_id: UUID, state: State, detail: str) -> None:
     """Tell web processes why a bridge is not running. While it starts, the last reason stays."""
+    why = detail.figures["why"] if isinstance(detail, Sentence) and detail.key == NEXT_START else detail
     if why and state in (State.BACKING_OFF, State.REFUSED):
         last_words.write(socket_path(robot_id), last_words.WHY, why)
     elif state != State.STARTING:

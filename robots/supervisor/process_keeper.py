@@ -24,6 +24,7 @@ from typing import IO
 
 from robots.registry.models import BridgeStatus
 from robots.shared.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED
+from robots.shared.sentences import Sentence, catalogued, say
 
 State = BridgeStatus.State
 Report = Callable[[State, str, int | None], None]  # state, detail in words, process id
@@ -34,7 +35,7 @@ STEADY_S = 2.0  # a program that has lived this long has started
 TERMINATE_S = 3.0  # after the life line was closed
 KILL_S = 4.5
 NAME_LOST_S = 2.0  # pause after a lost name; not the program's fault, so the budget does not count it
-NEXT_START = "; next start in "  # ends the words about a program that ended
+NEXT_START = catalogued("{why}; next start in {wait:g} s")
 LOCK = "fleet.lock"  # in the run directory; the supervisor holds it
 LOCK_TRIES = 5  # `supervised` may hold the lock for a moment
 LOCK_TRY_S = 0.02
@@ -166,7 +167,9 @@ class Keeper:
             )
         except OSError as error:
             wait_s = self._budget.wait_s(now_s)
-            self._plan_restart(State.BACKING_OFF, f"cannot be started: {error.strerror}", wait_s, now_s)
+            self._plan_restart(
+                State.BACKING_OFF, say("cannot be started: {error}", error=error.strerror), wait_s, now_s
+            )
             return
         self._running, self._since_s, self._steady, self._ending_s = program, now_s, False, None
         log.info("%s starts as process %s", self._name, self._process.pid)
@@ -205,7 +208,7 @@ class Keeper:
 
     def _plan_restart(self, state: State, why: str, wait_s: float, now_s: float) -> None:
         self._start_at_s = now_s + wait_s
-        detail = f"{why}{NEXT_START}{wait_s:g} s"
+        detail = say(NEXT_START, why=why, wait=wait_s)
         log.warning("%s %s", self._name, detail)
         self._report(state, detail, None)
 
@@ -216,13 +219,13 @@ def _close_life_line(process: subprocess.Popen[bytes]) -> None:
             process.stdin.close()
 
 
-def _in_words(code: int) -> str:
+def _in_words(code: int) -> Sentence:
     if code == EXIT_ALREADY_RUNNING:
-        return "found another bridge of this robot on this computer"
+        return say("found another bridge of this robot on this computer")
     if code == EXIT_NAME_LOST:
-        return "lost its name on the robot's master to another node"
+        return say("lost its name on the robot's master to another node")
     if code == EXIT_NOT_JOINED:
-        return "could not join its robot (its log says why)"
+        return say("could not join its robot (its log says why)")
     if code < 0:
-        return f"was ended by {signal.Signals(-code).name}"
-    return f"ended by itself with code {code}"
+        return say("was ended by {signal}", signal=signal.Signals(-code).name)
+    return say("ended by itself with code {code}", code=str(code))

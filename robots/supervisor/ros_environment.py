@@ -13,6 +13,7 @@ from pathlib import Path
 
 from robots.registry.configuration.addresses import is_address
 from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.sentences import say
 
 LIBRARY = "nss_wrapper"
 # One thread for linear algebra: with several, the gate's p99 rose from 0.05 to 17 ms.
@@ -24,7 +25,7 @@ class WrapperMissing(Exception):
 
     def __init__(self) -> None:
         super().__init__(
-            "The robot has host aliases, but libnss-wrapper is missing: apt install libnss-wrapper"
+            say("The robot has host aliases, but libnss-wrapper is missing: apt install libnss-wrapper")
         )
 
 

@@ -22,12 +22,13 @@ from django.utils.translation import gettext_lazy as _
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit.recorded_admin import RecordedAdmin
-from fleet.base.formats.sentences import localised
+from fleet.base.formats.sentences import in_words, localised
 from fleet.site.admin.robot_entries import AllowanceInline, SpokenFormSet, list_link, save_entries
 from robots.access.services import role_set
 from robots.registry import services, shipped_profiles
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.registry.selectors import free_slug, last_editor
+from robots.shared.sentences import of_parts
 from robots.supervisor.process_keeper import LOCK, supervised
 
 
@@ -190,7 +191,8 @@ class RobotAdmin(RecordedAdmin):
             "state": status.get_state_display(),
             "time": f"{localtime(status.since):%Y-%m-%d %H:%M:%S %Z}",
         }
-        status_text = f"{since}: {status.detail}" if status.detail else since
+        detail = of_parts(status.detail, status.said) if status.said else status.detail
+        status_text = f"{since}: {in_words(detail)}" if detail or status.said else since
         if status.state in ENDED or robot.bridge_address or supervised(settings.FLEET_RUN_DIR / LOCK):
             return status_text
         return gettext("no supervisor is running; the last report: %s") % status_text

@@ -24,6 +24,7 @@ class BridgeStatus(models.Model):
     robot = models.OneToOneField(Robot, on_delete=models.CASCADE, primary_key=True, related_name="bridge")
     state = models.CharField(max_length=16, choices=State.choices)
     detail = models.CharField(max_length=500, blank=True)
+    said = models.JSONField(default=list, blank=True)  # key and figures of `detail`; empty: it has none
     pid = models.PositiveIntegerField(null=True, blank=True)
     since = models.DateTimeField()
 

@@ -5,9 +5,12 @@ A bridge that ends by itself leaves its last words; the supervisor takes them, a
 
 from __future__ import annotations
 
+import json
 import logging
 from contextlib import suppress
 from pathlib import Path
+
+from robots.shared.sentences import Sentence, of_parts
 
 LONGEST = 400  # characters
 LAST, WHY = ".last", ".why"  # of the bridge; of the supervisor
@@ -17,10 +20,11 @@ log = logging.getLogger(__name__)
 
 def write(socket: str | Path, kind: str, words: str) -> None:
     """Write the file of this kind beside the socket. A full disk loses the words only."""
+    parts = words.parts if isinstance(words, Sentence) and len(words) <= LONGEST else []
     file = _file(socket, kind)
     draft = file.with_suffix(f"{kind}-draft")
     try:
-        draft.write_text(words[:LONGEST], errors="replace")
+        draft.write_text(json.dumps([words[:LONGEST].strip(), parts]))
         draft.replace(file)
     except OSError as error:
         log.warning("%s cannot be written: %s", file, error)
@@ -29,9 +33,10 @@ def write(socket: str | Path, kind: str, words: str) -> None:
 def read(socket: str | Path, kind: str) -> str:
     """Return the words of this kind; empty if there are none."""
     try:
-        return _file(socket, kind).read_text(errors="replace")[:LONGEST].strip()
-    except OSError:
+        text, parts = json.loads(_file(socket, kind).read_text())
+    except (OSError, ValueError):
         return ""
+    return of_parts(text, parts) if parts else str(text)
 
 
 def pop(socket: str | Path, kind: str) -> str:

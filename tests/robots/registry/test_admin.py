@@ -14,6 +14,7 @@ from fleet.audit.models import Record
 from fleet.site.admin.robots import ReadableJSON
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.registry.services import bridge_status_set, profile_save, robot_save
+from robots.shared.sentences import say
 from robots.supervisor.process_keeper import LOCK, only_instance
 
 
@@ -46,6 +47,16 @@ def test_the_list_shows_how_each_bridge_fares(admin: Client, robot: Robot) -> No
     assert "refused to start since" in page and "two of them" in page
     assert "no supervisor is running" not in page
     assert reverse("robot-check", args=[robot.slug]) in page
+
+
+def test_why_a_bridge_ended_is_said_from_key_and_figures(admin: Client, robot: Robot) -> None:
+    why = say(
+        "{why}; next start in {wait:g} s", why=say("ended by itself with code {code}", code="7"), wait=2.0
+    )
+    bridge_status_set(robot_id=robot.id, state=BridgeStatus.State.BACKING_OFF, detail=why, pid=None)
+    BridgeStatus.objects.update(detail="")  # the English text
+    page = admin.get(reverse("admin:robots_robot_changelist")).content.decode()
+    assert "ended by itself with code 7; next start in 2 s" in page
 
 
 def test_a_killed_supervisors_last_words_are_not_current(admin: Client, robot: Robot) -> None:

@@ -16,6 +16,7 @@ import pytest
 from robots.registry.models import BridgeStatus
 from robots.shared.processes import last_words
 from robots.shared.processes.shutdown import EXIT_NAME_LOST, EXIT_NOT_JOINED
+from robots.shared.sentences import Sentence, say
 from robots.supervisor.fleet_supervisor import eager
 from robots.supervisor.process_keeper import (
     KILL_S,
@@ -143,14 +144,19 @@ def test_the_last_words_of_a_program_are_reported(kept: Kept, tmp_path: Path) ->
     socket = tmp_path / "bridge.sock"
     words = partial(last_words.pop, socket, last_words.LAST)
     kept.keeper = Keeper("Fake", lambda *report: kept.reports.append(report), last_words=words)
-    last_words.write(socket, last_words.LAST, "The bridge could not join the robot (no such host).")
+    last_words.write(
+        socket, last_words.LAST, say("it failed ({kind}: {error})", kind="OSError", error="no host")
+    )
     (kept.programs.folder / "crash-fake").write_text(str(EXIT_NOT_JOINED))
     kept.want("fake")
     for fall in (2, 4):
         kept.step(8.0)
         kept.step_until_reported(fall)
-    assert kept.reports[1][1].startswith("The bridge could not join the robot (no such host).; next start")
-    assert kept.reports[3][1].startswith("could not join its robot (its log says why); next start")
+    first, second = (kept.reports[fall][1] for fall in (1, 3))
+    assert first.startswith("it failed (OSError: no host); next start in")
+    why = ["it failed ({kind}: {error})", {"kind": "OSError", "error": "no host"}]
+    assert isinstance(first, Sentence) and first.parts[1]["why"] == why
+    assert second.startswith("could not join its robot (its log says why); next start")
 
 
 def test_an_edit_ends_the_old_program_then_starts_the_new(kept: Kept) -> None:

@@ -17,6 +17,7 @@ from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot
 from robots.registry.selectors import bridge_config, require_link_settings
 from robots.shared.processes import last_words
+from robots.shared.sentences import say
 
 
 class Command(BaseCommand):
@@ -43,7 +44,7 @@ class Command(BaseCommand):
             code = run(config, AuditSink(robot.id, robot.name))
         except Exception as error:
             if config.link.unix_path:
-                words = f"it failed ({type(error).__name__}: {error})"
+                words = say("it failed ({kind}: {error})", kind=type(error).__name__, error=error)
                 last_words.write(config.link.unix_path, last_words.LAST, words)
             raise
         sys.exit(code)
