@@ -306,10 +306,12 @@ def _description(found: DescriptionFound) -> Check:
     name = _("description")
     try:
         if found.error is not None:
-            raise BadDescription(words_of(found, "error"))
+            raise BadDescription(found.sentence_of("error"))
         problems = drawable(found.text).problems
     except BadDescription as bad:
-        return Check(name, WARN, _("/robot_description cannot be used: %s.") % bad, _(_NOT_DRAWN))
+        return Check(
+            name, WARN, _("/robot_description cannot be used: %s.") % in_words(reason_of(bad)), _(_NOT_DRAWN)
+        )
     if not problems:
         return Check(name, OK, _("/robot_description can be used as a whole."))
     more = (
@@ -317,7 +319,7 @@ def _description(found: DescriptionFound) -> Check:
         if len(problems) > MOST_LEFT_OUT
         else []
     )
-    left_out = "; ".join([*problems[:MOST_LEFT_OUT], *more])
+    left_out = "; ".join([*map(in_words, problems[:MOST_LEFT_OUT]), *more])
     return Check(name, WARN, _("/robot_description is used, but: %s.") % left_out, _(_NOT_DRAWN))
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
+from robots.shared.sentences import Sentence, joined, reason_of, say
 from robots.shared.urdf.document import FARTHEST_M, Misfit, description_of, name_of, numbers_of, origin_of
 from robots.shared.urdf.joints import MOVING, Joint, Numbers, joints_of
 
@@ -25,7 +26,7 @@ class Drawable(NamedTuple):
 
     urdf: str
     meshes: list[str]  # the addresses of meshes as in the description, each once
-    problems: list[str]  # sentences about parts that are left out
+    problems: list[Sentence]  # about parts that are left out
 
 
 def drawable(text: str) -> Drawable:
@@ -35,7 +36,7 @@ def drawable(text: str) -> Drawable:
 
 
 class _Reader:
-    def __init__(self, found: Element, problems: list[str]) -> None:
+    def __init__(self, found: Element, problems: list[Sentence]) -> None:
         self._found = found
         self._robot = Element("robot", name="robot")
         self._meshes: dict[str, None] = {}
@@ -48,7 +49,7 @@ class _Reader:
         self._problems += tree.problems
         materials = self._found.findall("material")
         if len(materials) > MOST_SHAPES:
-            self._problems.append(f"more than {MOST_SHAPES} materials")
+            self._problems.append(say("more than {most} materials", most=MOST_SHAPES))
         for material in materials[:MOST_SHAPES]:
             self._read(self._material, material)
         visuals = self._visuals_by_link()
@@ -58,17 +59,17 @@ class _Reader:
         self._add_materials()
         if len(self._problems) > MOST_PROBLEMS:
             more = len(self._problems) - MOST_PROBLEMS + 1
-            self._problems[MOST_PROBLEMS - 1 :] = [f"and {more} more"]
+            self._problems[MOST_PROBLEMS - 1 :] = [say("and {count} more", count=more)]
         return Drawable(
             ElementTree.tostring(self._robot, encoding="unicode"), list(self._meshes), self._problems
         )
 
-    def _read(self, read: Callable[[Element], Element], part: Element, where: str = "") -> list[Element]:
+    def _read(self, read: Callable[[Element], Element], part: Element, *where: Sentence) -> list[Element]:
         """Return what `read` makes of the part; nothing, but a problem, if it cannot be used."""
         try:
             return [read(part)]
         except Misfit as misfit:
-            self._problems.append(f"{where}{misfit}")
+            self._problems.append(joined(": ", [*where, reason_of(misfit)]))
             return []
 
     # --- links -----------------------------------------------------------------------------------------
@@ -78,7 +79,8 @@ class _Reader:
         for link in self._found.findall("link"):
             name = link.get("name", "")
             if name in visuals:
-                self._problems.append(f"another link has the name {name[:80]!r}: only the first is drawn")
+                text = "another link has the name {name}: only the first is drawn"
+                self._problems.append(say(text, name=repr(name[:80])))
             visuals.setdefault(name, link.findall("visual"))
         return visuals
 
@@ -87,9 +89,9 @@ class _Reader:
         for visual in visuals:
             self._shapes += 1
             if self._shapes == MOST_SHAPES + 1:
-                self._problems.append(f"more than {MOST_SHAPES} shapes")
+                self._problems.append(say("more than {most} shapes", most=MOST_SHAPES))
             if self._shapes <= MOST_SHAPES:
-                link.extend(self._read(self._visual, visual, f"link {name[:80]}: "))
+                link.extend(self._read(self._visual, visual, say("link {name}", name=name[:80])))
 
     def _visual(self, visual: Element) -> Element:
         shown = Element("visual")
@@ -97,7 +99,7 @@ class _Reader:
         geometry = visual.find("geometry")
         shape = geometry[0] if geometry is not None and len(geometry) else None
         if shape is None:
-            raise Misfit("a shape without geometry")
+            raise Misfit(say("a shape without geometry"))
         SubElement(shown, "geometry").append(self._shape(shape))
         material = visual.find("material")
         if material is not None:
@@ -108,19 +110,19 @@ class _Reader:
         if shape.tag == "mesh":
             return self._mesh(shape)
         if shape.tag not in _SIZES:
-            raise Misfit(f"the shape {shape.tag[:80]!r} is not known")
+            raise Misfit(say("the shape {kind} is not known", kind=repr(shape.tag[:80])))
         sizes = {name: _size(shape, name, count) for name, count in _SIZES[shape.tag].items()}
         return Element(shape.tag, sizes)
 
     def _mesh(self, mesh: Element) -> Element:
         name = mesh.get("filename", "").strip()
         if not name or len(name) > 500 or not name.isprintable():
-            raise Misfit("a mesh without a usable address")
+            raise Misfit(say("a mesh without a usable address"))
         scale = numbers_of(mesh, "scale", 3, "1 1 1")
         if not all(scale):
-            raise Misfit(f"the scale {_text(scale)!r} of a <mesh> makes it flat")
+            raise Misfit(say("the scale {scale} of a <mesh> makes it flat", scale=repr(_text(scale))))
         if name not in self._meshes and len(self._meshes) >= MOST_MESHES:
-            raise Misfit(f"one of more than {MOST_MESHES} meshes")
+            raise Misfit(say("one of more than {most} meshes", most=MOST_MESHES))
         self._meshes[name] = None
         return Element("mesh", filename=name, scale=_text(scale))
 
@@ -162,7 +164,7 @@ class _Reader:
             for tag, read in (("limit", _limit), ("mimic", lambda mimic: _mimic(mimic, leaders))):
                 part = joint.element.find(tag)
                 if part is not None:
-                    shown.extend(self._read(read, part, f"joint {joint.name!r}: "))
+                    shown.extend(self._read(read, part, say("joint {name}", name=repr(joint.name))))
         return shown
 
 
@@ -174,9 +176,8 @@ def _mimic(mimic: Element, leaders: set[str]) -> Element:
     """Return whom the joint follows. A joint that itself follows leads none: a page could run into a cycle."""
     leader = name_of(mimic, "joint")
     if leader not in leaders:
-        raise Misfit(
-            f"it cannot follow {leader[:80]!r}, which does not move, or follows another joint itself"
-        )
+        text = "it cannot follow {joint}, which does not move, or follows another joint itself"
+        raise Misfit(say(text, joint=repr(leader[:80])))
     factors = {
         "multiplier": numbers_of(mimic, "multiplier", 1, "1"),
         "offset": numbers_of(mimic, "offset", 1, "0"),
@@ -191,7 +192,7 @@ def _origin(xyz: Numbers, rpy: Numbers) -> Element:
 def _size(shape: Element, name: str, count: int) -> str:
     sizes = numbers_of(shape, name, count, most=FARTHEST_M)
     if min(sizes) <= 0.0:
-        raise Misfit(f"the {name} {_text(sizes)!r} is not positive")
+        raise Misfit(say("the {attribute} {value} is not positive", attribute=name, value=repr(_text(sizes))))
     return _text(sizes)
 
 

@@ -9,6 +9,8 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import NamedTuple
 
+from robots.shared.sentences import say
+
 LARGEST_MESH = 25_000_000  # bytes
 DEEPEST = 10  # folders from a package to a mesh with a file:// address
 FORMATS = (".stl", ".dae", ".obj")
@@ -37,31 +39,37 @@ def mesh_at(address: str, folders: Sequence[Path]) -> Mesh:
     package, path = _split(address, folders)
     parts = path.split("/")
     if not _PACKAGE.fullmatch(package):
-        raise NoMesh(f"{_short(address)} names no package")
+        raise NoMesh(say("“{mesh}” names no package", mesh=_short(address)))
     if any(part in ("", ".", "..") for part in parts) or "\\" in path or not path.isprintable():
-        raise NoMesh(f"{_short(address)} leads out of its package")
+        raise NoMesh(say("“{mesh}” leads out of its package", mesh=_short(address)))
     if Path(path).suffix.lower() not in FORMATS:
-        raise NoMesh(f"{_short(address)} is neither STL nor Collada nor OBJ, which pages draw")
+        raise NoMesh(
+            say("“{mesh}” is neither STL nor Collada nor OBJ, which pages draw", mesh=_short(address))
+        )
     try:
         for folder in _packages(package, folders):
             file = (folder / path).resolve()
             if not file.is_relative_to(folder.resolve()):
-                raise NoMesh(f"{_short(address)} leads out of its package")
+                raise NoMesh(say("“{mesh}” leads out of its package", mesh=_short(address)))
             if file.is_file():
                 return _mesh(package, path, file, address)
     except (OSError, RuntimeError) as error:  # name too long, no permission, symbolic links in a circle
-        raise NoMesh(f"{_short(address)} cannot be read") from error
-    raise NoMesh(f"{_short(address)} is not on the console’s computer")
+        raise NoMesh(say("“{mesh}” cannot be read", mesh=_short(address))) from error
+    raise NoMesh(say("“{mesh}” is not on the console’s computer", mesh=_short(address)))
 
 
 def _mesh(package: str, path: str, file: Path, address: str) -> Mesh:
     try:
         status = file.stat()
     except OSError as error:
-        raise NoMesh(f"{_short(address)} cannot be read: {error.strerror}") from error
+        raise NoMesh(
+            say("“{mesh}” cannot be read: {why}", mesh=_short(address), why=error.strerror)
+        ) from error
     if status.st_size > LARGEST_MESH:
-        megabytes, most = status.st_size / 1e6, LARGEST_MESH / 1e6
-        raise NoMesh(f"{_short(address)} has {megabytes:.0f} MB; at most {most:.0f} are drawn")
+        sizes = {"size": status.st_size / 1e6, "most": LARGEST_MESH / 1e6}
+        raise NoMesh(
+            say("“{mesh}” has {size:.0f} MB; at most {most:.0f} are drawn", mesh=_short(address), **sizes)
+        )
     facts = f"{file} {status.st_size} {status.st_mtime_ns}"
     return Mesh(package, path, file, hashlib.sha256(facts.encode()).hexdigest()[:16])
 
@@ -78,8 +86,8 @@ def _split(address: str, folders: Sequence[Path]) -> tuple[str, str]:
             for folder in islice(Path(file).parents, DEEPEST):
                 if _is_package(folder.name, folders):
                     return folder.name, Path(file).relative_to(folder).as_posix()
-        raise NoMesh(f"{_short(address)} lies in no package on the console’s computer")
-    raise NoMesh(f"{_short(address)} is no address of a package")
+        raise NoMesh(say("“{mesh}” lies in no package on the console’s computer", mesh=_short(address)))
+    raise NoMesh(say("“{mesh}” is no address of a package", mesh=_short(address)))
 
 
 def _packages(name: str, folders: Sequence[Path]) -> Iterator[Path]:
@@ -101,4 +109,4 @@ def _is_package(name: str, folders: Sequence[Path]) -> bool:
 
 
 def _short(address: str) -> str:
-    return f"“{address if len(address) <= 200 else address[:199] + '…'}”"
+    return address if len(address) <= 200 else address[:199] + "…"

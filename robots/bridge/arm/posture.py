@@ -81,12 +81,13 @@ class ArmPosture:
 
     def _modelled(self, tree: Tree) -> _Model:
         if unplaced := tree.unplaced.intersection(self._arm.links):
-            raise BadDescription(f"the place of {min(unplaced)} is not known from the robot’s description")
+            text = "the place of {link} is not known from the robot’s description"
+            raise BadDescription(say(text, link=min(unplaced)))
         own = [link for link in self._arm.links if link in tree]
         lacking = [link for link in self._arm.links if link not in tree]
         moved = tree.moved_by(self._arm.home)
         if not own or not moved:
-            raise BadDescription("the robot’s description has no link of the arm")
+            raise BadDescription(say("the robot’s description has no link of the arm"))
         if lacking:
             log.warning("the robot's description lacks %s: a hand there is guessed", ", ".join(lacking))
         base_first = [link for link in own if link not in moved]

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.shared.sentences import say
 from robots.shared.urdf.document import BadDescription, description_of
 from robots.shared.urdf.joints import Joint, joints_of
 
@@ -97,7 +98,9 @@ class Tree:
             chain.append(joint)
             link = joint.parent
         if not chain:
-            raise BadDescription(f"the robot’s description has no link {link!r} with a parent")
+            raise BadDescription(
+                say("the robot’s description has no link {link} with a parent", link=repr(link))
+            )
         return chain
 
 

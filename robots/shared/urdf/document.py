@@ -14,6 +14,8 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
+from robots.shared.sentences import Sentence, say
+
 LARGEST = 8_000_000  # characters
 FARTHEST_M = 1_000.0
 LARGEST_NUMBER = 1e6
@@ -40,7 +42,7 @@ class Description(NamedTuple):
     """A description that was read."""
 
     robot: Element
-    problems: list[str]  # what is left out
+    problems: list[Sentence]  # what is left out
 
 
 def description_of(text: str) -> Description:
@@ -49,10 +51,10 @@ def description_of(text: str) -> Description:
     Raises BadDescription if it is not XML, too large, no <robot>, or contains declarations, which could do harm.
     """
     if len(text) > LARGEST:
-        raise BadDescription("the robot’s description is too large")
+        raise BadDescription(say("the robot’s description is too large"))
     found = _Reader().read(_tidied(text))
     if found.robot.tag != "robot":
-        raise BadDescription("the robot’s description is no <robot>")
+        raise BadDescription(say("the robot’s description is no <robot>"))
     return found
 
 
@@ -72,8 +74,9 @@ class _Reader:
             self._parser.Parse(text.encode(errors="replace"), True)
         except expat.ExpatError as error:
             if self._robot is None:
-                raise BadDescription(f"the robot’s description cannot be parsed: {error}") from error
-            problems = ["the text behind the end of the robot is left out"]
+                text = "the robot’s description cannot be parsed from line {line}, column {column} on"
+                raise BadDescription(say(text, line=error.lineno, column=error.offset + 1)) from error
+            problems = [say("the text behind the end of the robot is left out")]
         assert self._robot is not None  # noqa: S101  (else it is no XML)
         return Description(self._robot, problems)
 
@@ -90,7 +93,7 @@ class _Reader:
 
 def _refuse_declarations(_name: str, _system: str | None, _public: str | None, has_declarations: int) -> None:
     if has_declarations:
-        raise BadDescription("the robot’s description contains declarations (DOCTYPE)")
+        raise BadDescription(say("the robot’s description contains declarations (DOCTYPE)"))
 
 
 def _tidied(text: str) -> str:
@@ -117,7 +120,9 @@ def name_of(element: Element, attribute: str = "name") -> str:
     """Return a name. Raises Misfit if it is missing, or if pages cannot use it."""
     name = element.get(attribute, "")
     if not _NAME.fullmatch(name):
-        raise Misfit(f"the name {name[:80]!r} cannot be used" if name else f"it has no {attribute}")
+        if not name:
+            raise Misfit(say("it has no {part}", part=attribute))
+        raise Misfit(say("the name {name} cannot be used", name=repr(name[:80])))
     return name
 
 
@@ -134,7 +139,15 @@ def numbers_of(
     parts = text.split()
     numbers = tuple(float(part) for part in parts if _NUMBER.fullmatch(part))
     if not len(numbers) == len(parts) == count or not all(abs(number) <= most for number in numbers):
-        raise Misfit(f"the {attribute} {text[:80]!r} of a <{element.tag[:80]}> cannot be used")
+        value, tag = repr(text[:80]), element.tag[:80]
+        raise Misfit(
+            say(
+                "the {attribute} {value} of a <{tag}> cannot be used",
+                attribute=attribute,
+                value=value,
+                tag=tag,
+            )
+        )
     return numbers
 
 
@@ -152,5 +165,5 @@ def axis_of(joint: Element) -> tuple[float, ...]:
     xyz = (1.0, 0.0, 0.0) if axis is None else numbers_of(axis, "xyz", 3, "1 0 0")
     length = math.hypot(*xyz)
     if length < 1.0 / LARGEST_NUMBER:
-        raise Misfit("its axis has no length")
+        raise Misfit(say("its axis has no length"))
     return tuple(part / length for part in xyz)

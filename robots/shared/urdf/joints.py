@@ -10,6 +10,7 @@ from collections import defaultdict
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
+from robots.shared.sentences import Sentence, say
 from robots.shared.urdf.document import BadDescription, Misfit, axis_of, is_name, name_of, origin_of
 
 MAX_JOINTS = 2_000
@@ -39,22 +40,22 @@ class Joints(NamedTuple):
     root: str  # a link
     joints: list[Joint]  # in the description's order
     unplaced: frozenset[str]  # links with joints that do not lead to the root: their places are not known
-    problems: list[str]  # what is left out or changed
+    problems: list[Sentence]  # what is left out or changed
 
 
 def joints_of(robot: Element) -> Joints:
     """Return the joints of a <robot>. Raises BadDescription if it has no root, or too many joints."""
     elements = robot.findall("joint")
     if len(elements) > MAX_JOINTS:
-        raise BadDescription(f"the robot’s description has more than {MAX_JOINTS} joints")
+        raise BadDescription(say("the robot’s description has more than {most} joints", most=MAX_JOINTS))
     return _Reader(robot, elements).result()
 
 
 class _Reader:
     def __init__(self, robot: Element, elements: list[Element]) -> None:
-        self._problems: list[str] = []
+        self._problems: list[Sentence] = []
         self._above: dict[str, Joint] = {}  # by child
-        self._torn: dict[str, str] = {}  # what is wrong with the joint above this link
+        self._torn: dict[str, Sentence] = {}  # what is wrong with the joint above this link
         self._read(elements)
         self._below: defaultdict[str, list[str]] = defaultdict(list)
         for joint in self._above.values():
@@ -73,17 +74,21 @@ class _Reader:
         roots = [link for link in branches if link not in self._torn]
         if not roots:
             raise BadDescription(
-                "the robot’s description has no root: no links, or joints in a cycle or without use"
+                say("the robot’s description has no root: no links, or joints in a cycle or without use")
             )
         root = max(roots, key=lambda link: len(branches[link]))  # the first of equal ones
         placed = branches.pop(root)
         for link, left in branches.items():
-            why = self._torn.get(link, f"link {link!r} hangs on no joint")
-            more = f", with {len(left) - 1} more" if len(left) > 1 else ""
-            self._problems.append(f"{why}: {link} is left out{more}")
+            why = self._torn.get(link) or say("link {link} hangs on no joint", link=repr(link))
+            figures, more = {"why": why, "link": link}, len(left) - 1
+            self._problems.append(
+                say("{why}: {link} is left out, with {more} more", **figures, more=more)
+                if more
+                else say("{why}: {link} is left out", **figures)
+            )
         circles = self._links.keys() - placed.union(*branches.values())
         if circles:
-            self._problems.append(f"a cycle of joints, with {min(circles)} in it, is left out")
+            self._problems.append(say("a cycle of joints, with {link} in it, is left out", link=min(circles)))
         joints = [joint for joint in self._above.values() if joint.child in placed]
         loose = {link for link, left in branches.items() if len(left) == 1 and link not in self._torn}
         return Joints(root, joints, frozenset(self._links.keys() - placed - loose), self._problems)
@@ -95,23 +100,26 @@ class _Reader:
             try:
                 joint = _joint(element, names, self._above)
             except Misfit as misfit:
-                why = f"joint {element.get('name', '')[:80]!r}: {misfit}"
+                why = say("joint {name}: {misfit}", name=repr(element.get("name", "")[:80]), misfit=misfit)
                 child = element.find("child")
                 link = child.get("link", "") if child is not None else ""
                 if is_name(link) and link not in self._above:
                     self._torn[link] = why
                 else:
-                    self._problems.append(f"{why}: it is left out")
+                    self._problems.append(say("{why}: it is left out", why=why))
                 continue
             names.add(joint.name)
             self._above[joint.child] = joint
             if element.get("type") in FREE:
-                self._problems.append(f"joint {joint.name!r} is {element.get('type')}: it is taken as fixed")
+                text = "joint {name} is {kind}: it is taken as fixed"
+                self._problems.append(say(text, name=repr(joint.name), kind=element.get("type")))
         self._torn = {link: why for link, why in self._torn.items() if link not in self._above}
 
     def _is_usable(self, link: str) -> bool:
         if not is_name(link):
-            self._problems.append(f"a link has the name {link[:80]!r}, with which it cannot be drawn")
+            self._problems.append(
+                say("a link has the name {name}, with which it cannot be drawn", name=repr(link[:80]))
+            )
         return is_name(link)
 
     def _carried(self, top: str) -> set[str]:
@@ -122,7 +130,9 @@ class _Reader:
             if not row:
                 return carried
             carried.update(row)
-        raise BadDescription(f"the robot’s description has more than {DEEPEST} joints in a row")
+        raise BadDescription(
+            say("the robot’s description has more than {most} joints in a row", most=DEEPEST)
+        )
 
 
 def _joint(element: Element, names: set[str], above: dict[str, Joint]) -> Joint:
@@ -130,11 +140,11 @@ def _joint(element: Element, names: set[str], above: dict[str, Joint]) -> Joint:
     name, kind = name_of(element), element.get("type", "")
     parent, child = _end(element, "parent"), _end(element, "child")
     if name in names:
-        raise Misfit("another joint has the same name")
+        raise Misfit(say("another joint has the same name"))
     if child in above:
-        raise Misfit(f"{child} hangs on joint {above[child].name!r} already")
+        raise Misfit(say("{link} hangs on joint {name} already", link=child, name=repr(above[child].name)))
     if kind not in (*MOVING, *FREE, "fixed"):
-        raise Misfit(f"the type {kind[:80]!r} is not known")
+        raise Misfit(say("the type {kind} is not known", kind=repr(kind[:80])))
     moves = kind in MOVING
     axis = axis_of(element) if moves else (1.0, 0.0, 0.0)  # exporters write 0 0 0 to fixed joints
     return Joint(name, kind if moves else "fixed", parent, child, *origin_of(element), axis, element)
@@ -143,5 +153,5 @@ def _joint(element: Element, names: set[str], above: dict[str, Joint]) -> Joint:
 def _end(joint: Element, tag: str) -> str:
     end = joint.find(tag)
     if end is None:
-        raise Misfit(f"it has no {tag}")
+        raise Misfit(say("it has no {part}", part=tag))
     return name_of(end, "link")

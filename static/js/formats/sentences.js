@@ -78,6 +78,7 @@ function translated(value) {
 
 function ofField(owner, name, part) {
   if (RAW.has(name)) return part;
+  if (Array.isArray(part) && owner.said?.[name]) return owner.said[name].map(sentence);
   if (typeof part !== "string") return translated(part);
   if (!TOLD.has(name) || !part || "language" in owner) return part;
   return owner.said?.[name] ? sentence(owner.said[name]) : gettext(part);

@@ -40,6 +40,10 @@ test("each sentence of a message, but no text in a language of its own", () => {
         said: { text: ["{sensor} is {age:age} old", { sensor: ["laser"], age: 0.61 }] },
       },
       speech: { text: "Stop.", language: "en-GB" },
+      problems: ["laser is 0.6 s old", "laser"],
+      said: {
+        problems: [["{sensor} is {age:age} old", { sensor: ["laser"], age: 0.61 }], ["laser"]],
+      },
       battery_percent: null,
     },
     scan: { laser_cm: [1, 2] },
@@ -50,6 +54,7 @@ test("each sentence of a message, but no text in a language of its own", () => {
     "láser: hace 0,6 s",
     "Stop.",
   ]);
+  expect(state.problems).toEqual(["láser: hace 0,6 s", "láser"]);
   expect(scan).toBe(message.scan);
 });
 

@@ -10,16 +10,16 @@ from urllib.parse import quote
 from django.conf import settings
 from django.http import HttpResponse, HttpResponseBase
 from drf_spectacular.utils import OpenApiParameter
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 from rest_framework.response import Response
 
 from robots.description.drawable import Drawable, drawable
 from robots.description.meshes import Mesh, NoMesh, mesh_at
 from robots.registry.models import Robot, RobotDescription
 from robots.shared import wire
-from robots.shared.sentences import say
+from robots.shared.sentences import of_parts, reason_of, say
 from robots.shared.urdf.document import BadDescription
-from robots.shared.wire import Refusal
+from robots.shared.wire import Refusal, Said, Worded
 from teleop.api.v1.framework.operation import reads
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
@@ -36,8 +36,10 @@ _YEAR_S = 365 * 24 * 60 * 60
 _VERSION = OpenApiParameter("version", str, description="As in the description.")
 
 
-class MeshEntry(Struct, frozen=True):
+class MeshEntry(Worded, frozen=True):
     """A mesh of the description. `address` null: it cannot be had, and `problem` says why."""
+
+    SENTENCES = ("problem",)
 
     filename: str  # as in the description
     address: str | None
@@ -55,6 +57,7 @@ class DescriptionEntry(Struct, frozen=True):
     urdf: str
     meshes: list[MeshEntry]
     problems: list[str]
+    said: Said | UnsetType = UNSET  # keys and figures of `problems`, for a page in another language
 
 
 class DescriptionView(ProgramView):
@@ -72,7 +75,8 @@ class DescriptionView(ProgramView):
             seen_at=kept.seen_at,
             urdf=found.urdf,
             meshes=[_entry(robot, filename) for filename in found.meshes],
-            problems=found.problems,
+            problems=[str(problem) for problem in found.problems],
+            said={"problems": [problem.parts for problem in found.problems]} if found.problems else UNSET,
         )
         tag = f'"{hashlib.sha256(wire.encode(entry)).hexdigest()[:16]}"'
         response = unchanged(self.request, tag) or Response(wire.to_builtins(entry))
@@ -113,7 +117,7 @@ def _kept(robot: Robot) -> RobotDescription:
     if kept is None:
         raise Problem(NO_DESCRIPTION)
     if kept.problem:
-        raise _bad(kept.problem)
+        raise _bad(of_parts(kept.problem, [kept.problem]))
     return kept
 
 
@@ -121,7 +125,7 @@ def _drawable(kept: RobotDescription) -> Drawable:
     try:
         return _reduced(bytes(kept.packed))
     except BadDescription as bad:
-        raise _bad(str(bad)) from bad
+        raise _bad(reason_of(bad)) from bad
 
 
 @lru_cache(maxsize=16)
@@ -137,7 +141,7 @@ def _entry(robot: Robot, filename: str) -> MeshEntry:
     try:
         mesh = mesh_at(filename, settings.FLEET_MESHES)
     except NoMesh as no_mesh:
-        return MeshEntry(filename, None, f"{no_mesh}.")
+        return MeshEntry(filename, None, say("{why}.", why=no_mesh))
     path = quote(f"{mesh.package}/{mesh.path}")
     return MeshEntry(filename, f"/api/v1/robots/{robot.slug}/meshes/{path}?version={mesh.version}")
 

@@ -172,10 +172,26 @@ def test_the_robots_own_path_to_a_package_is_the_one_here(ask, robot, describe, 
     )
 
 
+def test_what_is_left_out_carries_key_and_figures(ask, robot, describe):
+    describe(
+        "<robot><link name='base'/><joint name='b' type='magic'><parent link='base'/><child link='x'/></joint></robot>"
+    )
+    found = ask("description").json()
+    assert found["problems"] == ["joint 'b': the type 'magic' is not known: x is left out"]
+    why = [
+        "joint {name}: {misfit}",
+        {"name": "'b'", "misfit": ["the type {kind} is not known", {"kind": "'magic'"}]},
+    ]
+    assert found["said"] == {"problems": [["{why}: {link} is left out", {"why": why, "link": "x"}]]}
+    describe(urdf("package://nothing/x.stl"))
+    mesh = ["“{mesh}” is not on the console’s computer", {"mesh": "package://nothing/x.stl"}]
+    assert mesh_of(ask)["said"] == {"problem": ["{why}.", {"why": mesh}]}
+
+
 @pytest.mark.parametrize(
     ("found", "why"),
     [
-        ("x" * 20_000_000, "8 million characters or more"),
+        ("x" * 20_000_000, "too large"),
         ({"a": 1}, "is not a text"),
         ("<robot>", "cannot be parsed"),
         ('<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot>&a;</robot>', "declarations"),
