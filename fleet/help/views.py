@@ -14,10 +14,14 @@ from fleet.help import pages
 @require_safe
 def show(request: HttpRequest, name: str = "") -> HttpResponse:
     """Show a page of help, in the reader's language if it is translated; without a name, the list of all pages."""
-    found = pages.meant(name, get_language() or "")
+    language = get_language() or ""
+    found = pages.meant(name, language)
     if found is None:
         raise Http404
-    return render(request, "site/help.html", {"page": pages.page(found)})
+    page = pages.page(found)
+    is_wanted = language.startswith("en") or name.startswith(pages.ENGLISH)
+    untranslated = page.language == "en" and not is_wanted
+    return render(request, "site/help.html", {"page": page, "untranslated": untranslated})
 
 
 @require_safe

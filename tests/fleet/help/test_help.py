@@ -60,6 +60,8 @@ def test_a_reader_gets_a_translated_page(reader: Client, settings: Any) -> None:
         for name, language in (("student", "es"), ("gate", "en"), ("es/student", "es"), ("en/student", "en")):
             page = reader.get(f"/help/{name}/", headers=spanish).content.decode()
             assert f'help-text" lang="{language}"' in page, name
+            # of a page that exists in English only
+            assert ("is not translated yet" in page or "no está traducida" in page) == (name == "gate"), name
     assert 'help-text" lang="en"' in reader.get("/help/student/").content.decode()
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from django.conf import settings
 from django.test import Client
-from django.utils import timezone
+from django.utils import timezone, translation
 
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope, Token
@@ -162,3 +162,17 @@ def test_a_429_says_when_to_ask_again(robot: Robot, made: Any, monkeypatch: pyte
     assert Client().get("/api/v1/robots", headers=other).status_code == 200
     # A stop is never limited
     assert Client().post(f"/api/v1/robots/{robot.slug}/stop", headers=headers).status_code == 202
+
+
+def test_the_reference_says_to_other_readers_that_it_is_in_english(
+    client: Client, operator: User, settings: Any
+) -> None:
+    client.force_login(operator)
+    settings.LANGUAGES = [*settings.LANGUAGES, ("es", "Español")]
+    with translation.override(None):  # restores the language, which a page sets for its thread
+        pages = [
+            client.get("/api/v1/reference", headers={"Accept-Language": language}).content.decode()
+            for language in ("en", "es")
+        ]
+    notes = [page.count('class="quiet"') for page in pages]
+    assert notes == [1, 2]
