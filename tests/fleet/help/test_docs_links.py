@@ -36,3 +36,12 @@ def test_a_page_for_a_task_is_short() -> None:
         page: len(re.findall(r"\S*\w\S*", text)) for page, text in texts.items() if not LONGER.match(text)
     }
     assert {page: count for page, count in words.items() if count > MOST_WORDS} == {}
+
+
+def test_the_spanish_list_marks_the_pages_that_are_in_english_only() -> None:
+    folder = REPOSITORY / "docs" / "es"
+    links = re.findall(r"\[([^]]+)\]\(([^)#]+)", (folder / "README.md").read_text())
+    assert links
+    for words, target in links:
+        assert words.endswith(r"\*") == target.startswith("../"), target
+        assert not (folder / Path(target).name).exists() or "/" not in target or "README" in target, target
