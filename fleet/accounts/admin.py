@@ -12,6 +12,7 @@ from django.conf import settings
 from django.contrib import admin, messages
 from django.contrib.admin.utils import unquote
 from django.contrib.auth.admin import UserAdmin
+from django.contrib.auth.forms import AdminPasswordChangeForm
 from django.contrib.auth.models import Group
 from django.db import transaction
 from django.db.models import QuerySet
@@ -53,6 +54,14 @@ class ListedLookups(RecordedAdmin):
         return lookup in {f"{name}__exact" for name in self.list_filter}
 
 
+class PasswordForm(AdminPasswordChangeForm):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Django's form, whose help would be in English in every language."""
+
+    usable_password_help_text = _(  # type: ignore[assignment]  # said in the reader's language
+        "If disabled, the person can sign in by other ways only, and the present password is lost."
+    )
+
+
 @admin.register(User)
 class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
     """Accounts. They are never deleted, because the audit log refers to them: clear "active" instead."""
@@ -60,6 +69,7 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
     list_display = ["username", "full_name", "email", "is_staff", "is_active", "last_login"]
     list_filter = ["is_staff", "is_active"]
     search_fields = ["username", "full_name", "email"]
+    change_password_form = PasswordForm
     readonly_fields = ["project", "roles", "second_factor", "last_login", "date_joined"]
     actions = ["remove_second_factors"]
     filter_horizontal = []

@@ -54,6 +54,12 @@ def test_a_new_account_is_recorded_without_its_password(admin, staff):
     assert PASSWORD not in str(entry.details)
 
 
+def test_the_help_of_a_new_password_can_be_translated(admin, operator):
+    page = admin.get(f"{PEOPLE}{operator.pk}/password/").content.decode()
+    assert "the present password is lost" in page
+    assert "If disabled, the current password" not in page  # of Django, in English in every language
+
+
 def test_making_a_person_staff_is_recorded(admin, operator):
     form = {
         "username": "operator",

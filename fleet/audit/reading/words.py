@@ -44,5 +44,5 @@ too_often, type_unknown, waits_enough, watchdog_missing, wrong_type, wrong_year,
 """
 _CODES = {name.strip() for name in _NAMES.split(",")}.union(*(kind.words.split() for kind in TASK_KINDS))
 WORDS = frozenset(code.replace("_", " ") for code in _CODES)
-_CODED = "also, because, by, cause, from, limb, of, part, role, rule, through, to, use, what, why"
+_CODED = "also, because, by, cause, field, from, limb, of, part, role, rule, through, to, use, what, why"
 CODED = frozenset(_CODED.split(", "))  # fields whose values are codes

@@ -17,3 +17,7 @@ def test_a_moment_is_shown_in_the_readers_zone():
 def test_an_outcome_that_only_programmers_know_has_words():
     assert outcome("intruder") == "cancelled, but not by its holder"
     assert outcome("control_ended") == "control ended"
+
+
+def test_a_field_that_changed_is_said_in_words():
+    assert figure("field", "is_staff") == "field is staff"
