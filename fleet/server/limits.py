@@ -11,6 +11,8 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from robots.shared.sentences import Sentence, say
+
 URL_BYTES = 4096
 HEAD_BYTES = 16384  # request line and headers
 HEADERS = 100
@@ -63,7 +65,9 @@ class HttpRefusal(Exception):
         """Return the whole HTTP response. The connection closes after it."""
         refusal = {"code": self.code, "text": self.text, "rule": "limits", "figures": dict(self.figures)}
         problem = {"type": "about:blank", "title": self.reason, "status": self.status, "detail": self.text}
-        body = json.dumps({**problem, **refusal, "refusals": [refusal]}).encode()
+        parts = self.text.parts if isinstance(self.text, Sentence) else [self.text]
+        said = {"said": {"text": parts, "detail": parts}}
+        body = json.dumps({**problem, **refusal, **said, "refusals": [{**refusal, **said}]}).encode()
         retry = f"Retry-After: {self.retry_after_s}\r\n" if self.retry_after_s else ""
         head = (
             f"HTTP/1.1 {self.status} {self.reason}\r\nContent-Type: application/problem+json\r\n"
@@ -74,43 +78,49 @@ class HttpRefusal(Exception):
 
 def url_too_long() -> HttpRefusal:
     """Return the refusal of a request line with more than `URL_BYTES`."""
-    text = f"Not done: the address is longer than {URL_BYTES} bytes."
+    text = say("Not done: the address is longer than {most} bytes.", most=URL_BYTES)
     return HttpRefusal(414, "URI Too Long", "url_too_long", text, {"most_bytes": URL_BYTES})
 
 
 def head_too_large() -> HttpRefusal:
     """Return the refusal of more than `HEADERS` headers, or more than `HEAD_BYTES` of headers."""
-    text = f"Not done: the request has more than {HEADERS} headers or {HEAD_BYTES} bytes of them."
+    text = say(
+        "Not done: the request has more than {headers} headers or {bytes} bytes of them.",
+        headers=HEADERS,
+        bytes=HEAD_BYTES,
+    )
     figures = {"most_bytes": HEAD_BYTES, "most_headers": HEADERS}
     return HttpRefusal(431, "Request Header Fields Too Large", "headers_too_large", text, figures)
 
 
 def body_too_large(most_bytes: int) -> HttpRefusal:
     """Return the refusal of a body with more than `most_bytes`."""
-    text = f"Not done: the request's body is larger than {most_bytes} bytes."
+    text = say("Not done: the request's body is larger than {most} bytes.", most=most_bytes)
     return HttpRefusal(413, "Content Too Large", "body_too_large", text, {"most_bytes": most_bytes})
 
 
 def too_slow(seconds: float) -> HttpRefusal:
     """Return the refusal of a request that did not arrive in time."""
-    text = f"Not done: the request did not arrive within {seconds:g} s."
+    text = say("Not done: the request did not arrive within {seconds:g} s.", seconds=seconds)
     return HttpRefusal(408, "Request Timeout", "request_too_slow", text, {"most_s": seconds})
 
 
 def malformed() -> HttpRefusal:
     """Return the refusal of a request that is not valid HTTP."""
-    return HttpRefusal(400, "Bad Request", "malformed", "Not done: this is not a well-formed HTTP request.")
+    return HttpRefusal(
+        400, "Bad Request", "malformed", say("Not done: this is not a well-formed HTTP request.")
+    )
 
 
 def busy() -> HttpRefusal:
     """Return the refusal because of too many connections or requests at once."""
-    text = "Not done: the console is busy. Try again in a moment."
+    text = say("Not done: the console is busy. Try again in a moment.")
     return HttpRefusal(503, "Service Unavailable", "busy", text, retry_after_s=2)
 
 
 def no_answer() -> HttpRefusal:
     """Return the refusal if the pages process has died, or does not start."""
-    text = "The console did not answer this. Look whether it was done, and try again in a moment."
+    text = say("The console did not answer this. Look whether it was done, and try again in a moment.")
     return HttpRefusal(503, "Service Unavailable", "no_answer", text, retry_after_s=2)
 
 

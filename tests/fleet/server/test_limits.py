@@ -31,6 +31,8 @@ def test_a_huge_body_is_refused_before_it_is_sent(web, path):
     assert (status, refusal["code"]) == (413, "body_too_large")
     assert refusal["title"] and (refusal["status"], refusal["detail"]) == (413, refusal["text"])
     assert refusal["figures"] == {"most_bytes": limits.BODY_BYTES}
+    key = "Not done: the request's body is larger than {most} bytes."
+    assert refusal["said"]["detail"] == [key, {"most": limits.BODY_BYTES}]
 
 
 def test_a_body_in_chunks_is_read_up_to_its_limit_and_no_further(web):
