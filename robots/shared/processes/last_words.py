@@ -24,7 +24,7 @@ def write(socket: str | Path, kind: str, words: str) -> None:
     file = _file(socket, kind)
     draft = file.with_suffix(f"{kind}-draft")
     try:
-        draft.write_text(json.dumps([words[:LONGEST].strip(), parts]))
+        draft.write_text(json.dumps([words[:LONGEST].strip(), parts], ensure_ascii=False), errors="replace")
         draft.replace(file)
     except OSError as error:
         log.warning("%s cannot be written: %s", file, error)

@@ -159,6 +159,14 @@ def test_the_last_words_of_a_program_are_reported(kept: Kept, tmp_path: Path) ->
     assert second.startswith("could not join its robot (its log says why); next start")
 
 
+def test_last_words_that_cannot_be_encoded_can_be_sent(tmp_path: Path) -> None:
+    socket = tmp_path / "bridge.sock"
+    last_words.write(socket, last_words.WHY, say("was ended by {signal}", signal="\udcff"))
+    kept = last_words.read(socket, last_words.WHY)
+    assert isinstance(kept, Sentence) and kept.parts == ["was ended by {signal}", {"signal": "?"}]
+    assert kept == "was ended by ?"
+
+
 def test_an_edit_ends_the_old_program_then_starts_the_new(kept: Kept) -> None:
     kept.want("fake", "1")
     kept.step_until_started(1)
