@@ -16,6 +16,7 @@ import { Head } from "./head.js";
 import { decodesVideo } from "./video.js";
 import { Views } from "./view_choice.js";
 
+const SLIM_PX = 480; // two pictures side by side would be too small
 const UPDATE_MS = 100;
 const REPORT_MS = 200;
 const GONE_MS = 3000; // an older picture does not count: beside a plan, nobody drives by it any more
@@ -152,11 +153,12 @@ export class CameraPanel {
 
   /**
    * Give the size of the view's buttons to the style sheet: running tasks must not cover them; and whether there is
-   * more room side by side or one below the other.
+   * more room side by side or one below the other, or too little side by side.
    */
   #makeRoom(root, { "view-bar": bar, "view-open": opener }) {
     const { clientWidth: width, clientHeight: height } = this.#area;
     mark(this.#area, "broad", width > 2 * height ? "twice" : width > height);
+    mark(this.#area, "slim", width < SLIM_PX);
     const isBelow = ["2", "bar"].includes(getComputedStyle(bar).gridRowStart);
     root.style.setProperty("--view-bar", `${isBelow ? bar.offsetHeight : 0}px`);
     root.style.setProperty("--view-open", `${opener.offsetWidth}px`);
@@ -208,7 +210,7 @@ export class CameraPanel {
 
   #down(isOver) {
     const text = isOver
-      ? gettext("The console shows no more pictures of this robot here. Load the page again.")
+      ? gettext("No more pictures of this robot are shown here. Load the page again.")
       : gettext("No connection for pictures. Connecting again by itself.");
     this.#shown((view) => (view.why = text));
   }

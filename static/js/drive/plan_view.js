@@ -11,6 +11,7 @@ const PATH_S = 2;
 const PATH_STEPS = 24;
 const ROBOT_AT = 0.6; // share of the height: the view shows more ahead than behind
 const COARSEST = 36; // least page pixels per metre: a small picture shows less of the room, not a tiny robot
+const STALE_ALPHA = 0.5; // pale, but walls and robot can still be told apart in the dark
 const HALF_TEXT = 16; // page pixels
 const UNSEEN_M = 1.5; // distance to which unseen sectors are shaded: the robot can be there soon
 
@@ -125,7 +126,7 @@ export class PlanView {
     const pixel = density / pixels;
     this.#drawGrid(pixel, (width / 2 / density - HALF_TEXT) / (pixels / density));
     if (!this.#facts || !this.#view) return;
-    pen.globalAlpha = this.#stale ? 0.3 : 1;
+    pen.globalAlpha = this.#stale ? STALE_ALPHA : 1;
     this.#drawUnseen(this.#view.scan?.unseen ?? []);
     this.#drawSonars(this.#view.scan?.sonar_cm ?? [], pixel);
     this.#drawPath(this.#view.state.verdict.allowed, pixel);

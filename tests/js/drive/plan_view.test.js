@@ -73,7 +73,7 @@ describe("the picture from above", () => {
     calls.length = 0;
     picture.ghost = ghost;
     const strengths = calls.filter(([name]) => name === "globalAlpha").map(([, value]) => value);
-    expect(strengths.slice(-3)).toEqual([0.3, expect.closeTo(0.036), 0.3]);
+    expect(strengths.slice(-3)).toEqual([0.5, expect.closeTo(0.06), 0.5]);
   });
 
   it("shades the sectors that no sensor sees", () => {
