@@ -1,0 +1,56 @@
+/** While a dialog is open, nothing beside it acts, except stops. Dialogs are not modal: `showModal` would bar these, too. */
+
+/** Stops, other dialogs, what a screen reader must hear at once, and the joystick, which says why it does not drive. */
+const FREE =
+  "dialog, .stop-button, .zone, .notices, [data-part=said], [data-part=alarm], [data-part=live], [data-part=stop-all-state]";
+
+/** Return the largest parts of the page beside a dialog without anything that stays free. */
+function besideOf(dialog) {
+  const found = [];
+  for (
+    let within = dialog;
+    within?.parentElement && within !== document.body;
+    within = within.parentElement
+  )
+    for (const other of within.parentElement.children)
+      if (other !== within) found.push(...partsOf(other));
+  return found.filter((part) => !part.hasAttribute("inert"));
+}
+
+function partsOf(element) {
+  if (element.matches(FREE)) return [];
+  return element.querySelector(FREE) ? [...element.children].flatMap(partsOf) : [element];
+}
+
+/** @param {HTMLDialogElement} dialog @param {AbortSignal} signal ends it */
+export function barBeside(dialog, signal) {
+  let barred = [];
+  let before = null; // the element that had the focus
+
+  const free = () => {
+    for (const part of barred) part.removeAttribute("inert");
+    barred = [];
+  };
+  const follow = () => {
+    if (dialog.open === barred.length > 0) return;
+    if (!dialog.open) {
+      free();
+      // The browser could not give it back: the element was barred.
+      const now = document.activeElement;
+      if (now === document.body || dialog.contains(now)) before?.focus();
+      return;
+    }
+    barred = besideOf(dialog);
+    for (const part of barred) part.setAttribute("inert", "");
+  };
+  const observer = new MutationObserver(follow);
+  observer.observe(dialog, { attributes: true, attributeFilter: ["open"] });
+  const came = ({ relatedTarget }) => {
+    if (!dialog.contains(relatedTarget)) before = relatedTarget;
+  };
+  dialog.addEventListener("focusin", came, { signal });
+  signal.addEventListener("abort", () => {
+    observer.disconnect();
+    free();
+  });
+}
