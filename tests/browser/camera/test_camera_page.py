@@ -13,7 +13,7 @@ from script.stack.stack import Stack
 from tests.browser.camera.test_camera import shows_a_picture
 from tests.browser.conftest import PutBack
 from tests.browser.people import Person, faults_of
-from tests.browser.test_pages import SIZES, axe_accepts, box_of, overlap, too_small
+from tests.browser.test_pages import SIZES, axe_accepts, box_of, overlap, too_small, what_stays_free
 
 Arrive = Callable[..., Person]
 pytestmark = pytest.mark.usefixtures("tiago_one")
@@ -61,7 +61,7 @@ def test_the_page_with_two_cameras_fits_every_window(person: Arrive, width: int,
     tools = [box_of(one) for one in operator.page.locator(".picture-tools button:visible").all()]
     assert tools and not any(overlap(box_of(second), one) for one in tools)
     stick, stop = box_of(operator.part("zone")), box_of(operator.page.locator("form.stop .stop-button"))
-    assert not any(overlap(box_of(operator.part("camera")), one) for one in (stick, stop))
+    assert not any(overlap(what_stays_free(operator, "camera"), one) for one in (stick, stop))
 
     operator.part("second-swap").click()
     expect(operator.part("camera").locator(".camera-picture")).to_have_attribute(
