@@ -27,7 +27,7 @@ export async function send(url, fields) {
     return { ok: true, texts: [], codes: [], alternatives: [] };
   }
   const texts = body?.refusals?.map(({ text }) => text) ?? [
-    body?.text ?? gettext("The console does not answer. Nothing was changed; try again."),
+    body?.text ?? gettext("The server does not answer. Nothing was changed; try again."),
   ];
   const codes = body?.refusals?.map(({ code }) => code) ?? [];
   return { ok: false, texts, codes, alternatives: body?.alternatives ?? [] };

@@ -1,6 +1,6 @@
 /** One camera on the page: its picture, the age of the picture, or the reason why there is no picture. */
 
-import { number } from "../formats/numbers.js";
+import { ageText } from "../formats/ages.js";
 import { make, mark, setTextOrHide } from "../lib/dom.js";
 import { CameraPicture } from "./camera_picture.js";
 import { scaleText } from "./scale.js";
@@ -9,9 +9,8 @@ const SAID_MS = 300; // the age of a newer picture is not shown
 const OLD_MS = 500; // an older picture is grey
 
 /** Return the text about a picture's age; empty while the picture is new. */
-export function ageText(ageMs) {
-  if (ageMs <= SAID_MS) return "";
-  return interpolate(gettext("picture %s s old"), [number(ageMs / 1000, 1)]);
+export function pictureText(ageMs) {
+  return ageMs > SAID_MS ? interpolate(gettext("picture %s old"), [ageText(ageMs)]) : "";
 }
 
 /** robot-camera-time, in local time. @param {Date} date */
@@ -96,7 +95,7 @@ export class CameraView extends EventTarget {
     const ageMs = this.ageMs;
     const isOld = ageMs !== null && ageMs > OLD_MS;
     mark(this.#element, "old", isOld);
-    setTextOrHide(this.#age, ageMs === null ? "" : ageText(ageMs));
+    setTextOrHide(this.#age, ageMs === null ? "" : pictureText(ageMs));
     setTextOrHide(this.#words, this.#text(ageMs));
   }
 

@@ -21,5 +21,5 @@ export async function send(method, address, body = null, headers = {}) {
 
 /** The sentence for an answer that does not come. */
 export function silent() {
-  return gettext("The console does not answer. Nothing was changed; try again.");
+  return gettext("The server does not answer. Nothing was changed; try again.");
 }

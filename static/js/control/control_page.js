@@ -507,6 +507,7 @@ class ControlPage {
       this.#isStale = Boolean(silence);
       mark(document.body, "stale", this.#isStale);
       this.#state.tell({ stale: this.#isStale });
+      this.#panel.stale = this.#isStale;
       this.#tellRights();
     }
     mark(this.#root, "cut", !this.#socket.open || this.#contact.isLost(now));

@@ -18,6 +18,7 @@ export class ControlPanel extends EventTarget {
   #parts;
   #control = UNKNOWN;
   #receivedMs = 0;
+  #stale = false;
   #warned = { atS: Infinity, ending: "" };
   #timer;
   #takeOver;
@@ -48,6 +49,12 @@ export class ControlPanel extends EventTarget {
     this.#showRequests(this.#control.requests);
   }
 
+  /** @param {boolean} stale the page has no news of the robot */
+  set stale(stale) {
+    this.#stale = stale;
+    this.#count();
+  }
+
   close() {
     clearInterval(this.#timer);
     this.#listening.abort();
@@ -59,7 +66,12 @@ export class ControlPanel extends EventTarget {
     const left = remaining(this.#control.remaining_s, this.#receivedMs, now);
     const resumable = remaining(this.#control.resumable_s, this.#receivedMs, now);
     const offered = remaining(this.#control.offer_s, this.#receivedMs, now);
-    const { headline, reason, actions } = controlWords(this.#control, resumable, offered);
+    const { headline, reason, actions } = controlWords(
+      this.#control,
+      resumable,
+      offered,
+      this.#stale,
+    );
     const yours = this.#control.state === "yours";
     const { who, why, lease } = this.#parts;
     setText(who, headline);

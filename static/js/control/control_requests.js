@@ -8,7 +8,7 @@ function labels() {
   return {
     take: gettext("Take control"),
     take_over: gettext("Take over"),
-    renew: gettext("Keep control"),
+    renew: gettext("More time"),
     release: gettext("Release"),
     hand_over: gettext("Hand over"),
     ask: gettext("Ask for control"),
@@ -83,7 +83,7 @@ export class ControlRequests {
     const { t } = message;
     this.#forget(t);
     if (!this.#send(message)) {
-      this.#failed(t, "not_connected", gettext("There is no connection to the console."));
+      this.#failed(t, "not_connected", gettext("There is no connection to the server."));
       return;
     }
     const late = setTimeout(() => this.#late(t), PATIENCE_MS);

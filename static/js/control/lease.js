@@ -27,7 +27,7 @@ export function minutesText(seconds) {
 /** Return the reason why a button does nothing now: the robot is silent, or the person has no control. */
 export function whyNotNow() {
   return "stale" in document.body.dataset
-    ? gettext("The robot is silent: nothing can be asked of it now.")
+    ? gettext("The robot does not answer: nothing can be asked of it now.")
     : gettext("Take control first.");
 }
 

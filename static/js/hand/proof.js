@@ -6,7 +6,7 @@
  */
 
 export const PATIENCE_MS = 4_000;
-export const WITHOUT_HAND_MS = 30_000; // for motion that a person chose to leave alone: Drive on, repeated velocities
+export const WITHOUT_HAND_MS = 30_000; // for motion that a person chose to leave alone: *Stick stays*, repeated velocities
 export const MOST_REPEATED_MS = 30_000; // the computer repeats a key, also one that is jammed or whose release is lost
 export const SOON_MS = 1_500; // before the end of the patience, the page asks for a sign
 

@@ -338,7 +338,5 @@ function lostText() {
 }
 
 function unknownText() {
-  return gettext(
-    "The console has no map of this robot yet. It reads the map while somebody has control.",
-  );
+  return gettext("No map of this robot yet. It is read while somebody has control.");
 }

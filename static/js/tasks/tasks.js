@@ -77,7 +77,7 @@ export class TaskRequests {
     message.seq = this.#seq;
     if (this.#fence !== null && control !== "none") message.fence = this.#fence;
     if (!this.#send(message)) {
-      const text = gettext("There is no connection to the console: nothing was sent.");
+      const text = gettext("There is no connection to the server: nothing was sent.");
       return Promise.resolve(this.#refused(request, { code: "not_connected", text }));
     }
     return new Promise((resolve) => {

@@ -76,7 +76,7 @@ export class TopicsChannel extends EventTarget {
       );
       this.#asked.set(seq, { resolve, reject, fail, timers: [late, over], isLate: false });
       if (!this.#socket?.send({ ...question, seq })) {
-        fail("not_connected", gettext("There is no connection to the console."));
+        fail("not_connected", gettext("There is no connection to the server."));
       }
     });
   }

@@ -211,7 +211,7 @@ def test_each_control_action_gives_one_notice(person: Arrive) -> None:
     operator, supervisor = person("operator"), person("supervisor")
     operator.take("tiago-2")
     supervisor.watch("tiago-2")
-    operator.press("Keep")
+    operator.press("More time")
     operator.until(lambda: "You keep control" in logged(operator)[0], "a fresh term")
     for name in ("Ask for control", "Leave the line", "Ask for control"):
         supervisor.press(name)
@@ -407,7 +407,7 @@ def test_a_silent_robot_is_shown_and_inputs_give_way(person: Arrive, stack: Stac
         notice(operator, re.compile("Play Wave: no answer within 0.75 s"))
         motions.wait_for(state="hidden")
         assert re.search(
-            "The console has been silent for .* s.*The picture is old",
+            "The server has not answered for .* s.*What you see is old",
             reason.inner_text(),
             re.DOTALL,
         )

@@ -202,7 +202,7 @@ def test_changing_the_input_means_zero_until_both_have_rested(person: Arrive) ->
 def test_a_sticky_stick_stays_and_ends_with_any_other_input(person: Arrive) -> None:
     operator = person("operator")
     operator.take("tiago-2")
-    operator.press("Drive on")
+    operator.press("Stick stays")
     operator.drag_stick(1, 0)
     operator.page.mouse.up()
     operator.until(lambda: operator.drives and operator.last_drive == (0, 0, -1), "a turn to the right")
@@ -217,7 +217,7 @@ def test_a_sticky_stick_ends_where_the_gate_holds_the_robot(person: Arrive, tiag
     tiago_two(AT_THE_WALL)
     operator = person("operator")
     operator.take("tiago-2")
-    operator.press("Drive on")
+    operator.press("Stick stays")
     operator.drag_stick(0, 1)
     operator.page.mouse.up()
     operator.until(lambda: operator.state["verdict"]["asked"][0] > 0, "the stick to stay")

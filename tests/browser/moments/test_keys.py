@@ -41,7 +41,7 @@ def test_the_other_reasons_open_and_close(driving: DrivingPage, width: int, heig
     driving.show(next(moment for moment in MOMENTS if moment.name == "moves although stopped"))
     page = driving.page
     page.set_viewport_size({"width": width, "height": height})
-    more, details = page.get_by_role("button", name="1 more reason"), page.locator("#details")
+    more, details = page.get_by_role("button", name="See all 2 reasons"), page.locator("#details")
     close = details.get_by_role("button", name="Close")
     other = details.locator("[data-part=reasons-now] li").nth(1)
 
@@ -75,7 +75,7 @@ def test_nothing_drives_beside_an_open_dialog(driving: DrivingPage) -> None:
         page.locator(".menu summary").click()
         page.locator(opener).click()
         page.locator("dialog[open]").wait_for()
-        page.locator(".driving h1").click()  # beside the dialog, which stays open
+        page.locator(".driving h1").click(force=True)  # beside the dialog, which stays open
         page.keyboard.press("w", delay=200)
         page.locator("[data-part=zone]").hover(position={"x": 60, "y": 60})
         page.mouse.down()
@@ -88,7 +88,7 @@ def test_nothing_drives_beside_an_open_dialog(driving: DrivingPage) -> None:
     assert any(message["x"] > 0 for message in heard(driving, "drive"))
     page.locator(".menu summary").click()
     page.locator("[data-part=keys-open]").click()
-    page.locator(".driving h1").click()
+    page.locator(".driving h1").click(force=True)
     page.keyboard.press("Space")
     page.wait_for_function("document.querySelector('.stop-state').textContent")
     assert heard(driving, "stop")

@@ -6,10 +6,12 @@ import os
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 from tests.browser.moments.driving_page import DrivingPage
 from tests.browser.moments.scenes import MOMENTS, Moment
+from tests.browser.people import MADE_UP_LANGUAGE
+from tests.browser.test_pages import box_of
 
 SIZES = [(360, 640), (390, 844), (844, 390), (320, 256), (1440, 900)]  # the last one also as a whole screen
 # Which element lies uppermost at points of what a person needs? An element that paints nothing covers nothing.
@@ -28,7 +30,9 @@ COVERED = """() => {
     take: [part("[data-action=take]"), "box"],
     robot: [part(".picture"), [0.5, 0.6]],
     camera: [part("[data-part=camera]"), [0.5, 0.5]],
+    "robot on the map": [part(".map-canvas"), "mark"], // in the middle, because there is no map
   };
+  for (const one of document.querySelectorAll(".picture-tools .button")) needed[one.textContent] = [one, "box"];
   const wrong = [];
   for (const [name, [element, shape]] of Object.entries(needed)) {
     if (!element?.checkVisibility()) continue;
@@ -36,7 +40,8 @@ COVERED = """() => {
     if (left < -1 || y0 < -1 || left + width > innerWidth + 1 || y0 + height > innerHeight + 1)
       wrong.push(`${name} is partly outside`);
     const shares = { box: [[.5, .5], [.06, .1], [.94, .1], [.06, .9], [.94, .9]],
-      disc: [[.5, .5], [.2, .5], [.8, .5], [.5, .2], [.5, .8]] }[shape] ?? [shape];
+      disc: [[.5, .5], [.2, .5], [.8, .5], [.5, .2], [.5, .8]],
+      mark: [0, 10, -10].map((px) => [.5, .5 + px / height]) }[shape] ?? [shape];
     for (const [right, down] of shares) {
       const there = document.elementsFromPoint(left + right * width, y0 + down * height);
       const found = there.find((one) => element.contains(one) || paints(one));
@@ -100,6 +105,10 @@ def test_nothing_covers_what_matters_beside_cells(driving: DrivingPage) -> None:
         page.locator("[data-part=arrange-close]").click()
         for width, height in [(1100, 640), (1440, 900)]:
             page.set_viewport_size({"width": width, "height": height})
+            page.wait_for_timeout(150)  # as in `covered`
+            cells = [box_of(cell) for cell in page.locator("[data-cell]").all()]
+            assert len(cells) == 4
+            assert all(cell["width"] >= 240.0 and cell["height"] >= 150.0 for cell in cells), cells
             hidden = "".join(f" no {name}" for name, on in [("lists", lists), ("stick", stick)] if not on)
             size = f"{width}x{height}{hidden}"
             wrong[size] = covered(page, f"four cells-{size}")
@@ -137,3 +146,36 @@ def test_no_notice_covers_the_reason_on_a_tab(driving: DrivingPage) -> None:
     page.locator(".motions button.hit, .motions .hit button").first.click()
     page.locator(".notices .notice").first.wait_for()
     assert page.evaluate(FREE, "[data-part=reason-act]")
+
+
+def test_nothing_beside_a_dialog_acts_except_the_stop(driving: DrivingPage) -> None:
+    page = driving.page
+    page.set_viewport_size({"width": 1440, "height": 900})
+    driving.show(Moment("in control"))
+    release, stop = (box_of(page.locator(one)) for one in ("[data-action=release]", ".stop-button"))
+    driving.heard.clear()
+    page.locator("[data-action=release]").focus()
+    page.keyboard.press("?")
+    page.locator("[data-part=keys-dialog][open]").wait_for()
+    page.keyboard.press("?")
+    expect(page.locator("[data-action=release]")).to_be_focused()
+    page.keyboard.press("?")
+    page.locator("[data-part=keys-dialog][open]").wait_for()
+    for box in (release, stop):
+        page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.keyboard.press("?")
+    page.locator("[data-part=keys-dialog]").wait_for(state="hidden")
+    page.locator("[data-action=release]").click()
+    assert [one["t"] for one in driving.heard if one["t"] in ("release", "stop")] == ["stop", "release"]
+
+
+def test_no_button_covers_the_age_of_a_picture_on_a_tab(driving: DrivingPage) -> None:
+    page = driving.page
+    page.set_viewport_size({"width": 1440, "height": 900})
+    driving.show(next(moment for moment in MOMENTS if moment.name == "console silent"))
+    page.add_style_tag(content=ALL_POINTED)
+    page.evaluate("location.hash = 'motions'")
+    page.locator(".camera:not(.second) .camera-age").wait_for()
+    page.evaluate(MADE_UP_LANGUAGE, "longer")
+    assert covered(page, "age on a tab") == []
+    assert page.evaluate(FREE, ".camera:not(.second) .camera-age")

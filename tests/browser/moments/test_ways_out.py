@@ -24,7 +24,7 @@ def test_the_way_out_begins_with_the_stick_at_rest(driving: DrivingPage) -> None
     driving.heard.clear()
     page.keyboard.down("w")
     page.get_by_role("button", name="Back off", exact=True).click()
-    expect(page.locator("[data-part=reason-more]")).to_have_text("1 more")  # the key must be released
+    expect(page.locator("[data-part=reason-more]")).to_have_text("See all 2")  # the key must be released
     heard = [message for message in driving.heard if message["t"] in ("drive", "drive_by")]
     at = [message["t"] for message in heard].index("drive_by")
     assert heard[at]["distance_m"] == -0.3

@@ -119,7 +119,7 @@ describe("the cameras of the control page", () => {
     says({ t: "cameras", cameras: [HEAD] });
     made[0].close(4403);
     const words = found.camera.querySelector(".camera-words").textContent;
-    expect(words).toContain("no more pictures");
+    expect(words).toContain("No more pictures");
   });
 
   it("says why there are no pictures", async () => {

@@ -1,13 +1,14 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { ageText, CameraView, fileName } from "../../../static/js/camera/camera_view.js";
+import { CameraView, fileName, pictureText } from "../../../static/js/camera/camera_view.js";
 import { headerOf } from "./frames.js";
 import { cameraElement } from "./page.js";
 
 describe("the words of a picture", () => {
   it("says its age only when that matters", () => {
-    expect(ageText(300)).toBe("");
-    expect(ageText(320)).toBe("picture 0.3 s old");
-    expect(ageText(1290)).toBe("picture 1.3 s old");
+    expect(pictureText(300)).toBe("");
+    expect(pictureText(320)).toBe("picture 0.3 s old");
+    expect(pictureText(1290)).toBe("picture 1 s old");
+    expect(pictureText(185_000)).toBe("picture 3 min old");
   });
 
   it("names a file by robot, camera and time", () => {
@@ -75,7 +76,7 @@ describe("a camera on the page", () => {
     view.update();
     expect([element.dataset.old, of(".camera-age").textContent]).toEqual([
       "true",
-      "picture 1.4 s old",
+      "picture 1 s old",
     ]);
     await take(2, 10);
     expect([element.dataset.old, of(".camera-age").hidden]).toEqual([undefined, true]);

@@ -88,7 +88,7 @@ describe("control requests", () => {
     requests.refused("renew", { code: "somebody_asks", text: "Bo asks for control." });
     vi.advanceTimersByTime(20_000);
     expect(notices).toEqual([
-      { level: "warning", code: "renew somebody_asks", text: "Keep control: Bo asks for control." },
+      { level: "warning", code: "renew somebody_asks", text: "More time: Bo asks for control." },
     ]);
   });
 
@@ -121,7 +121,7 @@ describe("control requests", () => {
     requests.send({ t: "take_over", reason: "a test" });
     expect(texts()).toEqual([
       "Release: The connection was lost before an answer came.",
-      "Take over: There is no connection to the console.",
+      "Take over: There is no connection to the server.",
     ]);
   });
 

@@ -98,7 +98,7 @@ describe("a card", () => {
     expect(cardOf({ state: { ...state, unseen_s: 0.5 } })).toMatchObject({
       old: true,
       level: "fail",
-      status: "Robot silent",
+      status: "Robot: no answer",
     });
   });
 

@@ -349,7 +349,7 @@ describe("the map over the picture", () => {
 
   it("says that no map is known yet, without an error in the console", async () => {
     opened();
-    await vi.waitFor(() => expect(page["map-none"].textContent).toContain("has no map"));
+    await vi.waitFor(() => expect(page["map-none"].textContent).toContain("No map of this robot"));
     expect(asked).toEqual([["GET", "/api/v1/maps?robot=tiago-1", null]]);
     answers.GET = { status: 503, detail: "Not now." };
     page["map-open"].click();

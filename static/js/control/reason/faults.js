@@ -71,7 +71,7 @@ export function warningsOf(state) {
   if (state.overload) {
     found.push({
       level: "info",
-      title: gettext("The console’s computer is overloaded"),
+      title: gettext("The server is overloaded"),
       text: gettext("Commands may come late, and then the robot stops. Tell staff."),
       detail: overloadText(state),
     });
@@ -80,7 +80,7 @@ export function warningsOf(state) {
     found.push({
       level: "info",
       title: gettext("A safety program is missing: keep the red button in reach"),
-      text: gettext("Tell staff: the console’s log says why."),
+      text: gettext("Tell staff: the server’s log says why."),
       detail: watchdogText(state),
     });
   }
@@ -122,18 +122,23 @@ function silent({ silence, gone, seen }) {
   if (who === "page")
     return {
       ...fault,
-      title: gettext("No connection to the console"),
+      title: gettext("No connection to the server"),
       text: sentences(fault.text, gettext("Connecting again.")),
     };
-  if (who === "bridge") return { ...fault, title: gettext("No link to the robot") };
+  if (who === "bridge")
+    return {
+      ...fault,
+      title: gettext("No link to the robot"),
+      text: sentences(fault.text, whatIsSeen()),
+    };
   return {
     ...fault,
     title: sinceText(
       silence,
-      gettext("The console is silent"),
-      gettext("The console has been silent for %s"),
+      gettext("The server does not answer"),
+      gettext("The server has not answered for %s"),
     ),
-    text: sentences(fault.text, gettext("The picture is old.")),
+    text: sentences(fault.text, whatIsSeen()),
   };
 }
 
@@ -146,7 +151,7 @@ function robotSilent({ silence, state, seen }) {
     detail: sentences(state.text, lastSeen(seenAt(state) ?? seen), reachDetail("robot"), goesOn),
   };
   if (state.phase === "refused")
-    return { ...fault, title: gettext("The console cannot join the robot") };
+    return { ...fault, title: gettext("The server cannot join the robot") };
   if (state.phase === "connecting") return { ...fault, title: gettext("The robot is not ready") };
   if (state.phase === "waiting")
     return {
@@ -158,10 +163,10 @@ function robotSilent({ silence, state, seen }) {
     ...fault,
     title: sinceText(
       silence,
-      gettext("The robot is silent"),
-      gettext("The robot has been silent for %s"),
+      gettext("The robot does not answer"),
+      gettext("The robot has not answered for %s"),
     ),
-    text: sentences(fault.text, gettext("What you see is old.")),
+    text: sentences(fault.text, whatIsSeen()),
   };
 }
 
@@ -173,7 +178,7 @@ function moves(state) {
       state.stands === null
         ? movesTitle(state)
         : gettext("It moves although stopped: press the red button on the robot"),
-    text: gettext("The console cannot stop it."),
+    text: gettext("This page cannot stop it."),
     detail: movesText(state),
   };
 }
@@ -217,6 +222,10 @@ function stoppedUnseen(state) {
     text: sentences(stop.reason, gettext("If it moves, press its red button.")),
     detail: interpolate(gettext("Standstill: %s."), [unknownText(seenAt(state))]),
   };
+}
+
+function whatIsSeen() {
+  return gettext("What you see is old.");
 }
 
 function sentences(...texts) {

@@ -97,7 +97,7 @@ function noDepth(stands) {
 
 function noLaser() {
   return {
-    title: gettext("The laser is silent: the robot sees nothing and stands"),
+    title: gettext("The laser reports nothing: the robot sees nothing and stands"),
     text: tellStaff(),
   };
 }
@@ -133,7 +133,7 @@ const RULES = {
     act: "turn",
   }),
   sonar_stale: () => ({
-    title: gettext("A distance sensor is silent"),
+    title: gettext("A distance sensor reports nothing"),
     text: gettext("The robot drives slowly on that side. If this lasts, tell staff."),
   }),
   robot_late: () => ({

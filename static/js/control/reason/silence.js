@@ -1,6 +1,6 @@
 /** Which part of the way from this page to the robot is silent, and for how long. Pure. */
 
-import { number } from "../../formats/numbers.js";
+import { ageText } from "../../formats/ages.js";
 
 const SILENT_MS = 400;
 const SAID_MS = 1000; // a shorter silence has no figure
@@ -27,13 +27,13 @@ export function silenceOf({ connected, gone = null, state, sinceViewMs, delayMs 
   return { who: "robot", forMs: isKnown ? 1000 * unseenS + sinceViewMs : null };
 }
 
-/** Return the same for the header: "Robot silent, 4 s". @param {ReturnType<typeof silenceOf>} silence */
+/** Return the same for the header: "Robot: no answer, 4 s". @param {ReturnType<typeof silenceOf>} silence */
 export function silenceText({ who, forMs }) {
   const text = {
     page: gettext("Offline"),
     bridge: gettext("No link"),
-    console: gettext("Console silent"),
-    robot: gettext("Robot silent"),
+    console: gettext("Server: no answer"),
+    robot: gettext("Robot: no answer"),
   }[who];
   return forMs === null || forMs < SAID_MS ? text : `${text}, ${ageText(forMs)}`;
 }
@@ -41,11 +41,4 @@ export function silenceText({ who, forMs }) {
 /** Return a title with the age of the silence, once it has one. @param {string} title @param {string} since with %s */
 export function sinceText({ forMs }, title, since) {
   return forMs === null || forMs < SAID_MS ? title : interpolate(since, [ageText(forMs)]);
-}
-
-/** Return a short age: "4 s", "3 min". */
-function ageText(ms) {
-  const seconds = ms / 1000;
-  if (seconds >= 120) return interpolate(gettext("%s min"), [Math.floor(seconds / 60)]);
-  return interpolate(gettext("%s s"), [number(Math.floor(seconds), 0)]);
 }

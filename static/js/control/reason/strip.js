@@ -87,16 +87,17 @@ export class ReasonStrip {
     if (!(isNew && MOVING.has(this.#act))) this.#acts[this.#act]();
   }
 
-  /** Offer the other reasons; of a reason alone, its text and detail: small windows have no place for them. */
+  /** Offer all reasons; of a reason alone, its text and detail: small windows have no place for them. */
   #offerMore(more, [first, ...others]) {
     const isAlone = others.length === 0;
     show(more, !isAlone || Boolean(first.text || first.detail));
     mark(more, "alone", isAlone);
     const [word, label] = isAlone
       ? ["…", gettext("Details")]
-      : [gettext("%s more"), ngettext("%s more reason", "%s more reasons", others.length)];
-    setText(more, interpolate(word, [others.length]));
-    more.setAttribute("aria-label", interpolate(label, [others.length]));
+      : [gettext("See all %s"), gettext("See all %s reasons")];
+    const count = 1 + others.length;
+    setText(more, interpolate(word, [count]));
+    more.setAttribute("aria-label", interpolate(label, [count]));
   }
 
   /** A screen reader reads an alarm at once, and again if its title changes. */

@@ -15,10 +15,11 @@ function holder(control) {
  * @param {object} control the server's newest `control`
  * @param {number | null} resumableS seconds until a holder whose page is gone loses control
  * @param {number | null} offerS seconds for which a free robot is offered to this person
+ * @param {boolean} stale the page has no news of the robot
  * @returns {{headline: string, reason: string, actions: string[]}}
  *   actions: take, take_over, renew, release, ask, ask_cancel; the first is the most likely one
  */
-export function controlWords(control, resumableS = null, offerS = null) {
+export function controlWords(control, resumableS = null, offerS = null, stale = false) {
   const reason = control.refusal?.text ?? "";
   const force = control.may_take_over ? ["take_over"] : [];
   const question = control.asking === null || control.asking === undefined ? "ask" : "ask_cancel";
@@ -41,7 +42,11 @@ export function controlWords(control, resumableS = null, offerS = null) {
         actions: reason ? [...(mayWait(control) ? [question] : []), ...force] : ["take"],
       };
     case "yours":
-      return { headline: gettext("You have control"), reason: "", actions: ["renew", "release"] };
+      return {
+        headline: stale ? gettext("No contact: you cannot drive") : gettext("You have control"),
+        reason: "",
+        actions: ["renew", "release"],
+      };
     case "elsewhere":
       return {
         headline: gettext("You have control in another tab"),

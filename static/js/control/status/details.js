@@ -1,5 +1,6 @@
 /** The side panel: sensors, speed limits, watchers, refusals. */
 
+import { ageText } from "../../formats/ages.js";
 import { pageLanguage } from "../../formats/languages.js";
 import { number } from "../../formats/numbers.js";
 import { timeText } from "../../formats/times.js";
@@ -10,7 +11,7 @@ import { overloadText, watchdogText } from "./status_text.js";
 function sensorText({ ok, age_s: ageS, text }) {
   if (text) return text;
   if (ageS === null) return gettext("never seen");
-  return ok ? gettext("ok") : interpolate(gettext("%s s old"), [number(ageS, 1)]);
+  return ok ? gettext("ok") : interpolate(gettext("%s old"), [ageText(1000 * ageS)]);
 }
 
 export function latencyText({ latency_s: latencyS, latency_measured: measured }) {
@@ -28,8 +29,8 @@ export function skewText({ clock_skew_s: skewS }) {
   if (!skewS) return "";
   const text =
     skewS > 0
-      ? gettext("The robot’s clock is %s s ahead of this console’s.")
-      : gettext("The robot’s clock is %s s behind this console’s.");
+      ? gettext("The robot’s clock is %s s ahead of the server’s.")
+      : gettext("The robot’s clock is %s s behind the server’s.");
   return interpolate(text, [number(Math.abs(skewS), 1)]);
 }
 

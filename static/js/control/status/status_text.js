@@ -58,13 +58,13 @@ export function movesTitle({ moves_although_stopped: moves = null }) {
 /** Return the same with the causes that the console knows. */
 export function movesText({ moves_although_stopped: moves, stop }) {
   const by = stop.by ? interpolate(gettext("Stopped by %s."), [stop.by]) : "";
-  return [moves.text, by, gettext("The console cannot stop it.")].filter(Boolean).join(" ");
+  return [moves.text, by, gettext("This page cannot stop it.")].filter(Boolean).join(" ");
 }
 
 /** Return a text about the standstill, from the bridge's report. */
 export function standstillText(stop) {
   if (stop.state === "stopping")
-    return gettext("The console is stopping the robot; standstill is not confirmed yet.");
+    return gettext("The robot is being stopped; standstill is not confirmed yet.");
   if (stop.was_standing) return gettext("The robot was standing.");
   if (stop.standstill_ms === null || stop.standstill_ms === undefined) return "";
   return interpolate(gettext("Standstill confirmed after %s ms."), [
@@ -90,7 +90,7 @@ export function overloadText({ overload = null }) {
   const text =
     overload.part === "bridge"
       ? gettext("The robot’s bridge was %s s late.")
-      : gettext("The console was %s s late.");
+      : gettext("The server was %s s late.");
   return interpolate(text, [number(overload.late_s, 1)]);
 }
 

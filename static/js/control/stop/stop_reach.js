@@ -26,7 +26,7 @@ export function reachDetail(who) {
     ),
     console: gettext("A stop is also sent by HTTP; the page says within 4 s whether it arrived."),
     bridge: gettext(
-      "A watchdog on the console’s computer may take a stop while the bridge is away. Without both, the stop waits until one is back.",
+      "A watchdog on the server may take a stop while the bridge is away. Without both, the stop waits until one is back.",
     ),
     robot: gettext(
       "Bridge and watchdog send the stop by connections of their own: the watchdog’s may work when the bridge’s do not.",

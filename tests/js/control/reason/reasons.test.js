@@ -42,7 +42,7 @@ describe("the silence", () => {
     expect(told({ state: { ...ONLINE, unseen_s: 0.4 } })).toEqual({ who: "robot", forMs: 450 });
     expect(told({ state: { ...ONLINE, phase: "waiting", unseen_s: null } }).who).toBe("robot");
     expect(told({ state: null, sinceViewMs: Infinity })).toBeNull(); // not begun
-    expect(silenceText({ who: "robot", forMs: 4200 })).toBe("Robot silent, 4 s");
+    expect(silenceText({ who: "robot", forMs: 4200 })).toBe("Robot: no answer, 4 s");
   });
 });
 
@@ -56,10 +56,10 @@ describe("the reason", () => {
   });
 
   it("says who is silent, and what to do", () => {
-    expect(first({ connected: false }).title).toBe("No connection to the console");
-    expect(first({ sinceViewMs: 2400 }).title).toBe("The console has been silent for 2 s");
+    expect(first({ connected: false }).title).toBe("No connection to the server");
+    expect(first({ sinceViewMs: 2400 }).title).toBe("The server has not answered for 2 s");
     const frozen = { ...ONLINE, unseen_s: 4.2 };
-    expect(first({ state: frozen }).title).toBe("The robot has been silent for 4 s");
+    expect(first({ state: frozen }).title).toBe("The robot has not answered for 4 s");
     const text = "No ROS master at http://tiago-3:11311.";
     expect(first({ state: { ...ONLINE, phase: "waiting", text } })).toMatchObject({
       title: "The robot is out of reach",
@@ -167,7 +167,7 @@ describe("the reason", () => {
     const wish = { level: "warning", title: "You cannot drive yet", act: "take" };
     expect(reasons({ state, wish }).map(({ title }) => title)).toEqual([
       "You cannot drive yet",
-      "The console’s computer is overloaded",
+      "The server is overloaded",
       "A safety program is missing: keep the red button in reach",
     ]);
     expect(reasons({ state })[0].detail).toContain("The robot’s bridge was 0.3 s late.");

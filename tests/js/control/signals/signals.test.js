@@ -43,11 +43,11 @@ describe("signals", () => {
     signals.follow(STOPPED, null, "Stopped by Bo Berg", 2100);
     signals.follow(READY, null, "", 6000);
     signals.follow(HELD, null, "Something is ahead", 6100);
-    signals.follow(HELD, SILENT, "The robot is silent", 9200);
+    signals.follow(HELD, SILENT, "The robot does not answer", 9200);
     expect(tell.mock.calls).toEqual([
       ["stop", "Stopped by Bo"],
       ["held", "Something is ahead"],
-      ["lost", "The robot is silent"],
+      ["lost", "The robot does not answer"],
     ]);
   });
 

@@ -33,6 +33,12 @@ describe("the offered control actions", () => {
     expect(controlWords({ ...CONTROL, state: "yours" }).actions).toEqual(["renew", "release"]);
   });
 
+  it("are the same without news of the robot, but the words do not promise that you can drive", () => {
+    const stale = controlWords({ ...CONTROL, state: "yours" }, null, null, true);
+    expect(stale.headline).toBe("No contact: you cannot drive");
+    expect(stale.actions).toEqual(["renew", "release"]);
+  });
+
   it("count the seconds until a vanished holder loses it", () => {
     const away = { ...CONTROL, state: "away", holder: "Bo" };
     expect(controlWords(away, 6.2).reason).toBe(

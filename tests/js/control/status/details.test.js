@@ -20,12 +20,8 @@ test("many viewers are shown as some names and a number", () => {
 
 test("a wrong clock is explained in words", () => {
   expect(skewText({ clock_skew_s: null })).toBe("");
-  expect(skewText({ clock_skew_s: 3.2 })).toBe(
-    "The robot’s clock is 3.2 s ahead of this console’s.",
-  );
-  expect(skewText({ clock_skew_s: -0.84 })).toBe(
-    "The robot’s clock is 0.8 s behind this console’s.",
-  );
+  expect(skewText({ clock_skew_s: 3.2 })).toBe("The robot’s clock is 3.2 s ahead of the server’s.");
+  expect(skewText({ clock_skew_s: -0.84 })).toBe("The robot’s clock is 0.8 s behind the server’s.");
 });
 
 describe("the panel", () => {
@@ -59,7 +55,7 @@ describe("the panel", () => {
 
   test("says which part of the console is late, while it is", () => {
     details.state = { ...STATE, overload: { part: "console", late_s: 0.42 } };
-    expect(parts.overload.textContent).toBe("The console was 0.4 s late.");
+    expect(parts.overload.textContent).toBe("The server was 0.4 s late.");
     details.state = { ...STATE, overload: null };
     expect(parts.overload.hidden).toBe(true);
   });

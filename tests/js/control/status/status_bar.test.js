@@ -174,7 +174,7 @@ describe("the status bar of the control page", () => {
     expect(parts["reason-title"].textContent).toBe("Reversing");
     expect([parts["reason-more"].hidden, parts["reason-more"].textContent]).toEqual([
       false,
-      "1 more",
+      "See all 2",
     ]);
     statusBar.show(LOST);
     expect([parts["reason-more"].hidden, parts["reason-more"].textContent]).toEqual([false, "…"]);
@@ -188,7 +188,7 @@ describe("the status bar of the control page", () => {
     expect(shown({})).toEqual(["Connected", "ok"]);
     expect(shown({ state: null })).toEqual(["Connecting", "warn"]);
     expect(shown({ silence: { who: "robot", forMs: 4200 } })).toEqual([
-      "Robot silent, 4 s",
+      "Robot: no answer, 4 s",
       "fail",
     ]);
     expect(shown({ connected: false, silence: { who: "page", forMs: null } })).toEqual([
