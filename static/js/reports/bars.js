@@ -1,6 +1,6 @@
 /** Bars over days, hours or weekdays: how long a robot was driven. */
 
-import { bars, Plot } from "../plots/uplot.js";
+import { Plot } from "../plots/uplot.js";
 
 const LEAST = 1; // hour or minute: least height of the axis, also if the robot was not driven
 const AXIS_PIXELS = 56;
@@ -17,7 +17,8 @@ export function drawBars(element, labels, hours) {
   const { unit, values } = inUnits(hours);
   const places = labels.map((_, i) => i);
 
-  function look({ axis, colours }) {
+  function look({ axis, colours, paths }) {
+    const bars = paths.bars({ size: [0.7, 48], align: 0 });
     const [bar] = colours(["--accent"]);
     const room = Math.max((element.clientWidth - AXIS_PIXELS) / PIXELS_PER_LABEL, 1);
     const every = Math.ceil(labels.length / room);

@@ -21,8 +21,8 @@ from fleet.accounts.models import User
 from robots.registry.models import Robot
 from robots.shared import wire
 from robots.shared.wire.state import StopState
-from tests.browser.moments.driving_page import ORIGIN, pages_of
-from tests.browser.moments.scenes import READY, WALL
+from tests.browser.moments.driving_page import ORIGIN, DrivingPage, pages_of
+from tests.browser.moments.scenes import MOMENTS, READY, WALL
 from tests.browser.people import MADE_UP_LANGUAGE
 from tests.browser.test_pages import box_of, overlap
 
@@ -169,3 +169,20 @@ def test_each_link_is_in_the_header_or_in_the_menu(open_page: Open, path: str, w
         assert not [link for link in row.all() if overlap(box_of(link), box_of(menu))], language
         assert page.evaluate("document.scrollingElement.scrollWidth") == width
         menu.click()
+
+
+def test_plots_load_their_library_when_one_has_room(driving: DrivingPage) -> None:
+    page, asked = driving.page, list[str]()
+    page.on("request", lambda request: asked.append(request.url))
+    page.set_viewport_size({"width": 360, "height": 640})
+    driving.show(MOMENTS[0])
+    assert [url for url in asked if url.endswith("js/control/control_page.js")]
+    assert not [url for url in asked if "/plots/library.js" in url]
+    page.set_viewport_size({"width": 1440, "height": 900})
+    expect(page.locator("[data-part=chart] canvas")).to_be_visible()
+    assert driving.complaints == []
+
+
+def test_a_report_has_its_bars(open_page: Open) -> None:
+    page = open_page("/robots/tiago-1/report/", 1440, 900)
+    expect(page.locator(".bars canvas")).to_have_count(3)

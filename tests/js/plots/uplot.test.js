@@ -1,9 +1,12 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
-import { Plot } from "../../../static/js/plots/uplot.js";
 
 const drawn = vi.hoisted(() => []);
+const loadUPlot = vi.hoisted(() => vi.fn());
+let Plot;
 
-vi.mock("../../../static/vendor/uplot/uPlot.esm.js", () => {
+vi.mock("../../../static/js/plots/load.js", () => ({ loadUPlot }));
+
+function library() {
   class UPlot {
     static paths = { bars: () => () => null };
     destroy = vi.fn();
@@ -16,13 +19,13 @@ vi.mock("../../../static/vendor/uplot/uPlot.esm.js", () => {
       drawn.push(this);
     }
   }
-  return { default: UPlot };
-});
+  return UPlot;
+}
 
 function element(width, height) {
   const room = document.createElement("div");
   Object.defineProperties(room, {
-    clientWidth: { get: () => width },
+    clientWidth: { get: () => width, configurable: true },
     clientHeight: { get: () => height, configurable: true },
   });
   document.body.append(room);
@@ -30,9 +33,50 @@ function element(width, height) {
 }
 
 describe("a plot", () => {
-  beforeEach(() => drawn.splice(0));
+  beforeEach(async () => {
+    drawn.splice(0);
+    vi.resetModules();
+    ({ Plot } = await import("../../../static/js/plots/uplot.js"));
+    loadUPlot.mockReset().mockResolvedValue(library());
+  });
 
-  it("leaves room for its legend, and needs room to be drawn", () => {
+  /** uPlot is loaded, as after another plot. */
+  async function loaded() {
+    const plot = new Plot(
+      element(300, 200),
+      () => [[0]],
+      () => ({}),
+    );
+    plot.redraw();
+    await vi.waitFor(() => expect(drawn).toHaveLength(1));
+    plot.close();
+    drawn.splice(0);
+  }
+
+  it("loads uPlot when it has room, and again after the network failed", async () => {
+    loadUPlot.mockRejectedValueOnce(new TypeError("no network"));
+    let width = 0;
+    const room = element(0, 200);
+    Object.defineProperty(room, "clientWidth", { get: () => width });
+    const plot = new Plot(
+      room,
+      () => [[0]],
+      () => ({}),
+    );
+    plot.redraw();
+    expect(loadUPlot).not.toHaveBeenCalled();
+    width = 300;
+    plot.redraw();
+    await vi.waitFor(() => expect(loadUPlot).toHaveBeenCalledTimes(1));
+    await Promise.resolve();
+    expect(drawn).toEqual([]);
+    plot.redraw();
+    await vi.waitFor(() => expect(drawn).toHaveLength(1));
+    plot.close();
+  });
+
+  it("leaves room for its legend, and needs room to be drawn", async () => {
+    await loaded();
     const look = () => ({ legendRows: 2 });
     for (const height of [200, 40]) {
       const plot = new Plot(element(300, height), () => [[0]], look);
@@ -42,7 +86,8 @@ describe("a plot", () => {
     expect(drawn.map(({ options }) => [options.width, options.height])).toEqual([[300, 148]]);
   });
 
-  it("gives up the room that a legend beside it takes", () => {
+  it("gives up the room that a legend beside it takes", async () => {
+    await loaded();
     const room = element(300, 200);
     const left = { get: () => (drawn.length > 0 ? 146 : 200) };
     Object.defineProperty(room, "clientHeight", { ...left, configurable: true });
@@ -56,7 +101,8 @@ describe("a plot", () => {
     expect(drawn[0].setSize).toHaveBeenCalledWith({ width: 300, height: 146 });
   });
 
-  it("is redrawn in a new theme's colours until it is closed", () => {
+  it("is redrawn in a new theme's colours until it is closed", async () => {
+    await loaded();
     const columns = [[0], [1]];
     const plot = new Plot(
       element(300, 200),
