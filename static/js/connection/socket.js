@@ -21,6 +21,15 @@ export function socketUrl(path, base = location.href) {
   return url.href;
 }
 
+/** Take over the socket that `early.js` opened for this address. @returns {?WebSocket} null: there is none */
+function earlySocket(url) {
+  window.earlySocket ??= null; // from now on it opens none
+  const socket = window.earlySocket;
+  if (socket?.url !== url) return null;
+  window.earlySocket = null;
+  return socket.readyState > WebSocket.OPEN ? null : socket;
+}
+
 /**
  * Events: "open", "down" (detail: {code}), "message" (detail: the decoded message), "bytes" (detail: an
  * ArrayBuffer). It connects again after every loss until `close()` is called.
@@ -56,17 +65,19 @@ export class LiveSocket extends EventTarget {
 
   connect() {
     if (this.#closed || this.#socket) return;
-    const socket = new WebSocket(this.#url);
+    const socket = earlySocket(this.#url) ?? new WebSocket(this.#url);
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
     this.#openedMs = Infinity;
     const patienceMs = this.#attempt < QUICK_ATTEMPTS ? OPEN_WITHIN_MS : SLOW_WITHIN_MS;
     this.#patience = setTimeout(() => this.reset(), patienceMs);
-    socket.addEventListener("open", () => {
+    const opened = () => {
       clearTimeout(this.#patience);
       this.#openedMs = performance.now();
       this.#emit("open");
-    });
+    };
+    if (socket.readyState === WebSocket.OPEN) queueMicrotask(opened);
+    else socket.addEventListener("open", opened);
     socket.addEventListener("message", ({ data }) =>
       typeof data === "string"
         ? this.#emit("message", inPageLanguage(JSON.parse(data)))

@@ -23,13 +23,19 @@ function remembered(key, make) {
 
 /**
  * The tab's token. Browsers copy a tab's storage when a person duplicates the tab: the copy finds the
- * token's lock taken and makes a new token.
+ * token's lock taken and makes a new token. All scripts of a page share it, because they share the lock.
+ * @returns {Promise<string>}
  */
-export async function tabToken() {
+export function tabToken() {
+  window.tabToken ??= ownToken();
+  return window.tabToken;
+}
+
+async function ownToken() {
   const token = remembered(TOKEN, randomToken);
   if (!navigator.locks || (await holdLock(token))) return token;
   rememberInTab(TOKEN, null);
-  return tabToken();
+  return ownToken();
 }
 
 /** Takes the lock of a name for as long as this page lives. @returns {Promise<boolean>} */

@@ -186,3 +186,12 @@ def test_plots_load_their_library_when_one_has_room(driving: DrivingPage) -> Non
 def test_a_report_has_its_bars(open_page: Open) -> None:
     page = open_page("/robots/tiago-1/report/", 1440, 900)
     expect(page.locator(".bars canvas")).to_have_count(3)
+
+
+def test_the_driving_page_takes_over_the_early_connection(driving: DrivingPage) -> None:
+    made = "static made = []; constructor(url) { super(url); WebSocket.made.push(url); }"
+    driving.page.add_init_script(f"WebSocket = class extends WebSocket {{ {made} }}")
+    driving.show(MOMENTS[0])
+    urls = driving.page.evaluate("WebSocket.made")
+    assert [url.rpartition("/robots/")[2] for url in urls] == ["tiago-1/", "tiago-1/camera/"]
+    assert driving.complaints == []

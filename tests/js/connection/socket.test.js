@@ -36,6 +36,33 @@ describe("the live socket", () => {
     expect(heard).toEqual([{ t: "pong", sent_ms: 3 }]);
   });
 
+  it.each(["connecting", "open", "closed"])(
+    "takes over a socket that is %s, once",
+    async (state) => {
+      const early = new FakeSocket("ws://early/");
+      window.earlySocket = early;
+      if (state === "open") early.opens();
+      if (state === "closed") early.close(4401);
+      socket.reset(); // of another address
+      vi.advanceTimersByTime(1000);
+      expect(window.earlySocket).toBe(early);
+
+      const before = made.length;
+      const live = new LiveSocket("ws://early/");
+      const opened = vi.fn();
+      live.addEventListener("open", opened);
+      live.connect();
+      expect(opened).not.toHaveBeenCalled();
+      if (state === "connecting") early.opens();
+      await Promise.resolve();
+      expect(live.open).toBe(state !== "closed");
+      expect(opened).toHaveBeenCalledTimes(state === "closed" ? 0 : 1);
+      expect(made).toHaveLength(state === "closed" ? before + 1 : before);
+      expect(window.earlySocket).toBe(null);
+      live.close();
+    },
+  );
+
   it("says whether a message could be sent", () => {
     expect(socket.send({ t: "stop" })).toBe(false);
     made[0].opens();
