@@ -64,6 +64,7 @@ class ControlPage {
   #clock = tabClock();
   #socket;
   #heartbeat;
+  #greeted = false; // hello was sent on this connection
   #stick = new Stick();
   #joystick;
   #turn;
@@ -110,6 +111,8 @@ class ControlPage {
     this.#parts = parts(document);
     this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
     this.#heartbeat = new Heartbeat(this.#socket);
+    this.#socket.connect();
+    this.#greet(); // the console answers while the page is made
     this.#joystick = new Joystick(this.#parts.zone, this.#stick);
     this.#turn = new TurnAndLook(this.#parts.turn, this.#stick, (may) =>
       this.#notify(
@@ -159,7 +162,6 @@ class ControlPage {
     this.#listen();
     this.#tellRights();
     this.#tabs.begin();
-    this.#socket.connect();
   }
 
   get #drives() {
@@ -282,11 +284,17 @@ class ControlPage {
 
   #opened() {
     this.#heartbeat.begin();
-    this.#socket.send({ t: "hello", tab: this.#tab });
+    this.#greet();
     this.#update();
   }
 
+  /** Say hello, once on each connection. */
+  #greet() {
+    this.#greeted ||= this.#socket.send({ t: "hello", tab: this.#tab });
+  }
+
   #lost(code) {
+    this.#greeted = false;
     this.#lostWithControl ||= this.#control?.state === "yours";
     this.#control = null;
     this.#panel.control = null;
