@@ -36,6 +36,8 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
         self.body = b""  # of the request that is being answered
         # Called when the connection ends before the answer
         self.when_lost: Callable[[], object] | None = None
+        # Takes bytes of a WebSocket before Daphne gets them; False: it does not
+        self.take: Callable[[bytes], bool] = lambda _: False
         self.writable = asyncio.Event()  # set while the client reads what is sent
         self.writable.set()
         self.is_accepted = False  # a WebSocket whose handshake is accepted
@@ -174,7 +176,8 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
             if not self.is_accepted and self.unread_bytes > limits.HANDSHAKE_BYTES:
                 self.transport.abortConnection()
                 return
-            self.wrappedProtocol.dataReceived(piece)
+            if not self.take(piece):
+                self.wrappedProtocol.dataReceived(piece)
         self.read_or_pause()
 
     @property

@@ -8,6 +8,7 @@ from typing import Any
 
 from fleet.server import limits
 from fleet.server.guard import Guard
+from fleet.server.text_frame import small_text_frame
 
 
 class WebSocket:
@@ -19,11 +20,23 @@ class WebSocket:
         self._send = send
         self._take: Callable[[str], bool] | None = None
         if (socket := guard.wrappedProtocol) is not None:
+            self._socket = socket
             self._queue, socket.onMessage = socket.onMessage, self._on_message
+            guard.take = self._on_bytes
 
     def receive_at_once(self, take: Callable[[str], bool]) -> None:
         """Pass each text to `take` first, unless other messages wait."""
         self._take = take
+
+    def _on_bytes(self, data: bytes) -> bool:
+        """Take one small text without Autobahn's reader, which would take longer than the way to the robot's bridge."""
+        socket = self._socket
+        if socket.data or socket.current_frame or socket.inside_message or socket.state != socket.STATE_OPEN:
+            return False
+        payload = small_text_frame(data)
+        if payload is not None:
+            self._on_message(payload, False)
+        return payload is not None
 
     def _on_message(self, payload: bytes, is_binary: bool) -> None:
         """Take a message, by Autobahn's callback."""
