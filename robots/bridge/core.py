@@ -495,7 +495,8 @@ class Core:
 
     def _decide(self, now_s: float) -> Refusal | None:
         """Publish the present twist. Return the refusal of an input that asks for motion, if any."""
-        self._base.take_odometry()  # after a stall it waits beside the command, and would seem silent
+        if self._gate.standstill(now_s) is None:
+            self._base.take_odometry()  # after a stall it waits beside the command, and would seem silent
         grant = self.lease.current
         if self._asking and self._asking.current(now_s) is None:
             self._silent = self._asking, now_s
