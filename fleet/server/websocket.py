@@ -1,4 +1,4 @@
-"""A WebSocket between Daphne and its application, by Autobahn's public interface."""
+"""A WebSocket between Daphne and its application. docs/decisions/public-interfaces.md: what it reads of Autobahn."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class WebSocket:
     def _on_bytes(self, data: bytes) -> bool:
         """Take one small text without Autobahn's reader, which would take longer than the way to the robot's bridge."""
         socket = self._socket
-        if socket.data or socket.current_frame or socket.inside_message or socket.state != socket.STATE_OPEN:
+        if socket.state != socket.STATE_OPEN or socket.data or socket.current_frame or socket.inside_message:
             return False
         payload = small_text_frame(data)
         if payload is not None:

@@ -495,8 +495,10 @@ class Core:
 
     def _decide(self, now_s: float) -> Refusal | None:
         """Publish the present twist. Return the refusal of an input that asks for motion, if any."""
-        if self._gate.standstill(now_s) is None:
-            self._base.take_odometry()  # after a stall it waits beside the command, and would seem silent
+        # After a stall, odometry waits beside the command, and would seem silent. Else it waits for its turn: the
+        # obstacles that are prepared for this decision would be made again.
+        if self._gate.odometry_is_stale(now_s):
+            self._base.take_odometry()
         grant = self.lease.current
         if self._asking and self._asking.current(now_s) is None:
             self._silent = self._asking, now_s

@@ -31,7 +31,7 @@ _MESSAGES = {
     r"Object missing required field `(?P<field>.*)`": catalogued("Object missing required field {field}"),
     r"Object contains unknown field `(?P<field>.*)`": catalogued("Object contains unknown field {field}"),
     r"Input data was truncated": catalogued("it ends too early"),
-    r"JSON is malformed: .* \(byte (?P<byte>\d+)\)": catalogued("from byte {byte} on"),
+    r"JSON is malformed: .* \(byte (?P<byte>\d+)\)": catalogued("it is wrong from byte {byte} on"),
 }
 _WORDS = {
     "float": say("a number"),
@@ -52,7 +52,7 @@ def misfit_of(error: Exception) -> str:
     if isinstance(error, UnicodeError):
         return say("it is not UTF-8")
     if isinstance(error, JSONDecodeError):
-        return say("from line {line}, column {column} on", line=error.lineno, column=error.colno)
+        return say("it is wrong from line {line}, column {column} on", line=error.lineno, column=error.colno)
     match = _PLACE.fullmatch(str(error))
     what, path = (match["what"], match["path"]) if match else (str(error), None)
     own = error.__cause__ if isinstance(error, ValidationError) else None

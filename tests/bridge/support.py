@@ -80,6 +80,7 @@ class OpenGate:
     def __init__(self, profile: GateProfile) -> None:
         self._real = real = Gate(profile)
         self.observe_odometry, self.standstill = real.observe_odometry, real.standstill
+        self.odometry_is_stale = real.odometry_is_stale
         self.footprint, self.profile = real.footprint, profile
         self.seen: list[tuple[float, float]] = []  # points of the laser
         self.pictured: list[tuple[float, float]] = []  # points of the depth camera

@@ -39,10 +39,16 @@ def test_commands_unread_by_a_late_bridge_do_not_blame_operator(bench):
 
 def test_odometry_that_waits_beside_a_command_is_not_silent(bench):
     bench.gate.misses = Fault("odometry_stale", "odometry is 0.3 s old", "odometry")
-    bench.gate.standstill = lambda _now_s: None if bench.gate.misses else True
+    bench.gate.odometry_is_stale = lambda _now_s: True
     bench.base.waiting = [lambda: setattr(bench.gate, "misses", None)]
     assert bench.stick(0.5) is None
     assert bench.last != STILL and needed(bench) is None
+
+
+def test_fresh_odometry_lets_the_next_wait_for_its_turn(bench):
+    bench.base.waiting = [lambda: None]
+    assert bench.stick(0.5) is None
+    assert bench.base.waiting
 
 
 def test_operator_silent_longer_than_the_bridge_is_named(bench):

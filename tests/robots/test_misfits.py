@@ -70,7 +70,7 @@ def test_what_does_not_fit_is_a_sentence_with_its_place(part: str, said: str, ke
     ("raw", "figure"),
     [
         (b"{", ["it ends too early"]),
-        (b"{]", ["from byte {byte} on", {"byte": "1"}]),
+        (b"{]", ["it is wrong from byte {byte} on", {"byte": "1"}]),
         (b'{"t": "\xff"}', ["it is not UTF-8"]),
         (b'{"t": ' + b"[" * 4000, ["it has too many levels"]),
         (b'{"t": "drive_by", "fence": 1}', ["give either distance_m or angle_rad"]),

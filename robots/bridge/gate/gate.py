@@ -362,9 +362,13 @@ class Gate:
         remembered = obstacles.points[obstacles.source == self._sources.index(self._depth.remembered)]
         return self._depth.turn_to(remembered)
 
+    def odometry_is_stale(self, now_s: float) -> bool:
+        """Return whether the newest odometry is too old to drive by."""
+        return not self._odometry.within(ODOMETRY_STALE_S, now_s)
+
     def standstill(self, now_s: float) -> bool | None:
         """Return whether the robot stands, according to its odometry; None while the odometry is stale."""
-        if not self._odometry.within(ODOMETRY_STALE_S, now_s):
+        if self.odometry_is_stale(now_s):
             return None
         return self._trail.rest.stands(STANDSTILL_MPS, STANDSTILL_RADPS)
 

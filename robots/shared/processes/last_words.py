@@ -33,9 +33,13 @@ def write(socket: str | Path, kind: str, words: str) -> None:
 def read(socket: str | Path, kind: str) -> str:
     """Return the words of this kind; empty if there are none."""
     try:
-        text, parts = json.loads(_file(socket, kind).read_text())
-    except (OSError, ValueError):
+        written = _file(socket, kind).read_text(errors="replace")
+    except OSError:
         return ""
+    try:
+        text, parts = json.loads(written)
+    except (ValueError, TypeError):  # the version before wrote plain text
+        return written[:LONGEST].strip()
     return of_parts(text, parts) if parts else str(text)
 
 

@@ -409,7 +409,8 @@ class ControlPage {
   /** The key for control was pressed: press the button, or say why there is none. */
   #take() {
     const button = this.#parts.actions.querySelector("[data-action=take]");
-    if (button.hidden) this.#wish();
+    if (button.closest("[inert]")) this.#notify("info", "hand", barredText());
+    else if (button.hidden) this.#wish();
     else button.click();
   }
 

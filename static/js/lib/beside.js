@@ -22,35 +22,41 @@ function partsOf(element) {
   return element.querySelector(FREE) ? [...element.children].flatMap(partsOf) : [element];
 }
 
+const dialogs = new Set();
+let barred = [];
+
+/** Bar what lies beside the open dialogs, and nothing else. */
+function bar() {
+  for (const part of barred) part.removeAttribute("inert");
+  barred = [...dialogs].filter(({ open }) => open).flatMap(besideOf);
+  for (const part of barred) part.setAttribute("inert", "");
+}
+
 /** @param {HTMLDialogElement} dialog @param {AbortSignal} signal ends it */
 export function barBeside(dialog, signal) {
-  let barred = [];
   let before = null; // the element that had the focus
+  let wasOpen = false;
 
-  const free = () => {
-    for (const part of barred) part.removeAttribute("inert");
-    barred = [];
-  };
   const follow = () => {
-    if (dialog.open === barred.length > 0) return;
-    if (!dialog.open) {
-      free();
-      // The browser could not give it back: the element was barred.
-      const now = document.activeElement;
-      if (now === document.body || dialog.contains(now)) before?.focus();
-      return;
-    }
-    barred = besideOf(dialog);
-    for (const part of barred) part.setAttribute("inert", "");
+    if (dialog.open === wasOpen) return;
+    wasOpen = dialog.open;
+    bar();
+    if (wasOpen) return;
+    // The browser could not give it back: the element was barred.
+    const now = document.activeElement;
+    if (now === document.body || dialog.contains(now)) before?.focus();
+    before = null;
   };
+  dialogs.add(dialog);
   const observer = new MutationObserver(follow);
   observer.observe(dialog, { attributes: true, attributeFilter: ["open"] });
   const came = ({ relatedTarget }) => {
-    if (!dialog.contains(relatedTarget)) before = relatedTarget;
+    if (relatedTarget && !dialog.contains(relatedTarget)) before = relatedTarget;
   };
   dialog.addEventListener("focusin", came, { signal });
   signal.addEventListener("abort", () => {
     observer.disconnect();
-    free();
+    dialogs.delete(dialog);
+    bar();
   });
 }

@@ -59,6 +59,7 @@ export class Palette {
 
   toggle() {
     if (this.#dialog.open) return this.#dialog.close();
+    if (document.querySelector("dialog[open]")) return; // nothing acts beside it
     this.#found.clear();
     this.#field.value = "";
     this.#search();

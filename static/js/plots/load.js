@@ -1,6 +1,6 @@
 /** Loads uPlot from the address in the page's data-plots-module. */
 
-export async function loadUPlot() {
+export function loadUPlot() {
   const { plotsModule } = document.querySelector("[data-plots-module]").dataset;
-  return (await import(plotsModule)).default;
+  return import(plotsModule).then((library) => library.default);
 }

@@ -162,6 +162,8 @@ def test_nothing_beside_a_dialog_acts_except_the_stop(driving: DrivingPage) -> N
     page.keyboard.press("?")
     page.locator("[data-part=keys-dialog]").wait_for(state="hidden")
     play.click()
+    while not any(one["t"] == "play" for one in driving.heard):
+        page.wait_for_timeout(20)
     assert [one["t"] for one in driving.heard if one["t"] in ("play", "stop")] == ["stop", "play"]
     for _ in range(2):
         page.keyboard.press("?")

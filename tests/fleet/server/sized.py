@@ -1,4 +1,9 @@
-"""An application for the web process: it answers a number by a text and by bytes of this length."""
+"""An application for the web process: it answers a number by a text and by bytes of this length.
+
+At `/late` it accepts a WebSocket after a moment.
+"""
+
+import asyncio
 
 
 async def application(scope, receive, send):
@@ -7,6 +12,8 @@ async def application(scope, receive, send):
         await send({"type": "http.response.body"})
         return
     await receive()
+    if scope["path"] == "/late":
+        await asyncio.sleep(0.2)
     await send({"type": "websocket.accept"})
     while (event := await receive())["type"] == "websocket.receive":
         length = int(event["text"])

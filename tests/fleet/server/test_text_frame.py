@@ -93,3 +93,19 @@ def test_inside_a_frame_or_message_nothing_is_taken_for_a_text(tmp_path):
                     continue
                 with pytest.raises(ConnectionClosed):
                     client.recv()
+
+
+def test_a_text_before_the_handshakes_answer_waits(tmp_path):
+    application = [*daphne()[:-1], "tests.fleet.server.sized:application"]
+    with (
+        served(tmp_path, console_environment(tmp_path, "127.0.0.1"), application) as web,
+        web.connect() as early,
+    ):
+        early.sendall(HANDSHAKE.replace(b"GET / ", b"GET /late ").replace(b"Host: a", b"Host: 127.0.0.1"))
+        time.sleep(0.1)  # the application runs, and accepts after 0.2 s
+        early.sendall(frame(b"5"))
+        heard = b""
+        while not heard.endswith(b"x" * 5 + b"\x82\x05" + bytes(5)):
+            piece = early.recv(1000)
+            assert piece, "the connection was closed"
+            heard += piece

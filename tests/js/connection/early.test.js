@@ -17,6 +17,7 @@ describe("the early connection", () => {
 
   it("is the page's only one", async () => {
     await early();
+    expect(made).toHaveLength(1);
     const live = new LiveSocket(socketUrl("/ws/robots/one/"));
     live.connect();
     expect(made.map(({ url }) => url)).toEqual([socketUrl("/ws/robots/one/")]);

@@ -33,6 +33,19 @@ describe("what lies beside an open dialog", () => {
     expect(document.querySelector("[inert]")).toBe(null);
   });
 
+  it("stays barred until the last of two dialogs closes", async () => {
+    part("first").show();
+    await news();
+    part("second").show();
+    await news();
+    part("close").click();
+    await news();
+    expect(isBarred("take")).toBe(true);
+    part("second").close();
+    await news();
+    expect(document.querySelector("[inert]")).toBe(null);
+  });
+
   it("is free again when the page's part ends while the dialog is open", async () => {
     part("first").show();
     await news();

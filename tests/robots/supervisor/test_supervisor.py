@@ -167,6 +167,15 @@ def test_last_words_that_cannot_be_encoded_can_be_sent(tmp_path: Path) -> None:
     assert kept == "was ended by ?"
 
 
+@pytest.mark.parametrize("written", ["could not join its robot", "5"])
+def test_last_words_of_the_version_before_are_read(written: str, tmp_path: Path) -> None:
+    socket = tmp_path / "bridge.sock"
+    last_words.write(socket, last_words.WHY, "")
+    (file,) = tmp_path.iterdir()
+    file.write_text(written)
+    assert last_words.read(socket, last_words.WHY) == written
+
+
 def test_an_edit_ends_the_old_program_then_starts_the_new(kept: Kept) -> None:
     kept.want("fake", "1")
     kept.step_until_started(1)

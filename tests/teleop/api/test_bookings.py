@@ -248,10 +248,10 @@ def test_the_list_is_read_page_by_page(robot, staff, program):
 @pytest.mark.parametrize(
     ("query", "says"),
     [
-        ("robots=tiago-1", "unknown field `robots`"),
+        ("robots=tiago-1", "unknown field robots"),
         ("limit=0", ">= 1"),
-        ("limit=ten", "`int`"),
-        ("from=2026-03-02T10:00:00", "timezone"),
+        ("limit=ten", "a whole number"),
+        ("from=2026-03-02T10:00:00", "time zone"),
         ("from=yesterday", "2026-03-02T14:30:00Z"),
         ("from=12", "2026-03-02T14:30:00Z"),
         ("from=0001-01-01T00:00:00Z", "before 2000"),
@@ -271,8 +271,8 @@ def test_a_query_that_does_not_fit_is_named(operator, program, query, says):
 @pytest.mark.parametrize(
     ("change", "code", "says"),
     [
-        ({"hours": 2}, "invalid", "unknown field `hours`"),
-        ({"starts_at": "2026-03-02T10:00:00"}, "invalid", "timezone"),
+        ({"hours": 2}, "invalid", "unknown field hours"),
+        ({"starts_at": "2026-03-02T10:00:00"}, "invalid", "time zone"),
         ({"starts_at": "2026-03-02 10"}, "invalid", "starts_at"),
         ({"starts_at": 12}, "invalid", "starts_at"),
         ({"starts_at": None}, "invalid", "starts_at"),

@@ -26,11 +26,12 @@ export class Interventions {
     this.#list = [newest, ...(goesOn ? this.#list.slice(1) : this.#list)].slice(0, KEPT);
     this.#seenMs = nowMs;
     if (reason.act) this.#wayOut = { reason, seenMs: nowMs };
+    else if (speedOf(allowed) === 0) this.#wayOut.seenMs = -Infinity;
   }
 
   /**
    * The reason why the gate held the robot back in the last seconds; null: there was none. One with a button
-   * comes before newer ones: a stick that returns asks for less and less, and "Slower" has no way out.
+   * comes before newer ones at which the robot is only slowed: a stick that returns asks for less and less.
    */
   recent(nowMs) {
     if (nowMs - this.#wayOut.seenMs < LINGERS_MS) return this.#wayOut.reason;

@@ -22,6 +22,8 @@ describe("the reasons why the robot was slow or stood", () => {
     reasons.add(wall(0.05), { title: "Slower: something is 0.4 m ahead" }, 1100);
     expect(reasons.recent(5900)).toBe(stands);
     expect(reasons.recent(6050).title).toMatch(/^Slower/);
+    reasons.add({ code: "scan_stale", allowed: [0, 0, 0] }, { title: "The laser is silent" }, 1200);
+    expect(reasons.recent(5900).title).toBe("The laser is silent");
   });
 
   it("are one while they go on, with the newest words and the lowest speed", () => {
