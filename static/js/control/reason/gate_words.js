@@ -44,7 +44,7 @@ export function gateReason(verdict) {
   const stands = isZero(verdict.allowed) && !isZero(verdict.asked);
   const reason = OBSTACLES.has(verdict.code)
     ? obstacle(verdict, stands)
-    : { level: "warning", ...ofRule(verdict.code, stands) };
+    : { level: "warning", ...ofRule(verdict, stands) };
   if (!reason.title) return { ...reason, title: verdict.text };
   return { ...reason, detail: verdict.text };
 }
@@ -80,15 +80,16 @@ function obstacle(verdict, stands) {
 }
 
 /** Rules without an obstacle. No title: the bridge's own sentence. */
-function ofRule(code, stands) {
-  return RULES[code]?.(stands) ?? {};
+function ofRule({ code, text }, stands) {
+  return RULES[code]?.(stands, text) ?? {};
 }
 
 function tellStaff() {
   return gettext("If this lasts, tell staff.");
 }
 
-function noDepth(stands) {
+function noDepth(stands, text) {
+  if (/head is turning/.test(text)) return { title: gettext("Slower: the head is turning") };
   return {
     title: gettext("The robot cannot see table tops: its depth camera sends no picture"),
     text: stands ? tellStaff() : gettext("The robot drives slowly until it does."),
@@ -109,7 +110,7 @@ function noOdometry() {
   };
 }
 
-/** Reasons by the rule's code; an argument: whether the robot stands. */
+/** Reasons by the rule's code; arguments: whether the robot stands, and the bridge's sentence. */
 const RULES = {
   depth_missing: noDepth,
   depth_stale: noDepth,

@@ -221,6 +221,11 @@ describe("the gate's reason", () => {
     ]);
   });
 
+  it("blames no camera while the head turns", () => {
+    const text = "at most 0.3 m/s: the depth camera’s picture is 0.5 s old (the head is turning)";
+    expect(held({ ...wall, code: "depth_stale", text }).title).toBe("Slower: the head is turning");
+  });
+
   it("has the bridge's own sentence for a rule that it does not know", () => {
     expect(held({ ...wall, code: "new_rule" })).toEqual({ level: "warning", title: wall.text });
   });
