@@ -382,10 +382,13 @@ class Core:
         """Take the robot's description and store it for pages. `failed` is called if this is impossible."""
         self._records.keep_description(taken, failed)
 
-    def restarted(self, now_s: float) -> None:
-        """Note that the robot's master, and maybe the robot, was restarted."""
-        self.reports.diagnostics.restarted(now_s)
+    def restarting(self, now_s: float) -> None:
+        """Note that the robot's master, and maybe the robot, was restarted, before its first messages come."""
         self.tasks.navigation.map_doubted(now_s, restarted=True)
+
+    def restarted(self, now_s: float) -> None:
+        """Note that the robot's topics can be heard again after a restart."""
+        self.reports.diagnostics.restarted(now_s)
         self.tasks.refresh()
 
     def _report_changes(self) -> None:

@@ -61,6 +61,7 @@ class Localisation:
 
     def __init__(self) -> None:
         self._odometry: Pose | None = None
+        self._posed: Pose | None = None  # waits for odometry
         self._frame: Pose | None = None  # the odometry frame in the map frame
         self._stamp_s: float | None = None  # of the newest transform
         self._transformed_s = -math.inf  # when the newest transform arrived
@@ -70,12 +71,14 @@ class Localisation:
 
     def forget(self) -> None:
         """Forget the pose: the map or the run of the robot is another one. An old transform may arrive again."""
-        self._frame = self._spread = None
+        self._frame = self._spread = self._odometry = self._posed = None
         self._transformed_s = self._heard_s = -math.inf
 
     def moved(self, pose: Pose) -> None:
         """Take odometry."""
         self._odometry = pose
+        if self._posed is not None:
+            self._place(self._posed, pose)
 
     def transformed(self, stamp_s: float, frame: Pose, now_s: float) -> bool:
         """Take the newest transform. Return whether the robot jumped on its map.
@@ -85,7 +88,7 @@ class Localisation:
         if stamp_s == self._stamp_s or not is_reasonable(*frame):
             return False
         before = self._frame if now_s - self._transformed_s < OLD_S else None
-        self._stamp_s, self._frame = stamp_s, frame
+        self._stamp_s, self._frame, self._posed = stamp_s, frame, None
         self._transformed_s = self._heard_s = now_s
         if before is None:
             return False
@@ -102,8 +105,13 @@ class Localisation:
         if not is_reasonable(*pose, spread.xx, spread.xy, spread.yy, spread.yaw):
             return
         self._spread, self._heard_s = spread, now_s
-        if self._odometry is not None and now_s - self._transformed_s > OLD_S:
-            self._frame = put(relative_to(ORIGIN, self._odometry), pose)
+        if self._odometry is None:
+            self._posed = pose
+        elif now_s - self._transformed_s > OLD_S:
+            self._place(pose, self._odometry)
+
+    def _place(self, pose: Pose, odometry: Pose) -> None:
+        self._posed, self._frame = None, put(relative_to(ORIGIN, odometry), pose)
 
     @property
     def pose(self) -> Pose | None:

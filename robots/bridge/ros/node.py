@@ -271,6 +271,10 @@ class RosBase(InputSwitch):
             self._tf = TfTopics()
             self._on_demand = OnDemandTopics(self._topic_worker, self._tf)
 
+    def restarting(self) -> None:
+        """Forget where the robot is: a robot that stands tells its new pose only once."""
+        self.post(lambda: self._core.restarting(time.monotonic()))
+
     def restarted(self) -> None:
         """Handle a restart of the master, and maybe of the robot."""
         self._runs.start_run()

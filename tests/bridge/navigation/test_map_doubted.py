@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
-from robots.bridge.navigation.localisation import MISSING, Spread
+from robots.bridge.navigation.localisation import MISSING, Localisation, Spread
 from robots.bridge.navigation.navigation_goals import OTHER_MAP
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import NavigationSource, Topic
@@ -64,7 +64,7 @@ def pose(bench: Bench, map: str = "") -> wire.Refusal | None:
 
 @pytest.mark.parametrize("map", ["", "old", "new"])
 def test_after_a_restart_goals_wait_for_the_present_map(bench, map):
-    bench.core.restarted(bench.now_s)
+    bench.core.restarting(bench.now_s)
     located(bench)
     assert go(bench, map) == pose(bench, map) == UNKNOWN_NOW
     bench.pass_time(20.0)
@@ -76,7 +76,7 @@ def test_after_a_restart_goals_wait_for_the_present_map(bench, map):
 
 
 def test_the_same_map_after_a_restart_is_good_again(bench):
-    bench.core.restarted(bench.now_s)
+    bench.core.restarting(bench.now_s)
     bench.core.tasks.navigation.mapped(FreeMap("old"), bench.now_s)
     assert go(bench, "old") == MISSING  # where the robot was before its restart
     located(bench)
@@ -92,7 +92,7 @@ def test_a_pose_on_another_map_is_none(bench):
 
 
 def test_a_robot_whose_map_cannot_be_read_stays_without_goals(bench):
-    bench.core.restarted(bench.now_s)
+    bench.core.restarting(bench.now_s)
     bench.core.tasks.navigation.unmapped("nobody publishes /map", bench.now_s)
     located(bench)
     assert go(bench).code == "no_map"
@@ -120,3 +120,14 @@ def test_a_pose_on_the_map_before_is_refused_when_the_map_comes():
     bench.pass_time(0.1)
     assert answers == [OTHER_MAP] and bench.base.poses == []
     bench.close()
+
+
+def test_a_pose_waits_for_odometry_of_its_run():
+    """A robot that stands tells its pose once."""
+    place = Localisation()
+    for odometry in (Pose(0.5, 0.0, 0.0), Pose(0.0, 0.0, 0.0)):
+        place.forget()
+        place.posed(Pose(3.0, 1.0, 0.5), Spread(), 1.0)
+        assert place.pose is None
+        place.moved(odometry)
+        assert place.pose == pytest.approx((3.0, 1.0, 0.5))

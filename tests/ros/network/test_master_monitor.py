@@ -56,6 +56,9 @@ class NotingNode:
             self._begins.pop(0)()
         self._heard.put("begun")
 
+    def restarting(self) -> None:
+        self._heard.put("begins again")
+
     def restarted(self) -> None:
         self._heard.put("begun again")
 
@@ -182,7 +185,7 @@ def test_a_master_restarted_during_joining_gets_everything(make_master, soon, mo
 
     node = NotingNode(restart)
     with watching(master.uri, node):
-        node.until("begun again")
+        assert "begins again" in node.until("begun again")
     assert len(again) == 1
 
 

@@ -43,6 +43,9 @@ class Node(Protocol):
     def join(self) -> None:
         """Join the master by rospy: the master answers, and no other bridge is registered. Called once."""
 
+    def restarting(self) -> None:
+        """Handle a restarted master, before registrations are repeated: then the first messages of its run come."""
+
     def restarted(self) -> None:
         """Handle a restarted master. All registrations were repeated."""
 
@@ -103,6 +106,7 @@ class MasterMonitor:
         with closing(DeathWatch(self._master.uri)) as watch:  # first: the master may die during the join
             self._require_no_namesake()
             if self._begun:
+                self._node.restarting()
                 register_again(self._master, rospy.get_node_uri(), get_topic_manager(), get_service_manager())
                 self._node.restarted()
             else:
