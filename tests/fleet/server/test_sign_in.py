@@ -38,10 +38,11 @@ class Guesser:
 
 @pytest.fixture
 def failures(web):
-    """Count the recorded failed sign-ins."""
+    """Count the recorded failed sign-ins from now on."""
     database = sqlite3.connect(Path(web.environ["FLEET_VAR"]) / "fleet.sqlite3")
     sql = "SELECT count(*) FROM audit_record WHERE kind = 'account.sign_in_failed'"
-    yield lambda: database.execute(sql).fetchone()[0]
+    (before,) = database.execute(sql).fetchone()
+    yield lambda: database.execute(sql).fetchone()[0] - before
     database.close()
 
 
