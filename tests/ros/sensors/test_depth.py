@@ -54,14 +54,16 @@ def bridge(master, folder, source, **topics):
 def stage(ros, tmp_path):
     """Place the robot before the table, its head ahead; yield its ground truth and its contacts."""
     with (
-        ros.speak("/head_controller/command", JointTrajectory) as head,
+        ros.speak(HEAD.topic, JointTrajectory) as head,
         ros.listen("/joint_states", JointState) as joints,
+    ):
+        head.publish(turned(0.0))
+        joints.until(lambda state: all(abs(position_of(state, name)) < 0.01 for name in HEAD_JOINTS))
+    with (
         ros.listen("/ground_truth/pose", Odometry) as truth,
         ros.listen("/ground_truth/contacts", String) as contacts,
         ros.speak("/ground_truth/teleport", Pose2D) as teleport,
     ):
-        head.publish(turned(0.0))
-        joints.until(lambda state: all(abs(position_of(state, name)) < 0.01 for name in HEAD_JOINTS))
         teleport.publish(BEFORE_TABLE)
         truth.until(lambda message: abs(message.pose.pose.position.y - BEFORE_TABLE.y) < 0.01)
         yield truth, contacts
