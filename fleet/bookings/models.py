@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 from uuid import uuid4
 
@@ -27,6 +28,9 @@ DAY_NAMES = (
     _("Saturday"),
     _("Sunday"),
 )
+
+
+MOST_INTERVALS = 6  # of opening hours in one day
 
 
 class State(models.TextChoices):
@@ -132,7 +136,8 @@ class Policy(models.Model):
         related_name="booking_policy",
         verbose_name=_("robot group"),
     )
-    # By weekday in the lab's zone: {"mon": ["08:00", "20:00"]}. Missing weekday: closed. Empty: always open.
+    # By weekday in the lab's zone: {"mon": [["08:00", "12:00"], ["13:00", "20:00"]]}, in order. Missing weekday:
+    # closed. Empty: always open.
     opening = models.JSONField(_("opening hours"), default=dict, blank=True)
     shortest_min = _number(_("shortest slot, minutes"), 1, 1440, default=15)
     longest_min = _number(_("longest slot, minutes"), 1, 10080, default=240)
@@ -158,10 +163,12 @@ class Policy(models.Model):
 
     def clean(self) -> None:
         """Refuse opening hours and slot lengths that contradict each other."""
-        for day, (opens, closes) in self.opening.items():
-            if closes <= opens:
-                name = DAY_NAMES[WEEKDAYS.index(day)]
-                raise ValidationError(_("On %(day)s the robot closes before it opens.") % {"day": name})
+        for day, intervals in self.opening.items():
+            name = {"day": DAY_NAMES[WEEKDAYS.index(day)]}
+            if any(closes <= opens for opens, closes in intervals):
+                raise ValidationError(_("On %(day)s the robot closes before it opens.") % name)
+            if any(opens < closes for (_opens, closes), (opens, _closes) in pairwise(intervals)):
+                raise ValidationError(_("On %(day)s two opening times overlap, or are not in order.") % name)
         if None not in (self.shortest_min, self.longest_min) and self.shortest_min > self.longest_min:
             raise ValidationError(_("The shortest slot is longer than the longest."))
 

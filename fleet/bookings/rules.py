@@ -6,7 +6,7 @@ refusals of all rules are reported together. Days, weeks and opening hours are t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import UTC, date, datetime, time, timedelta
 from functools import partial
 from zoneinfo import ZoneInfo
@@ -19,7 +19,7 @@ from fleet.base.formats.dates import dated
 from fleet.bookings.models import WEEKDAYS, Policy
 from robots.access.models import Course
 from robots.registry.models import Role
-from robots.shared.sentences import Sentence, counted, say
+from robots.shared.sentences import Sentence, counted, joined, say
 from robots.shared.wire import Refusal
 
 FAR = datetime.max.replace(tzinfo=UTC)  # stands for "no end"
@@ -27,6 +27,8 @@ FAR = datetime.max.replace(tzinfo=UTC)  # stands for "no end"
 LONGEST = timedelta(days=7)
 INSTANT = timedelta(microseconds=1)
 MOST_DAYS = 3650  # a booking farther ahead than this is a typing error
+
+Hours = Mapping[str, Sequence[Sequence[str]]]  # `Policy.opening`
 
 
 class Slot(Struct, frozen=True):
@@ -280,14 +282,14 @@ def in_service(wish: Wish) -> Refusal | None:
 
 def in_opening_hours(wish: Wish) -> Refusal | None:
     """Check that the slot lies within the opening hours."""
-    hours: dict[str, list[str]] = wish.policy.opening
+    hours: Hours = wish.policy.opening
     if not hours:
         return None
     moment = wish.slot.starts_at
     while moment < wish.slot.ends_at:
-        day = moment.astimezone(wish.lab).date()
-        opening = opening_of(day, hours, wish.lab)
-        if opening is None or not opening.starts_at <= moment < opening.ends_at:
+        intervals = opening_of(moment.astimezone(wish.lab).date(), hours, wish.lab)
+        opening = next((one for one in intervals if one.starts_at <= moment < one.ends_at), None)
+        if opening is None:
             key = "{robot} can be booked {hours} ({zone}). Move the slot into these hours."
             text = say(key, robot=wish.robot, hours=_in_words(hours), zone=wish.lab.key)
             return _not_by(wish.policy, "closed", text)
@@ -295,36 +297,48 @@ def in_opening_hours(wish: Wish) -> Refusal | None:
     return None
 
 
-def opening_of(day: date, hours: dict[str, list[str]], lab: ZoneInfo) -> Slot | None:
-    """Return the opening hours of one day; None: closed. An end of 24:00 or 00:00 is the next midnight."""
-    times = hours.get(WEEKDAYS[day.weekday()])
-    if times is None:
-        return None
-    opens, closes = times
-    whole = day_of(day, lab)
-    starts = _at(day, opens, lab)
-    return Slot(starts, whole.ends_at if closes in ("24:00", "00:00") else _at(day, closes, lab))
+def opening_of(day: date, hours: Hours, lab: ZoneInfo) -> list[Slot]:
+    """Return the opening intervals of one day, in order. An end of 24:00 is the next midnight."""
+    midnight = day_of(day, lab).ends_at
+    return [
+        Slot(_at(day, opens, lab), midnight if closes == "24:00" else _at(day, closes, lab))
+        for opens, closes in hours.get(WEEKDAYS[day.weekday()], ())
+    ]
 
 
 def _at(day: date, clock: str, lab: ZoneInfo) -> datetime:
     return datetime.combine(day, time.fromisoformat(clock), tzinfo=lab).astimezone(UTC)
 
 
-def _in_words(hours: dict[str, list[str]]) -> str:
-    """Return the opening hours as text. Days in a row with equal hours are joined: "Mon-Fri 08:00-20:00"."""
+_DAYS = dict(
+    zip(
+        WEEKDAYS,
+        (say("Mon"), say("Tue"), say("Wed"), say("Thu"), say("Fri"), say("Sat"), say("Sun")),
+        strict=True,
+    )
+)
+
+
+def _in_words(hours: Hours) -> Sentence:
+    """Return the opening hours as text, with equal days in a row joined: "Mon-Fri 08:00-12:00, 13:00-20:00"."""
     spans: list[tuple[str, str, str]] = []
     for day in WEEKDAYS:
         if day not in hours:
             continue
-        times = "-".join(hours[day])
+        times = ", ".join(f"{opens}-{closes}" for opens, closes in hours[day])
         follows = spans and WEEKDAYS.index(spans[-1][1]) + 1 == WEEKDAYS.index(day) and spans[-1][2] == times
         if follows:
             spans[-1] = (spans[-1][0], day, times)
         else:
             spans.append((day, day, times))
-    return ", ".join(
-        f"{first.title()}{'' if first == last else '-' + last.title()} {times}"
-        for first, last, times in spans
+    return joined(
+        "; ",
+        [
+            say("{day} {times}", day=_DAYS[first], times=times)
+            if first == last
+            else say("{first}-{last} {times}", first=_DAYS[first], last=_DAYS[last], times=times)
+            for first, last, times in spans
+        ],
     )
 
 

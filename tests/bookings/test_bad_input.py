@@ -145,7 +145,7 @@ def test_a_repeated_hour_is_the_first_and_lasts_two_hours(browser, robot):
 def test_the_ends_of_the_calendar_break_no_page(client, robot, stranger, zone):
     """Sums of such times overflow. The quotas of a slot of 1000 years once took minutes and gigabytes."""
     Policy.objects.create(
-        robot=robot, day_min=60, week_min=60, gap_min=60, opening={"mon": ["08:00", "20:00"]}
+        robot=robot, day_min=60, week_min=60, gap_min=60, opening={"mon": [["08:00", "20:00"]]}
     )
     days = {"starts_on": "2026-01-01", "ends_on": "9999-12-31"}
     course = Course.objects.create(name="HRI", slug="hri", day_min=60, course_week_min=60, **days)

@@ -310,7 +310,7 @@ def browser(request, signed_in, robot, operator):
     operator.time_zone = request.param
     operator.save()
     limits = {"day_min": 600, "week_min": 600, "at_once": 5, "gap_min": 5}
-    Policy.objects.create(robot=robot, opening={"mon": ["08:00", "20:00"]}, **limits)
+    Policy.objects.create(robot=robot, opening={"mon": [["08:00", "20:00"]]}, **limits)
     return signed_in(operator)
 
 

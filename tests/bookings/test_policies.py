@@ -1,8 +1,10 @@
 """Booking policies and out-of-service periods, through their pages."""
 
 from datetime import timedelta
+from importlib import import_module
 
 import pytest
+from django.apps import apps
 from django.urls import reverse
 from django.utils import timezone
 
@@ -39,14 +41,13 @@ def typed(**changes):
 
 def test_a_supervisor_sets_the_rules_of_a_robot(as_person, robot, supervisor, operator):
     address = reverse("booking-policy", args=[robot.slug])
-    hours = {
-        f"{day}_{end}": time for day in ("mon", "sun") for end, time in (("from", "08:00"), ("to", "00:00"))
-    }
-    as_person(supervisor).post(address, typed(longest_min=60, **hours))
+    as_person(supervisor).post(
+        address, typed(longest_min=60, mon="13\u201324, 8:00-12.30", sun="08:00-00:00")
+    )
     policy = policy_of(robot)
     assert (policy.longest_min, policy.opening["mon"], "tue" in policy.opening) == (
         60,
-        ["08:00", "24:00"],
+        [["08:00", "12:30"], ["13:00", "24:00"]],
         False,
     )
     starts = timezone.now() + timedelta(hours=1)
@@ -65,8 +66,11 @@ def test_a_supervisor_sets_the_rules_of_a_robot(as_person, robot, supervisor, op
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"mon_from": "10:00"}, "both times of Mon"),
-        ({"mon_from": "10:00", "mon_to": "09:00"}, "closes before it opens"),
+        ({"mon": "10:00"}, "Monday: write opening times such as"),
+        ({"tue": "10:00-24:30"}, "Tuesday: write opening times such as"),
+        ({"mon": "8-9,9-10,10-11,11-12,12-13,13-14,14-15"}, "at most 6 opening times"),
+        ({"mon": "10:00-09:00"}, "closes before it opens"),
+        ({"mon": "08:00-12:00, 11:00-13:00"}, "overlap"),
         ({"shortest_min": 300}, "longer than the longest"),
         ({"longest_min": 0}, "greater than or equal to 1"),
     ],
@@ -76,6 +80,27 @@ def test_a_wrong_policy_is_refused_in_words(as_person, robot, supervisor, change
     assert answer.status_code == 400
     assert words in answer.content.decode()
     assert not Policy.objects.exists()
+
+
+def test_the_hours_of_a_day_are_copied_to_all_days_and_not_saved(as_person, robot, supervisor):
+    typed_hours = typed(mon="8-12, 13-18", tue="9-10", longest_min=77, copy="mon")
+    answer = as_person(supervisor).post(reverse("booking-policy", args=[robot.slug]), typed_hours)
+    assert answer.status_code == 200
+    page = answer.content.decode()
+    assert (page.count('value="8-12, 13-18"'), 'value="77"' in page) == (7, True)
+    assert not Policy.objects.exists()
+
+
+def test_old_opening_hours_become_a_list_of_one(robot):
+    migration = import_module("fleet.bookings.migrations.0011_opening_intervals")
+    Policy.objects.create(robot=robot, opening={"mon": ["08:00", "20:00"], "sun": ["10:00", "24:00"]})
+    migration.to_intervals(apps, None)
+    intervals = {"mon": [["08:00", "20:00"]], "sun": [["10:00", "24:00"]]}
+    assert Policy.objects.get().opening == intervals
+    migration.to_intervals(apps, None)  # a second run changes nothing
+    assert Policy.objects.get().opening == intervals
+    migration.to_one_interval(apps, None)
+    assert Policy.objects.get().opening["mon"] == ["08:00", "20:00"]
 
 
 @pytest.mark.parametrize(("person", "status"), [("operator", 403), ("supervisor", 403), ("staff", 200)])

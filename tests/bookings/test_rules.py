@@ -49,7 +49,7 @@ def test_a_plain_slot_is_allowed():
         "unqualified": wish(missing=("safety induction",)),
         "taken": wish(taken=(Taken(slot(1), "Anna"),)),
         "out_of_service": wish(out=(Taken(slot(0, 9), "repair"),)),
-        "closed": wish(opening={"tue": ["08:00", "20:00"]}),
+        "closed": wish(opening={"tue": [["08:00", "20:00"]]}),
         "quota_day": wish(day_min=90, own=(slot(4),)),
         "quota_week": wish(week_min=90, own=(slot(30),)),
         "quota_open": wish(at_once=1, own=(slot(30),)),
@@ -100,16 +100,26 @@ def test_a_reason_overrides_the_policy_but_no_booking():
 
 
 def test_opening_hours_are_those_of_the_lab():
-    hours = {"mon": ["10:00", "12:00"]}  # 09:00 to 11:00 UTC in winter
+    hours = {"mon": [["10:00", "12:00"]]}  # 09:00 to 11:00 UTC in winter
     assert codes(wish(slot(0, 2), opening=hours)) == []
     assert codes(wish(slot(0, 2.5), opening=hours)) == ["closed"]
 
 
+def test_a_slot_lies_within_one_opening_interval_or_in_touching_ones():
+    hours = {day: [["08:00", "12:00"], ["13:00", "20:00"]] for day in ("mon", "tue", "wed")}
+    assert codes(wish(slot(1), opening=hours)) == []  # 11:00 to 12:00 in Madrid
+    [closed] = refusals(wish(slot(1, 2.5), opening={**hours, "sat": [["10:00", "12:00"]]}))
+    assert closed.code == "closed"
+    assert "booked Mon-Wed 08:00-12:00, 13:00-20:00; Sat 10:00-12:00 (Europe/Madrid)." in closed.text
+    touching = {"mon": [["08:00", "12:00"], ["12:00", "20:00"]]}
+    assert codes(wish(slot(1, 3), opening=touching)) == []
+
+
 def test_a_slot_over_midnight_fits_two_open_days():
-    hours = {"mon": ["08:00", "24:00"], "tue": ["00:00", "08:00"]}
+    hours = {"mon": [["08:00", "24:00"]], "tue": [["00:00", "08:00"]]}
     over_midnight = slot(13, 3)  # 23:00 to 02:00 in Madrid
     assert codes(wish(over_midnight, opening=hours)) == []
-    assert codes(wish(over_midnight, opening={"mon": ["08:00", "24:00"]})) == ["closed"]
+    assert codes(wish(over_midnight, opening={"mon": [["08:00", "24:00"]]})) == ["closed"]
 
 
 @pytest.mark.parametrize(("month", "day", "hours"), [(3, 29, 23), (10, 25, 25), (6, 1, 24)])

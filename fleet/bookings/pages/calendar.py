@@ -190,12 +190,9 @@ def _closed(robot: Robot, policy: Policy, first: date, last: date, zone: ZoneInf
     day, lab = first - timedelta(days=1), zone_of("")
     while day <= last:
         whole, opening = day_of(day, lab), opening_of(day, policy.opening, lab)
-        times = (
-            [(whole.starts_at, whole.ends_at)]
-            if opening is None
-            else [(whole.starts_at, opening.starts_at), (opening.ends_at, whole.ends_at)]
-        )
-        for number, (starts, ends) in enumerate(times):
+        closes = [whole.starts_at, *(one.ends_at for one in opening)]
+        opens = [*(one.starts_at for one in opening), whole.ends_at]
+        for number, (starts, ends) in enumerate(zip(closes, opens, strict=True)):
             if starts < ends:
                 key = f"closed-{robot.slug}-{WEEKDAYS[day.weekday()]}-{day}-{number}"
                 yield _background(key, robot.slug, span(starts, ends, zone), kind="closed")

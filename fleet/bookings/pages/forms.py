@@ -10,13 +10,14 @@ from uuid import UUID
 
 from django import forms
 from django.core.exceptions import ValidationError
+from django.http import QueryDict
 from django.utils.translation import gettext_lazy as _
 
 from fleet.base import rows
 from fleet.base.zones import viewers
 from fleet.bookings.changes.policy_changes import POLICY_FIELDS
 from fleet.bookings.changes.series import MOST_WEEKS
-from fleet.bookings.models import DAY_NAMES, WEEKDAYS, OutOfService, Policy
+from fleet.bookings.models import DAY_NAMES, MOST_INTERVALS, WEEKDAYS, OutOfService, Policy
 from fleet.bookings.rules import Slot, to_utc
 from robots.access.models import Course, RobotGroup
 from robots.registry.models import Robot
@@ -24,6 +25,10 @@ from robots.shared.wire import Refusal
 
 TIME_FORMAT = "%Y-%m-%dT%H:%M"
 YEARS = range(2000, 2200)  # other years are typing errors
+# An opening interval: hour, minutes if any, "-" or a dash, and the same of its end
+INTERVAL = re.compile(
+    r"\s*(\d\d?)(?:[:.h]([0-5]\d))?\s*[-\u2013\u2014]\s*(\d\d?)(?:[:.h]([0-5]\d))?\s*", re.ASCII
+)
 LONG_YEAR = re.compile(r"\s*\d{5,}-")  # a browser's field accepts six digits
 
 
@@ -123,8 +128,40 @@ class SeriesForm(forms.Form):
             raise ValidationError(_("Write days such as 2026-12-24, with commas between them.")) from error
 
 
+class OpeningField(forms.CharField):
+    """The opening intervals of one day: "08:00-12:00, 13:00-20:00", or "8-12, 13-20". Empty: closed."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(required=False, max_length=120, **options)
+
+    def prepare_value(self, value: Any) -> Any:
+        """Return intervals as text."""
+        if isinstance(value, list):
+            return ", ".join(f"{opens}-{closes}" for opens, closes in value)
+        return value
+
+    def clean(self, value: Any) -> Any:
+        """Return the intervals in order. Raises `ValidationError` for other texts, and for too many intervals."""
+        typed = [part for part in re.split(r"[,;]", super().clean(value)) if part.strip()]
+        found = [self._interval(part) for part in typed]
+        if len(found) > MOST_INTERVALS:
+            key = _("%(day)s: write at most %(most)d opening times.")
+            raise ValidationError(key, params={"day": self.label, "most": MOST_INTERVALS})
+        return sorted(found)
+
+    def _interval(self, text: str) -> list[str]:
+        if match := INTERVAL.fullmatch(text):
+            opens_h, opens_min, closes_h, closes_min = (int(part or 0) for part in match.groups())
+            begin = f"{opens_h:02}:{opens_min:02}"
+            end = "24:00" if (closes_h, closes_min) == (0, 0) else f"{closes_h:02}:{closes_min:02}"
+            if begin < "24:00" >= end:
+                return [begin, end]
+        key = _("%(day)s: write opening times such as 08:00-12:00, 13:00-20:00.")
+        raise ValidationError(key, params={"day": self.label})
+
+
 class PolicyForm(forms.ModelForm):  # type: ignore[type-arg]
-    """A booking policy; the opening hours have two fields for each weekday."""
+    """A booking policy; the opening hours have a field for each weekday: "08:00-12:00, 13:00-20:00"."""
 
     class Meta:
         model = Policy
@@ -135,43 +172,40 @@ class PolicyForm(forms.ModelForm):  # type: ignore[type-arg]
         for name in ("day_min", "week_min", "at_once"):
             field = self.fields[name]
             field.label = _("%(limit)s (empty: no limit)") % {"limit": field.label}
-        hours = self.instance.opening
-        for day in WEEKDAYS:
-            opens, closes = hours.get(day, ("", ""))
-            for name, value in ((f"{day}_from", opens), (f"{day}_to", closes)):
-                self.fields[name] = forms.TimeField(
-                    required=False,
-                    initial="00:00" if value == "24:00" else value,
-                    widget=forms.TimeInput(attrs={"type": "time"}, format="%H:%M"),
-                )
+        for day, label in zip(WEEKDAYS, DAY_NAMES, strict=True):
+            self.fields[day] = OpeningField(label=label, initial=self.instance.opening.get(day))
 
     def clean(self) -> dict[str, Any]:
         """Build `opening` from the fields of the weekdays. No hours at all: always open."""
         values: dict[str, Any] = super().clean() or self.cleaned_data
         opening = {}
-        for day, name in zip(WEEKDAYS, DAY_NAMES, strict=True):
-            opens, closes = values.pop(f"{day}_from", None), values.pop(f"{day}_to", None)
-            if (opens is None) != (closes is None):
-                raise ValidationError(_("Give both times of %(day)s, or none.") % {"day": name})
-            if opens is None or closes is None:
-                continue
-            end = "24:00" if f"{closes:%H:%M}" == "00:00" else f"{closes:%H:%M}"
-            opening[day] = [f"{opens:%H:%M}", end]
+        for day in WEEKDAYS:
+            if intervals := values.pop(day, None):
+                opening[day] = intervals
         values["opening"] = self.instance.opening = opening
         return values
 
     @property
     def limits(self) -> list[Any]:
         """Return the fields except the opening hours."""
-        return [self[name] for name in self.fields if not name.endswith(("_from", "_to"))]
+        return [self[name] for name in self.fields if name not in WEEKDAYS]
 
     @property
     def week(self) -> list[dict[str, Any]]:
         """Return the fields of the opening hours, one entry for each weekday."""
         return [
-            {"name": name, "opens": self[f"{day}_from"], "closes": self[f"{day}_to"]}
+            {"name": name, "day": day, "hours": self[day]}
             for name, day in zip(DAY_NAMES, WEEKDAYS, strict=True)
         ]
+
+    @staticmethod
+    def with_copied(typed: QueryDict) -> QueryDict:
+        """Return what a person typed, with the hours of the day that they copy to all days."""
+        found = typed.copy()
+        if (hours := typed.get(typed.get("copy", ""))) is not None:
+            for day in WEEKDAYS:
+                found[day] = hours
+        return found
 
 
 class OutOfServiceForm(forms.Form):

@@ -83,12 +83,14 @@ def _policy_page(
         raise PermissionDenied("Only staff change the policy of several robots.")
     stored = Policy.objects.filter(robot=robot, group=group).first()
     followed = policy_of(robot) if robot else Policy.objects.filter(robot=None, group=None).first()
-    form = PolicyForm(request.POST or None, instance=stored or followed or Policy())
+    copies = "copy" in request.POST
+    typed = PolicyForm.with_copied(request.POST) if copies else request.POST or None
+    form = PolicyForm(typed, instance=stored or followed or Policy())
     if request.method == "POST" and request.POST.get("action") == "remove":
         policy_services.policy_remove(robot=robot, group=group, actor=person)
         messages.success(request, _("%s follows the common policy again.") % (robot or group))
         return redirect("booking-policies")
-    if request.method == "POST" and form.is_valid():
+    if request.method == "POST" and not copies and form.is_valid():
         policy_services.policy_set(robot=robot, group=group, values=form.cleaned_data, actor=person)
         messages.success(request, _("The booking policy is saved."))
         return redirect("booking-policies")
@@ -99,7 +101,9 @@ def _policy_page(
         "own": stored is not None,
         "followed": followed,
     }
-    return render(request, "bookings/policies/policy.html", context, status=400 if form.errors else 200)
+    return render(
+        request, "bookings/policies/policy.html", context, status=400 if form.errors and not copies else 200
+    )
 
 
 @require_POST

@@ -126,7 +126,7 @@ def test_the_offer_is_made_when_the_robot_can_be_booked_again(frees, robot, staf
         type(robot).objects.update(enabled=False)
         robot.refresh_from_db()
     else:
-        Policy.objects.create(robot=robot, opening={"mon": ["00:00", "00:01"]})
+        Policy.objects.create(robot=robot, opening={"mon": [["00:00", "00:01"]]})
     waits(robot, second_operator)
     frees(robot=robot, staff=staff, period=period)
     assert offered_to(robot) == ["second"]

@@ -14,7 +14,7 @@ from msgspec import Meta, Struct
 from rest_framework.response import Response
 
 from fleet.bookings.changes import policy_changes
-from fleet.bookings.models import OutOfService, Policy
+from fleet.bookings.models import MOST_INTERVALS, OutOfService, Policy
 from fleet.bookings.selectors import policies_of
 from robots.access.models import RobotGroup
 from robots.access.selectors import robots_managed_by
@@ -40,7 +40,10 @@ _NOT_MANAGED = Refusal(
 class Rules(Struct, frozen=True, forbid_unknown_fields=True):
     """A booking policy: times in minutes; null: no limit."""
 
-    opening: dict[Weekday, tuple[Clock, Clock]]  # lab's time; a day left out is closed; empty: always open
+    # Intervals in order, in the lab's time; a day left out is closed; empty: always open
+    opening: dict[
+        Weekday, Annotated[list[tuple[Clock, Clock]], Meta(min_length=1, max_length=MOST_INTERVALS)]
+    ]
     shortest_min: Minutes
     longest_min: Minutes
     horizon_days: Annotated[int, Meta(ge=0, le=730)]
@@ -255,5 +258,4 @@ def _common() -> Policy:
 
 
 def _rules(policy: Policy) -> Rules:
-    opening = {day: (opens, closes) for day, (opens, closes) in policy.opening.items()}
-    return entry_of(Rules, policy, opening=opening)
+    return entry_of(Rules, policy)

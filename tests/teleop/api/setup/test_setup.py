@@ -40,13 +40,13 @@ def test_a_supervisor_sets_and_removes_a_robots_policy(
     ask, path = program(supervisor), f"/policies/robots/{robot.slug}"
     read = ask("GET", path)
     assert (read.data["own"], read.data["rules"]["opening"]) == (False, {})
-    rules = {**read.data["rules"], "opening": {"mon": ["08:00", "20:00"]}, "longest_min": 90}
+    rules = {**read.data["rules"], "opening": {"mon": [["08:00", "20:00"]]}, "longest_min": 90}
     assert ask("PUT", path, rules).data["code"] == "if_match_missing"
     made = ask("PUT", path, rules, If_Match=read["ETag"])
     assert (made.status_code, made.data["own"], made.data["rules"]) == (200, True, rules)
     late = ask("PUT", path, rules | {"longest_min": 60}, If_Match=read["ETag"])
     assert (late.status_code, late.data["code"]) == (412, "changed")
-    for wrong in ({"opening": {"mon": ["20:00", "08:00"]}}, {"shortest_min": 120}):
+    for wrong in ({"opening": {"mon": [["20:00", "08:00"]]}}, {"shortest_min": 120}):
         refused = ask("PUT", path, rules | wrong, If_Match=made["ETag"])
         assert (refused.status_code, refused.data["code"]) == (400, "invalid"), wrong
     assert program(operator)("PUT", path, rules, If_Match=made["ETag"]).status_code == 403
