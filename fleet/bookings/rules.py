@@ -306,6 +306,16 @@ def opening_of(day: date, hours: Hours, lab: ZoneInfo) -> list[Slot]:
     ]
 
 
+def next_opening(after: datetime, hours: Hours, lab: ZoneInfo) -> datetime | None:
+    """Return when an opening interval begins after a moment, within eight days."""
+    today = after.astimezone(lab).date()
+    for number in range(8):
+        for opening in opening_of(today + timedelta(days=number), hours, lab):
+            if opening.starts_at > after:
+                return opening.starts_at
+    return None
+
+
 def _at(day: date, clock: str, lab: ZoneInfo) -> datetime:
     return datetime.combine(day, time.fromisoformat(clock), tzinfo=lab).astimezone(UTC)
 
@@ -632,16 +642,19 @@ def day_of(day: date, lab: ZoneInfo) -> Slot:
     return Slot(zones.start_of(day, lab), zones.end_of(day, lab))
 
 
+def week_of(day: date, lab: ZoneInfo) -> Slot:
+    """Return the week of a day, Monday to Sunday in the lab's zone, as a slot in UTC."""
+    monday = day - timedelta(days=day.weekday())
+    return Slot(day_of(monday, lab).starts_at, day_of(monday + timedelta(days=7), lab).starts_at)
+
+
 def _days(wish: Wish) -> list[Slot]:
     return [day_of(day, wish.lab) for day in _dates(wish.slot, wish.lab)]
 
 
 def _weeks(wish: Wish) -> list[Slot]:
-    mondays = {day - timedelta(days=day.weekday()) for day in _dates(wish.slot, wish.lab)}
-    return [
-        Slot(day_of(monday, wish.lab).starts_at, day_of(monday + timedelta(days=7), wish.lab).starts_at)
-        for monday in sorted(mondays)
-    ]
+    weeks = {week_of(day, wish.lab) for day in _dates(wish.slot, wish.lab)}
+    return sorted(weeks, key=lambda week: week.starts_at)
 
 
 def _dates(slot: Slot, lab: ZoneInfo) -> Iterator[date]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from datetime import UTC, date, datetime, timedelta
 from enum import Enum
-from functools import cache, partial
-from typing import Any, Protocol
+from functools import cache
+from typing import Protocol
 from uuid import UUID
 
 from django.db.models import F, Q, QuerySet
@@ -17,19 +17,13 @@ from fleet.accounts.models import User
 from fleet.base import rows
 from fleet.base.zones import viewers, zone_of
 from fleet.bookings.models import Booking, OutOfService, Policy, State
-from fleet.bookings.rules import COURSE_QUOTAS, FAR, LONGEST, Quota, Slot, Taken, Wish, day_of, refusals
+from fleet.bookings.rules import COURSE_QUOTAS, FAR, LONGEST, Quota, Slot, Taken, Wish
 from robots.access.models import Course, RobotGroup
-from robots.access.role_rows import OWN, demanded, given
+from robots.access.role_rows import OWN, demanded
 from robots.access.selectors import given_on, lab_date, missing_qualifications, qualified_until, role_on
 from robots.registry.models import Robot, Role
 
-ALTERNATIVES = 3
 NOT_YET = (State.AWAITING, State.OFFERED)  # they hold a slot, but do not allow control
-STEP = timedelta(minutes=15)  # between the starts of proposed slots
-SEARCH = timedelta(days=7)  # how far ahead the next free slot is searched
-TRIES = SEARCH // STEP  # starts that are tried for one robot
-# Refusals with these codes are the same for all later starts of the day.
-FOR_THE_DAY = ("role_too_low", "quota_open", "quota_course_open", "too_short", "too_long")
 WEEK = timedelta(days=7)
 SWITCHED_OFF = gettext_lazy("staff switched it off")
 
@@ -242,9 +236,9 @@ def _held(robot: Robot, time: Slot) -> Iterator[_Held]:
 
 
 def _week_from(slot: Slot) -> Slot:
-    """Return the time in which free slots are searched: a week from the slot's start, or a longer slot."""
+    """Return the week from the slot's start on, or a longer slot."""
     starts = slot.starts_at
-    return Slot(starts, max(slot.ends_at, min(starts, FAR - SEARCH) + SEARCH))
+    return Slot(starts, max(slot.ends_at, min(starts, FAR - WEEK) + WEEK))
 
 
 def wish_of(
@@ -270,7 +264,7 @@ def wish_of(
     taken = _taken(facts, now, but=moved, of=person.pk)
     own = _own_rows(policy, person, slot, now, moved)
     role, courses = _role_and_courses(person, robot, starts)
-    first_day, last_day = _days_of(slot)
+    first_day, last_day = days_of(slot)
     if first_day != last_day:  # a course may end before the slot does
         role = min((role, role_on(person, robot, slot.ends_at - timedelta.resolution)), key=_rank)
     wish = Wish(
@@ -397,69 +391,6 @@ def _on_other_robots(own: list[_Own], robot: Robot, now: datetime) -> tuple[Take
     return tuple(found)
 
 
-def free_on_any(
-    robots: Iterable[Robot], person: User, minutes: float, *, after: datetime, now: datetime, most: int
-) -> list[tuple[Robot, Slot]]:
-    """Return the next slots of this length on any of these robots that no rule refuses, earliest first."""
-    asked: dict[str, Any] = {"minutes": minutes, "after": after, "person": person, "now": now, "most": most}
-    found = [one for robot in robots for one in free_slots(robot=robot, **asked)]
-    return sorted(found, key=lambda one: one[1].starts_at)[:most]
-
-
-def free_slots(
-    *,
-    robot: Robot,
-    person: User,
-    minutes: float,
-    after: datetime,
-    now: datetime,
-    most: int = ALTERNATIVES,
-    wish: Wish | None = None,
-    **asked: Any,
-) -> list[tuple[Robot, Slot]]:
-    """Return the next slots of this length that no rule refuses, earliest first.
-
-    `wish`: the wish for a slot that begins at `after`, if it is known. `asked`: further arguments of
-    `wish_of`.
-    """
-    length = timedelta(minutes=minutes)
-    ask = partial(wish_of, robot=robot, person=person, now=now, **asked)
-    known = wish or ask(slot=Slot(after, after + length))
-    begun = _days_of(known.slot)
-    facts = {begun: known}
-    sources = cache(lambda day: frozenset(given([person.pk], [robot.pk], day)))  # sources of a day's roles
-    found: list[tuple[Robot, Slot]] = []
-    starts = _rounded_up(max(after, now))
-    for _ in range(TRIES):
-        if starts >= after + SEARCH or len(found) >= most:
-            break
-        slot = Slot(starts, starts + length)
-        in_the_way = next((one for one in known.busy if one.slot.overlaps(slot)), None)
-        if in_the_way is not None:
-            starts = _rounded_up(min(in_the_way.slot.ends_at, after + SEARCH))
-            continue
-        if (days := _days_of(slot)) not in facts:
-            same = len({sources(day) for day in (*begun, *days)}) == 1
-            courses = {one.course for one in sources(days[0]) if one.course != OWN}
-            # With several courses, each slot may count for another course, so its facts are read again.
-            facts[days] = known if same and len(courses) <= 1 else ask(slot=slot)
-        refused = refusals(structs.replace(facts[days], slot=slot, start_kept=False, taken=(), out=()))
-        if not refused:
-            found.append((robot, slot))
-            starts = slot.ends_at
-        elif any(one.code in FOR_THE_DAY for one in refused):
-            starts = day_of(days[0], known.lab).ends_at
-        else:
-            starts += STEP
-    return found
-
-
-def _days_of(slot: Slot) -> tuple[date, date]:
+def days_of(slot: Slot) -> tuple[date, date]:
     """Return the lab's days on which a slot begins and ends. An end at midnight belongs to the day before."""
     return lab_date(slot.starts_at), lab_date(max(slot.starts_at, slot.ends_at - timedelta.resolution))
-
-
-def _rounded_up(moment: datetime) -> datetime:
-    """Return the next quarter of an hour."""
-    over = timedelta(minutes=moment.minute % 15, seconds=moment.second, microseconds=moment.microsecond)
-    return moment if not over else moment - over + STEP

@@ -24,6 +24,7 @@ from fleet.audit.models import Record
 from fleet.audit.services import record
 from fleet.base.names import fault_of
 from fleet.bookings import overlaps
+from fleet.bookings.free_time import free_slots
 from fleet.bookings.messages.notifications import changed_by_another
 from fleet.bookings.models import Booking, State
 from fleet.bookings.permissions import may_book_for, may_learn_of, may_manage_booking
@@ -43,7 +44,6 @@ from fleet.bookings.selectors import (
     RobotFacts,
     Stage,
     courses_for,
-    free_slots,
     grace_of,
     held_between,
     held_slot,

@@ -10,10 +10,10 @@ from django.db import IntegrityError, connection, transaction
 from fleet.audit.integrity.verify import verify_all
 from fleet.audit.models import Record
 from fleet.bookings import overlaps
+from fleet.bookings.free_time import free_on_any, free_slots
 from fleet.bookings.models import Booking, Notification, OutOfService, Policy, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.schedule import Held, Schedule, schedule_of
-from fleet.bookings.selectors import free_slots
 from fleet.bookings.services import (
     BookingRefused,
     alternatives_of,
@@ -287,6 +287,27 @@ def test_of_two_courses_the_one_with_time_left_finds_the_next_day(robot, strange
         starts_at=taken.starts_at, ends_at=taken.ends_at, held_until=taken.ends_at, **tomorrow
     )
     assert proposed(robot, stranger, 14, most=2) == [slot(14), slot(15)]
+
+
+def test_a_week_whose_quota_is_used_up_leads_to_the_next(robot, operator, django_assert_max_num_queries):
+    Policy.objects.create(
+        robot=robot, week_min=90, opening={"mon": [["09:10", "12:00"]], "tue": [["09:00", "24:00"]]}
+    )
+    book(robot, operator)
+    week_h = 7 * 24
+    assert proposed(robot, operator, 0, minutes=30, most=1) == [slot(0.25, 0.5)]
+    with django_assert_max_num_queries(40):
+        assert proposed(robot, operator, 0) == [slot(week_h + hours) for hours in (0.25, 1.25, 24)]
+    Policy.objects.update(horizon_days=6)
+    assert proposed(robot, operator, 1) == []
+
+
+def test_of_two_robots_the_one_that_is_free_first_is_found(robot, other_robot, operator):
+    RobotRole.objects.create(user=operator, robot=other_robot, role=Role.OPERATOR)
+    OutOfService.objects.create(robot=other_robot, starts_at=NOW, ends_at=slot(3).starts_at)
+    asked = {"person": operator, "minutes": 60, "after": NOW, "now": NOW}
+    for robots in ((robot, other_robot), (other_robot, robot)):
+        assert free_on_any(robots, most=1, **asked) == [(robot, slot(0))]
 
 
 def test_no_time_is_free_in_a_period_out_of_service(robot, operator):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from datetime import datetime, timedelta
+from datetime import datetime
 
 from django.db.models import F, Q
 from django.utils.translation import gettext as _
@@ -13,7 +13,7 @@ from fleet.accounts.models import User
 from fleet.base.formats.sentences import in_words
 from fleet.base.zones import zone_of
 from fleet.bookings.models import Booking, Policy
-from fleet.bookings.rules import LONGEST, Slot, day_of, duration
+from fleet.bookings.rules import LONGEST, Slot, day_of, duration, week_of
 from fleet.bookings.selectors import policies_of
 from robots.access.models import Course
 from robots.access.selectors import lab_date, robots_visible_to, roles_of
@@ -98,6 +98,4 @@ def _rest(most_min: int, slots: list[Slot], period: Slot) -> str:
 
 
 def _week(now: datetime) -> Slot:
-    lab, today = zone_of(""), lab_date(now)
-    monday = today - timedelta(days=today.weekday())
-    return Slot(day_of(monday, lab).starts_at, day_of(monday + timedelta(days=7), lab).starts_at)
+    return week_of(lab_date(now), zone_of(""))

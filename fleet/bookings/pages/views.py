@@ -25,6 +25,7 @@ from fleet.base.origin import public_url
 from fleet.base.zones import viewers
 from fleet.bookings import services
 from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, waiting_leave
+from fleet.bookings.free_time import free_on_any
 from fleet.bookings.hours.quota_left import common_left, left_of
 from fleet.bookings.messages.ical import address_make, address_revoke, feed_of
 from fleet.bookings.models import Booking, FeedAddress, State, Waiting
@@ -37,7 +38,6 @@ from fleet.bookings.selectors import (
     RobotFacts,
     Stage,
     bookings_of,
-    free_on_any,
     grace_of,
     held_between,
     policies_of,
@@ -170,7 +170,9 @@ def next_free(request: HttpRequest) -> HttpResponse:
     now = timezone.now()
     found = free_on_any(robots, person, minutes, after=now, now=now, most=1)
     if not found:
-        messages.warning(request, _("No robot that you may drive is free for so long within seven days."))
+        messages.warning(
+            request, _("No robot that you may drive is free for so long until the end of next week.")
+        )
         return redirect("bookings")
     return redirect(_filled_in(reverse("booking-new"), *found[0]))
 

@@ -22,10 +22,11 @@ from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
 from fleet.bookings import services
 from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, waiting_leave
+from fleet.bookings.free_time import ALTERNATIVES, free_on_any
 from fleet.bookings.models import Booking, Waiting
 from fleet.bookings.permissions import bookings_managed_by, shows_person
 from fleet.bookings.rules import Slot
-from fleet.bookings.selectors import ALTERNATIVES, OPEN, free_on_any, grace_of, policies_of, stage_of
+from fleet.bookings.selectors import OPEN, grace_of, policies_of, stage_of
 from fleet.bookings.services import BookingRefused
 from fleet.bookings.shared_facts import in_turn
 from robots.access.models import Course
@@ -318,7 +319,8 @@ class BookingsView(BookingsBase):
 class FreeView(BookingsBase):
     @reads("bookings_free", "Search free slots")
     def get(self, query: FreeAsked) -> SlotList:
-        """Within seven days from `after` (now, if left out), slots that no rule would refuse to you."""
+        """From `after` (now, if left out) to the end of the next week, slots that no rule would refuse to you: where
+        the quotas of a week are used up, those of the next."""
         now = timezone.now()
         robots = [self.robot(query.robot)] if query.robot is not None else self.robots()
         robots = [robot for robot in robots if robot.enabled]
