@@ -119,7 +119,7 @@ def shown(moment: datetime, zone: ZoneInfo) -> str:
 def from_to(slot: Slot, zone: ZoneInfo) -> str:
     """Return begin and end of a slot as text; the end with its day if that is another day."""
     same = zones.day_of(slot.starts_at, zone) == zones.day_of(slot.ends_at, zone)
-    ends = f"{slot.ends_at.astimezone(zone):%H:%M}" if same else shown(slot.ends_at, zone)
+    ends = dated(slot.ends_at.astimezone(zone), "H:i") if same else shown(slot.ends_at, zone)
     return _("%(from)s to %(to)s") % {"from": shown(slot.starts_at, zone), "to": ends}
 
 
@@ -686,6 +686,12 @@ def to_utc(local: datetime, zone: ZoneInfo, *, is_end: bool = False) -> datetime
         )
         return _no("time_gap", text)
     return utc
+
+
+def moments_of(local: datetime, zone: ZoneInfo) -> list[datetime]:
+    """Return the moments of a wall-clock time without zone: two, if clocks go back and show it twice, none in a gap."""
+    moments = {local.replace(tzinfo=zone, fold=fold).astimezone(UTC) for fold in (0, 1)}
+    return sorted(moment for moment in moments if _wall(moment, zone) == local)
 
 
 def _wall(moment: datetime, zone: ZoneInfo) -> datetime:

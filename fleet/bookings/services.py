@@ -81,13 +81,19 @@ class BookingRefused(NotDone):
 
     `refusals` has every reason; `wish` has the facts, if a rule refused.
 
-    `asked` has the arguments of `wish_of` except the slot. With them, other slots are checked.
+    `asked` has the arguments of `wish_of` except the slot. With them, other slots are checked. `alternatives`: slots
+    to choose from, if the refusal itself knows them.
     """
 
     def __init__(
-        self, refusals: list[Refusal], wish: Wish | None = None, asked: dict[str, Any] | None = None
+        self,
+        refusals: list[Refusal],
+        wish: Wish | None = None,
+        asked: dict[str, Any] | None = None,
+        alternatives: Sequence[tuple[Robot, Slot]] = (),
     ) -> None:
         super().__init__(refusals[0])
+        self.alternatives = list(alternatives)
         self.refusals = refusals
         self.wish = wish
         self.asked = asked or {}
@@ -188,6 +194,8 @@ def alternatives_of(error: BookingRefused) -> list[tuple[Robot, Slot]]:
 
     They are as long as the wished slot, or as long as the policy allows.
     """
+    if error.alternatives:
+        return error.alternatives
     if (wish := error.wish) is None or "taken" not in (refusal.code for refusal in error.refusals):
         return []
     minutes = min(wish.slot.minutes, wish.policy.longest_min)

@@ -10,7 +10,7 @@ in `static/js/formats/sentences.js`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from datetime import date
+from datetime import date, datetime, timedelta
 from functools import cache
 from string import Formatter
 from typing import Any
@@ -123,13 +123,31 @@ def capitalised(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
+def with_offset(clock: str, moment: Any) -> str:
+    """Return a time of day, with its offset if clocks go back and show it twice that day: "02:30 (UTC+2)"."""
+    return f"{clock} ({offset(moment)})" if is_shown_twice(moment) else clock
+
+
+def is_shown_twice(moment: Any) -> bool:
+    """Return whether clocks go back and show this moment's time of day twice. `moment`: in the reader's zone."""
+    zone = getattr(moment, "tzinfo", None)
+    return zone is not None and moment.replace(fold=0).utcoffset() != moment.replace(fold=1).utcoffset()
+
+
+def offset(moment: datetime) -> str:
+    """Return the offset from UTC of a moment in a zone: "UTC+2", "UTC-3:30"."""
+    minutes = round((moment.utcoffset() or timedelta()) / timedelta(minutes=1))
+    hours, rest = divmod(abs(minutes), 60)
+    return f"UTC{'-' if minutes < 0 else '+'}{hours}" + (f":{rest:02}" if rest else "")
+
+
 FORMATS: Mapping[str, Callable[[Any], str]] = {
     "fine": fine,
     "age": age,
     "capital": capitalised,
     "bare": lambda text: text.rstrip("."),
     # Moments in the reader's zone
-    "clock": lambda moment: f"{moment:%H:%M}",
+    "clock": lambda moment: with_offset(f"{moment:%H:%M}", moment),
     "day": lambda moment: f"{moment:%d %b %Y}",
-    "when": lambda moment: f"{moment:%a %d %b %Y, %H:%M}",
+    "when": lambda moment: with_offset(f"{moment:%a %d %b %Y, %H:%M}", moment),
 }

@@ -133,12 +133,60 @@ def test_an_out_of_service_period(client, supervisor, robot, times):
     assert not OutOfService.objects.exists()
 
 
-def test_a_repeated_hour_is_the_first_and_lasts_two_hours(browser, robot):
+def test_a_person_chooses_one_of_the_two_moments_of_a_repeated_time(browser, robot):
     Policy.objects.create(horizon_days=730)
-    browser.post(reverse("booking-new"), fields(robot, (TWICE, "2027-10-31T03:30")))
+    refused = browser.post(reverse("booking-new"), fields(robot, (TWICE, "2027-10-31T03:30")), **JSON).json()
+    assert [one["code"] for one in refused["refusals"]] == ["time_twice"]
+    assert "comes twice, because clocks go back: choose UTC+2 or UTC+1" in refused["refusals"][0]["text"]
+    first, second = refused["alternatives"]
+    assert "02:30 (UTC+2) to 03:30" in first["words"]
+    assert (second["start"], second["end"]) == (f"{TWICE}+01:00", "2027-10-31T03:30")
+    form = browser.get(
+        reverse("booking-new"), {"from": second["start"], "to": second["end"]}
+    ).content.decode()
+    assert f'value="{TWICE}"' in form and "02:30: UTC+1" in form
+    kept = {"starts_at_exact": second["start"], "starts_at": TWICE, "ends_at": second["end"]}
+    page = browser.post(reverse("booking-new"), {"robot": robot.slug, **kept}, follow=True, **HTML)
     booking = Booking.objects.get()
-    assert booking.starts_at == datetime(2027, 10, 31, 0, 30, tzinfo=UTC)
-    assert booking.ends_at - booking.starts_at == timedelta(hours=2)  # 02:00 to 03:00 comes twice
+    assert (booking.starts_at, booking.ends_at - booking.starts_at) == (
+        datetime(2027, 10, 31, 1, 30, tzinfo=UTC),
+        timedelta(hours=1),
+    )
+    assert "02:30 (UTC+1) to 03:30" in page.content.decode()
+    days = {"start": "2027-10-31", "end": "2027-11-01"}
+    events = browser.get(reverse("bookings-feed"), days).json()["events"]
+    named = [one["extendedProps"]["times"] for one in events if one["id"] == str(booking.pk)]
+    assert named == ["02:30 (UTC+1) - 03:30"]
+
+
+def test_a_time_typed_over_a_repeated_one_counts_alone(browser, robot):
+    later = (hour() + timedelta(days=1)).replace(hour=9)
+    other = {"starts_at_exact": f"{TWICE}+01:00", "starts_at": f"{later:%Y-%m-%dT%H:%M}"}
+    ends = {"ends_at": f"{later + timedelta(hours=1):%Y-%m-%dT%H:%M}"}
+    browser.post(reverse("booking-new"), {"robot": robot.slug, **other, **ends})
+    assert Booking.objects.get().starts_at == later
+
+
+def test_both_ends_of_a_slot_may_come_twice(browser, robot):
+    Policy.objects.create(horizon_days=730)
+    times = ("2027-10-31T02:00", TWICE)
+    refused = browser.post(reverse("booking-new"), fields(robot, times), **JSON).json()
+    assert [one["words"].partition(", 02")[2] for one in refused["alternatives"]] == [
+        ":00 (UTC+2) to 02:30 (UTC+2)",
+        ":00 (UTC+2) to 02:30 (UTC+1)",
+        ":00 (UTC+1) to 02:30 (UTC+1)",
+    ]
+    booking_of_an_hour = fields(robot, (2, 3))
+    browser.post(reverse("booking-new"), booking_of_an_hour)
+    booking = Booking.objects.get()
+    move = fields(robot, times, action="move", version=1)
+    moved = browser.post(reverse("booking", args=[booking.pk]), move, **JSON).json()
+    assert [one["code"] for one in moved["refusals"]] == ["time_twice"] * 2
+    third = moved["alternatives"][2]
+    chosen = {"starts_at": third["start"], "ends_at": third["end"]}
+    assert browser.post(reverse("booking", args=[booking.pk]), {**move, **chosen}, **JSON).status_code == 200
+    booking.refresh_from_db()
+    assert booking.starts_at == datetime(2027, 10, 31, 1, tzinfo=UTC)
 
 
 @pytest.mark.parametrize("zone", ["Pacific/Kiritimati", "America/Los_Angeles"])

@@ -9,6 +9,8 @@ from typing import Any
 from django.utils.formats import date_format
 from django.utils.translation import get_language
 
+from robots.shared.sentences import with_offset
+
 # Changes of an English format (Django's letters) by language.
 _SMALL_MONTH = (r"\bM\b", "b")
 _CHANGES = {
@@ -20,8 +22,12 @@ _CHANGES = {
 
 
 def dated(moment: date, form: str) -> str:
-    """Return a day or moment in an English format, as the reader's language writes it."""
-    return str(date_format(moment, in_language(form)))
+    """Return a day or moment in an English format, as the reader's language writes it.
+
+    A time of day that the clock shows twice has its offset. `moment`: in the reader's zone.
+    """
+    text = str(date_format(moment, in_language(form)))
+    return with_offset(text, moment) if form.endswith("H:i") else text
 
 
 def in_language(form: Any) -> Any:

@@ -101,7 +101,7 @@ def changed_by_another(
 def in_words(booking: Booking, zone: ZoneInfo) -> str:
     """Return a text with the robot and the times of a booking, in this zone."""
     starts = dated(booking.starts_at.astimezone(zone), "D d M Y, H:i")
-    times = f"{starts} - {booking.ends_at.astimezone(zone):%H:%M} ({zone.key})"
+    times = f"{starts} - {dated(booking.ends_at.astimezone(zone), 'H:i')} ({zone.key})"
     return f"{booking.robot.name}, {times}"
 
 

@@ -14,6 +14,7 @@ from msgspec import UNSET, Struct, UnsetType
 
 from fleet.accounts.models import User
 from fleet.base import rows
+from fleet.base.formats.dates import dated
 from fleet.base.zones import viewers, zone_of
 from fleet.bookings import rules
 from fleet.bookings.models import WEEKDAYS, OutOfService, Policy
@@ -31,6 +32,7 @@ from fleet.bookings.selectors import (
 from robots.access.selectors import robots_managed_by
 from robots.access.who_sees import reader_of
 from robots.registry.models import Robot
+from robots.shared.sentences import is_shown_twice
 
 LONGEST = timedelta(days=45)  # the longest time that a view shows
 
@@ -58,7 +60,7 @@ class Event(Struct, kw_only=True, omit_defaults=True, rename="camel"):
     class_names: tuple[str, ...]
     editable: bool | UnsetType = UNSET
     start_editable: bool | UnsetType = UNSET
-    extended_props: dict[str, int] | UnsetType = UNSET
+    extended_props: dict[str, int | str] | UnsetType = UNSET
 
 
 class _Row(Struct):
@@ -125,6 +127,12 @@ def span(starts: datetime, ends: datetime, zone: ZoneInfo) -> tuple[str, str]:
     return begins.isoformat()[:19], drawn.isoformat()[:19]
 
 
+def times_of_day(starts: datetime, ends: datetime, zone: ZoneInfo) -> str:
+    """Return begin and end, with their offsets, if the clock shows one of them twice: "02:30 (UTC+1) - 03:30"."""
+    local = [moment.astimezone(zone) for moment in (starts, ends)]
+    return " - ".join(dated(one, "H:i") for one in local) if any(map(is_shown_twice, local)) else ""
+
+
 def _booked(
     person: User,
     robots: list[Robot],
@@ -141,6 +149,7 @@ def _booked(
     reader = reader_of(person)
     graces = {robot.slug: grace_of(policies[robot.id]) for robot in robots}
     moment, known, written = cache(rows.moment), cache(rows.key), cache(partial(span, zone=zone))
+    written_times = cache(partial(times_of_day, zone=zone))
     query = _HELD.format(robots=rows.marks(robots))
     asked = (*(robot.id for robot in robots), starts - rules.LONGEST, ends, starts)
     events = []
@@ -163,6 +172,8 @@ def _booked(
             event.editable = True
             event.start_editable = stage in (Stage.AWAITING, Stage.BOOKED)
             event.extended_props = {"version": version}
+        if named := written_times(held.starts_at, held.ends_at):
+            event.extended_props = {**(event.extended_props or {}), "times": named}
         events.append(event)
     return events
 

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
-from datetime import date, datetime
+from contextlib import suppress
+from datetime import UTC, date, datetime
+from itertools import product
 from typing import Any, cast
 from uuid import UUID
+from zoneinfo import ZoneInfo
 
 from django import forms
 from django.core.exceptions import ValidationError
 from django.http import QueryDict
+from django.utils.html import format_html
+from django.utils.safestring import SafeString
 from django.utils.translation import gettext_lazy as _
 
 from fleet.base import rows
@@ -18,12 +23,14 @@ from fleet.base.zones import viewers
 from fleet.bookings.changes.policy_changes import POLICY_FIELDS
 from fleet.bookings.changes.series import MOST_WEEKS
 from fleet.bookings.models import DAY_NAMES, MOST_INTERVALS, WEEKDAYS, OutOfService, Policy
-from fleet.bookings.rules import Slot, to_utc
+from fleet.bookings.rules import Slot, moments_of, to_utc
 from robots.access.models import Course, RobotGroup
 from robots.registry.models import Robot
+from robots.shared.sentences import is_shown_twice, offset
 from robots.shared.wire import Refusal
 
 TIME_FORMAT = "%Y-%m-%dT%H:%M"
+LENGTH = len("2026-03-02T14:30")
 YEARS = range(2000, 2200)  # other years are typing errors
 # An opening interval: hour, minutes if any, "-" or a dash, and the same of its end
 INTERVAL = re.compile(
@@ -41,15 +48,47 @@ def typed_day(text: str | None) -> date | None:
     return found if found.year in YEARS else None
 
 
+def typed_time(moment: datetime) -> str:
+    """Return a moment as the forms read it: wall-clock time in the viewer's zone, with its offset if it comes twice."""
+    local = moment.astimezone(viewers())
+    return local.isoformat(timespec="minutes") if is_shown_twice(local) else f"{local:{TIME_FORMAT}}"
+
+
+class LocalTimeInput(forms.DateTimeInput):
+    """A browser's field of date and time. It knows no offset: that of a time that comes twice has a hidden field."""
+
+    def __init__(self) -> None:
+        super().__init__(attrs={"type": "datetime-local", "step": "300"})
+
+    def render(self, name: str, value: Any, attrs: Any = None, renderer: Any = None) -> SafeString:
+        """Return the field; beside it the offset, if the value has one."""
+        exact = None
+        with suppress(ValueError):
+            exact = datetime.fromisoformat(value or "")
+        if exact is None or exact.tzinfo is None:
+            return super().render(name, value, attrs, renderer)
+        hidden = '<small class="quiet">{}: {}</small><input type="hidden" name="{}_exact" value="{}">'
+        field = super().render(name, f"{exact:{TIME_FORMAT}}", attrs, renderer)
+        return field + format_html(hidden, f"{exact:%H:%M}", offset(exact), name, value)
+
+    def value_from_datadict(self, data: Any, files: Any, name: str) -> Any:
+        """Return the typed time, with the offset if it is still that of the hidden field."""
+        typed, exact = data.get(name), data.get(f"{name}_exact", "")
+        return exact if typed and exact[:LENGTH] == typed else typed
+
+
 class LocalTime(forms.CharField):
     """A wall-clock time in the viewer's zone; cleaned to UTC."""
 
     is_end = False
-    widget = forms.DateTimeInput(attrs={"type": "datetime-local", "step": "300"}, format=TIME_FORMAT)
+    widget = LocalTimeInput
+    # Refuse a time that the clock shows twice, without its offset; else the first counts.
+    asks = False
+    kept: datetime | None = None  # the moment of a booking that is changed, if the same time is typed
 
     def prepare_value(self, value: Any) -> Any:
         """Return a UTC time as text in the viewer's zone, in the format of the field."""
-        return value.astimezone(viewers()).strftime(TIME_FORMAT) if isinstance(value, datetime) else value
+        return typed_time(value) if isinstance(value, datetime) else value
 
     def clean(self, value: Any) -> datetime:
         """Return the moment in UTC.
@@ -66,12 +105,31 @@ class LocalTime(forms.CharField):
             raise ValidationError(_("Write a date and a time, such as 2026-03-02 14:30.")) from error
         if local.year not in YEARS:
             raise wrong_year
-        if local.tzinfo is not None:
+        wall, zone = local.replace(tzinfo=None), viewers()
+        if self.kept is not None and f"{self.kept.astimezone(zone):{TIME_FORMAT}}" == f"{wall:{TIME_FORMAT}}":
+            return self.kept
+        twice = moments_of(wall, zone) if local.tzinfo or self.asks else []
+        if local.tzinfo is not None and (len(twice) < 2 or local not in twice):
             raise ValidationError(_("Write the time without a zone: it counts in yours."))
-        moment = to_utc(local, viewers(), is_end=self.is_end)
+        if local.tzinfo is not None:
+            return local.astimezone(UTC)
+        moment = to_utc(wall, zone, is_end=self.is_end)
         if isinstance(moment, Refusal):
             raise ValidationError(moment.text, code=moment.code)
+        if len(twice) == 2:
+            raise TwiceError(twice, zone)
         return moment
+
+
+class TwiceError(ValidationError):
+    """A typed time comes twice, because clocks go back: the person must choose one of these moments."""
+
+    def __init__(self, moments: list[datetime], zone: ZoneInfo) -> None:
+        first, second = (moment.astimezone(zone) for moment in moments)
+        key = _("%(time)s comes twice, because clocks go back: choose %(first)s or %(second)s.")
+        values = {"time": f"{first:%H:%M}", "first": offset(first), "second": offset(second)}
+        super().__init__(key % values, code="time_twice")
+        self.moments = moments
 
 
 class LocalEnd(LocalTime):
@@ -263,6 +321,7 @@ class SlotForm(forms.Form):
     """A robot and a slot; also the course, if a person has several.
 
     Supervisors may also book for another person. People who manage a robot may book against its policy.
+    `kept`: begin and end of the booking that is changed.
     """
 
     robot = RobotField(Robot.objects.none(), label=_("Robot"), to_field_name="slug", empty_label=None)
@@ -286,6 +345,7 @@ class SlotForm(forms.Form):
         supervises: bool,
         overrides: bool,
         courses: Any = (),
+        kept: tuple[datetime | None, datetime | None] = (None, None),
         **options: Any,
     ) -> None:
         super().__init__(*args, **options)
@@ -293,6 +353,9 @@ class SlotForm(forms.Form):
             cast(forms.ModelChoiceField, self.fields["course"]).queryset = courses  # type: ignore[type-arg]
         else:
             del self.fields["course"]
+        for name, moment in zip(("starts_at", "ends_at"), kept, strict=False):
+            cast(LocalTime, self.fields[name]).kept = moment
+            cast(LocalTime, self.fields[name]).asks = True
         choice = cast(RobotField, self.fields["robot"])
         choice.visible = visible
         choice.queryset = Robot.objects.all() if visible is None else Robot.objects.filter(pk__in=visible)
@@ -305,3 +368,15 @@ class SlotForm(forms.Form):
     def slot(self) -> Slot:
         """Return the slot of a valid form."""
         return Slot(self.cleaned_data["starts_at"], self.cleaned_data["ends_at"])
+
+    @property
+    def choices(self) -> list[tuple[Robot, Slot]]:
+        """Return the slots from which a person chooses who typed a time that comes twice."""
+        robot, moments = self.cleaned_data.get("robot"), []
+        for name in ("starts_at", "ends_at"):
+            [error] = self.errors.as_data().get(name, [None])
+            typed = self.cleaned_data.get(name)
+            moments.append(error.moments if isinstance(error, TwiceError) else [typed] if typed else [])
+        if robot is None or not any(len(one) > 1 for one in moments):
+            return []
+        return [(robot, Slot(starts, ends)) for starts, ends in product(*moments) if starts < ends]

@@ -29,8 +29,8 @@ from fleet.bookings.free_time import free_on_any
 from fleet.bookings.hours.quota_left import common_left, left_of
 from fleet.bookings.messages.ical import address_make, address_revoke, feed_of
 from fleet.bookings.models import Booking, FeedAddress, State, Waiting
-from fleet.bookings.pages.calendar import calendar, local
-from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm, typed_day
+from fleet.bookings.pages.calendar import calendar
+from fleet.bookings.pages.forms import SlotForm, typed_day, typed_time
 from fleet.bookings.permissions import awaiting_approval, may_manage_booking, shows_person
 from fleet.bookings.rules import Slot, from_to
 from fleet.bookings.selectors import (
@@ -134,7 +134,7 @@ def booking_new(request: HttpRequest) -> HttpResponse:
 def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], RobotFacts]) -> HttpResponse:
     form = _typed(request, person)
     if not form.is_valid():
-        return _refused(request, form, _form_refusals(form))
+        return _refused(request, form, _form_refusals(form), form.choices)
     robot, named = form.cleaned_data["robot"], form.cleaned_data.get("person", "")
     try:
         booking = services.booking_make(
@@ -279,23 +279,13 @@ def _change(request: HttpRequest, found: Booking, person: User) -> None:
     else:
         form = SlotForm(
             {**request.POST.dict(), "robot": found.robot.slug},
+            kept=(found.starts_at, found.ends_at),
             **_form_options(person, found.robot),
         )
         if not form.is_valid():
-            raise BookingRefused(_form_refusals(form))
+            raise BookingRefused(_form_refusals(form), alternatives=form.choices)
         override = form.cleaned_data.get("override", "")
-        slot = Slot(_kept(form.slot.starts_at, found.starts_at), _kept(form.slot.ends_at, found.ends_at))
-        services.booking_move(version=version, slot=slot, override=override, **common)
-
-
-def _kept(typed: datetime, old: datetime) -> datetime:
-    """Return the old moment if the typed time is unchanged, else the typed one.
-
-    When clocks go back, one typed time stands for two moments.
-    """
-    zone = viewers()
-    same = f"{typed.astimezone(zone):{TIME_FORMAT}}" == f"{old.astimezone(zone):{TIME_FORMAT}}"
-    return old if same else typed
+        services.booking_move(version=version, slot=form.slot, override=override, **common)
 
 
 def _booking_page(request: HttpRequest, found: Booking, error: BookingRefused | None = None) -> HttpResponse:
@@ -427,15 +417,14 @@ def _refused(
 
 
 def _refusals_json(refusals: list[Refusal], alternatives: list[tuple[Robot, Slot]]) -> dict[str, Any]:
-    zone = viewers()
     return {
         "refusals": [{"figures": {}, **wire.to_builtins(one)} for one in refusals],
         "alternatives": [
             {
                 "robot": robot.slug,
                 "words": _slot_words(robot, slot),
-                "start": local(slot.starts_at, zone),
-                "end": local(slot.ends_at, zone),
+                "start": typed_time(slot.starts_at),
+                "end": typed_time(slot.ends_at),
             }
             for robot, slot in alternatives
         ],
@@ -452,11 +441,7 @@ def _offers(free: list[tuple[Robot, Slot]], form: str) -> list[dict[str, str]]:
 
 
 def _filled_in(form: str, robot: Robot, slot: Slot) -> str:
-    zone = viewers()
-    times = {
-        "from": slot.starts_at.astimezone(zone).strftime(TIME_FORMAT),
-        "to": slot.ends_at.astimezone(zone).strftime(TIME_FORMAT),
-    }
+    times = {"from": typed_time(slot.starts_at), "to": typed_time(slot.ends_at)}
     return f"{form}?{urlencode({'robot': robot.slug, **times})}"
 
 
@@ -482,7 +467,7 @@ def waiting(request: HttpRequest) -> HttpResponse:
         return redirect("bookings-mine")
     form = _typed(request, person)
     if not form.is_valid():
-        return _refused(request, form, _form_refusals(form))
+        return _refused(request, form, _form_refusals(form), form.choices)
     robot = form.cleaned_data["robot"]
     if form.cleaned_data.get("person", "") not in ("", person.username):
         return _refused(request, form, [_ONLY_ONESELF])

@@ -119,9 +119,7 @@ export function startCalendar(main, library) {
     });
     if (answer.ok) dialog.close();
     else
-      dialog.tell(answer.texts, answer.alternatives, ({ start, end }) =>
-        move(event, start.slice(0, 16), end.slice(0, 16)),
-      );
+      dialog.tell(answer.texts, answer.alternatives, ({ start, end }) => move(event, start, end));
     calendar.refetchEvents();
     return answer.ok;
   }
@@ -236,7 +234,9 @@ export function scrollTime(now, zone = document.documentElement.dataset.zone) {
 function eventLines(event, timeText, view, names, oneUrl) {
   if (event.display === "background") return [make("small", { text: event.title })];
   const robot = view.startsWith("resource") ? [] : [names.get(event.resourceIds[0]) ?? ""];
-  const lines = [timeText, ...robot, event.title].map((text) => make("span", { text }));
+  const lines = [event.extendedProps.times ?? timeText, ...robot, event.title].map((text) =>
+    make("span", { text }),
+  );
   const link = make("a", { className: "event-link", children: lines });
   link.href = `${oneUrl}${event.id}/`;
   link.draggable = false;

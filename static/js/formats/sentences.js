@@ -5,7 +5,7 @@
 
 import { pageLanguage } from "./languages.js";
 import { number } from "./numbers.js";
-import { pageZone } from "./times.js";
+import { offsetIfTwice, pageZone } from "./times.js";
 
 // Fields with a sentence
 const TOLD = new Set([
@@ -30,6 +30,11 @@ function moment(options) {
     );
 }
 
+function clock(options) {
+  const text = moment({ ...options, ...CLOCK });
+  return (at) => text(at) + offsetIfTwice(new Date(at));
+}
+
 const CLOCK = { hour: "2-digit", minute: "2-digit", hourCycle: "h23" };
 const DAY = { day: "2-digit", month: "short", year: "numeric" };
 
@@ -41,10 +46,10 @@ const FORMATS = {
   },
   bare: (text) => text.replace(/\.+$/, ""),
   capital: (text) => text.charAt(0).toLocaleUpperCase(pageLanguage()) + text.slice(1),
-  clock: moment(CLOCK),
+  clock: clock({}),
   // A day has no zone
   day: (day) => moment({ ...DAY, timeZone: "UTC" })(day.slice(0, 10)),
-  when: moment({ weekday: "short", ...DAY, ...CLOCK }),
+  when: clock({ weekday: "short", ...DAY }),
 };
 
 function shown(value, format = "") {

@@ -30,6 +30,21 @@ export function clockText(at) {
   return new Intl.DateTimeFormat("en-GB", { ...time, timeZone: pageZone() }).format(at);
 }
 
+/**
+ * The offset of a moment in the page's zone, " (UTC+2)", if clocks go back and show its time of day twice; else "".
+ * @param {Date} at
+ */
+export function offsetIfTwice(at) {
+  const clock = clockText(at);
+  const twice = [-60, -30, 30, 60].some(
+    (minutes) => clockText(new Date(at.getTime() + minutes * 60_000)) === clock,
+  );
+  if (!twice) return "";
+  const options = { timeZone: pageZone(), timeZoneName: "shortOffset" };
+  const parts = new Intl.DateTimeFormat("en", options).formatToParts(at);
+  return ` (${parts.find(({ type }) => type === "timeZoneName").value.replace("GMT", "UTC")})`;
+}
+
 /** The time if it was today, else the day and the time. @param {string} at as the console sends it */
 export function whenText(at, now = new Date()) {
   const when = new Date(at);

@@ -30,6 +30,16 @@ test("a sentence in a sentence, and figures, in the page's language", () => {
   );
 });
 
+test("a time that the clock shows twice has its offset", () => {
+  document.documentElement.dataset.zone = "Europe/Madrid";
+  const at = (time) => sentence(["{at:clock}; {at:when}", { at: time }]);
+  expect(at("2027-10-31T00:30:00Z")).toMatch(/^02:30 \(UTC\+2\); .* 02:30 \(UTC\+2\)$/);
+  expect(at("2027-10-31T01:30:00Z")).toMatch(/^02:30 \(UTC\+1\)/);
+  expect(at("2027-10-31T02:00:00Z")).toMatch(/^03:00; [^(]*$/);
+  expect(at("2027-03-28T01:00:00Z")).toMatch(/^03:00; [^(]*$/);
+  delete document.documentElement.dataset.zone;
+});
+
 test("each sentence of a message, but no text in a language of its own", () => {
   const message = {
     t: "view",
