@@ -119,6 +119,7 @@ TEMPLATES = [
                 "django.contrib.messages.context_processors.messages",
                 "fleet.bookings.pages.news.news",
                 "fleet.site.pages.navigation.navigation",
+                "fleet.accounts.mail.off.mail",
             ],
             "builtins": ["fleet.base.formats.filters"],
         },

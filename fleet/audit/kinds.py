@@ -152,6 +152,8 @@ KINDS: dict[str, Kind] = {
     "account.second_factor": Kind(_("second factor added or removed")),
     "account.single_sign_on": Kind(_("single sign-on connected with an account, or disconnected")),
     "account.email_refused": Kind(_("e-mail refused by the mail server")),
+    "account.email_test": Kind(_("test e-mail sent")),
+    "account.link": Kind(_("links to set a password shown")),
     "account.sign_in": Kind(_("signed in")),
     "account.sign_in_failed": Kind(_("sign-in failed")),
     "account.sign_out": Kind(_("signed out")),

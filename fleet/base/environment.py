@@ -220,7 +220,7 @@ def redis_url(env: Environment) -> str | None:
     url = env.text("FLEET_REDIS_URL")
     if url is not None and urlsplit(url).scheme not in ("redis", "rediss", "unix"):
         raise ImproperlyConfigured(
-            f"FLEET_REDIS_URL is {url!r}; it looks like redis://host:6379/0, or rediss:// for TLS."
+            f"FLEET_REDIS_URL is {url.rpartition('@')[2]!r}; it looks like redis://host:6379/0, or rediss:// for TLS."
         )
     return url
 
@@ -250,11 +250,11 @@ def email(env: Environment) -> dict[str, Any]:
     Examples: `smtp://user:password@host:587` (STARTTLS), `smtps://host:465` (TLS), or `smtp://host:25`: a
     relay in one's own network, without user and without TLS.
 
-    Without the variable, e-mails are written to the log of the process that sends them.
+    Without the variable, no e-mail is sent, and the log says to whom.
     """
     url = env.text("FLEET_EMAIL_URL")
     if url is None:
-        return {"EMAIL_BACKEND": "django.core.mail.backends.console.EmailBackend"}
+        return {"EMAIL_BACKEND": "fleet.accounts.mail.off.EmailBackend"}
     parts, port = _split("FLEET_EMAIL_URL", url)
     if parts.scheme not in ("smtp", "smtps") or not parts.hostname:
         raise ImproperlyConfigured(

@@ -4,7 +4,7 @@ from django.contrib import admin
 from django.urls import include, path
 from django.views.generic import RedirectView
 
-from fleet.site.pages import app, setup, views
+from fleet.site.pages import app, mail, setup, views
 from teleop.api.metrics import MetricsView
 
 admin.site.site_title = admin.site.site_header = "Fleet console"
@@ -25,6 +25,7 @@ urlpatterns = [
     path("livez", views.livez),
     path("metrics", MetricsView.as_view()),
     path("cookies/", views.cookies, name="cookies"),
+    path("mail/", mail.mail, name="mail"),
     path("privacy/", views.privacy, name="privacy"),
     path("", include(app)),
     path("help/", include("fleet.help.urls")),

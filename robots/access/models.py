@@ -194,6 +194,28 @@ class Invitation(models.Model):
         return self.expires_at - ONE_SECOND
 
 
+class PasswordLink(models.Model):
+    """The link by which a person sets a password. A person has one: a new one ends the old one."""
+
+    person = models.OneToOneField(
+        settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="password_link"
+    )
+    digest = models.CharField(max_length=64, unique=True)  # SHA-256 of the link's code
+    sealed = models.TextField()  # the code, encrypted, so that the same link can be shown again
+    mark = models.CharField(max_length=16)  # of the account's password: a later password ends the link
+    # Others than staff have seen the link: it ends when the account gets more than enrolments
+    seen = models.BooleanField(default=False)
+    expires_at = models.DateTimeField()
+
+    def __str__(self) -> str:
+        return gettext("link of %s") % self.person
+
+    @property
+    def last_moment(self) -> datetime:
+        """Return the last second of its last day. `expires_at` is the midnight after this day."""
+        return self.expires_at - ONE_SECOND
+
+
 class Qualification(models.Model):
     """Something that a person needs to drive certain robots, such as a safety training."""
 

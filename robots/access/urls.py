@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from robots.access.pages import courses, entries, joining, people, tokens
+from robots.access.pages import courses, entries, joining, links, people, tokens
 
 urlpatterns = [
     path("access/", people.my_access, name="my-access"),
@@ -21,6 +21,8 @@ urlpatterns = [
     path("courses/<slug:slug>/archive/", courses.course_archive, name="course-archive"),
     path("courses/<slug:slug>/enrol/", courses.course_enrol, name="course-enrol"),
     path("courses/<slug:slug>/people/", courses.course_people, name="course-people"),
+    path("courses/<slug:slug>/links/", links.course_links, name="course-links"),
+    path("people/<uuid:person_id>/link/", links.person_link, name="person-link"),
     path("courses/<slug:slug>/invitations/", courses.invitation_new, name="invitation-new"),
     path("courses/<slug:slug>/invitations/<uuid:invitation_id>/", courses.invitation, name="invitation"),
     path(
@@ -34,5 +36,5 @@ urlpatterns = [
         name="invitation-revoke",
     ),
     path("join/<str:code>/", joining.join, name="join"),
-    path("welcome/<str:token>/", joining.welcome, name="welcome"),
+    path("welcome/<str:code>/", joining.welcome, name="welcome"),
 ]

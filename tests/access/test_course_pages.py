@@ -18,9 +18,9 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from robots.access import welcome
 from robots.access.enrolment import invitation_make
 from robots.access.models import Course, Enrolment, Invitation, Qualification, QualificationGrant, RobotGroup
+from robots.access.password_links import codes_of
 from robots.access.selectors import lab_date, missing_qualifications, role_on
 from robots.registry.models import Robot, Role
 from tests.conftest import PASSWORD
@@ -438,7 +438,7 @@ def test_an_account_from_a_list_gets_its_password_by_the_link(db: None) -> None:
     person = User(username="ada@example.org", email="ada@example.org")
     person.set_unusable_password()
     person.save()
-    client, address = Client(), f"/welcome/{welcome.token_of(person)}/"
+    client, address = Client(), f"/welcome/{codes_of([person])[person.pk]}/"
     assert client.post(address, {"new_password1": "1", "new_password2": "1"}).status_code == 400
     form = {"new_password1": PASSWORD, "new_password2": PASSWORD}
     assert client.post(address, form).url == "/accounts/sign-in/"

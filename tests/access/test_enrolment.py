@@ -18,7 +18,6 @@ from django.utils import timezone
 from fleet.accounts import emails
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from robots.access import welcome
 from robots.access.enrolment import (
     EnrolmentRefused,
     check_invitation,
@@ -31,6 +30,7 @@ from robots.access.enrolment import (
     unenrol,
 )
 from robots.access.models import Course, Enrolment
+from robots.access.password_links import link_of
 from robots.access.people_lists.reading import read_people
 from robots.access.selectors import role_on
 from robots.registry.models import Robot, Role
@@ -89,13 +89,13 @@ def test_new_people_get_a_link_that_ends_with_their_password(
     ada = User.objects.get(username="ada@example.org")
     [message] = mail.outbox
     assert message.to == ["ada@example.org"]
-    token = message.body.split("/welcome/")[1].split("/")[0]
+    code = message.body.split("/welcome/")[1].split("/")[0]
     assert message.body.count(f"{SITE}/welcome/") == 1
-    assert welcome.person_of_token(token) == ada
-    assert welcome.person_of_token(token[:-1]) is None
+    assert link_of(code).person == ada
+    assert link_of(code[:-1]) is None
     ada.set_password("a long walk on the beach")
     ada.save()
-    assert welcome.person_of_token(token) is None
+    assert link_of(code) is None
 
 
 @pytest.mark.django_db(transaction=True)

@@ -25,7 +25,7 @@ from fleet.accounts.tokens.services import (
     token_make,
 )
 from fleet.audit.models import Record
-from robots.access import welcome
+from robots.access.password_links import codes_of
 from robots.access.services import role_set
 from robots.registry.models import Robot, Role
 from tests.conftest import PASSWORD
@@ -167,7 +167,7 @@ def test_a_service_account_gets_no_link_for_a_new_password(
 
 
 def test_a_welcome_link_sets_no_password_of_a_service_account(service: User) -> None:
-    assert Client().get(f"/welcome/{welcome.token_of(service)}/").status_code == 410
+    assert Client().get(f"/welcome/{codes_of([service])[service.pk]}/").status_code == 410
 
 
 def test_a_session_of_a_service_account_opens_nothing(

@@ -31,6 +31,7 @@ PAGES = [
     "/qualifications/",
     "/webhooks/",
     "/webhooks/new/",
+    "/mail/",
     "/access/",
     "/tokens/",
     "/service-accounts/",

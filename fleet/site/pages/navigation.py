@@ -51,6 +51,10 @@ def _pages_of(user: Any) -> list[tuple[str, ...]]:
         (_("My bookings"), "bookings-mine"),
         *supervisors,
         *([(_("Courses"), "courses")] if courses else []),
-        *([(_("Administration"), "admin:index"), (_("Webhooks"), "webhooks")] if user.is_staff else []),
+        *(
+            [(_("Administration"), "admin:index"), (_("Webhooks"), "webhooks"), (_("E-mail"), "mail")]
+            if user.is_staff
+            else []
+        ),
         (_("Help"), "help-page", "operators"),
     ]

@@ -19,6 +19,7 @@ from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
+from fleet.accounts.mail.off import is_off
 from fleet.accounts.requests import person_of, staff_of
 from fleet.base.formats.sentences import localised
 from fleet.base.origin import public_origin, public_url
@@ -144,6 +145,11 @@ def _do(request: HttpRequest, course: Course, values: dict[str, Any]) -> str:
     if action == "unenrol":
         count = enrolment.unenrol(course=course, people=people, actor=actor)
         text = ngettext("%(n)d person left %(course)s.", "%(n)d people left %(course)s.", count)
+    elif action == "invite" and is_off():
+        count, text = (
+            0,
+            _("No e-mail is sent: the console has no mail server. Show people their links instead."),
+        )
     elif action == "invite":
         waiting = welcome.waiting_among(people)
         welcome.send_later(waiting, course=course, site=public_origin(request))
@@ -277,7 +283,13 @@ def _enrol(request: HttpRequest, found: Course, form: PeopleForm) -> None:
         course=found, people=form.people_list, actor=person_of(request), site=public_origin(request)
     )
     facts = {"course": found.name, "people": plan.to_enrol, "new": len(plan.new)}
-    if plan.undisclosed:
+    if plan.undisclosed and is_off():
+        text = ngettext(
+            "%(people)d person is enrolled in %(course)s; each person without an account got one.",
+            "%(people)d people are enrolled in %(course)s; each person without an account got one.",
+            plan.to_enrol,
+        )
+    elif plan.undisclosed:
         text = ngettext(
             "%(people)d person is enrolled in %(course)s; each person without an account got one, and an e-mail.",
             "%(people)d people are enrolled in %(course)s; each person without an account got one, and an e-mail.",
@@ -320,6 +332,7 @@ def _course_page(
         "course": found,
         "robots": robots_of(found),
         "people": [{"person": one.person, "held": held.get(one.person_id, ())} for one in enrolments],
+        "waiting": sum(one.person.is_active and not one.person.has_usable_password() for one in enrolments),
         "refused": sum(one.person.email_refused_at is not None for one in enrolments),
         "qualifications": qualifications,
         "action": ActionForm(course=found, qualifications=qualifications),

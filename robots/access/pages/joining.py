@@ -15,7 +15,7 @@ from django.views.decorators.http import require_http_methods
 
 from fleet.accounts.models import User
 from fleet.accounts.sign_in.hashing import HashingBusy
-from robots.access import welcome as links
+from robots.access import password_links
 from robots.access.enrolment import EnrolmentRefused, check_invitation, invitation_accept, invitation_of
 from robots.access.models import Invitation
 from robots.access.pages.forms import JoinForm
@@ -78,11 +78,12 @@ def _join_page(
 @never_cache
 @login_not_required
 @require_http_methods(["GET", "HEAD", "POST"])
-def welcome(request: HttpRequest, token: str) -> HttpResponse:
-    """Set the password of a new account, by the link in the e-mail."""
-    person = links.person_of_token(token)
-    if person is None:
+def welcome(request: HttpRequest, code: str) -> HttpResponse:
+    """Set the password of an account, by the person's link."""
+    link = password_links.link_of(code)
+    if link is None:
         return render(request, "access/joining/welcome.html", status=410)
+    person = link.person
     form = SetPasswordForm(person, request.POST or None)
     for field in form.fields.values():
         field.label = _("Password")  # of both fields: Django reports every fault at the second one
@@ -93,8 +94,8 @@ def welcome(request: HttpRequest, token: str) -> HttpResponse:
     except HashingBusy:
         form.add_error(None, _("Many people sign in at this moment. Try again in a moment."))
         return _welcome_page(request, form, 503)
-    person.changed_by = person
-    person.save()
+    if not password_links.password_set(link, person):
+        return render(request, "access/joining/welcome.html", status=410)
     text = _("Your password is set. Sign in with the user name %s.")
     messages.success(request, text % person.username)
     return redirect("sign-in")

@@ -14,6 +14,7 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from robots.access.models import Course, QualificationGrant
 from robots.access.pages.tokens import shown_tokens
+from robots.access.password_links import may_see
 from robots.access.selectors import courses_managed_by, reasons
 
 
@@ -46,6 +47,7 @@ def _access_page(request: HttpRequest, shown: User) -> HttpResponse:
         "courses": Course.objects.filter(enrolments__person=shown, archived=False),
         "managed": set(courses_managed_by(person_of(request)).values_list("pk", flat=True)),
         "grants": grants,
+        "link_shown": bool(may_see(person_of(request), [shown])),
         "tokens": shown_tokens(shown) if person_of(request).is_staff and shown != request.user else None,
         "now": now,
     }

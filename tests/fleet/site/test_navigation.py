@@ -16,7 +16,7 @@ pytestmark = pytest.mark.django_db
 EVERYBODY = ["/", "/bookings/", "/bookings/mine/", "/help/operators/"]
 OF_SUPERVISORS = ["/", "/bookings/", "/bookings/mine/", "/today/", "/help/operators/"]
 OF_TEACHERS = ["/", "/bookings/", "/bookings/mine/", "/today/", "/courses/", "/help/operators/"]
-OF_STAFF = [*OF_TEACHERS[:-1], "/admin/", "/webhooks/", "/help/operators/"]
+OF_STAFF = [*OF_TEACHERS[:-1], "/admin/", "/webhooks/", "/mail/", "/help/operators/"]
 
 SignedIn = Callable[[User], Client]
 

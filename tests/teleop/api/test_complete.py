@@ -134,6 +134,9 @@ FOR_PEOPLE: dict[str, str] = {
     "bookings-address": "a private address that opens a person’s calendar without sign-in",
     "join": "a person agrees to join a course",
     "welcome": "a newcomer chooses a password",
+    "course-links": ACCOUNT,
+    "person-link": ACCOUNT,
+    "mail": "a person looks into a mailbox",
     "setup": "before there is an account",
     "setup-robot": "the first steps in a browser; `POST /registry` does the same",
 }

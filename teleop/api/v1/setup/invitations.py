@@ -12,6 +12,7 @@ from django.utils import timezone
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 
+from fleet.accounts.mail.off import is_off
 from fleet.base.origin import public_origin, public_url
 from robots.access import enrolment, welcome
 from robots.access.models import Invitation
@@ -22,6 +23,12 @@ from teleop.api.v1.framework.operation import entry_of
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.setup.base import makes, manages
+
+_MAIL_OFF = Refusal(
+    "mail_off",
+    "The console has no mail server: show or print the links to set a password on the course’s page.",
+    "account",
+)
 
 
 class InvitationEntry(Struct, frozen=True):
@@ -84,6 +91,8 @@ class WelcomeView(CoursesBase):
     @manages("courses_welcome", "Send people the e-mail with which they set a password", keyed=True)
     def post(self, slug: str, body: PeopleRequest) -> Changed:
         """To those who have no password yet; the answer says how many. Others are left out."""
+        if is_off():
+            raise Problem(_MAIL_OFF)
         course = self.course(slug)
         people = self.members(course, body.people)
         waiting = welcome.waiting_among(people)

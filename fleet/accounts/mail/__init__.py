@@ -1,0 +1,1 @@
+"""The mail server: whether there is one, and a test of it."""

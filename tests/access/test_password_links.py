@@ -1,0 +1,196 @@
+"""Personal links to set a password: who may see which, on what page, and when they end."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from django.core import mail
+from django.test import Client
+from django.utils import timezone
+
+from fleet.accounts.mail import off
+from fleet.accounts.models import User
+from fleet.audit.models import Record
+from robots.access.enrolment import enrol_list
+from robots.access.models import Course, Enrolment, PasswordLink
+from robots.access.password_links import codes_of, link_of, may_see, untouched
+from robots.access.people_lists.reading import read_people
+from robots.registry.models import Robot, RobotRole, Role
+from tests.conftest import PASSWORD
+
+SignIn = Callable[[User], Client]
+FORM = {"new_password1": PASSWORD, "new_password2": PASSWORD}
+
+
+def newcomer(name: str, *courses: Course) -> User:
+    person = User(username=name, full_name=name.title(), email=f"{name}@example.org")
+    person.set_unusable_password()
+    person.save()
+    for course in courses:
+        Enrolment.objects.create(course=course, person=person)
+    return person
+
+
+@pytest.fixture
+def ada(course: Course) -> User:
+    return newcomer("ada", course)
+
+
+@pytest.fixture
+def no_mail(settings: Any) -> None:
+    settings.EMAIL_BACKEND = off.BACKEND
+
+
+def codes_in(response: Any) -> list[str]:
+    return re.findall(r"/welcome/([a-z2-9-]+)/", response.text)
+
+
+# --- pages ----------------------------------------------------------------------------------------
+
+
+def test_a_supervisor_prints_the_links_of_all_who_have_none(
+    signed_in: SignIn, teacher: User, student: User, course: Course, ada: User
+) -> None:
+    newcomer("bob", course)
+    client = signed_in(teacher)
+    assert "Links to set a password: 2 people" in client.get("/courses/hri-2026/").text
+    sheet = client.post("/courses/hri-2026/links/")
+    first, second = codes_in(sheet)
+    assert sheet.text.count("<svg") >= 2 and "Ada" in sheet.text and student.full_name not in sheet.text
+    assert "no-store" in sheet["Cache-Control"]
+    assert codes_in(client.post("/courses/hri-2026/links/", {"person": [str(ada.pk)]})) == [first]
+    assert Client().post(f"/welcome/{first}/", FORM).url == "/accounts/sign-in/"
+    assert Client().login(username="ada", password=PASSWORD)
+    assert Client().post(f"/welcome/{first}/", FORM).status_code == 410
+    assert codes_in(client.post("/courses/hri-2026/links/")) == [second]
+    shown = Record.objects.filter(kind="account.link", actor_id=str(teacher.pk))
+    assert [len(one.parameters["people"]) for one in shown.order_by("pk")] == [2, 1, 1]
+    assert first not in str([one.parameters for one in Record.objects.all()])
+
+
+def test_new_links_end_the_old_ones(signed_in: SignIn, teacher: User, course: Course, ada: User) -> None:
+    client = signed_in(teacher)
+    [old] = codes_in(client.post("/courses/hri-2026/links/"))
+    [new] = codes_in(client.post("/courses/hri-2026/links/", {"anew": "1"}))
+    assert old != new
+    assert (link_of(old), link_of(new).person) == (None, ada)
+    PasswordLink.objects.update(expires_at=timezone.now())
+    assert link_of(new) is None
+
+
+def test_staff_show_a_link_for_a_forgotten_password(
+    signed_in: SignIn, staff: User, operator: User, supervisor: User, robot: Robot
+) -> None:
+    client = signed_in(staff)
+    [code] = codes_in(client.post(f"/people/{operator.pk}/link/"))
+    theirs = signed_in(operator)
+    new = {"new_password1": "another long walk", "new_password2": "another long walk"}
+    assert Client().post(f"/welcome/{code}/", new).status_code == 302
+    assert theirs.get("/access/").status_code == 401  # signed out
+    assert client.post(f"/people/{staff.pk}/link/").status_code == 404
+    assert signed_in(supervisor).post(f"/people/{operator.pk}/link/").status_code == 404
+
+
+def test_the_link_is_of_use_once_also_for_two_at_once(ada: User) -> None:
+    code = codes_of([ada])[ada.pk]
+    link = link_of(code)
+    PasswordLink.objects.filter(pk=link.pk).delete()  # another was faster
+    assert Client().post(f"/welcome/{code}/", FORM).status_code == 410
+    assert not User.objects.get(pk=ada.pk).has_usable_password()
+
+
+# --- no takeover ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def other_course(course: Course) -> Course:
+    return Course.objects.create(
+        name="Other", slug="other", starts_on=course.starts_on, ends_on=course.ends_on
+    )
+
+
+def _role(person: User, robot: Robot, **_: Any) -> None:
+    RobotRole.objects.create(robot=robot, user=person, role=Role.SUPERVISOR)
+
+
+CHANGES: dict[str, Callable[..., Any]] = {
+    "staff": lambda person, **_: User.objects.filter(pk=person.pk).update(is_staff=True),
+    "a password": lambda person, **_: (person.set_password(PASSWORD), person.save()),
+    "signed in before, such as by single sign-on": lambda person, **_: User.objects.filter(
+        pk=person.pk
+    ).update(last_login=timezone.now()),
+    "an own role": _role,
+    "supervises a course": lambda person, other, **_: other.supervisors.add(person),
+    "closed": lambda person, **_: User.objects.filter(pk=person.pk).update(is_active=False),
+}
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_a_supervisor_gets_no_account_that_has_more_than_enrolments(
+    what: str, teacher: User, staff: User, other_course: Course, robot: Robot, ada: User
+) -> None:
+    assert may_see(teacher, [ada]) == {ada.pk}
+    code = codes_of([ada], seen=True)[ada.pk]
+    assert link_of(code).person == ada
+    CHANGES[what](ada, robot=robot, other=other_course)
+    changed = User.objects.get(pk=ada.pk)
+    assert may_see(teacher, [changed]) == set()
+    assert link_of(code) is None
+    assert may_see(staff, [changed]) == ({ada.pk} if what != "closed" else set())
+
+
+def test_a_supervisor_gets_no_rights_of_another_course(
+    signed_in: SignIn, teacher: User, other_course: Course, course: Course, ada: User
+) -> None:
+    eve = newcomer("eve", course, other_course)
+    sheet = signed_in(teacher).post("/courses/hri-2026/links/")
+    assert len(codes_in(sheet)) == 1 and "shown to staff only" in sheet.text and "Eve" in sheet.text
+    Course.objects.filter(pk=other_course.pk).update(archived=True)
+    assert untouched([eve], {course.pk}) == {eve.pk}
+    assert may_see(teacher, [newcomer("mallory")]) == set()  # in no course of theirs
+
+
+# --- no mail server -------------------------------------------------------------------------------
+
+
+def test_without_mail_server_pages_say_so_and_no_log_has_a_link(
+    no_mail: None,
+    signed_in: SignIn,
+    staff: User,
+    course: Course,
+    caplog: pytest.LogCaptureFixture,
+    django_capture_on_commit_callbacks: Any,
+) -> None:
+    client = signed_in(staff)
+    caplog.set_level(logging.INFO)
+    with django_capture_on_commit_callbacks(execute=True):
+        enrol_list(course=course, people=read_people("Ada,ada@example.org"), actor=staff, site="https://f")
+        preview = client.post("/courses/hri-2026/enrol/", {"people": "Bob,bob@example.org"})
+    assert "so nobody gets an e-mail" in preview.text and "and an e-mail" not in preview.text
+    page = client.get("/courses/hri-2026/").text
+    assert "no mail server" in page and "Send the e-mail" not in page
+    for path in ("/accounts/password/forgotten/", "/accounts/email/", "/bookings/mine/", "/mail/"):
+        assert re.search("no mail server|sends no e-mails", client.get(path, follow=True).text), path
+    mail.EmailMessage("Secret", "https://f/welcome/abc", to=["ada@example.org"]).send()
+    assert "No e-mail to ada@example.org" in caplog.text and "welcome" not in caplog.text
+
+
+def test_staff_test_the_mail_server(
+    signed_in: SignIn, staff: User, teacher: User, settings: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client = signed_in(staff)
+    assert "took the e-mail to me@example.org" in client.post("/mail/", {"to": "me@example.org"}).text
+    assert [one.to for one in mail.outbox] == [["me@example.org"]]
+
+    def refuse(*_arguments: Any, **_options: Any) -> int:
+        raise OSError("connection refused by mail.example.org")
+
+    monkeypatch.setattr(mail.backends.locmem.EmailBackend, "send_messages", refuse)
+    assert "refused by mail.example.org" in client.post("/mail/", {"to": "me@example.org"}).text
+    outcomes = Record.objects.filter(kind="account.email_test").order_by("pk")
+    assert [one.outcome for one in outcomes] == ["sent", "failed"]
+    assert signed_in(teacher).get("/mail/").status_code == 403
