@@ -27,6 +27,8 @@ UNREADABLE = """() => {
     }
     return place.left < -1 || place.right > innerWidth + 1;
   };
+  for (const status of document.querySelectorAll(".fact[data-part=status]"))
+    status.textContent = gettext("Waiting for the robot"); // long words, whatever the robots do now
   const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   const found = new Set();
   while (texts.nextNode()) {
