@@ -7,8 +7,8 @@ is offered to the people who wait for it (`settling`) before anybody else can bo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
@@ -131,6 +131,15 @@ _FOR_ANOTHER = Refusal(
     "You may book this robot for people of your own courses only. Ask a supervisor of the robot, or staff.",
     "account",
 )
+
+
+@contextmanager
+def robots_locked(keys: Iterable[UUID], now: datetime) -> Iterator[None]:
+    """Lock several robots as `robot_locked` does, in one order, so that no two changes wait for each other."""
+    with ExitStack() as locks:
+        for key in sorted(keys):
+            locks.enter_context(robot_locked(key, now))
+        yield
 
 
 @contextmanager
@@ -266,21 +275,37 @@ def booking_make(
 
 
 def booking_move(
-    *, booking_id: UUID, version: int, slot: Slot, actor: User, now: datetime, override: str = ""
+    *,
+    booking_id: UUID,
+    version: int,
+    slot: Slot,
+    actor: User,
+    now: datetime,
+    override: str = "",
+    robot: Robot | None = None,
 ) -> Booking:
-    """Move or lengthen a booking. `version`: the version that the person saw. Raises `BookingRefused`."""
+    """Move or lengthen a booking. `version`: the version that the person saw. Raises `BookingRefused`.
+
+    `robot`: another robot, which the caller has locked together with the booking's own.
+    """
     with _changeable(booking_id, actor, version, now) as booking:
         _require_accepted(booking)
         if now >= booking.starts_at:  # the booking runs: its start cannot change
             slot = Slot(booking.starts_at, slot.ends_at)
-        override = _valid_reason(override, actor, booking.robot)
-        free_unused(booking.robot, slot, now, but=booking)
-        quotas_locked(booking.robot, booking.person, slot)
+        before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
+        if (robot := robot or booking.robot) != booking.robot:
+            before["robot"] = booking.robot.slug
+            if not may_book_for(actor, booking.person, robot, slot.starts_at):
+                raise BookingRefused([_FOR_ANOTHER])
+        override = _valid_reason(override, actor, robot)
+        free_unused(robot, slot, now, but=booking)
+        quotas_locked(robot, booking.person, slot)
         lesson = _is_lesson_of(booking.person, booking)
         old = Slot(booking.starts_at, booking.ends_at)
         late = _late_to_cancel(booking, actor, now)
+        gives_up = "robot" in before or not old.within(slot)
         course = _check(
-            booking.robot,
+            robot,
             booking.person,
             slot,
             now,
@@ -288,16 +313,20 @@ def booking_move(
             override=override,
             moved=booking,
             lesson=lesson,
-            also=None if old.within(slot) else late,
+            also=late if gives_up else None,
             stays=late is not None or now >= booking.starts_at,
         )
-        if booking.state == State.BOOKED and now < old.starts_at and not slot.within(old):
-            booking.state = state_for(actor, booking.robot, booking.course)
+        booking.robot = robot
+        if (
+            booking.state == State.BOOKED
+            and now < old.starts_at
+            and ("robot" in before or not slot.within(old))
+        ):
+            booking.state = state_for(actor, robot, booking.course)
         if slot.starts_at != old.starts_at:
             booking.reminded_at, booking.made_at = None, now
             if not lesson:  # with a series, a slot that counts for a course would be a lesson
                 booking.course, booking.series = course, booking.series if course is None else None
-        before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
         booking.starts_at, booking.ends_at, booking.held_until = slot.starts_at, slot.ends_at, slot.ends_at
         booking.overridden = bool(override) or None  # None: every rule allows it now
         save_booking(booking)

@@ -50,11 +50,11 @@ def weekly(
         later = timedelta(weeks=number)
         day = (starts + later).date()
         if day not in without:
-            found.append((day, _on_the_wall(starts + later, ends + later, zone) if number else first))
+            found.append((day, on_the_wall(starts + later, ends + later, zone) if number else first))
     return found
 
 
-def _on_the_wall(starts: datetime, ends: datetime, zone: ZoneInfo) -> Slot | Refusal:
+def on_the_wall(starts: datetime, ends: datetime, zone: ZoneInfo) -> Slot | Refusal:
     """Return the slot between two wall-clock times; a refusal if the clock skips one of them."""
     moments = [to_utc(starts, zone), to_utc(ends, zone, is_end=True)]
     skipped = next((one for one in moments if isinstance(one, Refusal)), None)

@@ -22,6 +22,7 @@ from fleet.audit.reading.exports import BOM
 from fleet.base.zones import viewers, zone_of
 from fleet.bookings.changes import policy_changes as policy_services
 from fleet.bookings.changes.series import Week, preview, series_make, weekly
+from fleet.bookings.changes.whole_series import series_to_come
 from fleet.bookings.hours.report import BY, lines, report
 from fleet.bookings.models import OutOfService, Policy
 from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm, SeriesForm, typed_day
@@ -174,7 +175,7 @@ def series(request: HttpRequest) -> HttpResponse:
     )
     text = _("Booked %(made)d slots; %(left)d were left out.") % {"made": len(made), "left": len(left)}
     messages.success(request, text)
-    return redirect("bookings-mine")
+    return redirect("booking-whole-series", series=made[0].series) if made else redirect("booking-series")
 
 
 def _series_page(
@@ -188,7 +189,13 @@ def _series_page(
         }
         for week in weeks or ()
     ]
-    context = {"form": form, "rows": rows, "zone": zone.key, "lab": zone_of("").key}
+    context = {
+        "form": form,
+        "rows": rows,
+        "zone": zone.key,
+        "lab": zone_of("").key,
+        "stored": series_to_come(person_of(request), timezone.now()),
+    }
     return render(request, "bookings/policies/series.html", context, status=status)
 
 

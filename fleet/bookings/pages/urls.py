@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from fleet.bookings.pages import news, policy_views, views
+from fleet.bookings.pages import news, policy_views, series_views, views
 
 urlpatterns = [
     path("bookings/", views.bookings, name="bookings"),
@@ -20,6 +20,7 @@ urlpatterns = [
     path("bookings/policies/group/<slug:slug>/", policy_views.group_policy, name="booking-policy-group"),
     path("bookings/policies/<slug:slug>/", policy_views.policy, name="booking-policy"),
     path("bookings/series/", policy_views.series, name="booking-series"),
+    path("bookings/series/<uuid:series>/", series_views.whole_series, name="booking-whole-series"),
     path("bookings/report/", policy_views.booking_report, name="booking-report"),
     path("bookings/out-of-service/", policy_views.out_of_service, name="out-of-service"),
     path(

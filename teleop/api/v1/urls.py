@@ -99,6 +99,7 @@ urlpatterns = [
     path("bookings", bookings.BookingsView.as_view()),
     path("bookings/free", bookings.FreeView.as_view()),
     path("bookings/series", series.SeriesView.as_view()),
+    path("bookings/series/<uuid:series>", series.WholeSeriesView.as_view()),
     path("bookings/<uuid:booking_id>", bookings.BookingView.as_view()),
     path("bookings/<uuid:booking_id>/hand-over", bookings.HandBookingView.as_view()),
     path("bookings/<uuid:booking_id>/approve", bookings.ApproveView.as_view()),

@@ -77,6 +77,7 @@ FORMS: dict[str, tuple[tuple[str, str], ...]] = {
     "booking-policy-group": (("put", f"{POLICY}/groups/{{slug}}"), ("delete", f"{POLICY}/groups/{{slug}}")),
     "booking-policy": (("put", f"{POLICY}/robots/{{slug}}"), ("delete", f"{POLICY}/robots/{{slug}}")),
     "booking-series": (("post", "/bookings/series"),),
+    "booking-whole-series": (("patch", "/bookings/series/{series}"), ("delete", "/bookings/series/{series}")),
     "out-of-service": (("post", "/out-of-service"),),
     "out-of-service-end": (("delete", "/out-of-service/{period_id}"),),
     "token-new": (("post", "/tokens"),),

@@ -116,6 +116,12 @@ def managed(done: str) -> Ends:
     return tuple(line.format(done) for line in MANAGED_COURSE)  # type: ignore[return-value]
 
 
+# A person changes their own series; the teacher those of the course.
+SERIES = (
+    "200 200 not_found 200 200",
+    "not_found not_found 200 not_found 200",
+    "not_found not_found not_found not_found 200",
+)
 # People can read their own records, also of a robot that they may no longer see.
 OWN_STAY = (everywhere("200")[0], *seen("200")[1:])
 
@@ -413,6 +419,9 @@ TABLE: dict[str, Row] = {
         ),
         {"robot": "{robot}", "weeks": 2, "purpose": "Lab course", **SLOT},
     ),
+    "bookings_series_read": Row(READ, "/bookings/series/{series}", SERIES),
+    "bookings_series_move": Row(BOOK, "/bookings/series/{series}", SERIES, {"begins": "10:00"}),
+    "bookings_series_cancel": Row(BOOK, "/bookings/series/{series}", SERIES),
     # set-up of courses: the teacher's, and another person's
     "courses_make": Row(
         MANAGE, "/courses", staff_only("201"), {"name": "New", "robots": ["{robot}"], **TERM}
@@ -555,6 +564,10 @@ class Lab:
             )
             for state, days in ((State.AWAITING, 40), (State.OFFERED, 80))
         )
+        later = {key: at + timedelta(days=120) for key, at in times.items()}
+        weekly = self._booking(robot, owner, course, State.BOOKED, **later)
+        Booking.objects.filter(pk=weekly.pk).update(series=weekly.pk)
+        weekly.series = weekly.pk
         waiting = Waiting.objects.create(robot=robot, person=owner, since=timezone.now(), **times)
         session = ControlSession.objects.create(
             robot=robot, user=owner, fence=self._number, started_at=timezone.now(), ended_at=timezone.now()
@@ -583,6 +596,7 @@ class Lab:
             "invitation": str(invitation.pk),
             "token": str(token.pk),
             "booking": str(booked.pk),
+            "series": str(weekly.series),
             "awaiting": str(awaiting.pk),
             "offered": str(offered.pk),
             "waiting": str(waiting.pk),

@@ -130,6 +130,17 @@ def test_a_weekly_series_is_previewed_and_booked(
     assert [one.starts_at for one in stored] == [first, first + timedelta(days=14)]
     again = ask("POST", "/bookings/series", asked).data
     assert [week["refusals"][0]["code"] for week in again["weeks"]] == ["taken", "taken"]
+    address = f"/bookings/series/{made['series']}"
+    assert [week["booking"] for week in ask("GET", address).data["weeks"]] == [str(one.pk) for one in stored]
+    seen = ask("PATCH", address, {"begins": "14:00", "minutes": 90, "preview": True}).data["weeks"]
+    assert [week["starts_at"][11:16] for week in seen] == ["14:00", "14:00"]
+    assert stored.first().starts_at == first
+    ask("PATCH", address, {"begins": "14:00", "minutes": 90})
+    assert [one.starts_at.hour for one in stored.all()] == [14, 14]
+    since = f"{first + timedelta(days=7):%Y-%m-%d}"
+    assert len(ask("DELETE", f"{address}?since={since}").data["weeks"]) == 1
+    assert [one.state for one in stored.all()] == ["booked", "cancelled"]
+    assert program(operator)("GET", address).status_code == 404
 
 
 # --- courses, invitations, groups, qualifications ---------------------------------------------------
