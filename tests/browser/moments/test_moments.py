@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
@@ -61,6 +62,15 @@ COVERED = """() => {
 }"""
 ALL_POINTED = "* { pointer-events: auto !important }"  # what takes no pointer covers, too
 SHOTS = os.environ.get("MOMENT_SHOTS")  # a directory for pictures of all moments, light and dark
+
+
+# Whether the words of a card with this selector are no taller than it.
+WORDS_FIT = """(selector) => {
+  const card = document.querySelector(selector);
+  const words = document.createRange();
+  words.selectNodeContents(card.querySelector("p"));
+  return words.getBoundingClientRect().height <= card.clientHeight;
+}"""
 
 
 def covered(page: Page, name: str) -> list[str]:
@@ -146,6 +156,20 @@ def test_no_notice_covers_the_reason_on_a_tab(driving: DrivingPage) -> None:
     page.locator(".motions button.hit, .motions .hit button").first.click()
     page.locator(".notices .notice").first.wait_for()
     assert page.evaluate(FREE, "[data-part=reason-act]")
+
+
+def test_the_words_of_each_hint_fit_their_card(driving: DrivingPage) -> None:
+    page = driving.page
+    newcomer = {"camera-view": "camera", "hints_seen operator": False}
+    page.add_init_script(f"localStorage.setItem('fleet-console', '{json.dumps(newcomer)}')")
+    driving.show(next(moment for moment in MOMENTS if moment.name == "ready"))
+    for number in (1, 2, 3):
+        page.get_by_text(f"{number} of 3").wait_for()
+        # Not at 400 % zoom, which has no room for hints.
+        for width, height in (*SIZES[:3], (1024, 700), (1100, 660), (1280, 656), SIZES[-1]):
+            page.set_viewport_size({"width": width, "height": height})
+            assert page.evaluate(WORDS_FIT, ".hint-card"), (number, width, height)
+        page.locator("[data-part=hint-next]").click()
 
 
 def test_nothing_beside_a_dialog_acts_except_the_stop(driving: DrivingPage) -> None:
