@@ -12,7 +12,7 @@ import { keysHelp } from "../drive/input/keys_help.js";
 import { isNeutral, Stick } from "../drive/input/stick.js";
 import { TurnAndLook } from "../drive/input/turn.js";
 import { screenLock } from "../drive/wake_lock.js";
-import { hand } from "../hand/watch.js";
+import { hand, isDialogOpen } from "../hand/watch.js";
 import { barredText, lostText, soonText } from "../hand/words.js";
 import { mark, parts } from "../lib/dom.js";
 import { question } from "../lib/question.js";
@@ -409,14 +409,14 @@ class ControlPage {
   /** The key for control was pressed: press the button, or say why there is none. */
   #take() {
     const button = this.#parts.actions.querySelector("[data-action=take]");
-    if (button.closest("[inert]")) this.#notify("info", "hand", barredText());
-    else if (button.hidden) this.#wish();
+    if (button.hidden || isDialogOpen()) this.#wish();
     else button.click();
   }
 
   /** The person wants to drive, and this tab has no control. */
   #wish() {
     if (this.#control === null || this.#drives) return;
+    if (isDialogOpen()) return this.#notify("info", "hand", barredText());
     const { headline, reason, actions } = controlWords(this.#control);
     const [act] = actions.filter((name) => name === "take" || name === "ask");
     this.#statusBar.wished({

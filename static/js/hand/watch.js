@@ -29,7 +29,7 @@ export function isComposing(event) {
 }
 
 /** Return whether a dialog of the page is open. It need not have the focus: a press beside it leaves it open. */
-function isDialogOpen() {
+export function isDialogOpen() {
   return document.querySelector("dialog[open]") !== null;
 }
 

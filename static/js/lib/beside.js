@@ -22,7 +22,7 @@ function partsOf(element) {
   return element.querySelector(FREE) ? [...element.children].flatMap(partsOf) : [element];
 }
 
-const dialogs = new Set();
+const dialogs = new Set(); // the newest open one is the last
 let barred = [];
 
 /** Bar what lies beside the open dialogs, and nothing else. */
@@ -30,6 +30,11 @@ function bar() {
   for (const part of barred) part.removeAttribute("inert");
   barred = [...dialogs].filter(({ open }) => open).flatMap(besideOf);
   for (const part of barred) part.setAttribute("inert", "");
+}
+
+/** Return the dialog that opened last and is still open. @returns {HTMLDialogElement | undefined} */
+export function newestDialog() {
+  return [...dialogs].filter(({ open }) => open).at(-1);
 }
 
 /** @param {HTMLDialogElement} dialog @param {AbortSignal} signal ends it */
@@ -40,11 +45,14 @@ export function barBeside(dialog, signal) {
   const follow = () => {
     if (dialog.open === wasOpen) return;
     wasOpen = dialog.open;
+    dialogs.delete(dialog);
+    dialogs.add(dialog);
     bar();
     if (wasOpen) return;
     // The browser could not give it back: the element was barred.
-    const now = document.activeElement;
-    if (now === document.body || dialog.contains(now)) before?.focus();
+    const isLost = () => [document.body, null].includes(document.activeElement);
+    if (isLost() || dialog.contains(document.activeElement)) before?.focus();
+    if (isLost()) newestDialog()?.querySelector("[autofocus], button, input")?.focus();
     before = null;
   };
   dialogs.add(dialog);

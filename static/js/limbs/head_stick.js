@@ -9,7 +9,7 @@
 import { whyNotNow } from "../control/lease.js";
 import { HeldKeys } from "../hand/held_keys.js";
 import { PointerGrip } from "../hand/pointer_grip.js";
-import { isModified } from "../hand/watch.js";
+import { hand, isModified } from "../hand/watch.js";
 import { dim, mark, show } from "../lib/dom.js";
 import { isEditing } from "../lib/editing.js";
 
@@ -143,7 +143,8 @@ export class HeadStick {
 
   #key(event) {
     if (isEditing(event.target) || isModified(event) || event.repeat) return;
-    if (event.code === AHEAD && this.#hasHead && this.#may) this.#ahead();
+    if (event.code !== AHEAD || !this.#hasHead || !this.#may) return;
+    if (hand.admit()) this.#ahead();
   }
 
   #byKeys(held) {

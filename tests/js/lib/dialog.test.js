@@ -46,6 +46,26 @@ describe("what lies beside an open dialog", () => {
     expect(document.querySelector("[inert]")).toBe(null);
   });
 
+  it("is free after an Escape for each dialog, also if the focus is beside them", async () => {
+    for (const name of ["second", "first"]) {
+      part(name).show();
+      await news();
+    }
+    const pressEscape = () =>
+      document.activeElement.dispatchEvent(
+        new KeyboardEvent("keydown", { key: "Escape", bubbles: true, cancelable: true }),
+      );
+    document.activeElement.blur();
+    pressEscape();
+    await news();
+    expect([part("first").open, part("second").open]).toEqual([false, true]);
+    expect(part("second").contains(document.activeElement)).toBe(true);
+    document.activeElement.blur();
+    pressEscape();
+    await news();
+    expect(document.querySelector("dialog[open], [inert]")).toBe(null);
+  });
+
   it("is free again when the page's part ends while the dialog is open", async () => {
     part("first").show();
     await news();

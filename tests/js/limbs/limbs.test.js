@@ -251,6 +251,11 @@ describe("the head's stick", () => {
     window.dispatchEvent(new Event("blur"));
     await vi.advanceTimersByTimeAsync(500);
     expect(request.mock.calls.length).toBe(count);
+    const dialog = document.body.appendChild(document.createElement("dialog"));
+    dialog.show();
+    key("keydown", "KeyO");
+    expect(request.mock.calls.length).toBe(count);
+    dialog.remove();
     key("keydown", "KeyO");
     expect(request).toHaveBeenLastCalledWith({ t: "look_ahead" });
   });

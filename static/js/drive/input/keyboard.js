@@ -2,7 +2,7 @@
 
 import { HeldKeys } from "../../hand/held_keys.js";
 import { isModified } from "../../hand/watch.js";
-import { isEditing } from "../../lib/editing.js";
+import { isEditing, isField } from "../../lib/editing.js";
 import { NEUTRAL } from "./stick.js";
 
 const INPUT = "keyboard";
@@ -61,14 +61,15 @@ export function listenToKeys({ stick, holonomic, drives, refused, take, mayStop,
     const isFree = !event.repeat && !isModified(event) && !isEditing(event.target) && !slides;
     if (isFree && /^Key[WASDQE]$/.test(event.code) && !drives()) refused();
     if (isFree && event.code === "KeyT" && !event.defaultPrevented) take(); // the 3D view has a T of its own
-    if (event.code !== "Space" || (isEditing(event.target) && !slides)) return;
+    // In a dialog, too, where Enter presses the buttons.
+    if (event.code !== "Space" || (isField(event.target) && !slides)) return;
     if (isModified(event) || !mayStop()) return;
     event.preventDefault();
     if (!event.repeat) stop();
   };
   const up = (event) => {
     // Without this, the same space would also press a focused button.
-    if (event.code === "Space" && mayStop() && !isEditing(event.target)) event.preventDefault();
+    if (event.code === "Space" && mayStop() && !isField(event.target)) event.preventDefault();
   };
 
   window.addEventListener("keydown", down, { signal });

@@ -17,7 +17,6 @@ export function keysHelp(dialog, opener) {
   window.addEventListener(
     "keydown",
     (event) => {
-      if (event.key === "Escape" && dialog.open) dialog.close();
       if (event.key !== "?" || event.ctrlKey || event.altKey || event.metaKey) return;
       if (isEditing(event.target) && !dialog.contains(event.target)) return;
       event.preventDefault();

@@ -104,6 +104,17 @@ describe("the keyboard", () => {
     expect(stop).not.toHaveBeenCalled();
   });
 
+  it("stops by space on a dialog's button, which Enter presses, but not in its field", () => {
+    document.body.innerHTML = "<dialog open><button></button><input></dialog>";
+    const [button, field] = document.querySelectorAll("button, input");
+    press("keydown", "KeyW", button);
+    press("keydown", "Space", field);
+    expect([stick.axes, stop.mock.calls.length]).toEqual([NEUTRAL, 0]);
+    for (const type of ["keydown", "keyup"])
+      expect(press(type, "Space", button).defaultPrevented).toBe(true);
+    expect(stop).toHaveBeenCalledOnce();
+  });
+
   it("leaves the browser's own shortcuts alone", () => {
     press("keydown", "KeyW", document.body, { ctrlKey: true });
     expect(stick.axes).toEqual(NEUTRAL);
