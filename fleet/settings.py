@@ -80,6 +80,7 @@ if DEBUG:
 
 MIDDLEWARE = [
     "teleop.api.metrics.measured",
+    "fleet.site.headers.request_ids",
     "django.middleware.security.SecurityMiddleware",
     "fleet.site.headers.permissions_policy",
     "csp.middleware.CSPMiddleware",

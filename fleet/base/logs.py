@@ -38,4 +38,6 @@ def one_line(record: logging.LogRecord) -> bool:
         text = record.getMessage().replace("ALLOWED_HOSTS", "FLEET_HOSTS")
         record.msg = "".join(one if one.isprintable() else ascii(one)[1:-1] for one in text)
         record.args = record.exc_info = record.exc_text = None
+    if chosen := getattr(getattr(record, "request", None), "META", {}).get("fleet.request_id"):
+        record.msg = f"{record.msg} [request {chosen}]"
     return True

@@ -79,6 +79,23 @@ def page(name: str) -> Page:
     return Page(title, _MARKDOWN.renderer.render(tokens, _MARKDOWN.options, {}), _language(name))
 
 
+@cache
+def sections(name: str) -> dict[str, str]:
+    """Return the parts of a page by the names of their headings (level 2) in links, as HTML."""
+    found: dict[str, list[Token]] = {}
+    part: list[Token] = []
+    for token in _parsed(name):
+        if token.type == "heading_open" and token.tag == "h2":
+            part = []
+        if token.type == "inline" and not part[1:] and part and part[0].tag == "h2":
+            found[_anchor(_words(token))] = part
+        _lead(token, posixpath.dirname(name))
+        part.append(token)
+    return {
+        anchor: _MARKDOWN.renderer.render(tokens, _MARKDOWN.options, {}) for anchor, tokens in found.items()
+    }
+
+
 def _language(name: str) -> str:
     folder = name.partition("/")[0]
     return folder if folder in LANG_INFO else "en"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from django.contrib.auth.decorators import login_not_required
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.utils.translation import get_language
@@ -9,6 +10,8 @@ from django.views.decorators.cache import cache_control
 from django.views.decorators.http import require_safe
 
 from fleet.help import pages
+
+ERRORS = "errors"  # the page with a section for each code
 
 
 @require_safe
@@ -22,6 +25,17 @@ def show(request: HttpRequest, name: str = "") -> HttpResponse:
     is_wanted = language.startswith("en") or name.startswith(pages.ENGLISH)
     untranslated = page.language == "en" and not is_wanted
     return render(request, "site/help.html", {"page": page, "untranslated": untranslated})
+
+
+@login_not_required
+@require_safe
+def error(request: HttpRequest, error: str) -> HttpResponse:
+    """Show the page of an error code, to anybody: its address is in the refusals that programs get."""
+    found = pages.sections(ERRORS).get(error)
+    if found is None:
+        raise Http404
+    page = pages.Page(error, found, "en")
+    return render(request, "site/help.html", {"page": page, "untranslated": get_language() != "en"})
 
 
 @require_safe

@@ -11,6 +11,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from fleet.base.error_pages import error_page
 from robots.shared.sentences import Sentence, say
 
 URL_BYTES = 4096
@@ -64,7 +65,12 @@ class HttpRefusal(Exception):
     def response(self) -> bytes:
         """Return the whole HTTP response. The connection closes after it."""
         refusal = {"code": self.code, "text": self.text, "rule": "limits", "figures": dict(self.figures)}
-        problem = {"type": "about:blank", "title": self.reason, "status": self.status, "detail": self.text}
+        problem = {
+            "type": error_page(self.code),
+            "title": self.reason,
+            "status": self.status,
+            "detail": self.text,
+        }
         parts = self.text.parts if isinstance(self.text, Sentence) else [self.text]
         said = {"said": {"text": parts, "detail": parts}}
         body = json.dumps({**problem, **refusal, **said, "refusals": [{**refusal, **said}]}).encode()

@@ -23,6 +23,7 @@ import msgspec
 from msgspec import Meta, Struct, UnsetType, structs
 
 from robots.shared import wire
+from script.generate import errors
 
 PAGE = Path(__file__).parents[2] / "docs" / "protocol-messages.md"
 OPENAPI = PAGE.with_name("openapi.json")
@@ -290,3 +291,4 @@ if __name__ == "__main__":
     django.setup()
     PAGE.write_text(page())
     OPENAPI.write_text(openapi())
+    errors.PAGE.write_text(errors.page())

@@ -180,7 +180,7 @@ def change_key(control: wire.Control, status: ControlStatus) -> tuple[object, ..
         status.schedule.current,
         next(iter(status.schedule.next), None),
         status.schedule.out_next,
-        [request.id for request in control.requests],
+        [request.number for request in control.requests],
         control.asking,
         control.ahead,
         control.offer_s is None,

@@ -285,4 +285,6 @@ def http_answer(outcomes: Outcomes) -> tuple[dict[str, Any], int]:
 def _as_json(result: Result) -> dict[str, Any]:
     pending = isinstance(result, Pending)
     answer: dict[str, Any] = wire.to_builtins(result.refusal if isinstance(result, Pending) else result)
+    if isinstance(result, Stopped):
+        answer["number"] = result.stop.number  # with which it is cleared
     return {**answer, "pending": True} if pending else answer

@@ -26,6 +26,7 @@ from fleet.accounts.requests import person_of, wants_json
 from fleet.accounts.services import address_of
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid, token_of
+from fleet.base.error_pages import error_page
 from robots.access.selectors import robot_visible_to, robots_visible_to
 from robots.registry.models import Robot
 from robots.shared import wire
@@ -241,6 +242,12 @@ def _refused(refusal: Refusal, status: int, **headers: str) -> HttpResponse:
     """Return a problem document (RFC 9457), as the API does. Pages read its field `text`."""
     refused = {"figures": {}, **wire.to_builtins(refusal)}
     title = HTTPStatus(status).phrase
-    problem = {"type": "about:blank", "title": title, "status": status, "detail": refusal.text, **refused}
+    problem = {
+        "type": error_page(refusal.code),
+        "title": title,
+        "status": status,
+        "detail": refusal.text,
+        **refused,
+    }
     kind = "application/problem+json"
     return JsonResponse({**problem, "refusals": [refused]}, status=status, content_type=kind, headers=headers)

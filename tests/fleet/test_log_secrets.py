@@ -24,6 +24,8 @@ NAMES = {
         "uuid",
         "booking_id",
         "period_id",
+        "camera",
+        "error",
         "person_id",
         "token_id",
         "invitation_id",

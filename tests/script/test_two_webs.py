@@ -74,7 +74,7 @@ async def meet(house: House) -> None:
         await operator.until(lambda: operator.control and operator.control.requests, NEWS_S)
         assert operator.control
         [asked] = operator.control.requests
-        await operator.send(wire.HandOver(asked.id))
+        await operator.send(wire.HandOver(asked.number))
         await supervisor.until(lambda: supervisor.fence, NEWS_S)
         await operator.until(lambda: holder(operator) == "Supervisor", NEWS_S)
         await drive_a_little(supervisor)

@@ -25,6 +25,11 @@ class TokenBucket:
         self._left -= cost
         return True
 
+    def left(self, now_s: float) -> float:
+        """Return the tokens that are left."""
+        self._fill(now_s)
+        return self._left
+
     def wait_s(self, now_s: float) -> float:
         """Return the seconds until a token is available."""
         self._fill(now_s)

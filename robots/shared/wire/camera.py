@@ -145,6 +145,7 @@ class TakenPicture(Struct, frozen=True):
 
 
 _taken = msgspec.json.Decoder(TakenPicture)
+_shown = msgspec.json.Decoder(PictureHeader)
 
 
 def packed(header: PictureHeader | TakenPicture, picture: bytes | memoryview) -> bytes:
@@ -154,6 +155,17 @@ def packed(header: PictureHeader | TakenPicture, picture: bytes | memoryview) ->
 
 
 def unpacked(frame: bytes) -> tuple[TakenPicture, memoryview]:
-    """Return header and encoded picture of a frame. Raises msgspec.DecodeError."""
+    """Return header and encoded picture of a frame of the camera process. Raises msgspec.DecodeError."""
+    header, picture = _parts(frame)
+    return _taken.decode(header), picture
+
+
+def picture_of(frame: bytes) -> tuple[PictureHeader, bytes]:
+    """Return header and encoded picture of a frame for a page. Raises msgspec.DecodeError."""
+    header, picture = _parts(frame)
+    return _shown.decode(header), bytes(picture)
+
+
+def _parts(frame: bytes) -> tuple[bytes, memoryview]:
     begin = _LENGTH_BYTES + int.from_bytes(frame[:_LENGTH_BYTES], "big")
-    return _taken.decode(frame[_LENGTH_BYTES:begin]), memoryview(frame)[begin:]
+    return frame[_LENGTH_BYTES:begin], memoryview(frame)[begin:]

@@ -57,9 +57,9 @@ class AskCancel(Struct, frozen=True, tag_field="t", tag="ask_cancel"):
 
 
 class HandOver(Struct, frozen=True, tag_field="t", tag="hand_over"):
-    """Give control to the person in line with the number `request` (`Request.id`)."""
+    """Give control to the person in line with this number (`Request.number`)."""
 
-    request: int
+    number: int
 
 
 class Drive(Struct, frozen=True, tag_field="t", tag="drive"):
@@ -185,9 +185,9 @@ class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):
 
 
 class Request(Struct, frozen=True):
-    """A person who waits for control."""
+    """A person who waits for control: the place's number and the name."""
 
-    id: int
+    number: int
     name: str
 
 
@@ -216,7 +216,7 @@ class Control(Struct, frozen=True, tag_field="t", tag="control"):
     remaining_s: float | None = None  # of the term
     resumable_s: float | None = None
     requests: list[Request] = []  # the line, in order; only for the holder and for persons who may take over
-    asking: int | None = None  # `Request.id` of this connection's own place in line
+    asking: int | None = None  # `Request.number` of this connection's own place in line
     ahead: int | None = None  # number of people before it in line
     offer_s: float | None = None  # for so long, only this person can take control
     may_take_over: bool = False  # this person may send `TakeOver`

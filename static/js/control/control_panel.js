@@ -103,13 +103,17 @@ export class ControlPanel extends EventTarget {
 
   /** Show the requests of others: the person's own request is already shown above. */
   #showRequests(requests) {
-    const others = requests.filter(({ id }) => id !== this.#control.asking);
+    const others = requests.filter(({ number }) => number !== this.#control.asking);
     const offered = this.#control.state === "yours" ? others : [];
     const now = performance.now();
-    this.#offeredMs = new Map(offered.map(({ id }) => [id, this.#offeredMs.get(id) ?? now]));
-    const items = others.map(({ id, name }) => {
+    this.#offeredMs = new Map(
+      offered.map(({ number }) => [number, this.#offeredMs.get(number) ?? now]),
+    );
+    const items = others.map(({ number, name }) => {
       const words = make("span", { text: interpolate(gettext("%s asks for control"), [name]) });
-      const children = this.#offeredMs.has(id) ? [words, this.#handOver(id, name)] : [words];
+      const children = this.#offeredMs.has(number)
+        ? [words, this.#handOver(number, name)]
+        : [words];
       return make("li", { children });
     });
     this.#parts.requests.replaceChildren(...items);
@@ -119,13 +123,13 @@ export class ControlPanel extends EventTarget {
     show(this.#parts.requests, items.length > 0);
   }
 
-  #handOver(id, name) {
+  #handOver(number, name) {
     const text = interpolate(gettext("Hand over to %s"), [name]);
     const button = makeButton({ className: "button primary", text: gettext("Hand over") }, () =>
-      this.#choose({ t: "hand_over", request: id }),
+      this.#choose({ t: "hand_over", number }),
     );
     button.setAttribute("aria-label", text); // the visible name is beside the button
-    const tooSoonMs = this.#offeredMs.get(id) + MEANT_BEFORE_MS - performance.now();
+    const tooSoonMs = this.#offeredMs.get(number) + MEANT_BEFORE_MS - performance.now();
     if (tooSoonMs > 0) {
       button.disabled = true;
       setTimeout(() => {

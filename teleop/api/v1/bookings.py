@@ -36,7 +36,7 @@ from robots.registry.models import Robot
 from robots.shared import wire
 from teleop.api.v1.framework.cursors import page_by_time
 from teleop.api.v1.framework.operation import ApiView, entry_of, operation, reads
-from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc
+from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Order, Time, utc
 from teleop.api.v1.framework.problems import Problem, ProblemDetails
 from teleop.api.v1.framework.versions import IF_MATCH, etag_of, version_seen
 
@@ -73,7 +73,10 @@ class BookingEntry(Struct, frozen=True):
 
 
 class BookingList(Struct, frozen=True):
-    """Bookings, those with the latest start first. `next` is the cursor of the next page; null: this is the last."""
+    """Bookings by their start, the latest first unless `order` says otherwise.
+
+    `next` is the cursor of the next page; null: this is the last.
+    """
 
     bookings: list[BookingEntry]
     next: str | None
@@ -96,7 +99,7 @@ class SlotList(Struct, frozen=True):
 class WaitingEntry(Struct, frozen=True):
     """A slot for which you wait. When it becomes free, you get an offer: a booking in the stage `offered`."""
 
-    id: int
+    number: int
     robot: str
     starts_at: Time
     ends_at: Time
@@ -128,6 +131,15 @@ class BookingsAsked(Struct, frozen=True, forbid_unknown_fields=True, rename={"fr
     course: Annotated[str, Meta(max_length=100, description="Of a course that you manage.")] | None = None
     from_: Moment | None = None
     to: Moment | None = None
+    state: (
+        Annotated[
+            Literal["booked", "awaiting", "offered", "finished", "no_show", "cancelled"],
+            Meta(description="As it is stored. `stage` of an answer also depends on the time."),
+        ]
+        | None
+    ) = None
+    series: UUID | None = None
+    order: Order = "newest"
     cursor: Cursor | None = None
     limit: Limit = 50
 
@@ -277,7 +289,12 @@ class BookingsView(BookingsBase):
             found = found.filter(ends_at__gt=utc(query.from_))
         if query.to is not None:
             found = found.filter(starts_at__lt=utc(query.to))
-        rows, following = page_by_time(found, "starts_at", query.cursor, query.limit)
+        if query.state is not None:
+            found = found.filter(state=query.state)
+        if query.series is not None:
+            found = found.filter(series=query.series)
+        oldest = query.order == "oldest"
+        rows, following = page_by_time(found, "starts_at", query.cursor, query.limit, oldest_first=oldest)
         return BookingList(self.entries(rows), following)
 
     @_change(
@@ -446,4 +463,6 @@ def _course(slug: str | None, person: User) -> Course | None:
 
 
 def _waiting(one: Waiting) -> WaitingEntry:
-    return entry_of(WaitingEntry, one, robot=one.robot.slug, course=one.course and one.course.slug)
+    return entry_of(
+        WaitingEntry, one, number=one.pk, robot=one.robot.slug, course=one.course and one.course.slug
+    )

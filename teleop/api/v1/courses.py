@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from datetime import date
+from functools import reduce
+from operator import or_
 from typing import Annotated, Any, Literal
 
 from django.db import transaction
@@ -194,6 +196,20 @@ class Changed(Struct, frozen=True):
     people: int
 
 
+class CoursesAsked(Struct, frozen=True, forbid_unknown_fields=True):
+    """Filters of courses."""
+
+    archived: bool | None = None
+    robot: Annotated[str, Meta(max_length=100, description="That the course serves.")] | None = None
+    on: Annotated[date, Meta(description="A day of the course’s term.")] | None = None
+
+
+class MembersAsked(Struct, frozen=True, forbid_unknown_fields=True):
+    """Filter of members."""
+
+    q: Annotated[str, Meta(max_length=100, description="Part of a name, user name or address.")] = ""
+
+
 class CoursesBase(SetupView):
     tag = "courses"
 
@@ -304,9 +320,17 @@ class CoursesBase(SetupView):
 
 class CoursesView(CoursesBase):
     @manages("courses_list", "List the courses that you manage", refuses=())
-    def get(self) -> CourseList:
+    def get(self, query: CoursesAsked) -> CourseList:
         """Staff manage all."""
-        return CourseList([_entry(CourseEntry, course) for course in self.courses()])
+        found = self.courses()
+        if query.archived is not None:
+            found = [course for course in found if course.archived == query.archived]
+        if query.on is not None:
+            found = [course for course in found if course.starts_on <= query.on <= course.ends_on]
+        if query.robot is not None:
+            robot = self.robot(query.robot)
+            found = [course for course in found if robot in robots_of(course)]
+        return CourseList([_entry(CourseEntry, course) for course in found])
 
     @makes(
         "courses_make",
@@ -352,11 +376,14 @@ class CourseView(CoursesBase):
 
 class MembersView(CoursesBase):
     @manages("members_list", "List a course’s people")
-    def get(self, slug: str) -> MemberList:
+    def get(self, slug: str, query: MembersAsked) -> MemberList:
         """With the qualifications that they hold."""
         course = self.course(slug)
         held = grants_in(course, timezone.now())
         found = course.enrolments.select_related("person").order_by("person__full_name", "person__username")
+        if query.q:
+            fields = ("person__full_name", "person__username", "person__email")
+            found = found.filter(reduce(or_, (Q(**{f"{field}__icontains": query.q}) for field in fields)))
         return MemberList(
             [
                 Member(

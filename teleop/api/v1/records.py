@@ -23,7 +23,7 @@ from robots.registry.models import Robot
 from robots.shared.wire import Refusal
 from teleop.api.v1.framework.cursors import decoded, encoded, page_by_time
 from teleop.api.v1.framework.operation import ApiView, Entry, entry_of, reads
-from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc
+from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Order, Time, utc
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.control.selectors import end_notes
 from teleop.models import ControlSession
@@ -56,7 +56,10 @@ class SessionEntry(Struct, frozen=True):
 
 
 class SessionList(Struct, frozen=True):
-    """Control sessions, newest first. `next` is the cursor of the next page; null: this is the last."""
+    """Control sessions, newest first unless `order` says otherwise.
+
+    `next` is the cursor of the next page; null: this is the last.
+    """
 
     sessions: list[SessionEntry]
     next: str | None
@@ -100,6 +103,7 @@ class SessionsAsked(Struct, frozen=True, forbid_unknown_fields=True, rename={"fr
     from_: Moment | None = None
     to: Moment | None = None
     state: Literal["open", "ended"] | None = None
+    order: Order = "newest"
     cursor: Cursor | None = None
     limit: Limit = 50
 
@@ -140,7 +144,10 @@ class AuditEntry(Struct, frozen=True):
 
 
 class AuditList(Struct, frozen=True):
-    """Records, newest first. `next` is the cursor of the next page; null: this is the last."""
+    """Records, newest first unless `order` says otherwise.
+
+    `next` is the cursor of the next page; null: this is the last.
+    """
 
     records: list[AuditEntry]
     next: str | None
@@ -168,6 +175,7 @@ class RecordsAsked(Struct, frozen=True, forbid_unknown_fields=True):
 class AuditAsked(RecordsAsked, frozen=True, forbid_unknown_fields=True):
     """Filters and page of records."""
 
+    order: Order = "newest"
     cursor: Cursor | None = None
     limit: Limit = 50
 
@@ -271,7 +279,8 @@ class SessionsView(RecordsBase):
             found = found.filter(started_at__lt=utc(query.to))
         if query.state is not None:
             found = found.filter(ended_at__isnull=query.state == "open")
-        rows, following = page_by_time(found, "started_at", query.cursor, query.limit)
+        oldest = query.order == "oldest"
+        rows, following = page_by_time(found, "started_at", query.cursor, query.limit, oldest_first=oldest)
         notes = end_notes([one.pk for one in rows])
         return SessionList([self.entry(SessionEntry, one, notes) for one in rows], following)
 
@@ -298,9 +307,12 @@ class AuditView(RecordsBase):
     @reads("audit_list", "Read the log")
     def get(self, query: AuditAsked) -> AuditList:
         """Your own records; staff read all. Each request with its outcome."""
-        before = decoded(query.cursor, int)[0] if query.cursor else None
+        edge = min(decoded(query.cursor, int)[0], 2**62) if query.cursor else None
         selection = Selection(self.wanted(query))
-        numbers = selection.numbers(query.limit + 1, before=None if before is None else min(before, 2**62))
+        if query.order == "oldest":
+            numbers = selection.numbers(query.limit + 1, after=edge or 0)[::-1]
+        else:
+            numbers = selection.numbers(query.limit + 1, before=edge)
         shown = numbers[: query.limit]
         following = encoded(shown[-1]) if len(numbers) > query.limit else None
         return AuditList([_audit(row) for row in rows_of(shown)], following)

@@ -5,10 +5,21 @@ No address ends with a slash: with a slash, the client is redirected.
 
 from django.urls import path, re_path
 
-from teleop.api.v1 import bookings, courses, events, records, unknown_address, views
+from teleop.api.v1 import bookings, courses, events, index, own_data, records, unknown_address, views
 from teleop.api.v1.maps import maps, places
-from teleop.api.v1.robot import control, description, layouts, limbs, navigation, robots, tasks, topics
+from teleop.api.v1.robot import (
+    cameras,
+    control,
+    description,
+    layouts,
+    limbs,
+    navigation,
+    robots,
+    tasks,
+    topics,
+)
 from teleop.api.v1.setup import (
+    booking_report,
     groups,
     invitations,
     policies,
@@ -40,8 +51,11 @@ urlpatterns = [
     path("robots/<slug:slug>/pose", navigation.PoseView.as_view()),
     path("robots/<slug:slug>/map", navigation.MapView.as_view()),
     path("robots/<slug:slug>/map/picture", navigation.MapPictureView.as_view()),
+    path("robots/<slug:slug>/cameras", cameras.CamerasView.as_view()),
+    path("robots/<slug:slug>/cameras/<str:camera>/picture", cameras.CameraPictureView.as_view()),
     path("robots/<slug:slug>/description", description.DescriptionView.as_view()),
     path("robots/<slug:slug>/meshes/<str:package>/<path:path>", description.MeshView.as_view()),
+    path("", index.IndexView.as_view()),
     path("openapi.json", views.schema, name="api-schema"),
     path("reference", views.reference, name="api-reference"),
     path("events", events.EventsView.as_view()),
@@ -98,6 +112,7 @@ urlpatterns = [
     path("stop", stop_views.rest_stop_all, name="api-stop-all"),
     path("bookings", bookings.BookingsView.as_view()),
     path("bookings/free", bookings.FreeView.as_view()),
+    path("bookings/report", booking_report.BookingReportView.as_view()),
     path("bookings/series", series.SeriesView.as_view()),
     path("bookings/series/<uuid:series>", series.WholeSeriesView.as_view()),
     path("bookings/<uuid:booking_id>", bookings.BookingView.as_view()),
@@ -117,6 +132,7 @@ urlpatterns = [
     path("courses/<slug:slug>/qualifications/<slug:qualification>/revoke", courses.RevokeView.as_view()),
     path("sessions", records.SessionsView.as_view()),
     path("sessions/<uuid:session_id>", records.SessionView.as_view()),
+    path("own-data", own_data.OwnDataView.as_view()),
     path("audit", records.AuditView.as_view()),
     path("audit/export", records.ExportView.as_view()),
     path("audit/<int:number>", records.RecordView.as_view()),

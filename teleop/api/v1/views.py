@@ -26,11 +26,12 @@ def reference(request: HttpRequest) -> HttpResponse:
 @require_safe
 def schema(_request: HttpRequest) -> HttpResponse:
     """Return the OpenAPI schema, to anybody."""
-    return HttpResponse(_schema(), content_type=OpenApiJsonRenderer.media_type)
+    return HttpResponse(schema_bytes(), content_type=OpenApiJsonRenderer.media_type)
 
 
 @cache
-def _schema() -> bytes:
+def schema_bytes() -> bytes:
+    """Return the OpenAPI schema as JSON."""
     # Not built for each request: this takes longer than a page, and strangers may request it.
     described = SchemaGenerator().get_schema(request=None, public=True)  # type: ignore[no-untyped-call]
     return bytes(OpenApiJsonRenderer().render(described, renderer_context={}))

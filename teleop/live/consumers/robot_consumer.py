@@ -205,8 +205,8 @@ class RobotConsumer(RobotSocket):
                 await control.take_control()
             case wire.TakeOver(reason=reason):
                 await control.take_over(reason)
-            case wire.HandOver(request=request):
-                await control.hand_over(request)
+            case wire.HandOver(number=number):
+                await control.hand_over(number)
             case wire.Renew():
                 await control.renew()
             case wire.Release():

@@ -52,7 +52,7 @@ describe("control requests", () => {
     requests.receive({ state: "yours", remaining_s: 200 });
     vi.advanceTimersByTime(10_000);
     requests.send({ t: "renew" });
-    expect(requests.receive({ state: "yours", remaining_s: 190, requests: [{ id: 1 }] })).toBe(
+    expect(requests.receive({ state: "yours", remaining_s: 190, requests: [{ number: 1 }] })).toBe(
       false,
     );
     expect(requests.receive({ state: "yours", remaining_s: 900 })).toBe(true);
@@ -70,7 +70,7 @@ describe("control requests", () => {
   });
 
   it("repeat the console's own words", () => {
-    requests.send({ t: "hand_over", request: 3 });
+    requests.send({ t: "hand_over", number: 3 });
     expect(requests.receive({ state: "other", holder: "Ann" })).toBe(true);
     expect(notices).toEqual([]);
   });

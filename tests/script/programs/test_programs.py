@@ -115,7 +115,7 @@ def test_programs_keep_wait_for_hand_over_and_take_over_control(stack: Stack) ->
     assert (status, waits["ahead"]) == (200, 0)
     [request] = until(lambda: one("GET", control)[1]["requests"])
     assert request["name"] == "Supervisor"
-    assert one("POST", f"{control}/hand-over", {"request": request["id"]})[0] == 204
+    assert one("POST", f"{control}/hand-over", {"number": request["number"]})[0] == 204
     assert until(lambda: other("GET", control)[1]["state"] == "yours")
     assert one("POST", f"{control}/line")[1]["ahead"] == 0
     assert one("DELETE", f"{control}/line")[0] == 204
@@ -408,8 +408,7 @@ def test_the_programs_of_the_docs_run_as_they_are(stack: Stack, tmp_path: Path) 
     assert '"kind":"drive_by"' in said and '"outcome":"done"' in said, said
     staff = Api(stack, token(stack, "staff", "read", "drive"))
     stop = staff("GET", f"/robots/{ROBOT}")[1]["state"]["stop"]
-    assert stop["state"] != "clear"
-    assert staff("POST", f"/robots/{ROBOT}/stop/clear", {"number": stop["number"]})[0] == 200
+    assert (stop["state"], stop["number"] > 0) == ("clear", True)
     square, stream = docs_programs("python", stack)
     began = staff("GET", f"/robots/{ROBOT}")[1]["state"]["odometry"]
     assert run_docs(stack, [sys.executable, "-"], square).split() == ["done"] * 8

@@ -338,13 +338,16 @@ def test_wait_accept_and_leave(robot, operator, second_operator, program):
     assert api("POST", "/waiting", wish(robot, course="none")).status_code == 404
     joined = api("POST", "/waiting", wish(robot, purpose="night test"))
     assert (joined.status_code, joined.data["purpose"], joined.data["course"]) == (201, "night test", None)
-    assert joined["Location"] == f"/api/v1/waiting/{joined.data['id']}"
+    assert joined["Location"] == f"/api/v1/waiting/{joined.data['number']}"
     other = book(robot, operator, 7)
     left = api("POST", "/waiting", wish(robot, 7)).data
-    assert [one["id"] for one in api("GET", "/waiting").data["waiting"]] == [joined.data["id"], left["id"]]
-    assert program(operator)("DELETE", f"/waiting/{left['id']}").status_code == 404
-    assert api("DELETE", f"/waiting/{left['id']}").status_code == 204
-    assert api("DELETE", f"/waiting/{left['id']}").status_code == 404
+    assert [one["number"] for one in api("GET", "/waiting").data["waiting"]] == [
+        joined.data["number"],
+        left["number"],
+    ]
+    assert program(operator)("DELETE", f"/waiting/{left['number']}").status_code == 404
+    assert api("DELETE", f"/waiting/{left['number']}").status_code == 204
+    assert api("DELETE", f"/waiting/{left['number']}").status_code == 404
     assert api("GET", "/waiting/1").status_code == 405
     program(operator)("DELETE", f"/bookings/{held.pk}", If_Match='"1"')
     keep_waiting_lists(clock.now())

@@ -23,7 +23,7 @@ from fleet.accounts.tokens.services import token_make
 from robots.registry.models import Robot
 from robots.shared import wire
 from teleop.api.v1.framework import idempotency, rates
-from teleop.api.v1.programs import connection, registry, topic_queries
+from teleop.api.v1.programs import camera_pictures, connection, registry, topic_queries
 from teleop.api.v1.robot import tasks, topics
 from teleop.background.database import in_database
 from teleop.models import KeyedRequest
@@ -107,7 +107,7 @@ class Asker:
     async def serve(self, socket: ServerConnection) -> None:
         """Answer as the web process does."""
         async for raw in socket:
-            if socket.request is not None and "/topics/" in socket.request.path:
+            if socket.request is not None and re.search("/(topics|camera)/", socket.request.path):
                 continue
             message: object = wire.browser_message(raw)
             if type(message) in self.mute:
@@ -231,6 +231,11 @@ async def no_message(ask: Asker) -> str:
     return await served(ask, sends("GET", f"{ROBOT}/topics/message?topic=/a"))
 
 
+async def camera_silent(ask: Asker) -> str:
+    ask.patch.setattr(camera_pictures, "PICTURE_S", 0.2)
+    return await served(ask, sends("GET", f"{ROBOT}/cameras/head/picture"))
+
+
 async def not_recorded(ask: Asker) -> str:
     return await served(ask, TAKE, sends("POST", f"{ROBOT}/speech", SAY))
 
@@ -292,6 +297,8 @@ CASES: dict[str, Case] = {
     "connection_lost": connection_lost,
     "no_answer": no_answer,
     "not_recorded": not_recorded,
+    "no_camera": sends("GET", f"{ROBOT}/cameras/none/picture"),
+    "camera_silent": camera_silent,
 }
 
 

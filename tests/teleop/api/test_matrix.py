@@ -155,6 +155,7 @@ TOKEN = {"name": "new", "scopes": ["manage"]}
 
 TABLE: dict[str, Row] = {
     # robots
+    "index": Row((), "/", everywhere("200")),
     "robots_list": Row(READ, "/robots", everywhere("200")),
     "robots_read": Row(READ, "/robots/{robot}", seen("200")),
     "phrases_list": Row(READ, "/robots/{robot}/phrases", seen("200")),
@@ -173,10 +174,12 @@ TABLE: dict[str, Row] = {
     "control_renew": Row(ACTING, "/robots/{robot}/control/renew", NO_LEASE),
     "control_ask": Row(ACTING, "/robots/{robot}/control/line", NO_PROGRAMS),
     "control_leave": Row(ACTING, "/robots/{robot}/control/line", NO_PROGRAMS),
-    "control_hand_over": Row(ACTING, "/robots/{robot}/control/hand-over", NO_LEASE, {"request": 1}),
+    "control_hand_over": Row(ACTING, "/robots/{robot}/control/hand-over", NO_LEASE, {"number": 1}),
     "velocity": Row(DRIVE, "/robots/{robot}/velocity", NO_LEASE, {"forward_mps": 0.1}),
     "go": Row(DRIVE, "/robots/{robot}/go", NO_LEASE, {"x": 1.0, "y": 2.0}),
     "pose_set": Row(DRIVE, "/robots/{robot}/pose", NO_LEASE, {"x": 1.0, "y": 2.0}),
+    "cameras_list": Row(READ, "/robots/{robot}/cameras", seen("200")),
+    "cameras_picture": Row(TOPICS, "/robots/{robot}/cameras/none/picture", seen("no_camera")),
     "description_read": Row(READ, "/robots/{robot}/description", seen("not_found")),
     "mesh_read": Row(READ, "/robots/{robot}/meshes/tiago/base.stl", seen("not_found")),
     "map_read": Row(READ, "/robots/{robot}/map", seen("200")),
@@ -233,6 +236,9 @@ TABLE: dict[str, Row] = {
     "inputs_choose": Row(TOPICS, "/robots/{robot}/inputs/speech", NO_LEASE, {}),
     # bookings: one's own, a student's for the course, a stranger's on another robot
     "bookings_list": Row(READ, "/bookings?robot={robot}", seen("200")),
+    "bookings_report": Row(
+        READ, "/bookings/report", everywhere("permission_denied", "permission_denied", "200", "200", "200")
+    ),
     "bookings_free": Row(READ, "/bookings/free?robot={robot}", seen("200")),
     "bookings_read": Row(READ, "/bookings/{booking}", seen("200")),
     "bookings_make": Row(
@@ -351,6 +357,7 @@ TABLE: dict[str, Row] = {
             "not_found not_found not_found not_found 200",
         ),
     ),
+    "own_data_export": Row(READ, "/own-data", everywhere("200")),
     "audit_export": Row(READ, "/audit/export?format=csv", staff_only("200")),
     # registry
     "profiles_list": Row(READ, "/profiles", everywhere("200")),

@@ -324,7 +324,7 @@ async def test_second_person_asks_and_gets_control(open_page, bridge):
     assert [request["name"] for request in asked["requests"]] == ["Olaf Operator"]
     await holder.hears("notice", code="asked")
 
-    await holder.say("hand_over", request=asked["requests"][0]["id"])
+    await holder.say("hand_over", number=asked["requests"][0]["number"])
     given = await asker.hears("control", state="yours")
     assert given["fence"] > old
     await holder.hears("control", state="other")

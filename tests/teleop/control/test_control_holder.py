@@ -123,7 +123,7 @@ async def test_program_hands_control_over_to_another(program, bridge):
         await other.control.ask()
         request = (await one.hears(wire.Control, state="yours")).requests[0]
         await one.hears(wire.Notice, code="asked")
-        await one.control.hand_over(request.id)
+        await one.control.hand_over(request.number)
         await one.hears(wire.Notice, code="handed_over")
         assert (await other.hears(wire.Control, state="yours")).fence > first.fence
         assert one.control.fence is None

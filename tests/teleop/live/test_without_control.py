@@ -31,7 +31,7 @@ FIELDS = (
     | {
         "publish": {"topic": "/notes", "type": "std_msgs/String", "fields": {}, "sent_ms": 1.0},
         "drive": {"sent_ms": 1.0, "x": 0.5, "w": 0.0, "y": 0.0, "share": 0.5},
-        "hand_over": {"request": 1},
+        "hand_over": {"number": 1},
     }
 )
 CALLS = {

@@ -35,17 +35,20 @@ def decoded(cursor: str, *kinds: type) -> list[Any]:
 
 
 def page_by_time(
-    found: QuerySet[M], field: str, cursor: str | None, limit: int
+    found: QuerySet[M], field: str, cursor: str | None, limit: int, *, oldest_first: bool = False
 ) -> tuple[list[M], str | None]:
-    """Return the newest rows by `field`, from the cursor on, and the next cursor; None: no next page."""
+    """Return the rows by `field`, newest first, from the cursor on, and the next cursor; None: no next page."""
+    beyond, sign = ("gt", "") if oldest_first else ("lt", "-")
     if cursor:
         at, key = decoded(cursor, str, str)
         try:
             moment = datetime.fromisoformat(at).astimezone(UTC)
-            found = found.filter(Q(**{f"{field}__lt": moment}) | Q(**{field: moment, "pk__lt": key}))
+            found = found.filter(
+                Q(**{f"{field}__{beyond}": moment}) | Q(**{field: moment, f"pk__{beyond}": key})
+            )
         except (ValueError, OverflowError, ValidationError) as error:
             raise Problem(_WRONG) from error
-    rows = list(found.order_by(f"-{field}", "-pk")[: limit + 1])
+    rows = list(found.order_by(f"{sign}{field}", f"{sign}pk")[: limit + 1])
     if len(rows) <= limit:
         return rows, None
     last = rows[limit - 1]

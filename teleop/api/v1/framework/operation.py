@@ -42,7 +42,7 @@ from teleop.api.v1.framework.problems import (
     problem_of,
     response_of,
 )
-from teleop.api.v1.framework.rates import TOO_OFTEN, asks_too_often
+from teleop.api.v1.framework.rates import TOO_OFTEN, asks_too_often, headers_of
 from teleop.control.scopes import scope_missing
 from teleop.records import refusals
 from teleop.records.refusals import RefusedRequest
@@ -73,6 +73,14 @@ class ApiView(APIView):
         super().initial(request, *args, **kwargs)
         if asks_too_often(self.sign_in):
             raise Problem(TOO_OFTEN)
+
+    def finalize_response(self, request: Request, response: Any, *args: Any, **kwargs: Any) -> Any:
+        """Add the headers with the rate that is left to a client who is signed in."""
+        response = super().finalize_response(request, response, *args, **kwargs)
+        if isinstance(getattr(request, "_user", None), User):
+            for name, value in headers_of(self.sign_in).items():
+                response[name] = value
+        return response
 
     def get_exception_handler(self) -> Callable[[Exception, dict[str, Any]], Response | None]:
         """Answer errors with problem details, and record refusals of people who are signed in."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 from datetime import UTC, datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 from drf_spectacular.utils import OpenApiParameter
@@ -25,6 +25,7 @@ Moment = Annotated[
 Time = Annotated[datetime, Meta(tz=True)]  # of an answer: RFC 3339, UTC
 Limit = Annotated[int, Meta(ge=1, le=200, description="The most entries to return.")]
 Cursor = Annotated[str, Meta(max_length=200, description="`next` of the page before.")]
+Order = Literal["newest", "oldest"]  # which entry of a list comes first
 
 
 def whole_number(request: Request, name: str, default: int, most: int, least: int = 1) -> int:

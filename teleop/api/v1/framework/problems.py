@@ -19,6 +19,7 @@ from rest_framework.exceptions import (
 from rest_framework.response import Response
 from rest_framework.views import set_rollback
 
+from fleet.base.error_pages import error_page
 from robots.shared import wire
 from robots.shared.wire import NotDone, Refusal, Rule, Said
 
@@ -32,6 +33,7 @@ _OUT_OF_REACH = (
     "not_connected",
     "connection_lost",
     "no_answer",
+    "camera_silent",
 )
 _BY_CODE = {
     "signed_out": 401,
@@ -80,7 +82,7 @@ class ProblemDetails(Struct, frozen=True):
     rule: Rule  # the check that refused
     figures: Mapping[str, float | int | str | None]
     refusals: list[Refusal]  # all refusals, if several rules refuse
-    type: str = "about:blank"
+    type: str  # the address of the page about the code
     said: Said | UnsetType = UNSET  # key and figures of `detail`, for a page in another language
 
 
@@ -169,6 +171,7 @@ def body_of(problem: Problem) -> Any:
         code=refusal.code,
         rule=refusal.rule,
         figures=refusal.figures,
+        type=error_page(refusal.code),
         refusals=problem.others or [refusal],
         said={"detail": refusal.said["text"]} if refusal.said else UNSET,
     )

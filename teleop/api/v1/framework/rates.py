@@ -37,6 +37,19 @@ def place_in(places: Semaphore | Lock, full: Refusal) -> Iterator[None]:
         places.release()
 
 
+POLICY = f'"client";q={BURST:.0f};w={BURST / PER_S:.0f}'  # header RateLimit-Policy
+
+
+def headers_of(key: str) -> dict[str, str]:
+    """Return the headers with the limit, and with what a token or session has left (IETF draft RateLimit)."""
+    bucket = _buckets.get(key)
+    left = bucket.left(time.monotonic()) if bucket else BURST
+    return {
+        "RateLimit-Policy": POLICY,
+        "RateLimit": f'"client";r={left:.0f};t={(BURST - left) / PER_S:.0f}',
+    }
+
+
 def asks_too_often(key: str) -> bool:
     """Count a request of a token or session, and return whether it exceeds the rate."""
     bucket = _buckets.setdefault(key, TokenBucket(PER_S, BURST))

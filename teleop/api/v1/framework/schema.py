@@ -8,8 +8,9 @@ import msgspec
 from drf_spectacular.extensions import OpenApiAuthenticationExtension, OpenApiSerializerExtension
 from drf_spectacular.openapi import AutoSchema
 from drf_spectacular.plumbing import ResolvedComponent
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
+from robots.shared.wire import MovesAlthoughStopped, StopState
 from teleop.api.v1.framework.problems import CONTENT_TYPE, OF_THE_DOOR, ProblemDetails
 
 _SLUG = {"type": "string", "pattern": "^[-a-zA-Z0-9_]+$"}  # as the library describes `<slug:...>`
@@ -87,10 +88,22 @@ class SessionScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-
         return {"type": "apiKey", "in": "cookie", "name": "fleet_session"}
 
 
-class StopResults(Struct, frozen=True):
-    """The outcome of a stop, by robot: the stop, or a refusal; with `pending` it is delivered as soon as possible."""
+class StopResult(Struct, frozen=True):
+    """The outcome of a stop of one robot: the stop and its number, with which it is cleared; or a refusal."""
 
-    robots: dict[str, dict[str, Any]]
+    number: int | UnsetType = UNSET
+    stop: StopState | UnsetType = UNSET
+    moves_although_stopped: MovesAlthoughStopped | UnsetType = UNSET
+    code: str | UnsetType = UNSET  # of the refusal, as `text` and `rule`
+    text: str | UnsetType = UNSET
+    rule: str | UnsetType = UNSET
+    pending: bool = False  # the stop is delivered as soon as possible
+
+
+class StopResults(Struct, frozen=True):
+    """The outcome of a stop, by robot."""
+
+    robots: dict[str, StopResult]
 
 
 def with_stops(result: dict[str, Any], generator: Any, **_options: Any) -> dict[str, Any]:

@@ -49,6 +49,7 @@ class ControlEntry(Struct, frozen=True):
     term_s: float | None = None  # until control ends, unless it is renewed
     unused_s: float | None = None  # control also ends after this time without a request of the program
     requests: list[wire.Request] = []  # people in line, in order; shown to the holder and to supervisors
+    asking: int | None = None  # this program's number in line; null: not in line
     ahead: int | None = None  # programs and people in line before this one; null: not in line
     offer_s: float | None = None  # for this time only this program can take control
     refusal: Refusal | None = None  # why taking control would be refused now
@@ -66,7 +67,7 @@ class TakeControl(Struct, frozen=True, forbid_unknown_fields=True):
 class HandOver(Struct, frozen=True, forbid_unknown_fields=True):
     """Give control to the person in line with this number."""
 
-    request: int
+    number: int
 
 
 class VelocityRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -193,7 +194,7 @@ class HandOverView(ProgramView):
     @_control("control_hand_over", "Hand control over", keyed=True)
     def post(self, slug: str, body: HandOver) -> None:
         """To somebody who waits in line."""
-        async_to_sync(self.connected(self.robot(slug)).change)(wire.HandOver(body.request))
+        async_to_sync(self.connected(self.robot(slug)).change)(wire.HandOver(body.number))
 
 
 class VelocityView(ProgramView):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from datetime import datetime, timedelta
+from typing import Annotated
 
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiParameter
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from robots.access.selectors import roles_by_id
 from robots.link import stop_courier as courier
@@ -70,11 +71,26 @@ class PhraseList(Struct, frozen=True):
     phrases: list[PhraseEntry]
 
 
+class RobotsAsked(Struct, frozen=True, forbid_unknown_fields=True):
+    """Filters of robots."""
+
+    profile: Annotated[str, Meta(max_length=100, description="A kind of robot.")] | None = None
+    group: Annotated[str, Meta(max_length=100, description="A robot group.")] | None = None
+    enabled: bool | None = None
+
+
 class RobotsView(ApiView):
     @reads("robots_list", "List the robots that you may see", refuses=())
-    def get(self) -> RobotList:
+    def get(self, query: RobotsAsked) -> RobotList:
         """The state of a robot is at its own address."""
         served = [row for row in robot_rows() if self.token_serves(row.id)]
+        if query.profile is not None:
+            served = [row for row in served if row.profile == query.profile]
+        if query.enabled is not None:
+            served = [row for row in served if row.enabled == query.enabled]
+        if query.group is not None:
+            members = set(Robot.objects.filter(groups__slug=query.group).values_list("pk", flat=True))
+            served = [row for row in served if row.id in members]
         roles = roles_by_id(self.person, [row.id for row in served])
         return RobotList(
             [entry_of(RobotEntry, row, role=roles[row.id].value) for row in served if row.id in roles]

@@ -57,6 +57,7 @@ AWAY = {
     "waiting_join",
     "events",
     "map_read",  # needs a bridge
+    "cameras_picture",
     "map_picture",
     "description_read",
     "mesh_read",
