@@ -120,13 +120,13 @@ def malformed() -> HttpRefusal:
 
 def busy() -> HttpRefusal:
     """Return the refusal because of too many connections or requests at once."""
-    text = say("Not done: the console is busy. Try again in a moment.")
+    text = say("Not done: the server is busy. Try again in a moment.")
     return HttpRefusal(503, "Service Unavailable", "busy", text, retry_after_s=2)
 
 
 def no_answer() -> HttpRefusal:
     """Return the refusal if the pages process has died, or does not start."""
-    text = say("The console did not answer this. Look whether it was done, and try again in a moment.")
+    text = say("The server did not answer this. Look whether it was done, and try again in a moment.")
     return HttpRefusal(503, "Service Unavailable", "no_answer", text, retry_after_s=2)
 
 

@@ -54,7 +54,7 @@ _IDLE = Verdict(STILL, STILL, "idle", "")
 # not start to move by itself when the cause ends.
 _HALTING = {"not_recorded": say("the robot’s actions could not be recorded")}
 BRIDGE_LATE = catalogued("this computer is overloaded: the bridge was {seconds:.1f} s late")
-CONSOLE_LATE = catalogued("this computer is overloaded: the console was {seconds:.1f} s late")
+CONSOLE_LATE = catalogued("this computer is overloaded: the server was {seconds:.1f} s late")
 
 
 class Core:
@@ -163,7 +163,7 @@ class Core:
     def link_lost(self, link: int, now_s: float) -> None:
         """Handle the loss of a web process: zero now, if control came through it. The grant expires by itself."""
         if self.lease.current:
-            reason = say("the console lost its link to the robot")
+            reason = say("the server lost its link to the robot")
             self.pause(self.lease.current.fence, reason, link, now_s, "link_lost")
 
     def drive(self, drive: Drive, link: int, now_s: float) -> Refusal | None:
@@ -468,7 +468,7 @@ class Core:
         """Return why a requested task may not begin now: control lost, page gone, or the robot takes no request."""
         refusal = self.lease.refuse_command(requester.holder.fence, requester.link, now_s)
         if refusal is None and self._page_gone_s is not None:
-            refusal = Refusal("link_lost", "The console lost its link to the robot.", "lease")
+            refusal = Refusal("link_lost", "The server lost its link to the robot.", "lease")
         return refusal or self.why_closed(now_s)
 
     def why_not_still(self, now_s: float) -> Refusal | None:

@@ -67,7 +67,7 @@ OTHER_PROTOCOL = Refusal(
     "The robot’s bridge has another version than the console. Tell staff to restart it.",
     "wire",
 )
-_FAULTY = Refusal("link_fault", "The console failed to follow the robot’s bridge; it tries again.", "wire")
+_FAULTY = Refusal("link_fault", "The server failed to follow the robot’s bridge; it tries again.", "wire")
 _BUSY = Refusal("busy", "The robot’s bridge has too much to answer: wait a moment.", "wire")
 
 _OTHER_ROBOT = Refusal(

@@ -115,7 +115,7 @@ def place_of_robot(robot_id: UUID, name: str) -> Place:
         if place.key == key_of(name):
             return place
     if newest is None:
-        text = "The console has no map of this robot yet. It reads the map while somebody has control."
+        text = "The server has no map of this robot yet. It reads the map while somebody has control."
     elif not places:
         text = "The robot’s map has no named places. A new map begins without any, also of the same building."
     else:

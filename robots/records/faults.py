@@ -115,7 +115,7 @@ def _ask(robot_id: UUID, address: LinkAddress) -> Future[Condition]:
             answer.set_result(condition_of(robot_id, address))
         except Exception:  # any fault: the robot is asked again
             log.exception("a robot could not be asked how it is")
-            answer.set_result(Condition("link_fault", say("The console failed to ask the robot’s bridge.")))
+            answer.set_result(Condition("link_fault", say("The server failed to ask the robot’s bridge.")))
 
     threading.Thread(target=ask, name="robot", daemon=True).start()
     return answer

@@ -45,7 +45,7 @@ _NOT_YOURS = Refusal(
 
 
 _CANCELLED = Refusal("cancelled", "It was cancelled before it began.", "robot")
-_LATE = Refusal("database", "The console could not read the place in time. Try again.", "robot")
+_LATE = Refusal("database", "The server could not read the place in time. Try again.", "robot")
 
 
 class TaskOwner(Protocol):

@@ -62,7 +62,7 @@ def test_late_console_is_named_as_the_cause_afterwards(bench):
     assert needed(bench).code == "dead_man"
     bench.core.console_was_late(0.3, bench.now_s)
     assert needed(bench).code == "overloaded"
-    assert needed(bench).text == "this computer is overloaded: the console was 0.3 s late"
+    assert needed(bench).text == "this computer is overloaded: the server was 0.3 s late"
     assert bench.core.state(bench.now_s, []).overload == Overload("console", 0.3)
 
 

@@ -15,9 +15,7 @@ export function whyNowhere(map, { state, refusal }) {
   if (!state) return refusal?.text ?? gettext("It sends no data.");
   if (!isSeen(state)) return interpolate(gettext("Position: %s"), [unknownText(seenAt(state))]);
   if (!map)
-    return gettext(
-      "The console has no map of it yet: it reads the map while somebody has control.",
-    );
+    return gettext("The server has no map of it yet: it reads the map while somebody has control.");
   if (!state.location) return gettext("It does not know where it is on its map.");
   return "";
 }

@@ -36,7 +36,7 @@ NEUTRAL_S = 0.15  # pause after a zero velocity, when the bridge demands neutral
 
 GONE = Refusal("connection_lost", "The connection to the robot's control ended: take control again.", "lease")
 NOT_CONNECTED = Refusal("not_connected", "The robot's control was not reached: try again.", "lease")
-_SILENT = Refusal("no_answer", "The console did not answer in time. Look at the robot's state.", "lease")
+_SILENT = Refusal("no_answer", "The server did not answer in time. Look at the robot's state.", "lease")
 _NOT_YOURS = Refusal("no_lease", "This program does not have control: take it first.", "lease")
 
 Wanted = Callable[[Any], bool]

@@ -26,7 +26,7 @@ _NUMBER = OpenApiParameter(
 )
 NO_MAP = Refusal(
     "not_found",
-    "The console has no map of this robot yet. It reads the map while somebody has control.",
+    "The server has no map of this robot yet. It reads the map while somebody has control.",
     "robot",
 )
 _ONE_PLACE = Refusal("invalid", "Name a place, or give x and y.", "wire")
