@@ -1,6 +1,7 @@
 """The server of the web process: Daphne, with limits for unknown clients before Django handles a request.
 
 `limits` has the limits, `connections` counts; `guard` applies both to each connection, and `front` to each request.
+`pages/` has the pages process, to which `front` passes most requests.
 
     python -m fleet.server --port 8000 fleet.site.asgi:application      # same options as Daphne
 """

@@ -15,9 +15,10 @@ from daphne.cli import CommandLineInterface
 from twisted.internet import reactor, task
 from twisted.internet.endpoints import serverFromString
 
-from fleet.server import guard, limits, pages_process
+from fleet.server import guard, limits
 from fleet.server.front import Front
-from fleet.server.pages_client import Pages
+from fleet.server.pages.client import Pages
+from fleet.server.pages.process import Keeper
 from robots.shared.processes.scheduling import Garbage, ask_for_priority
 
 GARBAGE_S = 0.1  # between two collections, so that each one has only few new objects
@@ -26,7 +27,7 @@ GARBAGE_S = 0.1  # between two collections, so that each one has only few new ob
 class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
     """Daphne's server behind guards, with `Front` before the application."""
 
-    keeper: pages_process.Keeper | None = None  # keeps the pages process running; None in tests of the server
+    keeper: Keeper | None = None  # keeps the pages process running; None in tests of the server
 
     def __init__(self, application: Any, **options: Any) -> None:
         from django.conf import settings  # the application was imported before
@@ -105,7 +106,7 @@ class CommandLine(CommandLineInterface):  # type: ignore[misc]
         os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
         from django.conf import settings
 
-        keeper = Server.keeper = pages_process.Keeper(settings.FLEET_RUN_DIR, asked.application)
+        keeper = Server.keeper = Keeper(settings.FLEET_RUN_DIR, asked.application)
         try:
             super().run(args)
         finally:

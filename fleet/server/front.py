@@ -15,7 +15,7 @@ from fleet.server import AT_ONCE, limits
 from fleet.server.connections import Connections, Places
 from fleet.server.credentials import Credential, credentials_of, likely_credentials
 from fleet.server.guard import GUARD, Guard
-from fleet.server.pages_client import Pages
+from fleet.server.pages.client import Pages
 from fleet.server.turns import Key, Turns, WorkQueue
 from fleet.server.websocket import WebSocket
 

@@ -26,7 +26,7 @@ from teleop.stop.door import StopDoor  # noqa: E402
 limit_queries(connections.settings["default"])
 resolve("/stop-all/")  # loads the code of all URLs, so that the first stop does not wait 0.1 s for it
 
-PAGES = "--life-line" in sys.argv  # in `fleet.server.pages_server`
+PAGES = "--life-line" in sys.argv  # in `fleet.server.pages.server`
 if PAGES:
     connections.settings["default"].update(CONN_MAX_AGE=60, CONN_HEALTH_CHECKS=True)
 else:

@@ -11,7 +11,7 @@ from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 from teleop.api.v1.programs.connection import ProgramConnection, ProgramSignIn
 
-SOCKET = "FLEET_PROGRAMS_SOCKET"  # where the web process listens; set by `fleet.server.pages_process`
+SOCKET = "FLEET_PROGRAMS_SOCKET"  # where the web process listens; set by `fleet.server.pages.process`
 UNUSED_S = 30.0  # without a request, a program's connection closes, and control ends
 CHECK_S = 1.0
 MOST = 100

@@ -18,7 +18,7 @@ from twisted.internet import protocol, reactor
 
 from fleet.server import limits
 from fleet.server.command import Server
-from fleet.server.pages_client import Pages
+from fleet.server.pages.client import Pages
 
 CHUNK = bytes(65536)
 PIECES = b"".join(b"1000\r\n" + CHUNK[:4096] + b"\r\n" for _ in range(16))

@@ -2,7 +2,7 @@
 
 import threading
 
-from fleet.server.command import pages_process  # imported through Daphne, which chooses the reactor
+from fleet.server.pages import process as pages_process
 
 
 class Started:

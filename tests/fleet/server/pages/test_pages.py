@@ -88,7 +88,7 @@ def test_a_pages_process_whose_parent_ends_at_once_leaves_no_socket(web, tmp_pat
     try:
         pages = subprocess.Popen(
             [
-                *(sys.executable, "-m", "fleet.server.pages_server", "--life-line", str(life_line)),
+                *(sys.executable, "-m", "fleet.server.pages.server", "--life-line", str(life_line)),
                 *("--socket", str(path), "fleet.site.asgi:application"),
             ],
             env=web.environ,

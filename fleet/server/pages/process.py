@@ -2,7 +2,7 @@
 
 So pages and drive input do not share a Python interpreter.
 
-The process that owns the port starts the pages process, and starts it again when it dies. `fleet.server.pages_client`
+The process that owns the port starts the pages process, and starts it again when it dies. `fleet.server.pages.client`
 forwards requests to it over a Unix socket.
 """
 
@@ -77,7 +77,7 @@ class Keeper:
 
     def _command(self) -> list[str]:
         return [
-            *(sys.executable, "-m", "fleet.server.pages_server", "--life-line", str(self._life_line)),
+            *(sys.executable, "-m", "fleet.server.pages.server", "--life-line", str(self._life_line)),
             *("--socket", str(self.path), self._application),
         ]
 

@@ -1,4 +1,4 @@
-"""The program of the pages process: `python -m fleet.server.pages_server --life-line FD --socket PATH APPLICATION`.
+"""The program of the pages process: `python -m fleet.server.pages.server --life-line FD --socket PATH APPLICATION`.
 
 The process that owns the port has applied the limits, so Uvicorn can serve here: it needs half of Daphne's
 time for a request.
