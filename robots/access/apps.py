@@ -10,3 +10,7 @@ class AccessConfig(AppConfig):
     name = "robots.access"
     label = "access"
     verbose_name = _("Access")
+
+    def ready(self) -> None:
+        """Connect the receivers."""
+        from robots.access import enrolment  # noqa: F401 - needs the models

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 from uuid import UUID
 
 from django.db import transaction
+from django.dispatch import receiver
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from msgspec import Struct
@@ -17,11 +19,12 @@ from msgspec import Struct
 from fleet.accounts.changes import record_creations
 from fleet.accounts.models import User
 from fleet.accounts.names import AccountNames
+from fleet.accounts.services import erased
 from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.services import lock_chain, record
 from fleet.base.names import spelled_out
 from robots.access import welcome
-from robots.access.models import Course, Enrolment, Invitation
+from robots.access.models import Course, Enrolment, Invitation, PasswordLink
 from robots.access.people_lists.reading import Listed, PeopleList, Wrong
 from robots.access.selectors import courses_managed_by, lab_date
 from robots.access.signals import publish_access_changed
@@ -34,6 +37,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 BATCH_SIZE = 100  # people in one transaction: others must not wait long for the database
+NO_NUMBERS: Mapping[UUID, str] = {}
 NOT_IN_USERNAMES = re.compile(r"[^\w.@+-]")
 
 
@@ -58,6 +62,8 @@ class Plan(Struct, frozen=True):
     new: tuple[Listed, ...] = ()  # will get an account and an invitation by e-mail
     undisclosed: tuple[Undisclosed, ...] = ()  # will be enrolled, with or without an account
     enrolled: tuple[User, ...] = ()  # are in the course already
+    renumbered: tuple[User, ...] = ()  # of these, those whose student number is stored or replaced
+    numbers: Mapping[UUID, str] = {}  # student numbers of accounts
     wrong: tuple[Wrong, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -87,36 +93,91 @@ def plan_of(
     Staff see who has an account. Supervisors see this only for people in their courses. Other people are enrolled even
     if their account is closed: an error would show that the account exists, and a closed account has no role anyway.
     """
-    found = accounts_by_address(one.email for one in people.people)
-    familiar: set[UUID] | None = None
-    if not actor.is_staff:
-        theirs = Enrolment.objects.filter(course__in=courses_managed_by(actor))
-        familiar = set(theirs.values_list("person_id", flat=True))
-    inside: set[UUID] = set()
-    if course is not None:
-        inside = set(Enrolment.objects.filter(course=course).values_list("person_id", flat=True))
+    found = _Accounts(people, course, actor)
+    familiar = None if actor.is_staff else found.familiar
     known: list[User] = []
     enrolled: list[User] = []
+    renumbered: list[User] = []
     new: list[Listed] = []
     undisclosed: list[Undisclosed] = []
-    wrong, names = list(people.wrong), names or AccountNames(User)
+    wrong, names, numbers = list(people.wrong), names or AccountNames(User), dict[UUID, str]()
     for one in people.people:
-        account = found.get(one.email.lower())
+        account = found.account(one)
         disclosed = familiar is None or (account is not None and account.pk in familiar)
-        if (account is None or not disclosed) and (fault := names.fault_of_name(one.name)):
-            wrong.append(Wrong(one.line, one.email, f"{spelled_out(one.name[:60])}: {fault.text}"))
+        if fault := found.fault(one, account):
+            wrong.append(Wrong(one.line, one.key, fault, one.cells))
+            continue
+        if (account is None or not disclosed) and (named := names.fault_of_name(one.name)):
+            wrong.append(Wrong(one.line, one.key, f"{spelled_out(one.name[:60])}: {named.text}", one.cells))
             continue
         names.add("", one.name)
+        if account is not None and one.number:
+            numbers[account.pk] = one.number
         if not disclosed:
             undisclosed.append(Undisclosed(one, account))
         elif account is None:
             new.append(one)
         elif not account.is_active:
-            wrong.append(Wrong(one.line, one.email, _("This account is closed. Ask the staff.")))
+            wrong.append(Wrong(one.line, one.key, _("This account is closed. Ask the staff."), one.cells))
+        elif account.pk not in found.inside:
+            known.append(account)
         else:
-            (enrolled if account.pk in inside else known).append(account)
+            enrolled.append(account)
+            if one.number and one.number != found.inside[account.pk]:
+                renumbered.append(account)
     wrong.sort(key=lambda one: one.line)
-    return Plan(tuple(known), tuple(new), tuple(undisclosed), tuple(enrolled), tuple(wrong), people.notes)
+    return Plan(
+        known=tuple(known),
+        new=tuple(new),
+        undisclosed=tuple(undisclosed),
+        enrolled=tuple(enrolled),
+        renumbered=tuple(renumbered),
+        numbers=numbers,
+        wrong=tuple(wrong),
+        notes=people.notes,
+    )
+
+
+class _Accounts:
+    """The accounts of the people of a list: by address; without one, by student number and name.
+
+    Numbers are looked up only in courses that the actor manages: they say nothing about people of others.
+    """
+
+    def __init__(self, people: PeopleList, course: Course | None, actor: User) -> None:
+        self._by_address = accounts_by_address(one.email for one in people.people if one.email)
+        theirs = Enrolment.objects.filter(course__in=courses_managed_by(actor))
+        self.familiar = set(theirs.values_list("person_id", flat=True)) if not actor.is_staff else set()
+        self.inside: dict[UUID, str] = {}  # numbers of the course's people
+        self._holders: dict[str, User] = {}  # the course's people with a number
+        self._by_number: dict[tuple[str, frozenset[str]], User] = {}
+        if course is not None:
+            self.inside = dict(Enrolment.objects.filter(course=course).values_list("person_id", "number"))
+        wanted = [one.number for one in people.people if one.number]
+        for part in _parts(wanted, 500):
+            for held in theirs.filter(number__in=part).select_related("person"):
+                self._by_number[held.number, words_of(held.person.full_name)] = held.person
+                if course is not None and held.course_id == course.pk:
+                    self._holders[held.number] = held.person
+
+    def account(self, one: Listed) -> User | None:
+        """Return the account of a listed person; None: it must be made."""
+        by_address = self._by_address.get(one.email) if one.email else None
+        return by_address or self._by_number.get((one.number, words_of(one.name)))
+
+    def fault(self, one: Listed, account: User | None) -> str:
+        """Return why the list contradicts the course: two people would have one number."""
+        holder = self._holders.get(one.number)
+        if holder is None or holder == account:
+            return ""
+        return _("%(name)s has this student number in the course.") % {"name": holder.display_name}
+
+
+def words_of(name: str) -> frozenset[str]:
+    """Return the words of a name, by which it is found whatever their order, case and accents."""
+    letters = unicodedata.normalize("NFKD", name.casefold())
+    plain = "".join(letter for letter in letters if not unicodedata.combining(letter))
+    return frozenset(re.findall(r"\w+", plain))
 
 
 def accounts_by_address(addresses: Iterable[str]) -> dict[str, User]:
@@ -133,8 +194,8 @@ def enrol_list(*, course: Course, people: PeopleList, actor: User, site: str) ->
     """
     names = AccountNames(User)
     plan = plan_of(people, course, actor, names)
-    for part in _parts(plan.accounts, BATCH_SIZE):
-        enrol(course=course, people=part, actor=actor)
+    for part in _parts([*plan.accounts, *plan.renumbered], BATCH_SIZE):
+        enrol(course=course, people=part, actor=actor, numbers=plan.numbers)
     for listed in _parts(plan.newcomers, BATCH_SIZE):
         with transaction.atomic():
             _lock_enrolments()
@@ -142,31 +203,48 @@ def enrol_list(*, course: Course, people: PeopleList, actor: User, site: str) ->
             # The button may have been pressed twice
             now = plan_of(PeopleList(tuple(listed)), course, actor, names)
             made = _make_accounts(now.newcomers, actor)
-            enrol(course=course, people=[*now.accounts, *made], actor=actor)
+            numbers = {person.pk: one.number for person, one in zip(made, now.newcomers, strict=True)}
+            people_now = [*now.accounts, *made]
+            enrol(course=course, people=people_now, actor=actor, numbers={**now.numbers, **numbers})
             welcome.send_later(made, course=course, site=site)
     return plan
 
 
 @transaction.atomic
 def enrol(
-    *, course: Course, people: Sequence[User], actor: Actor, invitation: Invitation | None = None
+    *,
+    course: Course,
+    people: Sequence[User],
+    actor: Actor,
+    invitation: Invitation | None = None,
+    numbers: Mapping[UUID, str] = NO_NUMBERS,
 ) -> int:
-    """Enrol these people. Returns how many were not enrolled before."""
+    """Enrol these people, and store their student numbers. Returns how many were not enrolled before."""
     _lock_enrolments()
     inside = set(Enrolment.objects.filter(course=course, person__in=people).values_list("person", flat=True))
     new = [person for person in people if person.pk not in inside]
-    if not new:
-        return 0
-    Enrolment.objects.bulk_create(
-        [Enrolment(course=course, person=person) for person in new], ignore_conflicts=True
-    )
-    by = {"invitation": str(invitation.pk)} if invitation else {}
-    record(
-        "course.enrol",
-        actor=actor,
-        parameters={"course": course.slug, "people": [str(person.pk) for person in new], **by},
-    )
+    if new:
+        Enrolment.objects.bulk_create(
+            [Enrolment(course=course, person=person) for person in new], ignore_conflicts=True
+        )
+        by = {"invitation": str(invitation.pk)} if invitation else {}
+        parameters = {"course": course.slug, "people": [str(person.pk) for person in new], **by}
+        record("course.enrol", actor=actor, parameters=parameters)
+    _number(course, {person.pk: numbers[person.pk] for person in people if numbers.get(person.pk)}, actor)
     return len(new)
+
+
+def _number(course: Course, numbers: Mapping[UUID, str], actor: Actor) -> None:
+    """Store student numbers, and record whose changed. A number that another person of the course has is left out."""
+    rows = Enrolment.objects.filter(course=course)
+    held = set(rows.filter(number__in=numbers.values()).values_list("number", flat=True))
+    changed = list(rows.filter(person__in=[key for key, number in numbers.items() if number not in held]))
+    for row in changed:
+        row.number = numbers[row.person_id]
+    if changed:
+        Enrolment.objects.bulk_update(changed, ["number"])
+        people = [str(row.person_id) for row in changed]
+        record("course.number", actor=actor, parameters={"course": course.slug, "people": people})
 
 
 @transaction.atomic
@@ -185,6 +263,13 @@ def unenrol(*, course: Course, people: Sequence[User], actor: Actor) -> int:
     return len(gone)
 
 
+@receiver(erased)
+def _forget(*, user: User, **_options: Any) -> None:
+    """Remove an erased person's student numbers and link."""
+    Enrolment.objects.filter(person=user).update(number="")
+    PasswordLink.objects.filter(person=user).delete()
+
+
 def _lock_enrolments() -> None:
     """Lock the audit log's chain without a robot until the commit. Each record of these changes locks it, but later.
 
@@ -195,11 +280,14 @@ def _lock_enrolments() -> None:
 
 
 def _make_accounts(people: Sequence[Listed], actor: User) -> list[User]:
-    """Make accounts without password. The user name is the e-mail address: people need to remember only one name."""
-    names = _free_usernames([NOT_IN_USERNAMES.sub("-", one.email.lower())[:140] for one in people])
+    """Make accounts without password. The user name is the e-mail address: people need to remember only one name.
+
+    Without an address, it is the student number.
+    """
+    names = _free_usernames([NOT_IN_USERNAMES.sub("-", one.key.lower())[:140] for one in people])
     made = []
     for one, username in zip(people, names, strict=True):
-        user = User(username=username, email=one.email.lower(), full_name=one.name)
+        user = User(username=username, email=one.email, full_name=one.name)
         user.set_unusable_password()
         made.append(user)
     User.objects.bulk_create(made)

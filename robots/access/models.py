@@ -140,12 +140,17 @@ class Enrolment(models.Model):
         verbose_name=_("person"),
     )
     added_at = models.DateTimeField(_("since"), default=timezone.now)
+    # As the registry of this course gives it. Of the enrolment, not of the account: no other course reads or sets it
+    number = models.CharField(_("student number"), max_length=40, blank=True)
 
     class Meta:
         verbose_name = _("enrolment")
         verbose_name_plural = _("enrolments")
         constraints = [
-            models.UniqueConstraint(fields=["course", "person"], name="one_enrolment_per_course_and_person")
+            models.UniqueConstraint(fields=["course", "person"], name="one_enrolment_per_course_and_person"),
+            models.UniqueConstraint(
+                fields=["course", "number"], condition=~Q(number=""), name="one_person_per_course_and_number"
+            ),
         ]
 
     def __str__(self) -> str:

@@ -191,6 +191,21 @@ def test_a_supervisor_enrols_by_csv_after_a_preview(signed_in: SignIn, course: C
     assert Enrolment.objects.count() == 2
 
 
+def test_a_registrys_file_is_shown_as_it_will_be_stored(
+    signed_in: SignIn, course: Course, teacher: User
+) -> None:
+    client, address = signed_in(teacher), "/courses/hri-2026/enrol/"
+    content = "Robotics 1\n\nKey\tWho\tE-Mail\n007\tMüller, Zoë\tz@example.org\n".encode("utf-16")
+    preview = client.post(address, {"file": SimpleUploadedFile("class.txt", content)})
+    assert "UTF-16" in shown(preview) and "It stands above the titles" in shown(preview)
+    named = {**form_of(preview), "column": ["number", "last_first", "email"], "again": "1"}
+    preview = client.post(address, named)
+    assert re.search(r"Zoë Müller.*?</td><td>z@example.org</td><td>007</td>", preview.text)
+    assert client.post(address, form_of(preview)).status_code == 302
+    assert Enrolment.objects.get(number="007").person.full_name == "Zoë Müller"
+    assert "z@example.org · 007" in shown(client.get("/courses/hri-2026/"))
+
+
 @pytest.mark.django_db(transaction=True)
 def test_the_page_shows_whom_the_welcome_letter_did_not_reach(
     signed_in: SignIn, course: Course, teacher: User, monkeypatch: pytest.MonkeyPatch

@@ -17,6 +17,7 @@ from django.utils import timezone
 
 from fleet.accounts import emails
 from fleet.accounts.models import User
+from fleet.accounts.services import account_erase
 from fleet.audit.models import Record
 from robots.access.enrolment import (
     EnrolmentRefused,
@@ -183,3 +184,53 @@ def _wait_for(done: Callable[[], bool]) -> None:
     while not done():
         assert time.monotonic() < deadline_s
         time.sleep(0.01)
+
+
+# --- student numbers ------------------------------------------------------------------------------
+
+
+def numbers_in(course: Course) -> dict[str, str]:
+    rows = Enrolment.objects.filter(course=course).exclude(number="")
+    return dict(rows.values_list("person__full_name", "number"))
+
+
+def test_numbers_are_kept_with_the_enrolment_and_find_people_again(
+    enrol: Callable[[str], Any], course: Course
+) -> None:
+    enrol("Name;E-Mail\nAda Lovelace;ada@example.org")
+    plan = enrol("Name;E-Mail;Student ID\nAda Lovelace;ada@example.org;007\nBo Ek;bo@example.org;8")
+    assert (len(plan.renumbered), len(plan.new)) == (1, 1)
+    assert numbers_in(course) == {"Ada Lovelace": "007", "Bo Ek": "8"}
+    again = enrol('Student ID;Name\n007;"Lovelace, Ada"\n9;Cy Ek')  # without addresses
+    assert (len(again.enrolled), len(again.new)) == (1, 1)
+    assert User.objects.get(full_name="Cy Ek").username == "9"
+    assert not enrol("Student ID;Name\n9;Cy Ek").to_enrol
+    recorded = Record.objects.filter(kind="course.number")
+    assert [len(one.parameters["people"]) for one in recorded.order_by("pk")] == [1, 1, 1]
+    assert "007" not in str([(one.parameters, one.details) for one in Record.objects.all()])
+
+
+def test_two_people_never_have_one_number(enrol: Callable[[str], Any], course: Course) -> None:
+    enrol("Name;E-Mail;Student ID\nAda Lovelace;ada@example.org;7")
+    plan = enrol("Name;E-Mail;Student ID\nEve Ek;eve@example.org;7")
+    assert [one.reason for one in plan.wrong] == ["Ada Lovelace has this student number in the course."]
+    assert numbers_in(course) == {"Ada Lovelace": "7"}
+
+
+def test_a_number_finds_nobody_of_another_supervisors_course(
+    course: Course, teacher: User, staff: User, enrol: Callable[[str], Any]
+) -> None:
+    other = Course.objects.create(
+        name="Other", slug="other", starts_on=course.starts_on, ends_on=course.ends_on
+    )
+    enrol_list(course=other, people=read_people("Student ID;Name\n7;Ada Ek"), actor=staff, site=SITE)
+    mine = plan_of(read_people("Student ID;Name\n7;Ada Ek"), course, teacher)
+    assert (mine.known, [one.account for one in mine.undisclosed]) == ((), [None])
+    assert [one.full_name for one in plan_of(read_people("Student ID;Name\n7;Ada Ek"), course, staff).known]
+    assert not plan_of(read_people("Student ID;Name\n7;Bo Ek"), course, staff).known  # another name
+
+
+def test_an_erased_persons_number_is_gone(enrol: Callable[[str], Any], course: Course, staff: User) -> None:
+    enrol("Student ID;Name\n7;Ada Ek")
+    account_erase(user=User.objects.get(username="7"), actor=staff)
+    assert numbers_in(course) == {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Callable
+from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -14,8 +15,9 @@ from django.utils import timezone
 
 from fleet.accounts.mail import off
 from fleet.accounts.models import User
+from fleet.accounts.sign_in import throttle
 from fleet.audit.models import Record
-from robots.access.enrolment import enrol_list
+from robots.access.enrolment import enrol_list, invitation_make
 from robots.access.models import Course, Enrolment, PasswordLink
 from robots.access.password_links import codes_of, link_of, may_see, untouched
 from robots.access.people_lists.reading import read_people
@@ -194,3 +196,71 @@ def test_staff_test_the_mail_server(
     outcomes = Record.objects.filter(kind="account.email_test").order_by("pk")
     assert [one.outcome for one in outcomes] == ["sent", "failed"]
     assert signed_in(teacher).get("/mail/").status_code == 403
+
+
+# --- an invitation finds the person ---------------------------------------------------------------
+
+
+@pytest.fixture
+def join(course: Course, teacher: User) -> str:
+    ends = timezone.now() + timedelta(days=1)
+    made = invitation_make(course=course, expires_at=ends, most_uses=9, actor=teacher)
+    return f"/join/{made.code}/"
+
+
+@pytest.mark.parametrize("typed", ["ADA@example.org", " 007 "])
+def test_an_invitation_finds_the_person_of_the_list(typed: str, join: str, course: Course, ada: User) -> None:
+    Enrolment.objects.filter(person=ada).update(number="007")
+    client = Client()
+    assert 'name="known_as"' in client.get(join).text
+    page = client.post(join, {"known_as": typed}, follow=True)
+    assert "Welcome, Ada" in page.text
+    assert client.post(page.redirect_chain[-1][0], FORM).url == "/accounts/sign-in/"
+    assert Client().login(username="ada", password=PASSWORD)
+    assert User.objects.filter(full_name="Ada").count() == 1
+    shown = Record.objects.get(kind="account.link")
+    assert (shown.actor_id, shown.parameters["people"]) == (None, [str(ada.pk)])
+    again = Client().post(join, {"known_as": typed})
+    assert again.status_code == 409 and "sign in with it" in again.text
+
+
+@pytest.mark.parametrize("what", [*CHANGES, "another course"])
+def test_an_invitation_gives_no_account_with_more_rights(
+    what: str, join: str, other_course: Course, robot: Robot, ada: User
+) -> None:
+    if what == "another course":
+        Enrolment.objects.create(course=other_course, person=ada)
+    else:
+        CHANGES[what](ada, robot=robot, other=other_course)
+    answer = Client().post(join, {"known_as": "ada@example.org"})
+    assert answer.status_code == 409
+    assert not PasswordLink.objects.exists()
+
+
+def test_an_invitation_says_nothing_of_people_outside_the_course(join: str, ada: User) -> None:
+    newcomer("eve")
+    known, unknown = (
+        Client().post(join, {"known_as": f"{name}@example.org"}).text for name in ("eve", "nobody")
+    )
+    assert "Nobody on the course’s list" in known
+    assert re.sub(r'value="[^"]+"', "", known) == re.sub(r'value="[^"]+"', "", unknown)
+
+
+def test_guesses_of_numbers_are_limited(join: str, ada: User, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(throttle, "FAILURES_OF_ADDRESS", 2)
+    answers = [Client().post(join, {"known_as": str(number)}).status_code for number in range(4)]
+    assert answers == [409, 409, 429, 429]
+
+
+def test_a_second_account_of_a_name_is_asked_about(join: str, course: Course, ada: User) -> None:
+    User.objects.filter(pk=ada.pk).update(full_name="Ada Lovelace")
+    form = {"full_name": "Lovelace Ada", "username": "al", "password1": PASSWORD, "password2": PASSWORD}
+    asked = Client().post(join, form)
+    assert asked.status_code == 400 and 'name="another"' in asked.text
+    assert not User.objects.filter(username="al").exists()
+    assert Client().post(join, {**form, "another": "1"}).status_code == 302
+    assert Enrolment.objects.filter(course=course, person__username="al").exists()
+
+
+def test_without_a_list_an_invitation_asks_for_a_new_account_at_once(join: str, student: User) -> None:
+    assert 'name="username"' in Client().get(join).text

@@ -79,7 +79,12 @@ def test_each_line_may_have_its_own_separator() -> None:
 def test_other_columns_are_left_out_with_a_note() -> None:
     found = read_people("Name;Matr.-Nr.;E-Mail;Mark\nAda Lovelace;12;ada@example.org;1")
     assert [(one.name, one.email) for one in found.people] == [ADA]
-    assert found.notes == ("Name from: Name. E-mail address from: E-Mail.", "Left out: Matr.-Nr., Mark.")
+    assert found.notes == (
+        "Name from: Name. E-mail address from: E-Mail.",
+        "Student number from: Matr.-Nr.",
+        "Left out: Mark.",
+    )
+    assert [one.number for one in found.people] == ["12"]
 
 
 def test_wrong_lines_are_named_by_number_and_reason() -> None:
@@ -170,7 +175,7 @@ def test_a_name_with_a_character_that_is_no_text_is_named() -> None:
             'Name;Note;Mail\n"Ada\nLovelace";"a\nb";ada@example.org',
             [ADA],
         ),  # the quote comes before the separator
-        ("Lovelace, Ada;ada@example.org", [("Lovelace, Ada", "ada@example.org")]),
+        ("Lovelace, Ada;ada@example.org", [ADA]),
         ("Name;Mail\nAda Lovelace;mailto:ada@example.org", [ADA]),
         ("Name;Mail\nAda Lovelace;A. L. <ada@example.org>", [ADA]),
         ("First name,E-mail - Type,E-mail - Value\nAda,* Work,ada@example.org", [("Ada", ADA[1])]),
@@ -249,7 +254,7 @@ def test_a_list_of_5000_lines_is_read_and_a_longer_one_refused() -> None:
 
 
 def test_notes_name_each_column_that_is_not_used() -> None:
-    assert "Left out: Matrikel-Nr." in read_people("Name;Matrikel-Nr.;E-Mail\nAda;7;a@example.org").notes
+    assert "Left out: Büro-Nr." in read_people("Name;Büro-Nr.;E-Mail\nAda;7;a@example.org").notes
     second = read_people("Ada,a@example.org,ada@example.net\nBob,b@example.org,")
     assert second.notes == ("Left out: column 3.",)
 
@@ -263,16 +268,70 @@ def test_each_address_of_a_line_of_addresses_is_in_a_used_column() -> None:
     assert [one.email for one in chosen.people] == ["a@example.org"]
 
 
-def test_a_list_as_text_reads_back_as_the_same_people() -> None:
-    found = read_people(
-        "Name,Email\n\"Lovelace, Ada\",ada@example.org\nO'Neil,o'neil@example.org\n,x@example.org"
-    )
-    assert people(found.as_text()) == [(one.name, one.email) for one in found.people]
+# --- as registries give them ----------------------------------------------------------------------
+
+REGISTRY = (
+    "Universität Beispielstadt;;;\r\nKurs: Robotik 1, WS 2026;;;\r\n;;;\r\n"
+    "Matrikel-Nr.;Nachname, Vorname;E-Mail-Adresse;Fachsemester\r\n"
+    "0123456;Lovelace, Ada;Ada@example.org;3\r\n"
+    "0123457;Müller, Zoë;z@example.org;3\r\n"
+    "0123458;Davis, Jr.;d@example.org;3\r\n"
+)
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8-sig", "utf-16", "utf-8"])
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_a_registrys_list_is_read_whole(encoding: str, separator: str) -> None:
+    text = REGISTRY.replace(";", separator)
+    found = read_people(decoded(text.encode(encoding)).text)
+    assert [(one.number, one.name, one.email) for one in found.people] == [
+        ("0123456", "Ada Lovelace", "ada@example.org"),
+        ("0123457", "Zoë Müller", "z@example.org"),
+        ("0123458", "Davis, Jr.", "d@example.org"),
+    ]
+    assert not found.wrong
+    assert {one.reason for one in found.titles} == {"It stands above the titles of the columns."}
+    assert [column.role for column in found.columns[:3]] == [Role.NUMBER, Role.LAST_FIRST, Role.EMAIL]
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "Student ID;Name;Email",
+        "Expediente;Apellidos y nombre;Correo electrónico",
+        "NIU;Cognoms, nom;Correu electrònic",
+        "N° étudiant;Nom, Prénom;Courriel",
+        "Matricola;Cognome e Nome;Posta elettronica",
+        "Numer albumu;Nazwisko i imię;Adres e-mail",
+        "学号;姓名;电子邮件",
+    ],
+)
+def test_numbers_and_turned_names_have_titles_in_many_languages(header: str) -> None:
+    [one] = read_people(f'{header}\n7;"Lovelace, Ada";ada@example.org').people
+    assert (one.number, one.name) == ("7", "Ada Lovelace")
+
+
+def test_a_column_of_any_title_is_named_by_its_select() -> None:
+    text = "Foo;Bar;Baz\nLovelace, Ada;ada@example.org;7\nEk, Bo;bo@example.org;8"
+    roles = [Role.LAST_FIRST, Role.EMAIL, Role.NUMBER]
+    found = read_people(text, ";", roles)
+    assert [(one.name, one.number) for one in found.people] == [("Ada Lovelace", "7"), ("Bo Ek", "8")]
+    kept = read_people(text, ";", [Role.NAME, Role.EMAIL])
+    assert kept.people[0].name == "Lovelace, Ada"
+
+
+def test_a_person_with_a_number_needs_no_address() -> None:
+    found = read_people("Number;Student ID;Name\n1;77;Ada Lovelace\n2;78;\n3;77;Bo Ek\n4;1,2E+11;Cy Ek")
+    assert [(one.number, one.email) for one in found.people] == [("77", "")]
+    assert [one.reason for one in (*found.repeated, *found.wrong)] == [
+        "The student number stands in line 2, too.",
+        "There is no e-mail address.",
+        "A spreadsheet has shortened the student number to 1,2E+11: make that column text there.",
+    ]
 
 
 @given(st.text(max_size=300))
 def test_any_text_is_read_without_a_fault(text: str) -> None:
     found = read_people(text)
-    assert people(found.as_text()) == [(one.name, one.email) for one in found.people]
     lines = [one.line for one in (*found.people, *found.wrong)]
     assert len(lines) == len(set(lines))

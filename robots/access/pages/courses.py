@@ -282,7 +282,12 @@ def _enrol(request: HttpRequest, found: Course, form: PeopleForm) -> None:
     plan = enrolment.enrol_list(
         course=found, people=form.people_list, actor=person_of(request), site=public_origin(request)
     )
-    facts = {"course": found.name, "people": plan.to_enrol, "new": len(plan.new)}
+    facts = {
+        "course": found.name,
+        "people": plan.to_enrol,
+        "new": len(plan.new),
+        "numbers": len(plan.renumbered),
+    }
     if plan.undisclosed and is_off():
         text = ngettext(
             "%(people)d person is enrolled in %(course)s; each person without an account got one.",
@@ -300,6 +305,12 @@ def _enrol(request: HttpRequest, found: Course, form: PeopleForm) -> None:
             "%(people)d person is enrolled in %(course)s; new accounts: %(new)d.",
             "%(people)d people are enrolled in %(course)s; new accounts: %(new)d.",
             plan.to_enrol,
+        )
+    elif plan.renumbered:
+        text = ngettext(
+            "%(numbers)d student number is stored in %(course)s.",
+            "%(numbers)d student numbers are stored in %(course)s.",
+            len(plan.renumbered),
         )
     elif form.people_list.people:
         text = _("All of them are in %(course)s already.")
@@ -331,7 +342,10 @@ def _course_page(
     context = {
         "course": found,
         "robots": robots_of(found),
-        "people": [{"person": one.person, "held": held.get(one.person_id, ())} for one in enrolments],
+        "people": [
+            {"person": one.person, "number": one.number, "held": held.get(one.person_id, ())}
+            for one in enrolments
+        ],
         "waiting": sum(one.person.is_active and not one.person.has_usable_password() for one in enrolments),
         "refused": sum(one.person.email_refused_at is not None for one in enrolments),
         "qualifications": qualifications,

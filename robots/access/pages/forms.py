@@ -9,6 +9,7 @@ from decimal import Decimal
 from typing import Any
 from uuid import UUID, uuid4
 
+import msgspec
 from django import forms
 from django.contrib.auth.forms import BaseUserCreationForm
 from django.core.exceptions import ValidationError
@@ -24,6 +25,7 @@ from fleet.accounts.tokens.models import Scope
 from fleet.base.formats.dates import dated
 from fleet.base.kept_files import KeptFileForm
 from fleet.base.names import require
+from robots.access.claiming import namesake
 from robots.access.models import Course, Qualification, RobotGroup
 from robots.access.people_lists.columns import Role
 from robots.access.people_lists.encodings import ENCODINGS, Decoded, NotInEncodingError, decoded
@@ -55,9 +57,11 @@ SEPARATORS = {
 }
 ROLES = [
     (Role.NAME.value, gettext_lazy("whole name")),
+    (Role.LAST_FIRST.value, gettext_lazy("last name, first name")),
     (Role.FIRST_NAME.value, gettext_lazy("first name")),
     (Role.LAST_NAME.value, gettext_lazy("last name")),
     (Role.EMAIL.value, gettext_lazy("e-mail address")),
+    (Role.NUMBER.value, gettext_lazy("student number")),
     (Role.UNUSED.value, gettext_lazy("not used")),
 ]
 HOURS = {"week_hours": "week_min", "day_hours": "day_min", "course_week_hours": "course_week_min"}
@@ -90,7 +94,7 @@ class PeopleForm(KeptFileForm):
         widget=forms.Textarea(attrs={"rows": 6, "spellcheck": "false"}),
     )
     file = forms.FileField(
-        label=gettext_lazy("or a CSV file with the columns name and e-mail"),
+        label=gettext_lazy("or a CSV file with names, and e-mail addresses or student numbers"),
         required=False,
         help_text=gettext_lazy(
             "You see how each line is read, and may change encoding, separator and columns."
@@ -165,7 +169,7 @@ def _is_no_list(content: bytes) -> bool:
 
 def digest(people: PeopleList) -> str:
     """Return a hash of a list, which shows whether the list is still the one of the preview."""
-    return hashlib.sha256(people.as_text().encode()).hexdigest()[:24]
+    return hashlib.sha256(msgspec.json.encode(people.people)).hexdigest()[:24]
 
 
 class EnrolForm(PeopleForm):
@@ -315,15 +319,31 @@ class InvitationForm(forms.Form):
 
 
 class JoinForm(BaseUserCreationForm):  # type: ignore[type-arg]
-    """A person's new account, made by an invitation."""
+    """A person's new account, made by an invitation to `course`. A name of the course's people is asked about."""
+
+    another = forms.BooleanField(required=False)
 
     class Meta:
         model = User
         fields = ["full_name", "username"]
 
-    def __init__(self, *args: Any, **options: Any) -> None:
+    def __init__(self, *args: Any, course: Course, **options: Any) -> None:
         super().__init__(*args, **options)
         self.fields["full_name"].required = True
+        self._course = course
+        self.asks = False  # whether it is another person of the same name
+
+    def clean(self) -> dict[str, Any]:
+        """Refuse a second account of a person of the course."""
+        values: dict[str, Any] = super().clean() or self.cleaned_data
+        self.asks = namesake(self._course, values.get("full_name", ""))
+        if self.asks and not values.get("another"):
+            text = _(
+                "Somebody of this name is in the course already. If it is you, sign in, or set the password of the "
+                "account that the course’s list made for you."
+            )
+            raise ValidationError(text, code="namesake")
+        return values
 
     def clean_username(self) -> str:
         """Return the name; refuse a name that an account has (upper and lower case count as the same), or with @."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from django.contrib import messages
 from django.contrib.auth.decorators import login_not_required
 from django.contrib.auth.forms import SetPasswordForm
@@ -14,27 +16,34 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods
 
 from fleet.accounts.models import User
+from fleet.accounts.services import address_of
+from fleet.accounts.sign_in import throttle
 from fleet.accounts.sign_in.hashing import HashingBusy
 from robots.access import password_links
+from robots.access.claiming import claim, has_unclaimed
 from robots.access.enrolment import EnrolmentRefused, check_invitation, invitation_accept, invitation_of
 from robots.access.models import Invitation
 from robots.access.pages.forms import JoinForm
-from robots.shared.wire import Refusal
 
 
 @never_cache
 @login_not_required
 @require_http_methods(["GET", "HEAD", "POST"])
 def join(request: HttpRequest, code: str) -> HttpResponse:
-    """Join a course: with the account of the person who is signed in, or with a new one."""
+    """Join a course: with the account of the person who is signed in, one that the course's list made, or a new one."""
     invitation = invitation_of(code)
     refusal = check_invitation(invitation, timezone.now())
     if refusal is not None or invitation is None:
         return _join_page(request, invitation, refusal=refusal, status=410)
     signed_in = isinstance(request.user, User)
-    form = JoinForm(request.POST if request.method == "POST" and not signed_in else None)
+    if not signed_in and "known_as" in request.POST:
+        return _find(request, invitation)
+    form = JoinForm(
+        request.POST if request.method == "POST" and not signed_in else None, course=invitation.course
+    )
     if request.method != "POST":
-        return _join_page(request, invitation, form)
+        listed = not signed_in and "new" not in request.GET and has_unclaimed(invitation.course)
+        return _join_page(request, invitation, form, listed=listed)
     try:
         return _join(request, invitation, form)
     except EnrolmentRefused as error:
@@ -42,6 +51,17 @@ def join(request: HttpRequest, code: str) -> HttpResponse:
     except HashingBusy:
         form.add_error(None, _("Many people sign in at this moment. Try again in a moment."))
         return _join_page(request, invitation, form, status=503)
+
+
+def _find(request: HttpRequest, invitation: Invitation) -> HttpResponse:
+    """Lead a person of the course's list to the link by which they set their password."""
+    try:
+        code = claim(invitation=invitation, typed=request.POST["known_as"], address=address_of(request))
+    except EnrolmentRefused as error:
+        return _join_page(request, invitation, listed=True, found=error.refusal, status=409)
+    except throttle.TooMany as error:
+        return _join_page(request, invitation, listed=True, wait=throttle.words(error.wait_s), status=429)
+    return redirect("welcome", code)
 
 
 def _join(request: HttpRequest, invitation: Invitation, form: JoinForm) -> HttpResponse:
@@ -68,10 +88,11 @@ def _join_page(
     invitation: Invitation | None,
     form: JoinForm | None = None,
     *,
-    refusal: Refusal | None = None,
     status: int = 200,
+    **context: Any,
 ) -> HttpResponse:
-    context = {"course": invitation and invitation.course, "form": form, "refusal": refusal}
+    """Show the page. `listed`: ask first who of the course's list it is; `found`: why this leads to no account."""
+    context |= {"course": invitation and invitation.course, "form": form}
     return render(request, "access/joining/join.html", context, status=status)
 
 

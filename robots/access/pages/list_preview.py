@@ -14,12 +14,13 @@ from robots.access.people_lists.reading import PeopleList
 
 
 class Row(Struct, frozen=True):
-    """A line of the list. `fault`: why it is left out; then `name` and `email` are empty."""
+    """A line of the list. `fault`: why it is left out; then `name`, `email` and `number` are empty."""
 
     line: int
     cells: list[str]
     name: str = ""
     email: str = ""
+    number: str = ""
     effect: str = ""
     fault: str = ""
 
@@ -33,6 +34,7 @@ def preview(form: PeopleForm, plan: Plan) -> dict[str, Any]:
         "rows": _rows(people, plan),
         "columns": [_with_choices(column) for column in people.columns],
         "separator": people.separator,
+        "numbered": any(column.role is Role.NUMBER for column in people.columns),
         "encoding_fault": form.encoding_fault,
         "guessed": form.decoded if form.decoded and not form.decoded.certain else None,
     }
@@ -49,9 +51,11 @@ def _with_choices(column: Column) -> dict[str, Any]:
 
 def _rows(people: PeopleList, plan: Plan) -> list[Row]:
     width = len(people.columns)
-    effects = {one.email: _("new account") for one in plan.new}
-    stored = {account.email: account for account in (*plan.known, *plan.enrolled)}
-    inside = {account.email for account in plan.enrolled}
+    effects = {one.key: _("new account") for one in plan.new}
+    stored = {account.pk: account for account in (*plan.known, *plan.enrolled)}
+    by_number = {plan.numbers[key]: account for key, account in stored.items() if key in plan.numbers}
+    by_address = {account.email: account for account in stored.values() if account.email}
+    inside, renumbered = ({one.pk for one in part} for part in (plan.enrolled, plan.renumbered))
     faults = {wrong.line: wrong.reason for wrong in plan.wrong}
     rows = [
         Row(each.line, _cells(each, width), fault=each.reason)
@@ -61,12 +65,14 @@ def _rows(people: PeopleList, plan: Plan) -> list[Row]:
         if one.line in faults:
             rows.append(Row(one.line, _cells(one, width), fault=faults[one.line]))
             continue
-        account = stored.get(one.email.lower())
-        name = account.display_name if account else one.name
-        effect = effects.get(one.email, "")
+        account = by_address.get(one.email) or by_number.get(one.number)
+        name, email = (account.display_name, account.email) if account else (one.name, one.email)
+        effect = effects.get(one.key, "")
         if account:
-            effect = _("in the course already") if account.email in inside else _("has an account")
-        rows.append(Row(one.line, _cells(one, width), name, one.email.lower(), effect))
+            effect = _("in the course already") if account.pk in inside else _("has an account")
+            if account.pk in renumbered:
+                effect = _("in the course already; the number is stored")
+        rows.append(Row(one.line, _cells(one, width), name, email, one.number, effect))
     return sorted(rows, key=lambda row: row.line)
 
 

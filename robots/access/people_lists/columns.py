@@ -17,9 +17,11 @@ class Role(enum.Enum):
     """The use of a column."""
 
     NAME = "name"
+    LAST_FIRST = "last_first"  # "Lovelace, Ada" in one column
     FIRST_NAME = "first"
     LAST_NAME = "last"
     EMAIL = "email"
+    NUMBER = "number"  # of a student
     UNUSED = "unused"
 
 
@@ -45,9 +47,17 @@ _SECOND_LAST_NAMES = {_plain(title) for title in _TITLES.pop("second last")}
 _ROLES = {_plain(title): Role(role) for role, titles in _TITLES.items() for title in titles}
 
 
+# Between the parts of a title such as "Nachname, Vorname" or "Apellidos y nombre"
+_BETWEEN = re.compile(r"[,/&+]|\s(?:and|und|y|i|et|e|og|och|en|ja|a|ve|и)\s")
+_SUFFIX = re.compile(r"(?:jr|sr|ii|iii|iv|dr|phd|ph\.d|md|msc|bsc|mba)\.?", re.IGNORECASE)
+
+
 def role_of(title: str) -> Role:
     """Return the role that a title names."""
     plain = _plain(title)
+    parts = [_ROLES.get(_plain(part)) for part in _BETWEEN.split(title.casefold())]
+    if parts in ([Role.LAST_NAME, Role.FIRST_NAME], [Role.NAME, Role.FIRST_NAME]) or plain == "nom prenom":
+        return Role.LAST_FIRST
     if plain in _SECOND_LAST_NAMES:
         return Role.LAST_NAME
     if plain in _ROLES:
@@ -74,6 +84,8 @@ def columns_of(header: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[Co
         _more_addresses(roles, rows)
     unknown = [role_of(title) is Role.UNUSED for title in titles]
     _find_names(roles, [free and _are_names(column) for free, column in zip(unknown, cells, strict=True)])
+    turned = [role is Role.NAME and _are_turned(column) for role, column in zip(roles, cells, strict=True)]
+    roles = [Role.LAST_FIRST if turns else role for role, turns in zip(roles, turned, strict=True)]
     return tuple(Column(title, role) for title, role in zip(titles, roles, strict=True))
 
 
@@ -120,7 +132,8 @@ def _once(roles: list[Role], repeated: list[bool]) -> list[Role]:
     once: list[Role] = []
     first: set[Role] = set()
     for role, again in zip(roles, repeated, strict=True):
-        unnecessary = not again and (role in first or (role is Role.NAME and parts))
+        whole = role in {Role.NAME, Role.LAST_FIRST}
+        unnecessary = not again and (role in first or (whole and parts))
         once.append(Role.UNUSED if unnecessary else role)
         if not again:
             first.add(role)
@@ -130,7 +143,7 @@ def _once(roles: list[Role], repeated: list[bool]) -> list[Role]:
 def _find_names(roles: list[Role], are_names: list[bool]) -> None:
     """Give columns without a known title the roles of a name that are missing."""
     free = [place for place, role in enumerate(roles) if role is Role.UNUSED and are_names[place]]
-    if Role.NAME in roles or {Role.FIRST_NAME, Role.LAST_NAME} <= set(roles):
+    if {Role.NAME, Role.LAST_FIRST} & set(roles) or {Role.FIRST_NAME, Role.LAST_NAME} <= set(roles):
         return
     for known, other in ((Role.FIRST_NAME, Role.LAST_NAME), (Role.LAST_NAME, Role.FIRST_NAME)):
         if known in roles:
@@ -152,3 +165,16 @@ def _are_names(cells: Sequence[str]) -> bool:
         any(map(str.isalpha, cell)) and not any(map(str.isdigit, cell)) and "@" not in cell for cell in cells
     )
     return names > 0 and 2 * names > len(cells)
+
+
+def name_in_order(cell: str) -> str:
+    """Return "Ada Lovelace" for "Lovelace, Ada"; another name as it is, also "Sammy Davis, Jr."."""
+    last, comma, first = (part.strip() for part in cell.partition(","))
+    if not (comma and last and first) or "," in first or _SUFFIX.fullmatch(first):
+        return cell
+    return f"{first} {last}"
+
+
+def _are_turned(cells: Sequence[str]) -> bool:
+    """Return whether most of these names have the last name first, before a comma."""
+    return 2 * sum(name_in_order(cell) != cell for cell in cells) > len(cells) > 0

@@ -1,9 +1,11 @@
-"""Reads lists of people: each line has a name and an e-mail address, in columns or as in a letter's address."""
+"""Reads lists of people: each line has a name and an e-mail address, in columns or as in a letter's address.
+
+A line may have a student number, too; with a name and a number it needs no address.
+"""
 
 from __future__ import annotations
 
 import csv
-import io
 import re
 import unicodedata
 from codecs import BOM_UTF8
@@ -17,12 +19,14 @@ from django.utils.translation import ngettext
 from msgspec import Struct, structs
 
 from fleet.base.names import spelled_out
-from robots.access.people_lists.columns import Column, Role, columns_of, role_of
+from robots.access.people_lists.columns import Column, Role, columns_of, name_in_order, role_of
 
 MOST_LINES = 5000
 MOST_COLUMNS = 100
 NAME_LENGTH = 150  # characters, as `User.full_name`
 ADDRESS_LENGTH = 254
+NUMBER_LENGTH = 40
+SHORTENED = re.compile(r"\d[.,]\d+E\+\d+", re.IGNORECASE)  # "1,23E+11": digits are lost
 SEPARATORS = ",;\t|"
 LINES_OF_CELL = 5  # a cell in quotes may go on in the next lines; a forgotten quote must not swallow the list
 HEADER_WITHIN = 10  # lines: some exports begin with the name of the course
@@ -39,8 +43,14 @@ class Listed(Struct, frozen=True):
 
     line: int
     name: str
-    email: str
+    email: str  # in small letters; "": the line has a number only
     cells: tuple[str, ...] = ()  # the line as it was read
+    number: str = ""  # of the student
+
+    @property
+    def key(self) -> str:
+        """Return what tells this person from the others of the list."""
+        return self.email or self.number
 
 
 class Wrong(Struct, frozen=True):
@@ -59,7 +69,8 @@ class PeopleList(Struct, frozen=True):
     wrong: tuple[Wrong, ...] = ()
     notes: tuple[str, ...] = ()
     repeated: tuple[Wrong, ...] = ()  # lines with an address of an earlier line
-    titles: tuple[Wrong, ...] = ()  # the header, if nothing but its place says that it is one
+    # Lines above the header, and the header, if nothing but its place says that it is one
+    titles: tuple[Wrong, ...] = ()
     columns: tuple[Column, ...] = ()
     separator: str = ""  # "": the list has one column
 
@@ -67,13 +78,6 @@ class PeopleList(Struct, frozen=True):
     def is_empty(self) -> bool:
         """Return whether no line has a person, or was to have one."""
         return not self.people and not self.wrong
-
-    def as_text(self) -> str:
-        """Return the people as a text from which `read_people` reads the same people."""
-        text = io.StringIO()
-        rows = csv.writer(text, delimiter=";", lineterminator="\n")
-        rows.writerows([("Name", "E-mail"), *((one.name, one.email) for one in self.people)])
-        return text.getvalue()
 
 
 class _Line(Struct, frozen=True):
@@ -98,7 +102,7 @@ def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> P
     read = _lines(texts, usual, fixed=usual != _separator(texts))
     lines = [part for line in read if line.cells for part in _parts(line)]
     wide = [line for line in lines if len(line.cells) > MOST_COLUMNS]
-    header, lines = _without_header([line for line in lines if len(line.cells) <= MOST_COLUMNS])
+    above, header, lines = _without_header([line for line in lines if len(line.cells) <= MOST_COLUMNS])
     columns = columns_of(header.cells if header else (), [line.cells for line in lines])
     if roles:
         chosen = zip(columns, chain(roles, repeat(Role.UNUSED)), strict=False)
@@ -106,6 +110,10 @@ def read_people(text: str, separator: str = "", roles: Sequence[Role] = ()) -> P
     found = _people(lines, columns, usual if len(columns) > 1 else "")
     if wide:
         found = structs.replace(found, wrong=(*found.wrong, *map(_too_wide, wide)))
+    if above:
+        reason = _("It stands above the titles of the columns.")
+        titles = tuple(Wrong(line.number, line.text[:100], reason, line.cells) for line in above)
+        found = structs.replace(found, titles=titles)
     if header and all(role_of(title) is Role.UNUSED for title in header.cells):
         reason = _("It is taken as the titles of the columns.")
         guessed = Wrong(header.number, header.text[:100], reason, header.cells)
@@ -135,22 +143,29 @@ def _people(lines: Iterable[_Line], columns: tuple[Column, ...], separator: str)
     people: list[Listed] = []
     wrong: list[Wrong] = []
     repeated: list[Wrong] = []
-    seen: dict[str, int] = {}
+    seen: dict[str, int] = {}  # addresses and numbers, and their first lines
     for line in lines:
         if len(people) + len(repeated) >= MOST_LINES:  # a line may have many people
             reason = _("At most %(most)d people are read; the list has more from this line on. Divide it.")
             wrong.append(Wrong(line.number, line.text[:100], reason % {"most": MOST_LINES}, line.cells))
             break
-        for name, email in _persons(line.cells, columns):
+        for one in _persons(line, columns):
             text = line.text[:100]
-            if reason := _fault(name, email):
+            if reason := _fault(one):
                 wrong.append(Wrong(line.number, text, reason, line.cells))
                 break  # a line is used as a whole or not at all
-            if (first := seen.setdefault(email.lower(), line.number)) != line.number:
-                reason = _("The address stands in line %(line)d, too.") % {"line": first}
-                repeated.append(Wrong(line.number, text, reason, line.cells))
+            if (first := seen.setdefault(one.key, line.number)) != line.number:
+                reason = (
+                    _("The address stands in line %(line)d, too.")
+                    if one.email
+                    else _("The student number stands in line %(line)d, too.")
+                )
+                repeated.append(Wrong(line.number, text, reason % {"line": first}, line.cells))
+            elif one.number and (first := seen.setdefault(one.number, line.number)) != line.number:
+                reason = _("The student number stands in line %(line)d, too.")
+                wrong.append(Wrong(line.number, text, reason % {"line": first}, line.cells))
             else:
-                people.append(Listed(line.number, name, email, line.cells))
+                people.append(one)
     return PeopleList(
         people=tuple(people),
         wrong=tuple(wrong),
@@ -171,10 +186,14 @@ def _notes(columns: Sequence[Column], people: Sequence[Listed], repeated: Sequen
             return ", ".join(found) or "-"
 
         facts = {
-            "names": titles(Role.NAME, Role.FIRST_NAME, Role.LAST_NAME),
+            "names": titles(Role.NAME, Role.LAST_FIRST, Role.FIRST_NAME, Role.LAST_NAME),
             "email": titles(Role.EMAIL),
+            "number": titles(Role.NUMBER),
         }
         notes.append(_("Name from: %(names)s. E-mail address from: %(email)s.") % facts)
+        if facts["number"] != "-":
+            text = _("Student number from: %(number)s.")
+            notes.append(text % {"number": facts["number"].removesuffix(".")})
     unused = [
         column.title or _("column %(number)d") % {"number": number}
         for number, column in enumerate(columns, start=1)
@@ -206,7 +225,7 @@ def _notes(columns: Sequence[Column], people: Sequence[Listed], repeated: Sequen
 def _is_lost(one: Listed, place: int) -> bool:
     """Return whether this person's cell is not used, for a column without use. A line may have its own order."""
     cell = one.cells[place] if place < len(one.cells) else ""
-    return bool(cell) and one.email not in cell
+    return bool(cell) and not (one.email and one.email in cell.lower())
 
 
 # --- lines and cells ------------------------------------------------------------------------------
@@ -264,18 +283,19 @@ def _cells(text: str, separator: str, *, strict: bool) -> tuple[str, ...]:
     return tuple(cells[: filled[-1]] if filled else ())  # spreadsheets end lines with empty cells
 
 
-def _without_header(lines: list[_Line]) -> tuple[_Line | None, list[_Line]]:
-    """Return the header, if there is one, and the other lines. Lines above it stay: they are named as wrong."""
+def _without_header(lines: list[_Line]) -> tuple[list[_Line], _Line | None, list[_Line]]:
+    """Return the lines above the header, the header, if there is one, and the lines of people."""
     if lines and lines[0].text.lower().startswith("sep="):
         lines = lines[1:]
     for place, line in enumerate(lines[:HEADER_WITHIN]):
         if any("@" in cell for cell in line.cells):
             break
-        if any(role_of(cell) is Role.EMAIL for cell in line.cells):
-            return line, lines[:place] + lines[place + 1 :]
+        roles = {role_of(cell) for cell in line.cells} - {Role.UNUSED}
+        if Role.EMAIL in roles or len(roles) > 1:
+            return lines[:place], line, lines[place + 1 :]
     if len(lines) > 1 and _is_header(lines[0], lines[1]):
-        return lines[0], lines[1:]
-    return None, lines
+        return [], lines[0], lines[1:]
+    return [], None, lines
 
 
 def _is_header(line: _Line, following: _Line) -> bool:
@@ -287,8 +307,9 @@ def _is_header(line: _Line, following: _Line) -> bool:
 # --- people ---------------------------------------------------------------------------------------
 
 
-def _persons(cells: Sequence[str], columns: Sequence[Column]) -> list[tuple[str, str]]:
-    """Return name and address of each person of a line: several only in a line of addresses, as in a letter's head."""
+def _persons(line: _Line, columns: Sequence[Column]) -> list[Listed]:
+    """Return each person of a line: several only in a line of addresses, as in a letter's head."""
+    cells = line.cells
     filled = [cell for cell in cells if cell]
     if (
         len(filled) > 1
@@ -296,15 +317,18 @@ def _persons(cells: Sequence[str], columns: Sequence[Column]) -> list[tuple[str,
         and not any(column.title for column in columns)
     ):
         pairs = zip(cells, columns, strict=False)
-        return [_as_address(cell) for cell, column in pairs if cell and column.role is not Role.UNUSED]
-    if any(IN_BRACKETS.match(cell) and "@" in cell for cell in cells):
-        return [_in_brackets(cells, columns)]
-    return [_by_columns(cells, columns)]
+        found = [_as_address(cell) for cell, column in pairs if cell and column.role is not Role.UNUSED]
+    elif any(IN_BRACKETS.match(cell) and "@" in cell for cell in cells):
+        found = [_in_brackets(cells, columns)]
+    else:
+        found = [_by_columns(cells, columns)]
+    number = " ".join(_cells_of_role(cells, columns, Role.NUMBER))
+    return [Listed(line.number, name, email.lower(), cells, number) for name, email in found]
 
 
 def _as_address(cell: str) -> tuple[str, str]:
     found = IN_BRACKETS.match(cell)
-    return (found["name"].strip('" '), _bare(found["email"])) if found else ("", cell)
+    return (name_in_order(found["name"].strip('" ')), _bare(found["email"])) if found else ("", cell)
 
 
 def _bare(email: str) -> str:
@@ -326,29 +350,40 @@ def _in_brackets(cells: Sequence[str], columns: Sequence[Column]) -> tuple[str, 
     return f"{name} {before}".strip(), email
 
 
+def _cells_of_role(cells: Sequence[str], columns: Sequence[Column], role: Role) -> list[str]:
+    pairs = zip(columns, cells, strict=False)
+    return [cell for column, cell in pairs if cell and column.role is role]
+
+
 def _by_columns(cells: Sequence[str], columns: Sequence[Column]) -> tuple[str, str]:
     def of(role: Role) -> list[str]:
-        pairs = zip(columns, cells, strict=False)
-        return [cell for column, cell in pairs if cell and column.role is role]
+        return _cells_of_role(cells, columns, role)
 
     email = _bare(" ".join(of(Role.EMAIL)))
     addresses = [cell for cell in cells if "@" in cell]
     if "@" not in email and len(addresses) == 1 and not any(column.title for column in columns):
         # An order of its own
         return " ".join(cell for cell in cells if cell and "@" not in cell), addresses[0]
-    return " ".join(of(Role.NAME) + of(Role.FIRST_NAME) + of(Role.LAST_NAME)), email
+    turned = [name_in_order(cell) for cell in of(Role.LAST_FIRST)]
+    return " ".join(of(Role.NAME) + turned + of(Role.FIRST_NAME) + of(Role.LAST_NAME)), email
 
 
-def _fault(name: str, email: str) -> str:
+def _fault(one: Listed) -> str:
     """Return why a line cannot be used; "" if it can."""
-    if any(_is_no_text(letter) for letter in name + email):
+    name, email = one.name, one.email
+    if any(_is_no_text(letter) for letter in name + email + one.number):
         return _("It contains a character that is no text: choose another encoding, or save the file as CSV.")
     if len(email) > ADDRESS_LENGTH or len(name) > NAME_LENGTH:
         return _("The name or the address is too long.")
     if re.search(r"\S@\S", name):
         return _("There are two addresses: write one person in a line.")
+    if len(one.number) > NUMBER_LENGTH or "@" in one.number:
+        return _("%(number)s is no student number.") % {"number": spelled_out(one.number[:60])}
+    if SHORTENED.fullmatch(one.number):
+        text = _("A spreadsheet has shortened the student number to %(number)s: make that column text there.")
+        return text % {"number": one.number}
     if not email:
-        return _("There is no e-mail address.")
+        return "" if one.number and name else _("There is no e-mail address.")
     try:
         validate_email(email)
     except ValidationError:

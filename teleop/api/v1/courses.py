@@ -92,6 +92,7 @@ class Member(Struct, frozen=True):
     username: str
     name: str
     email: str
+    number: str  # of the student, as the course's list gave it; "": none
     since: Time
     active: bool  # the account is open
     qualifications: list[HeldQualification]
@@ -104,7 +105,10 @@ class MemberList(Struct, frozen=True):
 
 
 class EnrolRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """People, one per line: `Ada Lovelace <ada@example.org>`, or as CSV. `preview`: only tell the effect."""
+    """People, one per line: `Ada Lovelace <ada@example.org>`, or as CSV with titles, also of a student number.
+
+    `preview`: only tell the effect.
+    """
 
     list: Annotated[str, Meta(min_length=1)]
     preview: bool = False
@@ -114,7 +118,8 @@ class ListedPerson(Struct, frozen=True):
     """A person of the list. A new account comes with an e-mail with a link to set a password."""
 
     name: str
-    email: str
+    email: str  # "": the list has a student number only
+    number: str
 
 
 class WrongLine(Struct, frozen=True):
@@ -390,6 +395,7 @@ class MembersView(CoursesBase):
                     username=one.person.username,
                     name=one.person.display_name,
                     email=one.person.email or "",
+                    number=one.number,
                     since=one.added_at,
                     active=one.person.is_active,
                     qualifications=[
@@ -418,8 +424,10 @@ class MembersView(CoursesBase):
         return EnrolAnswer(
             enrolled=0 if body.preview else plan.to_enrol,
             known=[person.username for person in plan.known],
-            new=[ListedPerson(one.name, one.email) for one in plan.new],
-            undisclosed=[ListedPerson(one.listed.name, one.listed.email) for one in plan.undisclosed],
+            new=[ListedPerson(one.name, one.email, one.number) for one in plan.new],
+            undisclosed=[
+                ListedPerson(one.listed.name, one.listed.email, one.listed.number) for one in plan.undisclosed
+            ],
             already=[person.username for person in plan.enrolled],
             wrong=[WrongLine(one.line, one.text, one.reason) for one in plan.wrong],
             notes=list(plan.notes),
