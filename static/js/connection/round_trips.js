@@ -34,9 +34,7 @@ export class DelayEchoes {
         this.sent(message.seq, performance.now());
         return socket.send(message);
       },
-      get backlog() {
-        return socket.backlog;
-      },
+      takeBacklog: () => socket.takeBacklog(),
     };
   }
 

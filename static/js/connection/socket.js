@@ -42,6 +42,7 @@ export class LiveSocket extends EventTarget {
   #retry = null;
   #patience = null;
   #closed = false;
+  #fresh = 0; // characters sent since the last question for the backlog
   #wake = () => {
     if (!this.open) this.reset(); // the attempt began without a network
     clearTimeout(this.#retry);
@@ -58,9 +59,14 @@ export class LiveSocket extends EventTarget {
     return this.#socket?.readyState === WebSocket.OPEN;
   }
 
-  /** Bytes that still wait to be sent. */
-  get backlog() {
-    return this.#socket?.bufferedAmount ?? 0;
+  /**
+   * Return how many bytes waited at the last question and still wait. A browser counts what was just sent until
+   * the page finds time for a later task: while the page draws, that says nothing about the network.
+   */
+  takeBacklog() {
+    const waiting = (this.#socket?.bufferedAmount ?? 0) - this.#fresh;
+    this.#fresh = 0;
+    return Math.max(waiting, 0);
   }
 
   connect() {
@@ -89,7 +95,9 @@ export class LiveSocket extends EventTarget {
   /** Sends if the connection is open. @returns {boolean} whether it was. */
   send(message) {
     if (!this.open) return false;
-    this.#socket.send(JSON.stringify(message));
+    const text = JSON.stringify(message);
+    this.#fresh += text.length;
+    this.#socket.send(text);
     return true;
   }
 

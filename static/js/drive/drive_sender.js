@@ -8,12 +8,10 @@ const RESTING_MS = 200;
 const TIMER_SLACK_MS = 4;
 
 /**
- * Return whether the stick should be sent now.
- * @param {{neutral: boolean, sinceLastMs: number, backlog: number}} moment `backlog`: bytes that wait in the
- *   socket
+ * Return whether it is time to send the stick.
+ * @param {{neutral: boolean, sinceLastMs: number}} moment
  */
-export function isDue({ neutral, sinceLastMs, backlog }) {
-  if (backlog > 0) return false; // the newest position is sent when no bytes wait
+export function isDue({ neutral, sinceLastMs }) {
   return sinceLastMs >= (neutral ? RESTING_MS : DRIVING_MS) - TIMER_SLACK_MS;
 }
 
@@ -31,7 +29,7 @@ export class DriveSender {
   #changed = () => this.#onChange();
 
   /**
-   * @param {{send: (message: object) => boolean, backlog: number}} socket
+   * @param {{send: (message: object) => boolean, takeBacklog: () => number}} socket
    * @param {import("./input/stick.js").Stick} stick
    * @param {() => number} clock milliseconds; a reload of the tab does not set it back
    */
@@ -78,8 +76,8 @@ export class DriveSender {
   #tick() {
     const { axes } = this.#stick;
     const sinceLastMs = this.#clock() - this.#lastMs;
-    if (isDue({ neutral: isNeutral(axes), sinceLastMs, backlog: this.#socket.backlog }))
-      this.#send(axes);
+    if (!isDue({ neutral: isNeutral(axes), sinceLastMs })) return;
+    if (this.#socket.takeBacklog() === 0) this.#send(axes); // else the newest position follows when no bytes wait
   }
 
   #send(axes) {

@@ -70,6 +70,19 @@ describe("the live socket", () => {
     expect(made[0].sent).toEqual([{ t: "stop" }]);
   });
 
+  it("counts only bytes that waited at the last question, too", () => {
+    made[0].opens();
+    expect(socket.takeBacklog()).toBe(0);
+    socket.send({ t: "ack" });
+    made[0].bufferedAmount = 11;
+    expect(socket.takeBacklog()).toBe(0);
+    socket.send({ t: "ack" });
+    made[0].bufferedAmount = 22;
+    expect(socket.takeBacklog()).toBe(11);
+    made[0].bufferedAmount = 0;
+    expect(socket.takeBacklog()).toBe(0);
+  });
+
   it("comes back after a loss, quickly at first", () => {
     const codes = [];
     socket.addEventListener("down", ({ detail }) => codes.push(detail.code));
