@@ -6,13 +6,15 @@ import json
 import os
 from pathlib import Path
 
+import msgspec
 import pytest
 from playwright.sync_api import Page
 
+from robots.shared.wire.page import Booked
 from tests.browser.moments.driving_page import DrivingPage
-from tests.browser.moments.scenes import MOMENTS, Moment
+from tests.browser.moments.scenes import MINE, MOMENTS, Moment
 from tests.browser.people import MADE_UP_LANGUAGE
-from tests.browser.test_pages import box_of
+from tests.browser.test_pages import A_LONG_NAME, box_of
 
 SIZES = [(360, 640), (390, 844), (844, 390), (320, 256), (1440, 900)]  # the last one also as a whole screen
 # Which element lies uppermost at points of what a person needs? An element that paints nothing covers nothing.
@@ -146,6 +148,37 @@ def test_a_reason_moves_no_list_and_covers_no_drawer(driving: DrivingPage) -> No
     with_reason = page.evaluate(FREE, ".motions .hit")
     reason.evaluate("element => { element.hidden = true }")
     assert with_reason and with_reason == page.evaluate(FREE, ".motions .hit")
+
+
+LINES = """() => {
+  const words = document.querySelector(".who-words"), { bottom } = words.getBoundingClientRect();
+  const range = document.createRange();
+  range.selectNodeContents(words);
+  const lines = [...range.getClientRects()].filter(({ height }) => height);
+  return {
+    cut: lines.filter((line) => line.top < bottom - 1 && line.bottom > bottom + 1).length,
+    hidden: lines.filter((line) => line.top >= bottom - 1).length,
+  };
+}"""
+
+
+def test_long_words_about_control_have_whole_lines(driving: DrivingPage) -> None:
+    page = driving.page
+    page.set_viewport_size({"width": 360, "height": 640})
+    next_booked = Booked(A_LONG_NAME, mine=False, seconds=240.0)
+    driving.show(Moment("a slot", control=msgspec.structs.replace(MINE, next_booked=next_booked)))
+    few = page.evaluate(LINES)
+    if SHOTS:
+        page.screenshot(path=Path(SHOTS) / "long words.png")
+    assert few["cut"] == 0
+    assert few["hidden"] > 0
+    page.locator(".who-words").click()
+    if SHOTS:
+        page.screenshot(path=Path(SHOTS) / "long words opened.png")
+    assert page.evaluate(LINES) == {"cut": 0, "hidden": 0}
+    assert page.evaluate(FREE, ".who-words")
+    page.locator("[data-part=camera]").click(position={"x": 20, "y": 60})
+    assert page.evaluate(LINES) == few
 
 
 def test_no_notice_covers_the_reason_on_a_tab(driving: DrivingPage) -> None:
