@@ -20,6 +20,7 @@ from django.forms import ModelForm, Select
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
 from django.urls import reverse
+from django.utils.decorators import method_decorator
 from django.utils.html import format_html
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import gettext_noop
@@ -31,6 +32,7 @@ from fleet.accounts.sign_in import second_factor
 from fleet.audit.admin import ReadOnly
 from fleet.audit.recorded_admin import RecordedAdmin
 from fleet.base import zones
+from fleet.base.time_takers import may_take_time
 
 # Django's groups are not used: people have roles on single robots, and staff may do everything. The other
 # tables belong to django-allauth: people change their own second factor and address, and the settings name
@@ -62,6 +64,7 @@ class PasswordForm(AdminPasswordChangeForm):  # type: ignore[type-arg]  # not su
     )
 
 
+@method_decorator(may_take_time, name="change_view")
 @admin.register(User)
 class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
     """Accounts. They are never deleted, because the audit log refers to them: clear "active" instead."""

@@ -295,3 +295,34 @@ class Notification(models.Model):
 
     def __str__(self) -> str:
         return self.subject
+
+
+class Change(models.Model):
+    """A change that took bookings, or parts of them, from people: a role, a course, a policy, a robot out of service.
+
+    It is kept so that it can be undone: `rows` are as they were before, `losses` say what happened to which booking
+    (`fleet.bookings.losses`).
+    """
+
+    id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
+    actor = models.ForeignKey(
+        settings.AUTH_USER_MODEL, null=True, on_delete=models.SET_NULL, related_name="changes_made"
+    )
+    made_at = models.DateTimeField()
+    kind = models.CharField(max_length=64)  # of its record in the audit log
+    about = models.CharField(max_length=200)  # courses, robots and the like, but no people
+    rows = models.JSONField(default=list)  # empty: it cannot be undone
+    losses = models.JSONField(default=list)
+    archived = models.ForeignKey(  # the course that it archived: opening it again gives its bookings back
+        Course, null=True, on_delete=models.SET_NULL, related_name="archivings"
+    )
+    undone_at = models.DateTimeField(null=True)
+    undone_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL, null=True, on_delete=models.SET_NULL, related_name="+"
+    )
+
+    class Meta:
+        ordering = ["-made_at"]
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {self.about}"

@@ -20,6 +20,7 @@ from django.utils.translation import gettext as _
 from msgspec import structs
 
 from fleet.accounts.models import User
+from fleet.audit.command_line import SystemAccount
 from fleet.audit.models import Record
 from fleet.audit.services import record
 from fleet.base.names import fault_of
@@ -694,7 +695,7 @@ def _store_unused(booking: Booking, until: datetime) -> None:
         record_booking("booking.cancel", booking, None, parameters={"why": "not_approved"})
 
 
-def record_booking(kind: str, booking: Booking, actor: User | None, **facts: Any) -> Record:
+def record_booking(kind: str, booking: Booking, actor: User | SystemAccount | None, **facts: Any) -> Record:
     """Record an event of a booking. `actor` None: the console."""
     parameters = {
         "booking": str(booking.pk),

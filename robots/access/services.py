@@ -12,7 +12,7 @@ from django.db import transaction
 from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
 from robots.access.models import Course, GroupRole, Qualification, QualificationGrant, RobotGroup
-from robots.access.signals import publish_access_changed
+from robots.access.signals import course_opened, publish_access_changed
 from robots.registry.models import Robot, RobotRole, Role
 
 if TYPE_CHECKING:
@@ -97,6 +97,8 @@ def course_archive(*, course: Course, archived: bool, actor: Actor) -> None:
     if Course.objects.filter(pk=course.pk, archived=not archived).update(archived=archived):
         record("course.archive", actor=actor, parameters={"course": course.slug, "archived": archived})
         publish_access_changed(_people_of(course))
+        if not archived:
+            course_opened.send(sender=Course, course=course)
 
 
 @transaction.atomic
@@ -186,7 +188,7 @@ def _save(what: str, entry: Entry, lists: dict[str, Collection[Any]], actor: Act
     """Check, save and record an entry and its lists. Returns whether an entry that is not new has changed."""
     entry.full_clean()
     new = entry._state.adding
-    stored = None if new else type(entry)._default_manager.select_for_update().get(pk=entry.pk)
+    stored = None if new else type(entry)._default_manager.select_for_update(no_key=True).get(pk=entry.pk)
     before = {} if stored is None else _entered(stored)
     listed = {name: [] if stored is None else _keys(getattr(stored, name).all()) for name in lists}
     entry.save()

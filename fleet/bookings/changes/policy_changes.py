@@ -18,10 +18,12 @@ from django.utils.translation import gettext as _
 from fleet.accounts.models import User
 from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.services import lock_chain, record
+from fleet.bookings.losses.collecting import How, kept_of, lost
+from fleet.bookings.losses.weighing import hours_watched
 from fleet.bookings.messages.notifications import changed_by_another
 from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.rules import FAR
-from fleet.bookings.selectors import SWITCHED_OFF, held_between
+from fleet.bookings.selectors import SWITCHED_OFF, held_between, why_out
 from fleet.bookings.services import changed, robot_locked, settling
 from robots.access.models import RobotGroup
 from robots.registry.models import Robot
@@ -106,13 +108,7 @@ def out_of_service_add(
     _tell(robot)
     affected = list(held_between([robot], max(starts_at, now), ends_at or FAR))
     for booking in affected:
-        changed_by_another(
-            booking,
-            actor,
-            lambda: _("the robot is out of service"),
-            now,
-            lambda: f"{period.get_why_display()} {note}",
-        )
+        lost(booking, How.USELESS, now, before=kept_of(booking), actor=actor, why=partial(why_out, period))
     return period, affected
 
 
@@ -146,9 +142,7 @@ def _robot_changed(*, instance: Robot, created: bool, update_fields: Any, **_opt
         return
     now = timezone.now()
     for booking in held_between([instance], now, FAR) if not instance.enabled else ():
-        changed_by_another(
-            booking, None, lambda: _("the robot is out of service"), now, lambda: str(SWITCHED_OFF)
-        )
+        lost(booking, How.USELESS, now, before=kept_of(booking), why=partial(str, SWITCHED_OFF))
     settling.send(sender=Booking, robot=instance, now=now)  # this change has locked the robot's row
     _tell(instance)
 
@@ -159,12 +153,13 @@ def _tell(robot: Robot) -> None:
 
 @contextmanager
 def _robots_locked(robot: Robot | None, group: RobotGroup | None, now: datetime) -> Iterator[None]:
-    """Lock a robot, the robots of a group, or all robots: a change of their policy may free time.
+    """Lock a robot, the robots of a group, or all robots: a change of their policy may free time, or take it.
 
     They are locked in one order, so that no two changes wait for each other.
     """
-    robots = [robot] if robot else group.robots.all() if group else Robot.objects.all()
+    robots = [robot] if robot else list(group.robots.all() if group else Robot.objects.all())
     with ExitStack() as locks:
         for key in sorted(one.pk for one in robots):
             locks.enter_context(robot_locked(key, now))
+        locks.enter_context(hours_watched(robots, now))
         yield

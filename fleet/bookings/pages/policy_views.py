@@ -13,12 +13,12 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
 from django.utils.translation import gettext as _
-from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from fleet.accounts.requests import person_of
 from fleet.audit.reading.exports import BOM
+from fleet.base.time_takers import may_take_time
 from fleet.base.zones import viewers, zone_of
 from fleet.bookings.changes import policy_changes as policy_services
 from fleet.bookings.changes.series import Week, preview, series_make, weekly
@@ -59,6 +59,7 @@ def policies(request: HttpRequest) -> HttpResponse:
 
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
+@may_take_time
 def policy(request: HttpRequest, slug: str = "") -> HttpResponse:
     """Show and change the policy of one robot, or the policy of all robots (`slug` empty; staff only)."""
     if not slug:
@@ -71,6 +72,7 @@ def policy(request: HttpRequest, slug: str = "") -> HttpResponse:
 
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
+@may_take_time
 def group_policy(request: HttpRequest, slug: str) -> HttpResponse:
     """Show and change the policy of a group. Only for staff: its robots may have different supervisors."""
     return _policy_page(request, group=get_object_or_404(RobotGroup, slug=slug))
@@ -108,8 +110,9 @@ def _policy_page(
 
 
 @require_POST
+@may_take_time
 def out_of_service(request: HttpRequest) -> HttpResponse:
-    """Add an out-of-service period, and show the people whom it affects."""
+    """Add an out-of-service period."""
     robots = _managed(request)
     form = _out_form(robots, request)
     if not form.is_valid():
@@ -118,20 +121,10 @@ def out_of_service(request: HttpRequest) -> HttpResponse:
         return redirect("booking-policies")
     period = {**form.cleaned_data}
     chosen, now = period.pop("robots"), timezone.now()
-    affected = [
-        booking
-        for robot in chosen
-        for booking in policy_services.out_of_service_add(
-            robot=robot, **period, actor=person_of(request), now=now
-        )[1]
-    ]
-    text = ngettext(
-        "Out of service. %(number)d booking is affected: %(people)s.",
-        "Out of service. %(number)d bookings are affected: %(people)s.",
-        len(affected),
-    )
-    people = ", ".join(sorted({one.person.display_name for one in affected})) or _("nobody")
-    messages.success(request, text % {"number": len(affected), "people": people})
+    for robot in chosen:
+        policy_services.out_of_service_add(robot=robot, **period, actor=person_of(request), now=now)
+    names = ", ".join(robot.name for robot in chosen)
+    messages.success(request, _("Out of service: %(robots)s.") % {"robots": names})
     return redirect("booking-policies")
 
 

@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from fleet.bookings.pages import news, policy_views, series_views, views
+from fleet.bookings.pages import changes, news, policy_views, series_views, views
 
 urlpatterns = [
     path("bookings/", views.bookings, name="bookings"),
@@ -28,5 +28,8 @@ urlpatterns = [
         policy_views.out_of_service_end,
         name="out-of-service-end",
     ),
+    path("bookings/changes/", changes.changes, name="changes"),
+    path("bookings/changes/<uuid:change_id>/", changes.change, name="change"),
+    path("bookings/changes/<uuid:change_id>/undo/", changes.change_undo, name="change-undo"),
     path("bookings/<uuid:booking_id>/", views.booking, name="booking"),
 ]

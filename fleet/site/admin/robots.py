@@ -14,6 +14,7 @@ from django.forms import ModelForm
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
 from django.urls import reverse
+from django.utils.decorators import method_decorator
 from django.utils.html import format_html, format_html_join
 from django.utils.timezone import localtime
 from django.utils.translation import gettext
@@ -23,6 +24,7 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit.recorded_admin import RecordedAdmin
 from fleet.base.formats.sentences import in_words, localised
+from fleet.base.time_takers import may_take_time
 from fleet.site.admin.robot_entries import AllowanceInline, SpokenFormSet, list_link, save_entries
 from robots.access.services import role_set
 from robots.registry import services, shipped_profiles
@@ -116,6 +118,7 @@ class RobotForm(FreshForm):
         return typed or free_slug(Robot, self.cleaned_data.get("name", ""))
 
 
+@method_decorator(may_take_time, name="change_view")
 @admin.register(Robot)
 class RobotAdmin(RecordedAdmin):
     """Robots. They cannot be deleted, because sessions and records refer to them; staff untick "enabled" instead."""
@@ -258,6 +261,9 @@ def _give(entry: RobotRole, actor: User) -> None:
     role_set(robot=entry.robot, user=entry.user, role=Role(entry.role), actor=actor)
 
 
+@method_decorator(may_take_time, name="change_view")
+@method_decorator(may_take_time, name="delete_view")
+@method_decorator(may_take_time, name="changelist_view")
 @admin.register(RobotRole)
 class RobotRoleAdmin(RecordedAdmin):
     """All roles of all people."""

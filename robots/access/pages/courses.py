@@ -23,6 +23,7 @@ from fleet.accounts.mail.off import is_off
 from fleet.accounts.requests import person_of, staff_of
 from fleet.base.formats.sentences import localised
 from fleet.base.origin import public_origin, public_url
+from fleet.base.time_takers import may_take_time
 from robots.access import enrolment, services, welcome
 from robots.access.models import Course, Invitation
 from robots.access.pages.forms import (
@@ -79,6 +80,7 @@ def course_new(request: HttpRequest) -> HttpResponse:
 
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
+@may_take_time
 def course_edit(request: HttpRequest, slug: str) -> HttpResponse:
     """Change a course: robots, dates, quotas, supervisors. Staff only."""
     staff = staff_of(request, _STAFF_ONLY)
@@ -92,6 +94,7 @@ def course_edit(request: HttpRequest, slug: str) -> HttpResponse:
 
 
 @require_POST
+@may_take_time
 def course_archive(request: HttpRequest, slug: str) -> HttpResponse:
     """Archive a course, or open it again."""
     staff = staff_of(request, _STAFF_ONLY)
@@ -126,6 +129,7 @@ def course_enrol(request: HttpRequest, slug: str) -> HttpResponse:
 
 @never_cache
 @require_POST
+@may_take_time
 def course_people(request: HttpRequest, slug: str) -> HttpResponse:
     """Apply an action to chosen people: unenrol, grant or revoke a qualification, or send their e-mails again."""
     found = _one(request, slug)

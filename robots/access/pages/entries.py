@@ -14,6 +14,7 @@ from django.views.decorators.http import require_http_methods
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import staff_of
+from fleet.base.time_takers import may_take_time
 from robots.access import services
 from robots.access.models import Qualification, RobotGroup
 from robots.access.pages.forms import GroupForm, QualificationForm
@@ -24,6 +25,7 @@ ROLES = [value for value in Role.values if value != Role.STAFF.value]  # the rol
 
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
+@may_take_time
 def groups(request: HttpRequest) -> HttpResponse:
     """Show, make, change and delete robot groups."""
 
@@ -38,6 +40,7 @@ def groups(request: HttpRequest) -> HttpResponse:
 
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
+@may_take_time
 def qualifications(request: HttpRequest) -> HttpResponse:
     """Show, make, change and delete qualifications."""
 

@@ -365,7 +365,9 @@ class CourseView(CoursesBase):
         """Robots, dates, quotas, supervisors, and what its robots demand."""
         return self.tagged(self.detail(self.course(slug)))
 
-    @edits("courses_change", "Change a course, archive it or open it again", answer=CourseDetail)
+    @edits(
+        "courses_change", "Change a course, archive it or open it again", takes_time=True, answer=CourseDetail
+    )
     def patch(self, slug: str, body: CourseChange) -> Response:
         """For staff. An archived course gives its people nothing."""
         staff = self.staff()
@@ -435,7 +437,7 @@ class MembersView(CoursesBase):
 
 
 class MemberView(CoursesBase):
-    @manages("members_remove", "Take a person out of a course")
+    @manages("members_remove", "Take a person out of a course", takes_time=True)
     def delete(self, slug: str, username: str) -> None:
         """Ends the course’s role, and control by it."""
         course = self.course(slug)
@@ -445,7 +447,9 @@ class MemberView(CoursesBase):
 
 
 class GrantView(CoursesBase):
-    @manages("qualifications_grant", "Grant a qualification to people of a course", keyed=True)
+    @manages(
+        "qualifications_grant", "Grant a qualification to people of a course", takes_time=True, keyed=True
+    )
     def post(self, slug: str, qualification: str, body: GrantRequest) -> Changed:
         """Replaces an earlier grant."""
         found, people, last_day = self.chosen(slug, qualification, body.people, body.last_day)
@@ -456,7 +460,9 @@ class GrantView(CoursesBase):
 
 
 class RevokeView(CoursesBase):
-    @manages("qualifications_revoke", "Revoke a qualification of people of a course", keyed=True)
+    @manages(
+        "qualifications_revoke", "Revoke a qualification of people of a course", takes_time=True, keyed=True
+    )
     def post(self, slug: str, qualification: str, body: PeopleRequest) -> Changed:
         """Ends their control of robots that demand it."""
         found, people, _ = self.chosen(slug, qualification, body.people)

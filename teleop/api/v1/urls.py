@@ -20,6 +20,7 @@ from teleop.api.v1.robot import (
 )
 from teleop.api.v1.setup import (
     booking_report,
+    changes,
     groups,
     invitations,
     policies,
@@ -71,6 +72,8 @@ urlpatterns = [
     path("robot-groups/<slug:slug>/roles/<str:username>", groups.GroupRoleView.as_view()),
     path("qualifications", groups.QualificationsView.as_view()),
     path("qualifications/<slug:slug>", groups.QualificationView.as_view()),
+    path("changes", changes.ChangesView.as_view()),
+    path("changes/<uuid:change_id>/undo", changes.UndoView.as_view()),
     path("policies", policies.PoliciesView.as_view()),
     path("policies/all", policies.CommonPolicyView.as_view()),
     path("policies/robots/<slug:slug>", policies.RobotPolicyView.as_view()),

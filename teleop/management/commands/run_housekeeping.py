@@ -23,8 +23,9 @@ from django.utils import timezone
 from fleet.accounts.tokens.services import remove_expired_tokens
 from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
-from fleet.bookings.changes import lost_rights
 from fleet.bookings.changes import waiting_list as waiting
+from fleet.bookings.losses import lost_rights
+from fleet.bookings.losses.weighing import remove_old_changes
 from fleet.bookings.messages import notifications
 from fleet.bookings.services import remove_old_cancelled, store_no_shows
 from robots.records.faults import RobotWatch
@@ -150,6 +151,7 @@ def daily_steps() -> Iterator[None]:
         yield
     remove_old_answers(now)
     remove_old_cancelled(now)
+    remove_old_changes(now)
     yield from retention.remove_expired(now)
     if not retention.clock_is_doubted(now.date()):
         waiting.forget_past(now)

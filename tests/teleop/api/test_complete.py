@@ -78,6 +78,7 @@ FORMS: dict[str, tuple[tuple[str, str], ...]] = {
     "booking-policy": (("put", f"{POLICY}/robots/{{slug}}"), ("delete", f"{POLICY}/robots/{{slug}}")),
     "booking-series": (("post", "/bookings/series"),),
     "booking-whole-series": (("patch", "/bookings/series/{series}"), ("delete", "/bookings/series/{series}")),
+    "change-undo": (("post", "/changes/{change_id}/undo"),),
     "out-of-service": (("post", "/out-of-service"),),
     "out-of-service-end": (("delete", "/out-of-service/{period_id}"),),
     "token-new": (("post", "/tokens"),),

@@ -27,7 +27,7 @@ from fleet.accounts.services import service_account_make
 from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import token_make
 from fleet.audit.services import record
-from fleet.bookings.models import Booking, OutOfService, State, Waiting
+from fleet.bookings.models import Booking, Change, OutOfService, State, Waiting
 from robots.access.enrolment import invitation_make
 from robots.access.models import Course, Enrolment, Qualification, RobotGroup
 from robots.access.selectors import lab_date, role_on
@@ -329,12 +329,18 @@ TABLE: dict[str, Row] = {
     "members_enrol": Row(
         MANAGE, "/courses/{course}/members", managed("200"), {"list": "A <a@example.org>", "preview": True}
     ),
-    "members_remove": Row(MANAGE, "/courses/{course}/members/{member}", managed("204")),
+    "members_remove": Row(MANAGE, "/courses/{course}/members/{member}?confirm=yes", managed("204")),
     "qualifications_grant": Row(
-        MANAGE, "/courses/{course}/qualifications/induction/grant", managed("200"), {"people": None}
+        MANAGE,
+        "/courses/{course}/qualifications/induction/grant?confirm=yes",
+        managed("200"),
+        {"people": None},
     ),
     "qualifications_revoke": Row(
-        MANAGE, "/courses/{course}/qualifications/induction/revoke", managed("200"), {"people": None}
+        MANAGE,
+        "/courses/{course}/qualifications/induction/revoke?confirm=yes",
+        managed("200"),
+        {"people": None},
     ),
     # records: one's own, a student's on the robot of the course, a stranger's on another robot
     "sessions_list": Row(READ, "/sessions?robot={robot}", OWN_STAY),
@@ -380,9 +386,9 @@ TABLE: dict[str, Row] = {
         MANAGE, "/registry/{robot}/phrases", staff_only("changed"), {"phrases": []}, version=True
     ),
     "registry_role_set": Row(
-        MANAGE, "/registry/{robot}/roles/colleague", staff_only("200"), {"role": "observer"}
+        MANAGE, "/registry/{robot}/roles/colleague?confirm=yes", staff_only("200"), {"role": "observer"}
     ),
-    "registry_role_remove": Row(MANAGE, "/registry/{robot}/roles/colleague", staff_only("204")),
+    "registry_role_remove": Row(MANAGE, "/registry/{robot}/roles/colleague?confirm=yes", staff_only("204")),
     "profiles_read": Row(READ, "/profiles/tiago", everywhere("200")),
     "profiles_change": Row(
         MANAGE, "/profiles/tiago", staff_only("changed"), {"forward_mps": 0.5}, version=True
@@ -399,13 +405,19 @@ TABLE: dict[str, Row] = {
     "policies_set_robot": Row(
         MANAGE, "/policies/robots/{robot}", robot_managed("changed"), RULES, version=True
     ),
-    "policies_remove_robot": Row(MANAGE, "/policies/robots/{robot}", robot_managed("204")),
+    "policies_remove_robot": Row(MANAGE, "/policies/robots/{robot}?confirm=yes", robot_managed("204")),
     "policies_read_group": Row(READ, "/policies/groups/{group}", staff_only("200")),
     "policies_set_group": Row(MANAGE, "/policies/groups/{group}", staff_only("changed"), RULES, version=True),
-    "policies_remove_group": Row(MANAGE, "/policies/groups/{group}", staff_only("204")),
+    "policies_remove_group": Row(MANAGE, "/policies/groups/{group}?confirm=yes", staff_only("204")),
+    "changes_list": Row(MANAGE, "/changes", everywhere("200")),
+    "changes_undo": Row(
+        MANAGE,
+        "/changes/{change}/undo?confirm=yes",
+        (everywhere("200")[0], *[everywhere(*["not_found"] * 4, "200")[0]] * 2),
+    ),
     "out_of_service_list": Row(READ, "/out-of-service", everywhere("200")),
     "out_of_service_add": Row(
-        MANAGE, "/out-of-service", robot_managed("201"), {"robot": "{robot}", "why": "repair"}
+        MANAGE, "/out-of-service?confirm=yes", robot_managed("201"), {"robot": "{robot}", "why": "repair"}
     ),
     "out_of_service_end": Row(
         MANAGE,
@@ -447,14 +459,14 @@ TABLE: dict[str, Row] = {
     "groups_change": Row(
         MANAGE, "/robot-groups/{group}", staff_only("changed"), {"name": "New"}, version=True
     ),
-    "groups_delete": Row(MANAGE, "/robot-groups/{group}", staff_only("204")),
+    "groups_delete": Row(MANAGE, "/robot-groups/{group}?confirm=yes", staff_only("204")),
     "groups_role_set": Row(
-        MANAGE, "/robot-groups/{group}/roles/colleague", staff_only("200"), {"role": "observer"}
+        MANAGE, "/robot-groups/{group}/roles/colleague?confirm=yes", staff_only("200"), {"role": "observer"}
     ),
-    "groups_role_remove": Row(MANAGE, "/robot-groups/{group}/roles/colleague", staff_only("204")),
+    "groups_role_remove": Row(MANAGE, "/robot-groups/{group}/roles/colleague?confirm=yes", staff_only("204")),
     "qualifications_list": Row(MANAGE, "/qualifications", staff_only("200")),
     "qualifications_make": Row(
-        MANAGE, "/qualifications", staff_only("201"), {"name": "New", "robots": ["{robot}"]}
+        MANAGE, "/qualifications?confirm=yes", staff_only("201"), {"name": "New", "robots": ["{robot}"]}
     ),
     "qualifications_read": Row(MANAGE, "/qualifications/induction", staff_only("200")),
     "qualifications_change": Row(
@@ -571,6 +583,13 @@ class Lab:
             )
             for state, days in ((State.AWAITING, 40), (State.OFFERED, 80))
         )
+        change = Change.objects.create(
+            actor=owner,
+            made_at=timezone.now(),
+            kind="policy.change",
+            rows=[{"table": "accounts.User", "key": str(owner.pk), "before": {}, "after": {}}],
+            losses=[{"booking": str(booked.pk), "how": "useless"}],
+        )
         later = {key: at + timedelta(days=120) for key, at in times.items()}
         weekly = self._booking(robot, owner, course, State.BOOKED, **later)
         Booking.objects.filter(pk=weekly.pk).update(series=weekly.pk)
@@ -604,6 +623,7 @@ class Lab:
             "token": str(token.pk),
             "booking": str(booked.pk),
             "series": str(weekly.series),
+            "change": str(change.pk),
             "awaiting": str(awaiting.pk),
             "offered": str(offered.pk),
             "waiting": str(waiting.pk),

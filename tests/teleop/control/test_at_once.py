@@ -15,8 +15,8 @@ from django.db import connection
 from django.utils import timezone
 
 from fleet.accounts.models import User
-from fleet.bookings.changes.lost_rights import bookings_free_lost
 from fleet.bookings.changes.waiting_list import keep_waiting_lists, waiting_join
+from fleet.bookings.losses.lost_rights import bookings_free_lost
 from fleet.bookings.models import Booking
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_cancel, booking_hand, booking_make

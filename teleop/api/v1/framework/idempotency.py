@@ -51,6 +51,7 @@ MOST_REFUSED = 100  # newest refusals that are kept of one person: a refused req
 
 _waiting = threading.BoundedSemaphore(MOST_WAITING)
 _NOT_KEPT = (401, 429)  # nothing was done: the same key may be used again
+_ASKS = ("takes_time", "preview")  # nothing was done: the client sends it again with its answer
 _MAY_BE_DONE = ("no_answer", "connection_lost", "not_recorded")  # the request had been sent to the robot
 _WRONG_KEY = Refusal("invalid", say("{header} has 1 to 100 visible ASCII characters.", header=HEADER), "wire")
 _REUSED = Refusal(
@@ -133,7 +134,9 @@ def _worked(claim: KeyedRequest, work: Callable[[], HttpResponseBase]) -> HttpRe
         raise
     except Exception as error:
         problem = problem_of(error)
-        if problem is not None and problem.refusal.code in _MAY_BE_DONE:
+        if problem is not None and problem.refusal.code in _ASKS:
+            claim.delete()
+        elif problem is not None and problem.refusal.code in _MAY_BE_DONE:
             _keep(claim, 409, body_of(Problem(_UNKNOWN, 409)), {})
         elif problem is not None:  # else it is a fault of the console: nobody knows what was done
             _keep(claim, problem.status, body_of(problem), {})

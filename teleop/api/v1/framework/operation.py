@@ -29,6 +29,7 @@ from robots.registry.known_robots import KnownRobot, known_robot_at
 from robots.registry.models import Robot, Role
 from robots.shared import wire
 from robots.shared.wire import Refusal
+from teleop.api.v1.framework import losses
 from teleop.api.v1.framework.authentication import TokenAuthentication
 from teleop.api.v1.framework.idempotency import KEY_PARAMETER, once
 from teleop.api.v1.framework.parameters import parameters_of, query_of, require_declared
@@ -177,6 +178,7 @@ class Operation:
     refuses: tuple[int, ...] = ()  # further statuses of problems
     problem: type[Struct] = ProblemDetails  # the struct of problems
     keyed: bool = False  # the operation accepts an Idempotency-Key
+    takes_time: bool = False  # from people: it is done only when the client confirms that (`losses`)
     parameters: Sequence[OpenApiParameter] = ()  # further parameters: of the path, headers
     examples: Mapping[str, Any] = field(default_factory=dict)  # bodies, by the examples' names
     body: type[Struct] | None = field(default=None, init=False)
@@ -185,6 +187,9 @@ class Operation:
     def __call__(self, method: View) -> View:
         """Return the method with checks of scope, body and query before it, and with its schema."""
         self._read_types(method)
+        if self.takes_time:
+            self.problem, self.refuses = losses.LossesProblem, (*self.refuses, 409)
+            self.parameters = (*self.parameters, *losses.PARAMETERS)
 
         @wraps(method)
         def call(view: ApiView, request: Request, *args: Any, **kwargs: Any) -> HttpResponseBase:
@@ -196,6 +201,8 @@ class Operation:
             def work() -> HttpResponseBase:
                 return self._response(method(view, *args, **kwargs))
 
+            if self.takes_time:
+                work = partial(losses.weighed, request, view.person, work)
             return once(request, view.person, view.sign_in, work) if self.keyed else work()
 
         documented: View = self._schema(method)(call)

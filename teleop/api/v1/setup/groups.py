@@ -129,7 +129,7 @@ class GroupView(GroupsBase):
         """For staff."""
         return self.tagged(_group(self.group(slug)))
 
-    @edits("groups_change", "Change a robot group", answer=GroupEntry)
+    @edits("groups_change", "Change a robot group", takes_time=True, answer=GroupEntry)
     def put(self, slug: str, body: GroupRequest) -> Response:
         """For staff. Roles and bookings follow at once."""
         with transaction.atomic():
@@ -138,21 +138,21 @@ class GroupView(GroupsBase):
             self.save_group(group, body)
         return self.tagged(_group(self.group(slug)))
 
-    @manages("groups_delete", "Delete a robot group")
+    @manages("groups_delete", "Delete a robot group", takes_time=True)
     def delete(self, slug: str) -> None:
         """Its robots stay; roles, courses and policies by it end."""
         services.group_delete(group=self.group(slug), actor=self.staff())
 
 
 class GroupRoleView(GroupsBase):
-    @manages("groups_role_set", "Give a person a role on a group’s robots")
+    @manages("groups_role_set", "Give a person a role on a group’s robots", takes_time=True)
     def put(self, slug: str, username: str, body: RoleRequest) -> Holder:
         """For staff."""
         group, person = self.group(slug), account_named(username)
         services.group_role_set(group=group, user=person, role=Role(body.role), actor=self.staff())
         return Holder(person.username, body.role)
 
-    @manages("groups_role_remove", "Take a person’s role on a group’s robots away")
+    @manages("groups_role_remove", "Take a person’s role on a group’s robots away", takes_time=True)
     def delete(self, slug: str, username: str) -> None:
         """Roles by courses and on single robots stay."""
         group, person = self.group(slug), account_named(username)
@@ -162,14 +162,14 @@ class GroupRoleView(GroupsBase):
 class RobotRolesView(SetupView):
     tag = "registry"
 
-    @manages("registry_role_set", "Give a person a role on a robot")
+    @manages("registry_role_set", "Give a person a role on a robot", takes_time=True)
     def put(self, slug: str, username: str, body: RoleRequest) -> Holder:
         """For staff."""
         staff, robot, person = self.staff(), self.robot(slug), account_named(username)
         services.role_set(robot=robot, user=person, role=Role(body.role), actor=staff)
         return Holder(person.username, body.role)
 
-    @manages("registry_role_remove", "Take a person’s role on a robot away")
+    @manages("registry_role_remove", "Take a person’s role on a robot away", takes_time=True)
     def delete(self, slug: str, username: str) -> None:
         """Roles by courses and groups stay."""
         staff, robot, person = self.staff(), self.robot(slug), account_named(username)
@@ -216,7 +216,9 @@ class QualificationsView(QualificationsBase):
         found = Qualification.objects.prefetch_related("robots", "groups__robots")
         return QualificationList([_qualification(one) for one in found if self.serves(_demanding(one))])
 
-    @makes("qualifications_make", "Make a qualification", answer=QualificationDetail, keyed=True)
+    @makes(
+        "qualifications_make", "Make a qualification", takes_time=True, answer=QualificationDetail, keyed=True
+    )
     def post(self, body: QualificationRequest) -> Response:
         """For staff. From now on only people who hold it drive these robots."""
         self.staff()
@@ -231,7 +233,7 @@ class QualificationView(QualificationsBase):
         """For staff."""
         return self.tagged(_qualification(self.qualification(slug)))
 
-    @edits("qualifications_change", "Change a qualification", answer=QualificationDetail)
+    @edits("qualifications_change", "Change a qualification", takes_time=True, answer=QualificationDetail)
     def put(self, slug: str, body: QualificationRequest) -> Response:
         """For staff. People who lack it lose control of robots that demand it now."""
         with transaction.atomic():

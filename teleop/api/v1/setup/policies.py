@@ -166,7 +166,13 @@ class CommonPolicyView(PoliciesBase):
         """Robots without a policy of their own or of a group follow this one."""
         return self.tagged(self.entry())
 
-    @edits("policies_set_common", "Set the policy of all robots", refuses=(412, 428), answer=PolicyEntry)
+    @edits(
+        "policies_set_common",
+        "Set the policy of all robots",
+        takes_time=True,
+        refuses=(412, 428),
+        answer=PolicyEntry,
+    )
     def put(self, body: Rules) -> Response:
         """For staff."""
         self.staff()
@@ -179,12 +185,12 @@ class RobotPolicyView(PoliciesBase):
         """The robot’s own policy, or the one that it follows."""
         return self.tagged(self.entry(robot=self.robot(slug)))
 
-    @edits("policies_set_robot", "Set the policy of a robot", answer=PolicyEntry)
+    @edits("policies_set_robot", "Set the policy of a robot", takes_time=True, answer=PolicyEntry)
     def put(self, slug: str, body: Rules) -> Response:
         """For supervisors of the robot itself, and staff. Bookings that are made stay."""
         return self.changed(body, robot=self.managed_robot(slug))
 
-    @manages("policies_remove_robot", "Remove the policy of a robot")
+    @manages("policies_remove_robot", "Remove the policy of a robot", takes_time=True)
     def delete(self, slug: str) -> None:
         """The robot follows the policy of its group, or of all robots, again."""
         policy_changes.policy_remove(robot=self.managed_robot(slug), actor=self.person)
@@ -199,12 +205,12 @@ class GroupPolicyView(PoliciesBase):
         """For staff: a group may have robots of several supervisors."""
         return self.tagged(self.entry(group=self.group(slug)))
 
-    @edits("policies_set_group", "Set the policy of a robot group", answer=PolicyEntry)
+    @edits("policies_set_group", "Set the policy of a robot group", takes_time=True, answer=PolicyEntry)
     def put(self, slug: str, body: Rules) -> Response:
         """For staff."""
         return self.changed(body, group=self.group(slug))
 
-    @manages("policies_remove_group", "Remove the policy of a robot group")
+    @manages("policies_remove_group", "Remove the policy of a robot group", takes_time=True)
     def delete(self, slug: str) -> None:
         """Its robots follow the policy of all robots again."""
         policy_changes.policy_remove(group=self.group(slug), actor=self.person)
@@ -221,7 +227,7 @@ class PeriodsView(PoliciesBase):
         found = OutOfService.objects.filter(open_now, robot__in=self.robots()).select_related("robot")
         return PeriodList([entry_of(PeriodEntry, one, robot=one.robot.slug) for one in found])
 
-    @makes("out_of_service_add", "Take a robot out of service", keyed=True)
+    @makes("out_of_service_add", "Take a robot out of service", takes_time=True, keyed=True)
     def post(self, body: PeriodRequest) -> PeriodMade:
         """For supervisors of the robot itself, and staff. Bookings stay: their people learn that they are affected."""
         now = timezone.now()

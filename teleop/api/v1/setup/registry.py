@@ -99,7 +99,7 @@ class RegistrationView(RegistryView):
         self.staff()
         return self.answer(self.robot(slug))
 
-    @edits("registry_change", "Change a registration", answer=Registration)
+    @edits("registry_change", "Change a registration", takes_time=True, answer=Registration)
     def patch(self, slug: str, body: RegistrationChange) -> Response:
         """For staff. The bridge is started again where that is needed."""
         staff, found = self.staff(), self.robot(slug)

@@ -89,7 +89,12 @@ def test_a_robot_is_taken_out_of_service_and_back(
     ask = program(supervisor)
     backwards = {**asked, "ends_at": "2026-01-01T00:00:00Z"}
     assert ask("POST", "/out-of-service", backwards).data["code"] == "invalid"
-    made = ask("POST", "/out-of-service", asked)
+    refused = ask("POST", "/out-of-service", asked)
+    assert (refused.status_code, refused.data["code"]) == (409, "takes_time")
+    assert [(one["booking"], one["how"]) for one in refused.data["losses"]] == [(booked, "useless")]
+    assert program(operator)("GET", "/out-of-service").data["periods"] == []
+    assert ask("POST", "/out-of-service?preview=yes&confirm=yes", asked).data["code"] == "preview"
+    made = ask("POST", "/out-of-service?confirm=yes", asked)
     assert (made.status_code, made.data["affected"]) == (201, [booked]), made.data
     listed = program(operator)("GET", "/out-of-service").data["periods"]
     assert [one["id"] for one in listed] == [made.data["id"]]

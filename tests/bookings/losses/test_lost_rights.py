@@ -8,7 +8,7 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from fleet.bookings.changes.lost_rights import bookings_free_lost
+from fleet.bookings.losses.lost_rights import bookings_free_lost
 from fleet.bookings.models import Notification, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import BookingRefused, booking_make, booking_move
@@ -56,15 +56,15 @@ def close_account(person, staff):
     person.save()
 
 
-@pytest.mark.parametrize("lose", [lose_role, close_account])
-def test_a_lost_role_frees_bookings_to_come(robot, operator, staff, lose):
+@pytest.mark.parametrize(("lose", "why"), [(lose_role, "role_too_low"), (close_account, "account_inactive")])
+def test_a_lost_role_frees_bookings_to_come(robot, operator, staff, lose, why):
     operator.email = "olga@lab.example"
     operator.save()
     mine, other = book(robot, operator), book(robot, staff, days=3)
     lose(operator, staff)
     assert (state_of(mine), state_of(other)) == (State.CANCELLED, State.BOOKED)
     ended = Record.objects.get(kind="booking.cancel")
-    assert (ended.actor_id, ended.parameters["why"]) == (None, "role_too_low")
+    assert (ended.actor_id, ended.parameters["why"]) == (None, why)
     assert "cancelled" in Notification.objects.get().subject
     book(robot, staff)  # the slot is free
 

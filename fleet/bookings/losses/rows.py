@@ -1,0 +1,153 @@
+"""The rows that a change touches: as they were before, so that it can be undone.
+
+All tables that give or take rights and times are read before and after a change. A lab has some thousand such rows,
+and such changes are rare; no service needs to know how to undo what it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from django.db import DatabaseError, models, transaction
+from msgspec import Struct
+
+from fleet.accounts.models import User
+from fleet.bookings.models import OutOfService, Policy
+from robots.access.models import Course, Enrolment, GroupRole, Qualification, QualificationGrant, RobotGroup
+from robots.registry.models import Robot, RobotRole
+
+Rows = dict[Any, dict[str, Any]]  # by primary key
+
+# Rows come after those that they refer to.
+_WHOLE: tuple[type[models.Model], ...] = (
+    RobotGroup,
+    Course,
+    Qualification,
+    RobotGroup.robots.through,
+    Course.robots.through,
+    Course.groups.through,
+    Course.supervisors.through,
+    Qualification.robots.through,
+    Qualification.groups.through,
+    RobotRole,
+    GroupRole,
+    Enrolment,
+    QualificationGrant,
+    Policy,
+    OutOfService,
+)
+_COLUMNS: dict[type[models.Model], tuple[str, ...]] = {
+    User: ("is_active", "is_staff"),
+    Robot: ("enabled",),
+} | {model: tuple(one.attname for one in model._meta.concrete_fields) for model in _WHOLE}
+_BY_LABEL = {model._meta.label: model for model in _COLUMNS}
+
+
+class Row(Struct):
+    """A row that a change made (`before` is None), removed (`after` is None) or changed."""
+
+    table: str
+    key: str
+    before: dict[str, Any] | None
+    after: dict[str, Any] | None
+
+
+def rows_now() -> dict[type[models.Model], Rows]:
+    """Return all rows that a change may touch."""
+    return {
+        model: {row["pk"]: row for row in model._default_manager.values("pk", *columns)}
+        for model, columns in _COLUMNS.items()
+    }
+
+
+def rows_between(before: dict[type[models.Model], Rows], after: dict[type[models.Model], Rows]) -> list[Row]:
+    """Return the rows that differ."""
+    return [row for model in _COLUMNS for row in _differing(model, before[model], after[model])]
+
+
+def _differing(model: type[models.Model], before: Rows, after: Rows) -> Iterator[Row]:
+    for key in before | after:
+        old, new = before.get(key), after.get(key)
+        if old == new:
+            continue
+        if old is not None and new is not None:
+            names = [name for name in new if new[name] != old[name]]
+            old, new = {name: old[name] for name in names}, {name: new[name] for name in names}
+        yield Row(model._meta.label, str(key), _plain(model, old), _plain(model, new))
+
+
+def _plain(model: type[models.Model], row: dict[str, Any] | None) -> dict[str, Any] | None:
+    """Return a row as JSON has it."""
+    if row is None:
+        return None
+    values = {name: value for name, value in row.items() if name != "pk"}
+    return {name: value if _is_plain(value) else str(value) for name, value in values.items()}
+
+
+def _is_plain(value: Any) -> bool:
+    return value is None or isinstance(value, bool | int | str | list | dict)
+
+
+def subjects(rows: list[Row]) -> list[str]:
+    """Return the names of what a change was about: courses, groups, qualifications, robots. No names of people."""
+    found: dict[str, None] = {}
+    for row in rows:
+        values = (row.before or {}) | (row.after or {})
+        if row.table == RobotGroup._meta.label and row.after is None:
+            found[values["name"]] = None
+        for model, column in _NAMED.items():
+            key = row.key if row.table == model._meta.label else values.get(column)
+            named = model._default_manager.filter(pk=key).first() if key else None
+            if named is not None:
+                found[str(named)] = None
+    return list(found)
+
+
+_NAMED: dict[type[models.Model], str] = {
+    Course: "course_id",
+    Qualification: "qualification_id",
+    RobotGroup: "robotgroup_id",
+    Robot: "robot_id",
+}
+
+
+def put_back(rows: list[Row]) -> int:
+    """Make rows as they were before a change. Return how many were changed since, and stay as they are."""
+    made = [row for row in reversed(rows) if row.before is None]
+    return sum(not _put_back(row) for row in [*made, *(row for row in rows if row.before is not None)])
+
+
+def _put_back(row: Row) -> bool:
+    model = _BY_LABEL[row.table]
+    held = model._default_manager.filter(pk=row.key).first()
+    if row.after is None:
+        return held is None and _made_again(model, row)
+    if held is None or any(not _same(held, name, value) for name, value in row.after.items()):
+        return held is None and row.before is None
+    if row.before is None:
+        held.delete()
+        return True
+    for name, value in row.before.items():
+        setattr(held, name, _value(model, name, value))
+    held.save(update_fields=[model._meta.get_field(name).name for name in row.before])
+    return True
+
+
+def _made_again(model: type[models.Model], row: Row) -> bool:
+    values = {name: _value(model, name, value) for name, value in (row.before or {}).items()}
+    try:
+        with transaction.atomic():
+            model(**values).save(force_insert=True)
+    except DatabaseError:  # somebody gave it again, or removed what it refers to
+        return False
+    return True
+
+
+def _value(model: type[models.Model], name: str, value: Any) -> Any:
+    column: Any = model._meta.get_field(name)
+    return (column.target_field if column.is_relation else column).to_python(value)
+
+
+def _same(held: models.Model, name: str, value: Any) -> bool:
+    return bool(getattr(held, name) == _value(type(held), name, value))

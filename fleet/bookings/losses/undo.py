@@ -1,0 +1,134 @@
+"""Undo a change within a day, and give back the bookings of a course that is opened again.
+
+Only what is still free comes back: meanwhile others may have booked it, or the person may have lost the right in
+another way.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from typing import Any
+from uuid import UUID
+
+from django.db import transaction
+from django.db.models import QuerySet
+from django.dispatch import receiver
+from msgspec import Struct, convert
+
+from fleet.accounts.models import User
+from fleet.audit.services import record
+from fleet.bookings.losses import letters
+from fleet.bookings.losses.collecting import FIELDS, Actor, How, collected
+from fleet.bookings.losses.lost_rights import may_still_be_used
+from fleet.bookings.losses.rows import Row, put_back
+from fleet.bookings.models import Booking, Change, State
+from fleet.bookings.rules import Slot
+from fleet.bookings.selectors import held_between
+from fleet.bookings.services import BookingRefused, free_unused, record_booking, robot_locked, save_booking
+from robots.access.models import Course
+from robots.access.signals import course_opened, publish_access_changed
+from robots.registry.models import Robot
+from robots.shared.wire import NotDone, Refusal
+
+UNDO_FOR = timedelta(days=1)
+
+_UNDONE = Refusal("undone", "This change is undone already.", "booking")
+_TOO_LATE = Refusal(
+    "too_late_to_undo", "A change can be undone for a day. Change it back on its own page.", "booking"
+)
+_FOR_GOOD = Refusal("for_good", "A person who was erased stays erased.", "booking")
+
+
+class UndoRefused(NotDone):
+    """A change cannot be undone."""
+
+
+class Undone(Struct):
+    """What came back, what stays lost, and how many entries somebody changed since."""
+
+    back: list[Booking]
+    lost: list[Booking]
+    entries: int = 0
+
+
+def changes_of(person: User) -> QuerySet[Change]:
+    """Return the changes that this person may undo: their own, and for staff all."""
+    found = Change.objects.select_related("actor", "undone_by")
+    return found if person.is_staff else found.filter(actor=person)
+
+
+def undo_refused(change: Change, now: datetime) -> Refusal | None:
+    """Return why a change cannot be undone; None: it can."""
+    if change.undone_at is not None:
+        return _UNDONE
+    if not change.rows:
+        return _FOR_GOOD
+    return _TOO_LATE if now - change.made_at > UNDO_FOR else None
+
+
+@transaction.atomic
+def undo(*, change_id: UUID, actor: User, now: datetime) -> Undone:
+    """Undo a change: entries, then the bookings that are still free. Raises `UndoRefused`."""
+    list(Robot.objects.select_for_update(no_key=True).order_by("pk").values_list("pk"))
+    change = Change.objects.select_for_update(of=("self",)).get(pk=change_id)
+    if (refusal := undo_refused(change, now)) is not None:
+        raise UndoRefused(refusal)
+    entries = put_back(convert(change.rows, list[Row]))
+    done = _give_back(change, actor, now)
+    done.entries = entries
+    publish_access_changed(None)
+    return done
+
+
+@receiver(course_opened)
+def _course_opened(*, course: Course, **_options: Any) -> None:
+    """Give the bookings of a course back that its archiving took."""
+    found = collected()
+    change = Change.objects.filter(archived=course, undone_at=None).first()
+    if change is None or found is None:
+        return
+    done = _give_back(change, found.actor, found.now)
+    found.came_back += done.back
+    found.stay_lost += done.lost
+
+
+def _give_back(change: Change, actor: Actor, now: datetime) -> Undone:
+    done = Undone([], [])
+    for loss in change.losses:
+        booking = (
+            Booking.objects.select_related("person", "robot", "course").filter(pk=loss["booking"]).first()
+        )
+        if booking is None:
+            continue
+        back = loss["how"] == How.USELESS or _restored(booking, loss, actor, now)
+        (done.back if back else done.lost).append(booking)
+    change.undone_at, change.undone_by = now, actor if isinstance(actor, User) else None
+    change.save(update_fields=["undone_at", "undone_by"])
+    facts = {"change": str(change.pk), "kind": change.kind, "back": len(done.back), "lost": len(done.lost)}
+    record("booking.undo", actor=actor, parameters=facts)
+    letters.write_given_back(done.back, actor, now)
+    return done
+
+
+def _restored(booking: Booking, loss: dict[str, Any], actor: Actor, now: datetime) -> bool:
+    """Make a booking as it was before a change, unless it changed since, is over, or its time is taken."""
+    columns: dict[str, Any] = {name: booking._meta.get_field(name) for name in FIELDS}
+    before = {name: column.to_python(loss["before"][name]) for name, column in columns.items()}
+    ends = before["held_until"]
+    if booking.version != loss["version"] or ends <= now:
+        return False
+    try:
+        with robot_locked(booking.robot_id, now):
+            rest = Slot(max(booking.held_until, now), ends)
+            free_unused(booking.robot, rest, now, but=booking)
+            if held_between([booking.robot], rest.starts_at, rest.ends_at).exclude(pk=booking.pk).exists():
+                return False
+            for name, value in before.items():
+                setattr(booking, name, value)
+            if booking.state == State.OFFERED or not may_still_be_used(booking, now):
+                return False
+            save_booking(booking)
+            record_booking("booking.restore", booking, actor)
+    except BookingRefused:
+        return False
+    return True

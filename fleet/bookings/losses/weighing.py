@@ -1,0 +1,165 @@
+"""Make a change if somebody has seen what it takes from people; else undo it at once, and say what it would take.
+
+The change itself is made in both cases, in one transaction: so the preview cannot differ from what happens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import datetime, timedelta
+from functools import partial
+from hashlib import sha256
+from typing import Generic, TypeVar
+
+from django.db import transaction
+from django.utils import timezone
+from msgspec import Struct, field, to_builtins
+
+from fleet.accounts.models import User
+from fleet.audit.models import Record
+from fleet.base.formats.sentences import words_of
+from fleet.bookings.losses import letters
+from fleet.bookings.losses.collecting import Actor, Collected, How, Loss, collected, collecting, kept_of, lost
+from fleet.bookings.losses.lost_rights import bookings_free_lost, free_lesson, lessons_astray, store_end
+from fleet.bookings.losses.rows import Row, rows_between, rows_now, subjects
+from fleet.bookings.models import Booking, Change, State
+from fleet.bookings.rules import FAR, Slot, in_opening_hours
+from fleet.bookings.selectors import held_between, wish_of
+from robots.access.models import Course
+from robots.registry.models import Robot
+from robots.shared.wire import Refusal
+
+Answer = TypeVar("Answer")
+
+KEPT = timedelta(days=400)  # an archived course may be opened again
+
+
+class Seen(Struct, frozen=True):
+    """What somebody has seen and confirmed: the digest of the losses; None: all of them, whatever they are."""
+
+    digest: str | None
+    closed_stay: bool = False  # bookings outside of new opening hours stay
+
+
+class Weighed(Struct, Generic[Answer]):
+    """A change that was made, or only tried."""
+
+    answer: Answer
+    done: bool
+    losses: list[Loss] = field(default_factory=list)
+    change: Change | None = None  # what was taken, and can be undone
+    came_back: list[Booking] = field(default_factory=list)
+    stay_lost: list[Booking] = field(default_factory=list)
+
+    @property
+    def digest(self) -> str:
+        """Return a hash of the losses, which shows whether they are still those that were seen."""
+        named = sorted(f"{one.booking.pk} {one.how}" for one in self.losses)
+        return sha256("\n".join(named).encode()).hexdigest()[:24]
+
+
+def weigh(
+    make: Callable[[], Answer], *, actor: Actor, seen: Seen | None, only_try: bool = False
+) -> Weighed[Answer]:
+    """Make a change. If it takes time from people and this was not seen, or with `only_try`, it is not made.
+
+    All robots are locked first: the change may end bookings of any of them, and others wait for it in one order only.
+    """
+    now = timezone.now()
+    with transaction.atomic(), collecting(actor, now) as found:
+        list(Robot.objects.select_for_update(no_key=True).order_by("pk").values_list("pk"))
+        before = rows_now() if seen else {}
+        last = Record.objects.order_by("-pk").values_list("pk", flat=True).first() or 0
+        astray = lessons_astray(now)
+        weighed = Weighed(make(), True)
+        if found.people != set():
+            bookings_free_lost(found.people, now)
+            for key, (lesson, why) in lessons_astray(now).items():
+                if key not in astray:
+                    free_lesson(lesson, why, now)
+        weighed.losses = sorted(found.losses, key=lambda one: one.booking.starts_at)
+        weighed.came_back, weighed.stay_lost = found.came_back, found.stay_lost
+        if only_try or (weighed.losses and not _is_seen(weighed, seen)):
+            transaction.set_rollback(True)
+            weighed.done = False
+        elif weighed.losses and seen:
+            weighed.losses = _closed_ended(weighed.losses, now, stay=seen.closed_stay)
+            weighed.change = _kept(weighed.losses, found, rows_between(before, rows_now()), last)
+            letters.write_losses(weighed.losses, actor, now)
+    return weighed
+
+
+def _is_seen(weighed: Weighed[Answer], seen: Seen | None) -> bool:
+    return seen is not None and seen.digest in (None, weighed.digest)
+
+
+def _kept(losses: list[Loss], found: Collected, rows: list[Row], last: int) -> Change:
+    """Store what a change took, and the rows that it changed."""
+    actor = found.actor if isinstance(found.actor, User) else None
+    made = Record.objects.filter(pk__gt=last, actor=str(actor.pk) if actor else None).order_by("pk")
+    kind = made.exclude(kind__startswith="booking.").values_list("kind", flat=True).first() or ""
+    archived = next((row.key for row in rows if _archives(row)), None)
+    return Change.objects.create(
+        actor=actor,
+        made_at=found.now,
+        kind=kind,
+        about=", ".join(subjects(rows))[:200],
+        rows=[] if found.for_good else to_builtins(rows),
+        losses=[_stored(one) for one in losses],
+        archived=Course.objects.filter(pk=archived).first() if archived else None,
+    )
+
+
+def _archives(row: Row) -> bool:
+    return row.table == Course._meta.label and (row.after or {}).get("archived") is True
+
+
+def _stored(loss: Loss) -> dict[str, object]:
+    return {
+        "booking": str(loss.booking.pk),
+        "how": loss.how.value,
+        "version": loss.booking.version,
+        "before": to_builtins(loss.before),
+    }
+
+
+# --- opening hours --------------------------------------------------------------------------------
+
+
+@contextmanager
+def hours_watched(robots: list[Robot], now: datetime) -> Iterator[None]:
+    """Collect the bookings of these robots that are outside of the opening hours after the change, and only then."""
+    if collected() is None:
+        yield
+        return
+    before = {one.pk for one, _why in _outside(robots, now)}
+    yield
+    for booking, why in _outside(robots, now):
+        if booking.pk not in before:
+            lost(booking, How.CLOSED, now, before=kept_of(booking), why=partial(words_of, why))
+
+
+def _outside(robots: list[Robot], now: datetime) -> Iterator[tuple[Booking, Refusal]]:
+    """Return the bookings to come that the opening hours refuse now, without those against the policy."""
+    held = held_between(robots, now, FAR).filter(state__in=(State.BOOKED, State.AWAITING), starts_at__gt=now)
+    for booking in held.exclude(overridden=True):
+        slot = Slot(booking.starts_at, booking.ends_at)
+        wish = wish_of(robot=booking.robot, person=booking.person, slot=slot, now=now, moved=booking)
+        if (why := in_opening_hours(wish)) is not None:
+            yield booking, why
+
+
+def _closed_ended(losses: list[Loss], now: datetime, *, stay: bool) -> list[Loss]:
+    """Cancel the bookings outside of the new opening hours; if they stay, leave them out."""
+    if stay:
+        return [one for one in losses if one.how is not How.CLOSED]
+    for loss in losses:
+        if loss.how is How.CLOSED:
+            loss.how = store_end(loss.booking, "closed", now)
+    return losses
+
+
+def remove_old_changes(now: datetime) -> None:
+    """Remove changes that nobody can undo any more."""
+    Change.objects.filter(made_at__lt=now - KEPT).delete()

@@ -1,0 +1,99 @@
+"""The pages of changes that took time from people: whom, and undo."""
+
+from __future__ import annotations
+
+from typing import Any
+from uuid import UUID
+
+from django.contrib import messages
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_POST, require_safe
+
+from fleet.accounts.requests import person_of
+from fleet.audit.kinds import KINDS
+from fleet.base.formats.sentences import in_words
+from fleet.base.time_takers import may_take_time
+from fleet.base.zones import viewers
+from fleet.bookings.losses.collecting import How
+from fleet.bookings.losses.door import booking_words, stay_lost
+from fleet.bookings.losses.undo import changes_of, undo, undo_refused
+from fleet.bookings.models import Booking, Change
+
+LISTED = 50
+
+
+@never_cache
+@require_safe
+def changes(request: HttpRequest) -> HttpResponse:
+    """List the latest changes that took time from people: one's own, for staff all."""
+    now = timezone.now()
+    rows = [
+        {
+            "change": one,
+            "title": title_of(one),
+            "count": len(one.losses),
+            "undoable": not undo_refused(one, now),
+        }
+        for one in changes_of(person_of(request))[:LISTED]
+    ]
+    return render(request, "bookings/losses/changes.html", {"rows": rows})
+
+
+@never_cache
+@require_safe
+def change(request: HttpRequest, change_id: UUID) -> HttpResponse:
+    """Show whom a change affected, and the button to undo it."""
+    found = get_object_or_404(changes_of(person_of(request)), pk=change_id)
+    context = {
+        "change": found,
+        "title": title_of(found),
+        "rows": _rows(found),
+        "refusal": undo_refused(found, timezone.now()),
+        "zone": viewers().key,
+    }
+    return render(request, "bookings/losses/change.html", context)
+
+
+@require_POST
+@may_take_time
+def change_undo(request: HttpRequest, change_id: UUID) -> HttpResponse:
+    """Undo a change, and say what came back."""
+    found = get_object_or_404(changes_of(person_of(request)), pk=change_id)
+    if (refusal := undo_refused(found, timezone.now())) is not None:
+        messages.error(request, in_words(refusal.text))
+        return redirect("change", change_id)
+    done = undo(change_id=found.pk, actor=person_of(request), now=timezone.now())
+    count = len(done.back)
+    text = ngettext("Undone: %(n)d booking came back.", "Undone: %(n)d bookings came back.", count) % {
+        "n": count
+    }
+    parts = [text, *stay_lost(done.lost)]
+    if done.entries:
+        parts.append(_("Some entries were changed since, and stay as they are: look at their pages."))
+    messages.success(request, " ".join(parts))
+    return redirect("change", change_id)
+
+
+def title_of(found: Change) -> str:
+    """Return what was changed, in words."""
+    kind = KINDS.get(found.kind)
+    label = str(kind.label) if kind else found.kind
+    return f"{label}: {found.about}" if found.about else label
+
+
+def _rows(found: Change) -> list[dict[str, Any]]:
+    bookings = Booking.objects.select_related("person", "robot").in_bulk(
+        [one["booking"] for one in found.losses]
+    )
+    keyed = {str(key): booking for key, booking in bookings.items()}
+    rows = [
+        {"person": booking.person.display_name, "words": booking_words(booking), "how": How(one["how"]).label}
+        for one in found.losses
+        if (booking := keyed.get(one["booking"])) is not None
+    ]
+    return sorted(rows, key=lambda row: row["person"].lower())

@@ -1,0 +1,276 @@
+"""Every door that can take time from people asks first, by name, and its change can be undone for a day."""
+
+from datetime import timedelta
+from uuid import uuid4
+
+import pytest
+from django.test import Client
+from django.urls import reverse
+from django.utils import timezone
+
+from fleet.audit.models import Record
+from fleet.bookings.models import WEEKDAYS, Change, Notification, OutOfService, Policy, State
+from fleet.bookings.rules import Slot
+from fleet.bookings.services import booking_make
+from robots.access.models import Course, Enrolment, GroupRole, RobotGroup
+from robots.registry.models import RobotRole, Role
+from tests.bookings.losses.support import confirm
+from tests.bookings.test_policies import typed
+from tests.robots.registry.test_admin import filled
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+
+@pytest.fixture
+def door(staff):
+    client = Client()
+    client.force_login(staff)
+    return client
+
+
+@pytest.fixture
+def course(robot, operator, staff):
+    """A course by which the operator may drive, besides no role of their own."""
+    RobotRole.objects.filter(user=operator).delete()
+    today = timezone.localdate()
+    made = Course.objects.create(name="HRI", slug="hri", starts_on=today, ends_on=today + timedelta(days=20))
+    made.robots.add(robot)
+    Enrolment.objects.create(course=made, person=operator)
+    return made
+
+
+def book(robot, person, days=2, **options):
+    starts = (timezone.now() + timedelta(days=days)).replace(hour=10, minute=0, second=0, microsecond=0)
+    slot = Slot(starts, starts + timedelta(hours=1))
+    return booking_make(robot=robot, person=person, slot=slot, now=timezone.now(), **options)
+
+
+def state_of(booking):
+    booking.refresh_from_db()
+    return State(booking.state)
+
+
+# --- the doors: each returns its address and its form -----------------------------------------------
+
+
+def archive(course, **_):
+    return reverse("course-archive", args=[course.slug]), {"archived": "1"}
+
+
+def shorten_course(course, robot, **_):
+    today = timezone.localdate()
+    form = {
+        "name": course.name,
+        "robots": str(robot.pk),
+        "role": "operator",
+        "starts_on": today,
+        "ends_on": today,
+    }
+    return reverse("course-edit", args=[course.slug]), form
+
+
+def unenrol(course, operator, **_):
+    return reverse("course-people", args=[course.slug]), {"action": "unenrol", "person": operator.pk}
+
+
+def demand(robot, **_):
+    return reverse("qualifications"), {"new-name": "Induction", "new-robots": str(robot.pk)}
+
+
+def out_of_service(robot, **_):
+    form = {"robots": robot.slug, "starts_at": "2020-01-01T00:00", "why": "repair", "note": "wheel"}
+    return reverse("out-of-service"), form
+
+
+def close_hours(robot, **_):
+    return reverse("booking-policy", args=[robot.slug]), typed(**dict.fromkeys(WEEKDAYS, "01:00-02:00"))
+
+
+def close_account(operator, **_):
+    return reverse("admin:accounts_user_change", args=[operator.pk]), {
+        "username": "operator",
+        "full_name": "Olga Operator",
+    }
+
+
+DOORS = [archive, shorten_course, unenrol, demand, close_hours, close_account]
+
+
+@pytest.mark.parametrize("way", DOORS)
+def test_a_door_asks_by_name_before_it_takes_time_and_undoes_it(door, course, robot, operator, staff, way):
+    booking = book(robot, operator)
+    address, form = way(course=course, robot=robot, operator=operator)
+    asked = door.post(address, form)
+    assert asked.status_code == 409
+    assert operator.display_name in asked.text
+    assert state_of(booking) is State.BOOKED
+    assert not Change.objects.exists() and not Notification.objects.exists()
+
+    done = confirm(door, asked)
+    assert done.status_code == 302
+    assert state_of(booking) is State.CANCELLED
+    change = Change.objects.get()
+    page = door.get(reverse("change", args=[change.pk]))
+    assert operator.display_name in page.text
+
+    undone = door.post(reverse("change-undo", args=[change.pk]))
+    assert undone.status_code == 302
+    assert state_of(booking) is State.BOOKED
+    assert Record.objects.filter(kind="booking.undo").count() == 1
+    # and the right is really back
+    assert door.post(address, form).status_code == 409
+
+
+def take_role(robot, role, **_):
+    return reverse("admin:robots_robotrole_delete", args=[role.pk]), {"post": "yes"}
+
+
+def lower_role(robot, role, operator, **_):
+    form = {"robot": str(robot.pk), "user": str(operator.pk), "role": "observer", "_save": "Save"}
+    return reverse("admin:robots_robotrole_change", args=[role.pk]), form
+
+
+def take_group_role(group, operator, **_):
+    return reverse("robot-groups"), {"entry": group.slug, "action": "role", "username": operator.username}
+
+
+def delete_group(group, **_):
+    return reverse("robot-groups"), {"entry": group.slug, "action": "delete"}
+
+
+@pytest.mark.parametrize("way", [take_role, lower_role, take_group_role, delete_group])
+def test_a_role_that_goes_is_asked_for_and_comes_back(door, robot, operator, way):
+    role = RobotRole.objects.get(user=operator)
+    group = RobotGroup.objects.create(name="The TIAGos", slug="the-tiagos")
+    group.robots.add(robot)
+    if "group" in way.__name__:
+        role.delete()
+        GroupRole.objects.create(group=group, user=operator, role=Role.OPERATOR)
+    booking = book(robot, operator)
+    address, form = way(robot=robot, role=role, group=group, operator=operator)
+    asked = door.post(address, form)
+    assert (asked.status_code, state_of(booking)) == (409, State.BOOKED)
+    assert confirm(door, asked).status_code == 302
+    assert state_of(booking) is State.CANCELLED
+    door.post(reverse("change-undo", args=[Change.objects.get().pk]))
+    assert state_of(booking) is State.BOOKED
+
+
+def switch_off(robot, door, **_):
+    address = reverse("admin:robots_robot_change", args=[robot.pk])
+    form = filled(door, address)
+    del form["enabled"]
+    return address, form
+
+
+@pytest.mark.parametrize("way", [out_of_service, switch_off])
+def test_a_robot_that_goes_keeps_its_bookings_but_says_whom_it_leaves(door, robot, operator, way):
+    booking = book(robot, operator)
+    address, form = way(robot=robot, door=door)
+    asked = door.post(address, form)
+    assert asked.status_code == 409
+    assert operator.display_name in asked.text
+    robot.refresh_from_db()
+    assert (robot.enabled, OutOfService.objects.count()) == (True, 0)
+    assert confirm(door, asked).status_code == 302
+    robot.refresh_from_db()
+    assert (robot.enabled, OutOfService.objects.count()) in ((False, 0), (True, 1))
+    assert state_of(booking) is State.BOOKED
+    door.post(reverse("change-undo", args=[Change.objects.get().pk]))
+    robot.refresh_from_db()
+    assert (robot.enabled, OutOfService.objects.count()) == (True, 0)
+    assert [one.person for one in Notification.objects.all()] == [operator, operator]  # taken, and given back
+
+
+def test_what_others_booked_meanwhile_stays_theirs(door, course, robot, operator, second_operator):
+    booking = book(robot, operator)
+    other = book(robot, operator, days=3)
+    asked = door.post(*unenrol(course=course, operator=operator))
+    confirm(door, asked)
+    RobotRole.objects.update_or_create(user=second_operator, robot=robot, defaults={"role": Role.OPERATOR})
+    theirs = book(robot, second_operator)
+    undone = door.post(reverse("change-undo", args=[Change.objects.get().pk]), follow=True)
+    assert [state_of(one) for one in (booking, other, theirs)] == [
+        State.CANCELLED,
+        State.BOOKED,
+        State.BOOKED,
+    ]
+    assert "1 booking came back" in undone.text and "taken by others" in undone.text
+    again = door.post(reverse("change-undo", args=[Change.objects.get().pk]), follow=True)
+    assert "undone already" in again.text
+
+
+def test_a_change_can_be_undone_for_a_day_by_its_maker_and_staff(
+    door, course, robot, operator, supervisor, staff
+):
+    book(robot, operator)
+    confirm(door, door.post(*unenrol(course=course, operator=operator)))
+    change = Change.objects.get()
+    other = Client()
+    other.force_login(supervisor)
+    assert other.get(reverse("change", args=[change.pk])).status_code == 404
+    assert other.post(reverse("change-undo", args=[change.pk])).status_code == 404
+    Change.objects.update(made_at=timezone.now() - timedelta(days=1, minutes=1))
+    late = door.post(reverse("change-undo", args=[change.pk]), follow=True)
+    assert "for a day" in late.text
+    assert not Enrolment.objects.exists()
+
+
+def test_losses_that_changed_since_they_were_shown_are_shown_again(door, course, robot, operator):
+    book(robot, operator)
+    asked = door.post(*archive(course=course))
+    late = book(robot, operator, days=4)
+    again = confirm(door, asked)
+    assert (again.status_code, state_of(late)) == (409, State.BOOKED)
+    assert "Look again" in again.text
+    assert confirm(door, again).status_code == 302
+    assert state_of(late) is State.CANCELLED
+
+
+def test_an_archived_course_frees_its_lessons_and_opened_again_has_them(door, course, robot, operator, staff):
+    lesson = book(robot, staff, series=uuid4(), lesson_of=course)
+    mine = book(robot, operator, days=3)
+    asked = door.post(*archive(course=course))
+    assert staff.display_name in asked.text and operator.display_name in asked.text
+    confirm(door, asked)
+    assert (state_of(lesson), state_of(mine)) == (State.CANCELLED, State.CANCELLED)
+    Change.objects.update(
+        made_at=timezone.now() - timedelta(days=30)
+    )  # opening again is no undo: it has no end
+    opened = door.post(reverse("course-archive", args=[course.slug]), {"archived": "0"}, follow=True)
+    assert "2 bookings came back" in opened.text
+    assert (state_of(lesson), state_of(mine)) == (State.BOOKED, State.BOOKED)
+
+
+def test_lessons_after_a_new_last_day_are_freed(door, course, robot, operator, staff):
+    lesson = book(robot, staff, series=uuid4(), lesson_of=course)
+    asked = door.post(*shorten_course(course=course, robot=robot))
+    assert (asked.status_code, state_of(lesson)) == (409, State.BOOKED)
+    confirm(door, asked)
+    assert state_of(lesson) is State.CANCELLED
+
+
+def test_bookings_outside_of_new_hours_may_stay(door, robot, operator):
+    booking = book(robot, operator)
+    asked = door.post(*close_hours(robot=robot))
+    assert (asked.status_code, Policy.objects.count()) == (409, 0)
+    assert confirm(door, asked, closed_stay="1").status_code == 302
+    assert (state_of(booking), Policy.objects.count()) == (State.BOOKED, 1)
+    same = door.post(*close_hours(robot=robot))
+    assert same.status_code == 302  # it was outside before: this change takes nothing
+
+
+def test_one_letter_tells_a_person_of_all_their_losses(door, course, robot, operator):
+    for days in (2, 3, 4):
+        book(robot, operator, days=days)
+    confirm(door, door.post(*archive(course=course)))
+    letter = Notification.objects.get()
+    assert (letter.person, letter.text.count("cancelled")) == (operator, 3)
+    assert "Sam Staff" in letter.text
+
+
+def test_a_booking_against_the_policy_of_a_closed_account_is_freed(robot, stranger, staff):
+    booking = book(robot, stranger, actor=staff, override="gets the role on Monday")
+    stranger.is_active = False
+    stranger.save()
+    assert state_of(booking) is State.CANCELLED
