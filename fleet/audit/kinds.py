@@ -145,6 +145,8 @@ KINDS: dict[str, Kind] = {
     "qualification.create": Kind(_("qualification made")),
     "qualification.change": Kind(_("qualification changed")),
     "qualification.delete": Kind(_("qualification deleted")),
+    "rule.make": Kind(_("rule of single sign-on made")),
+    "rule.remove": Kind(_("rule of single sign-on removed")),
     "qualification.grant": Kind(_("qualification granted")),
     "qualification.revoke": Kind(_("qualification revoked")),
     "account.create": Kind(_("account made")),
@@ -186,7 +188,7 @@ _GROUPS: tuple[tuple[str | Promise, tuple[str, ...]], ...] = (
     (_("Topics, services and cameras"), ("publish", "topic", "service", "parameter", "camera")),
     (_("Bookings"), ("booking", "policy")),
     (_("Robots, phrases and places"), ("robot", "profile", "phrase", "place", "map", "layout", "allowance")),
-    (_("Rights and courses"), ("role", "group", "course", "qualification")),
+    (_("Rights and courses"), ("role", "group", "course", "qualification", "rule")),
     (_("Accounts"), ("account", "token", "setup")),
     (_("Log and webhooks"), ("audit", "webhook")),
 )

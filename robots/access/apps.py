@@ -12,5 +12,6 @@ class AccessConfig(AppConfig):
     verbose_name = _("Access")
 
     def ready(self) -> None:
-        """Connect the receivers."""
-        from robots.access import enrolment  # noqa: F401 - needs the models
+        """Register the receivers, which need the models."""
+        from robots.access import enrolment  # noqa: F401
+        from robots.access.sign_in_rules import rules  # noqa: F401

@@ -9,6 +9,7 @@ from datetime import datetime, timedelta
 from uuid import uuid4
 
 from django.conf import settings
+from django.core.exceptions import ValidationError
 from django.core.validators import MaxValueValidator, MinValueValidator
 from django.db import models
 from django.db.models import F, Q
@@ -53,6 +54,8 @@ class GroupRole(models.Model):
     role = models.CharField(
         _("role"), max_length=16, choices=[choice for choice in Role.choices if choice[0] != Role.STAFF.value]
     )
+    # The person has the role only while the claims at sign-in fit the rule
+    by_rule = models.ForeignKey("SignInRule", null=True, blank=True, on_delete=models.SET_NULL)
 
     class Meta:
         ordering = ["user__username"]
@@ -127,6 +130,63 @@ class Course(models.Model):
         return self.name
 
 
+class SignInRule(models.Model):
+    """A rule of single sign-on: people whose claim has a value are in a course, or have a role on a robot group.
+
+    `claim` is a name in the answer of the provider; dots lead into objects, such as `realm_access.roles`.
+    """
+
+    claim = NameField(_("claim"), max_length=100, default="groups")
+    value = NameField(_("value"), max_length=200)
+    course = models.ForeignKey(
+        Course,
+        null=True,
+        blank=True,
+        on_delete=models.CASCADE,
+        related_name="sign_in_rules",
+        verbose_name=_("course"),
+    )
+    group = models.ForeignKey(
+        RobotGroup,
+        null=True,
+        blank=True,
+        on_delete=models.CASCADE,
+        related_name="sign_in_rules",
+        verbose_name=_("robot group"),
+    )
+    role = models.CharField(
+        _("role"),
+        max_length=16,
+        blank=True,
+        choices=[choice for choice in Role.choices if choice[0] != Role.STAFF.value],
+    )
+
+    class Meta:
+        ordering = ["claim", "value", "pk"]
+        verbose_name = _("sign-in rule")
+        verbose_name_plural = _("sign-in rules")
+        constraints = [
+            models.UniqueConstraint(
+                fields=["claim", "value", place],
+                name=f"one_sign_in_rule_of_a_{place}",
+                violation_error_message=_("There is such a rule already."),
+            )
+            for place in ("course", "group")
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.claim} = {self.value}"
+
+    def clean(self) -> None:
+        """Require a course, or a robot group with a role."""
+        if (self.course is None) == (self.group is None):
+            raise ValidationError(_("Choose a course or a robot group, one of the two."))
+        if self.group is not None and not self.role:
+            raise ValidationError(_("Choose a role on the robot group."))
+        if self.course is not None:
+            self.role = ""  # the course has it
+
+
 class Enrolment(models.Model):
     """A person in a course."""
 
@@ -142,6 +202,8 @@ class Enrolment(models.Model):
     added_at = models.DateTimeField(_("since"), default=timezone.now)
     # As the registry of this course gives it. Of the enrolment, not of the account: no other course reads or sets it
     number = models.CharField(_("student number"), max_length=40, blank=True)
+    # The person is in the course only while the claims at sign-in fit the rule
+    by_rule = models.ForeignKey(SignInRule, null=True, blank=True, on_delete=models.SET_NULL)
 
     class Meta:
         verbose_name = _("enrolment")

@@ -3,6 +3,7 @@
 from django.urls import path
 
 from robots.access.pages import courses, entries, joining, links, people, tokens
+from robots.access.sign_in_rules.views import sign_in_rules
 
 urlpatterns = [
     path("access/", people.my_access, name="my-access"),
@@ -13,6 +14,7 @@ urlpatterns = [
     path("tokens/new/", tokens.token_new, name="token-new"),
     path("tokens/<uuid:token_id>/end/", tokens.token_remove, name="token-end"),
     path("robot-groups/", entries.groups, name="robot-groups"),
+    path("sign-in-rules/", sign_in_rules, name="sign-in-rules"),
     path("qualifications/", entries.qualifications, name="qualifications"),
     path("courses/", courses.courses, name="courses"),
     path("courses/new/", courses.course_new, name="course-new"),

@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
+from typing import Any
 from wsgiref.simple_server import WSGIRequestHandler, make_server
 
 import django
@@ -32,6 +34,22 @@ class Quiet(WSGIRequestHandler):
 
     def log_message(self, format: str, *arguments: object) -> None:
         """Do nothing."""
+
+
+class Claims:
+    """Made when Django is ready: adds the person's groups, which tests write as JSON into a file."""
+
+    def __new__(cls) -> Any:
+        from allauth.idp.oidc.adapter import DefaultOIDCAdapter
+
+        class Adapter(DefaultOIDCAdapter):
+            def get_claims(self, purpose: Any, user: Any, client: Any, scopes: Any, **more: Any) -> Any:
+                file = settings.GROUPS_FILE
+                groups = json.loads(file.read_text()) if file.exists() else {}
+                claims = super().get_claims(purpose, user, client, scopes, **more)
+                return {**claims, "groups": groups.get(user.username, [])}
+
+        return Adapter()
 
 
 def serve(folder: Path, callback: str) -> None:
@@ -71,6 +89,8 @@ def serve(folder: Path, callback: str) -> None:
         ACCOUNT_EMAIL_VERIFICATION="none",
         ACCOUNT_RATE_LIMITS=False,
         IDP_OIDC_PRIVATE_KEY=pem.decode(),
+        IDP_OIDC_ADAPTER=f"{__name__}.Claims",
+        GROUPS_FILE=folder / "groups.json",
     )
     django.setup()
     urlpatterns[:] = [path("", include("allauth.idp.urls")), path("accounts/", include("allauth.urls"))]

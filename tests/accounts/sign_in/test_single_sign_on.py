@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -22,6 +23,9 @@ from fleet.accounts.models import User
 from fleet.accounts.sign_in.adapters import SingleSignOnAdapter
 from fleet.audit.models import Record
 from fleet.base.environment import Environment, single_sign_on
+from robots.access.models import Course
+from robots.access.selectors import lab_date, role_on
+from robots.registry.models import Robot, Role
 from tests.accounts.sign_in.provider import CLIENT, PASSWORD, SECRET
 from tests.conftest import PASSWORD as PASSWORD_HERE
 
@@ -30,10 +34,16 @@ START = "/accounts/oidc/sso/login/"
 
 
 @pytest.fixture(scope="module")
-def provider(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def groups(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the file in which the provider finds the groups of people."""
+    return tmp_path_factory.mktemp("provider") / "groups.json"
+
+
+@pytest.fixture(scope="module")
+def provider(groups: Path) -> Iterator[str]:
     """Run the provider; return its address."""
     command = [sys.executable, "-m", "tests.accounts.sign_in.provider"]
-    arguments = [str(tmp_path_factory.mktemp("provider")), f"{CONSOLE}{START}callback/"]
+    arguments = [str(groups.parent), f"{CONSOLE}{START}callback/"]
     with subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True) as process:
         yield f"http://127.0.0.1:{process.stdout.readline().strip()}"  # type: ignore[union-attr]
         process.kill()
@@ -77,6 +87,30 @@ def test_a_newcomer_gets_an_account_without_roles(sign_in_there: Callable[..., A
     assert Record.objects.get(kind="account.sign_in").parameters == {"by": ["socialaccount"]}
     assert sign_in_there("ada", Client()).status_code == 302  # the second time it is the same account
     assert User.objects.count() == 1
+
+
+@pytest.mark.django_db(transaction=True)
+def test_groups_at_the_provider_become_courses(
+    sign_in_there: Callable[..., Any],
+    groups: Path,
+    robot: Robot,
+    staff: User,
+    signed_in: Callable[[User], Client],
+) -> None:
+    today = lab_date()
+    course = Course.objects.create(name="HRI", slug="hri", starts_on=today, ends_on=today)
+    course.robots.add(robot)
+    page = signed_in(staff)
+    page.post("/sign-in-rules/", {"claim": "groups", "value": "hri-2026", "course": course.pk})
+    groups.write_text('{"ada": ["staff-of-physics", "hri-2026"]}')
+    sign_in_there("ada", Client())
+    ada = User.objects.get(email="ada@lab.example")
+    assert role_on(ada, robot) is Role.OPERATOR
+    groups.write_text('{"ada": ["staff-of-physics"]}')
+    sign_in_there("ada", Client())
+    assert role_on(ada, robot) is None
+    kinds = Record.objects.filter(kind__startswith="course.").order_by("pk").values_list("kind", flat=True)
+    assert list(kinds) == ["course.enrol", "course.unenrol"]
 
 
 @pytest.mark.django_db(transaction=True)
