@@ -139,6 +139,7 @@ FOR_PEOPLE: dict[str, str] = {
     "course-links": ACCOUNT,
     "person-link": ACCOUNT,
     "mail": "a person looks into a mailbox",
+    "sign-in-rules": "set once, beside the settings of the organisation's provider",
     "setup": "before there is an account",
     "setup-robot": "the first steps in a browser; `POST /registry` does the same",
 }
