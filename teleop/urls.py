@@ -22,6 +22,7 @@ urlpatterns = [
         name="control-session-map",
     ),
     path("today/", report_views.today_page, name="today"),
+    path("courses/<slug:slug>/marks.csv", report_views.marks_file, name="course-marks"),
     path("your-data/", report_views.your_data, name="your-data"),
     path("your-data/export/", report_views.your_data_export, name="your-data-export"),
     path("webhooks/", webhook_views.webhooks, name="webhooks"),

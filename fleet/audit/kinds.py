@@ -138,6 +138,7 @@ KINDS: dict[str, Kind] = {
     "course.change": Kind(_("course changed")),
     "course.archive": Kind(_("course archived or opened again")),
     "course.enrol": Kind(_("enrolled in a course")),
+    "course.marks": Kind(_("marks of a course exported")),
     "course.number": Kind(_("student numbers stored")),
     "course.unenrol": Kind(_("taken out of a course")),
     "course.invite": Kind(_("invitation to a course made")),

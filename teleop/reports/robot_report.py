@@ -132,11 +132,11 @@ def _driven(robot: Robot, since: date, until: date) -> list[Any]:
     return list(
         ended.order_by()
         .values(on=TruncDate("at"), hour=ExtractHour("at"))
-        .annotate(drives=Count("pk"), seconds=Sum(_figure("duration_s")), metres=Sum(_figure("distance_m")))
+        .annotate(drives=Count("pk"), seconds=Sum(figure("duration_s")), metres=Sum(figure("distance_m")))
     )
 
 
-def _figure(name: str) -> Coalesce:
+def figure(name: str) -> Coalesce:
     """Select a figure of a drive. Until November 2026 it was stored with the path: slow to read, and it may expire."""
     stored_with_path = Content.objects.filter(pk=OuterRef("pk")).values(figure=_number(name, "data"))
     return Coalesce(_number(name, "parameters"), Subquery(stored_with_path))

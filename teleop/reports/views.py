@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, date, datetime, timedelta
@@ -12,7 +13,7 @@ from uuid import UUID
 from django.conf import settings
 from django.core.exceptions import BadRequest, PermissionDenied
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
-from django.shortcuts import render
+from django.shortcuts import get_object_or_404, render
 from django.utils.dateparse import parse_date, parse_datetime
 from django.utils.dates import WEEKDAYS
 from django.utils.timezone import is_aware, now
@@ -26,14 +27,15 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit.reading import wording
 from fleet.audit.reading.addresses import number, session_url_of
+from fleet.audit.reading.exports import BOM
 from fleet.audit.reading.listing import Row
 from fleet.base import zones
 from fleet.base.formats.sentences import in_words, localised
 from fleet.bookings.permissions import awaiting_approval
-from robots.access.selectors import robot_visible_to, supervises
+from robots.access.selectors import courses_managed_by, robot_visible_to, supervises
 from robots.access.who_sees import reader_of
 from teleop.control.selectors import end_notes
-from teleop.reports import own_data, path_plot, robot_report, session_report, today
+from teleop.reports import marks, own_data, path_plot, robot_report, session_report, today
 from teleop.reports.session_maps import maps_of
 
 _AUTHORS = {
@@ -146,6 +148,20 @@ def today_page(request: HttpRequest) -> HttpResponse:
         "awaiting": len(awaiting_approval(person_of(request), moment)),
     }
     return render(request, "teleop/reports/today.html", context)
+
+
+@never_cache
+@require_safe
+def marks_file(request: HttpRequest, slug: str) -> HttpResponse:
+    """Return a CSV file for marks: what each person of a course did. For its supervisors and staff; recorded."""
+    person = person_of(request)
+    course = get_object_or_404(courses_managed_by(person), slug=slug)
+    found = marks.marks_exported(course, person, now())
+    answer = HttpResponse(content_type="text/csv; charset=utf-8")
+    answer["Content-Disposition"] = f'attachment; filename="marks-{course.slug}-{zones.day_of(now())}.csv"'
+    answer.write(BOM)
+    csv.writer(answer, delimiter=marks.separator()).writerows(marks.lines(found))
+    return answer
 
 
 @never_cache

@@ -325,6 +325,7 @@ TABLE: dict[str, Row] = {
     # courses: the teacher's, and another person's
     "courses_list": Row(MANAGE, "/courses", everywhere("200")),
     "courses_read": Row(MANAGE, "/courses/{course}", managed("200")),
+    "courses_marks": Row(MANAGE, "/courses/{course}/marks", managed("200")),
     "members_list": Row(MANAGE, "/courses/{course}/members", managed("200")),
     "members_enrol": Row(
         MANAGE, "/courses/{course}/members", managed("200"), {"list": "A <a@example.org>", "preview": True}
