@@ -21,7 +21,7 @@ from robots.shared.wire import Refusal
 ALTERNATIVES = 3
 STEP = timedelta(minutes=15)  # between the starts of proposed slots
 # Refusals with these codes are the same for all later starts of the day.
-FOR_THE_DAY = {"role_too_low", "too_short", "too_long", "quota_common_week"} | {
+FOR_THE_DAY = {"role_too_low", "holiday", "too_short", "too_long", "quota_common_week"} | {
     f"quota_{course}{period}" for course in ("", "course_") for period in ("day", "week", "open")
 }
 

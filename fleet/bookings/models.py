@@ -214,6 +214,31 @@ class OutOfService(models.Model):
             raise ValidationError(_("The period ends before it begins: exchange the two times."))
 
 
+class Holiday(models.Model):
+    """Days on which no robot of the lab can be booked, both included."""
+
+    id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
+    name = NameField(_("name"), max_length=80)
+    first_day = models.DateField(_("first day"))
+    last_day = models.DateField(_("last day"))
+
+    class Meta:
+        ordering = ["first_day", "name"]
+        verbose_name = _("holiday")
+        verbose_name_plural = _("holidays")
+        constraints = [
+            models.UniqueConstraint(fields=["first_day", "name"], name="holiday_once"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.name}, {self.first_day:%Y-%m-%d}"
+
+    def clean(self) -> None:
+        """Refuse a holiday that ends before it begins."""
+        if self.last_day is not None and self.first_day is not None and self.last_day < self.first_day:
+            raise ValidationError(_("The last day comes before the first: exchange them."))
+
+
 class Waiting(models.Model):
     """A person in line for a robot: for a taken slot, or, without times, for control as soon as it is free.
 

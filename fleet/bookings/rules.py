@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from fleet.base import zones
 from fleet.base.formats.dates import dated
-from fleet.bookings.models import WEEKDAYS, Policy
+from fleet.bookings.models import WEEKDAYS, Holiday, Policy
 from robots.access.models import Course
 from robots.registry.models import Role
 from robots.shared.sentences import Sentence, counted, joined, say
@@ -101,6 +101,7 @@ class Wish(Struct, frozen=True):
     wrong_course: str = ""  # the name of the chosen course, if it does not let the person drive the robot
     taken: tuple[Taken, ...] = ()  # bookings of the robot that overlap
     out: tuple[Taken, ...] = ()  # out-of-service periods that overlap
+    holidays: tuple[Holiday, ...] = ()  # of the lab, not over at the slot's start
     busy: tuple[Taken, ...] = ()  # bookings and out-of-service periods in the week from the slot's start on
 
     def local(self, moment: datetime) -> datetime:
@@ -295,6 +296,27 @@ def in_opening_hours(wish: Wish) -> Refusal | None:
             return _not_by(wish.policy, "closed", text)
         moment = opening.ends_at
     return None
+
+
+def not_on_holiday(wish: Wish) -> Refusal | None:
+    """Check that the slot is on no holiday of the lab."""
+    days = list(_dates(wish.slot, wish.lab)) if wish.holidays else []
+    for one in wish.holidays:
+        if not any(one.first_day <= day <= one.last_day for day in days):
+            continue
+        first, last = one.first_day, one.last_day
+        when = say("{day:day}", day=first)
+        if first != last:
+            when = say("{first:day} to {last:day}", first=first, last=last)
+        text = say("The lab is closed: {name}, {when}. Choose another day.", name=one.name, when=when)
+        figures = {"first_day": first.isoformat(), "last_day": last.isoformat()}
+        return Refusal("holiday", text, "booking", figures)
+    return None
+
+
+def closed(wish: Wish) -> Refusal | None:
+    """Check opening hours and holidays."""
+    return in_opening_hours(wish) or not_on_holiday(wish)
 
 
 def opening_of(day: date, hours: Hours, lab: ZoneInfo) -> list[Slot]:
@@ -553,6 +575,7 @@ RULES: tuple[Rule, ...] = (
     is_free,
     in_service,
     in_opening_hours,
+    not_on_holiday,
     long_enough,
     short_enough,
     within_horizon,

@@ -16,7 +16,7 @@ from msgspec import Struct, structs
 from fleet.accounts.models import User
 from fleet.base import rows
 from fleet.base.zones import viewers, zone_of
-from fleet.bookings.models import Booking, OutOfService, Policy, State
+from fleet.bookings.models import Booking, Holiday, OutOfService, Policy, State
 from fleet.bookings.rules import COURSE_QUOTAS, FAR, LONGEST, Quota, Slot, Taken, Wish
 from robots.access.models import Course, RobotGroup
 from robots.access.role_rows import OWN, demanded
@@ -212,16 +212,18 @@ class RobotFacts(Struct, frozen=True):
     held: tuple[_Held, ...]  # bookings that hold time in the week from the slot's start on
     out: tuple[Taken, ...]  # out-of-service periods of that week
     demanded: frozenset[int]  # keys of qualifications
+    holidays: tuple[Holiday, ...]  # that are not over at the slot's start
 
 
 def robot_facts(robot: Robot, slot: Slot) -> RobotFacts:
-    """Read a robot's facts for a slot. Four queries."""
+    """Read a robot's facts for a slot. Five queries."""
     week = _week_from(slot)
     return RobotFacts(
         policy_of(robot),
         tuple(_held(robot, week)),
         tuple(out_between(robot, week.starts_at, week.ends_at)),
         frozenset(demanded(robot.id)),
+        tuple(Holiday.objects.filter(last_day__gte=_before(slot.starts_at, timedelta(days=1)).date())),
     )
 
 
@@ -282,6 +284,7 @@ def wish_of(
         own_here=tuple(Slot(one.starts_at, one.held_until) for one in own if one.robot_id == robot.id),
         other_robots=_on_other_robots(own, robot, now),
         lesson=lesson,
+        holidays=facts.holidays,
         taken=tuple(one for one in taken if one.slot.overlaps(slot)),
         out=tuple(one for one in out if one.slot.overlaps(slot)),
         busy=tuple(sorted((*taken, *out), key=lambda one: one.slot.starts_at)),

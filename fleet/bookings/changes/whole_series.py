@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from datetime import date, datetime, time, timedelta
-from typing import Any
 from uuid import UUID
 
 from django.db import transaction
@@ -14,9 +13,9 @@ from msgspec import Struct
 from fleet.accounts.models import User
 from fleet.base.zones import viewers, zone_of
 from fleet.bookings.changes.series import on_the_wall
-from fleet.bookings.models import Booking, State
+from fleet.bookings.models import Booking, Holiday, Policy, State
 from fleet.bookings.permissions import bookings_managed_by
-from fleet.bookings.rules import Slot, Wish, in_opening_hours, in_service
+from fleet.bookings.rules import Slot, Wish, closed, in_service
 from fleet.bookings.selectors import Stage, grace_of, out_between, policies_of, stage_of
 from fleet.bookings.services import BookingRefused, booking_cancel, booking_move, robots_locked
 from robots.access.selectors import robots_bookable_by
@@ -71,19 +70,26 @@ def dates_of(bookings: Iterable[Booking], now: datetime) -> list[Date]:
     found = list(bookings)
     policies = policies_of({one.robot for one in found})
     dates = [Date(one, stage_of(one, grace_of(policies[one.robot_id]), now), []) for one in found]
+    holidays = tuple(Holiday.objects.filter(last_day__gte=now.date() - timedelta(days=1)))
     for one in dates:
         if one.to_come:
-            one.refusals.extend(_against(one.booking, policies[one.booking.robot_id], now))
+            one.refusals.extend(_against(one.booking, policies[one.booking.robot_id], holidays, now))
     return dates
 
 
-def _against(booking: Booking, policy: Any, now: datetime) -> list[Refusal]:
+def _against(booking: Booking, policy: Policy, holidays: tuple[Holiday, ...], now: datetime) -> list[Refusal]:
     slot = Slot(booking.starts_at, booking.ends_at)
-    out = tuple(out_between(booking.robot, slot.starts_at, slot.ends_at))
     wish = Wish(
-        booking.robot.name, slot=slot, now=now, policy=policy, lab=zone_of(""), zone=viewers(), out=out
+        booking.robot.name,
+        slot=slot,
+        now=now,
+        policy=policy,
+        lab=zone_of(""),
+        zone=viewers(),
+        out=tuple(out_between(booking.robot, slot.starts_at, slot.ends_at)),
+        holidays=holidays,
     )
-    return [refusal for rule in (in_service, in_opening_hours) if (refusal := rule(wish)) is not None]
+    return [refusal for rule in (in_service, closed) if (refusal := rule(wish)) is not None]
 
 
 def series_move(

@@ -13,7 +13,7 @@ from django.db import DatabaseError, models, transaction
 from msgspec import Struct
 
 from fleet.accounts.models import User
-from fleet.bookings.models import OutOfService, Policy
+from fleet.bookings.models import Holiday, OutOfService, Policy
 from robots.access.models import Course, Enrolment, GroupRole, Qualification, QualificationGrant, RobotGroup
 from robots.registry.models import Robot, RobotRole
 
@@ -36,6 +36,7 @@ _WHOLE: tuple[type[models.Model], ...] = (
     QualificationGrant,
     Policy,
     OutOfService,
+    Holiday,
 )
 _COLUMNS: dict[type[models.Model], tuple[str, ...]] = {
     User: ("is_active", "is_staff"),
@@ -109,6 +110,7 @@ _NAMED: dict[type[models.Model], str] = {
     Qualification: "qualification_id",
     RobotGroup: "robotgroup_id",
     Robot: "robot_id",
+    Holiday: "holiday_id",
 }
 
 

@@ -24,7 +24,7 @@ from fleet.bookings.losses.collecting import Actor, Collected, How, Loss, collec
 from fleet.bookings.losses.lost_rights import bookings_free_lost, free_lesson, lessons_astray, store_end
 from fleet.bookings.losses.rows import Row, rows_between, rows_now, subjects
 from fleet.bookings.models import Booking, Change, State
-from fleet.bookings.rules import FAR, Slot, in_opening_hours
+from fleet.bookings.rules import FAR, Slot, closed
 from fleet.bookings.selectors import held_between, wish_of
 from robots.access.models import Course
 from robots.registry.models import Robot
@@ -146,7 +146,7 @@ def _outside(robots: list[Robot], now: datetime) -> Iterator[tuple[Booking, Refu
     for booking in held.exclude(overridden=True):
         slot = Slot(booking.starts_at, booking.ends_at)
         wish = wish_of(robot=booking.robot, person=booking.person, slot=slot, now=now, moved=booking)
-        if (why := in_opening_hours(wish)) is not None:
+        if (why := closed(wish)) is not None:
             yield booking, why
 
 

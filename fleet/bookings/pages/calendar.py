@@ -17,7 +17,7 @@ from fleet.base import rows
 from fleet.base.formats.dates import dated
 from fleet.base.zones import viewers, zone_of
 from fleet.bookings import rules
-from fleet.bookings.models import WEEKDAYS, OutOfService, Policy
+from fleet.bookings.models import WEEKDAYS, Holiday, OutOfService, Policy
 from fleet.bookings.permissions import shows_person
 from fleet.bookings.rules import day_of, opening_of
 from fleet.bookings.selectors import (
@@ -34,6 +34,7 @@ from robots.access.who_sees import reader_of
 from robots.registry.models import Robot
 from robots.shared.sentences import is_shown_twice
 
+DAY = timedelta(days=1)
 LONGEST = timedelta(days=45)  # the longest time that a view shows
 
 # A week of ten robots has hundreds of bookings, and many begin at the same time. For speed, rows are not made
@@ -78,7 +79,7 @@ class _Row(Struct):
 def calendar(person: User, robots: Iterable[Robot], first: date, last: date, now: datetime) -> dict[str, Any]:
     """Return robots and events from day `first` until day `last` (not included) in the viewer's zone.
 
-    Seven queries for any number of robots.
+    Eight queries for any number of robots.
     """
     zone, robots, last = viewers(), list(robots), min(last, first + LONGEST)
     starts, ends = day_of(first, zone).starts_at, day_of(last, zone).starts_at
@@ -102,8 +103,10 @@ def calendar(person: User, robots: Iterable[Robot], first: date, last: date, now
         for robot in robots
         if not robot.enabled
     ]
+    holidays = list(Holiday.objects.filter(last_day__gte=first - DAY, first_day__lte=last))
     for robot in robots:
         events += _closed(robot, policies[robot.id], first, last, zone)
+        events += [_holiday(one, robot.slug, zone) for one in holidays]
     return {
         "resources": [{"id": robot.slug, "title": robot.name} for robot in robots],
         "events": events,
@@ -192,6 +195,13 @@ def _background(
         display="background",
         class_names=(kind,),
     )
+
+
+def _holiday(holiday: Holiday, slug: str, zone: ZoneInfo) -> Event:
+    """Return a holiday of the lab as background event of a robot."""
+    lab = zone_of("")
+    times = span(day_of(holiday.first_day, lab).starts_at, day_of(holiday.last_day, lab).ends_at, zone)
+    return _background(f"{holiday.pk}-{slug}", slug, times, holiday.name, kind="holiday")
 
 
 def _closed(robot: Robot, policy: Policy, first: date, last: date, zone: ZoneInfo) -> Iterable[Event]:

@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from fleet.bookings.pages import changes, news, policy_views, series_views, views
+from fleet.bookings.pages import changes, holiday_views, news, policy_views, series_views, views
 
 urlpatterns = [
     path("bookings/", views.bookings, name="bookings"),
@@ -18,6 +18,8 @@ urlpatterns = [
     path("bookings/policies/", policy_views.policies, name="booking-policies"),
     path("bookings/policies/all/", policy_views.policy, name="booking-policy-all"),
     path("bookings/policies/group/<slug:slug>/", policy_views.group_policy, name="booking-policy-group"),
+    path("bookings/holidays/", holiday_views.holidays, name="holidays"),
+    path("bookings/holidays/<uuid:holiday_id>/remove/", holiday_views.remove, name="holiday-remove"),
     path("bookings/policies/<slug:slug>/", policy_views.policy, name="booking-policy"),
     path("bookings/series/", policy_views.series, name="booking-series"),
     path("bookings/series/<uuid:series>/", series_views.whole_series, name="booking-whole-series"),

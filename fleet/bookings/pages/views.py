@@ -28,7 +28,7 @@ from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, wait
 from fleet.bookings.free_time import free_on_any
 from fleet.bookings.hours.quota_left import common_left, left_of
 from fleet.bookings.messages.ical import address_make, address_revoke, feed_of
-from fleet.bookings.models import Booking, FeedAddress, State, Waiting
+from fleet.bookings.models import Booking, FeedAddress, Holiday, State, Waiting
 from fleet.bookings.pages.calendar import calendar
 from fleet.bookings.pages.forms import SlotForm, typed_day, typed_time
 from fleet.bookings.permissions import awaiting_approval, may_manage_booking, shows_person
@@ -89,6 +89,7 @@ def bookings(request: HttpRequest) -> HttpResponse:
         "previous": day - timedelta(days=1),
         "next": day + timedelta(days=1),
         "rows": _rows(held, robots, person_of(request), now),
+        "holidays": Holiday.objects.filter(first_day__lte=day, last_day__gte=day),
         "zone": zone.key,
         "only": request.GET.get("robot", ""),
         "manages": robots_managed_by(person_of(request)).exists(),

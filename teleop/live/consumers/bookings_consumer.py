@@ -1,4 +1,4 @@
-"""The WebSocket of the calendar: a hint whenever a booking, a policy or an out-of-service period changed.
+"""The WebSocket of the calendar: a hint whenever a booking, a policy, a holiday or an out-of-service period changed.
 
 The hint contains no details: the page then reads the bookings again that its person may see. The audit log
 contains the changes of all processes. One reader checks it for all calendars of this web process.
@@ -21,7 +21,7 @@ from teleop.webhooks.event_reader import lines_after, newest_record
 log = logging.getLogger(__name__)
 
 CHECK_S = 0.4
-KINDS = ("booking.", "policy.", "robot.out_of_service", "robot.back_in_service")
+KINDS = ("booking.", "policy.", "holiday.", "robot.out_of_service", "robot.back_in_service")
 
 
 class BookingsConsumer(MessageSocket):

@@ -79,6 +79,8 @@ FORMS: dict[str, tuple[tuple[str, str], ...]] = {
     "booking-series": (("post", "/bookings/series"),),
     "booking-whole-series": (("patch", "/bookings/series/{series}"), ("delete", "/bookings/series/{series}")),
     "change-undo": (("post", "/changes/{change_id}/undo"),),
+    "holidays": (("post", "/holidays"),),
+    "holiday-remove": (("delete", "/holidays/{holiday_id}"),),
     "out-of-service": (("post", "/out-of-service"),),
     "out-of-service-end": (("delete", "/out-of-service/{period_id}"),),
     "token-new": (("post", "/tokens"),),

@@ -27,7 +27,7 @@ from fleet.accounts.services import service_account_make
 from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import token_make
 from fleet.audit.services import record
-from fleet.bookings.models import Booking, Change, OutOfService, State, Waiting
+from fleet.bookings.models import Booking, Change, Holiday, OutOfService, State, Waiting
 from robots.access.enrolment import invitation_make
 from robots.access.models import Course, Enrolment, Qualification, RobotGroup
 from robots.access.selectors import lab_date, role_on
@@ -429,6 +429,14 @@ TABLE: dict[str, Row] = {
             "not_found not_found not_found not_found 204",
         ),
     ),
+    "holidays_list": Row(READ, "/holidays", everywhere("200")),
+    "holidays_add": Row(
+        MANAGE,
+        "/holidays",
+        staff_only("201"),
+        {"holidays": [{"name": "May Day", "first_day": "2027-05-01"}]},
+    ),
+    "holidays_remove": Row(MANAGE, "/holidays/{holiday}", staff_only("204")),
     "bookings_series": Row(
         BOOK,
         "/bookings/series",
@@ -546,6 +554,7 @@ class Lab:
                 name=place, address="https://hooks.example.org", kinds=["stops"], robots=[robot], actor=staff
             )
         self.courses = {"own": mine, "course": mine, "other": theirs}
+        self.holiday = Holiday.objects.create(name="Far", first_day="2199-01-01", last_day="2199-01-01")
         self._number = 0
         self.objects = {(who, place): self._objects(who, place) for who in PEOPLE for place in PLACES}
 
@@ -620,6 +629,7 @@ class Lab:
             "group": self.groups[place].slug,
             "webhook": str(self.webhooks[place].pk),
             "period": str(period.pk),
+            "holiday": str(self.holiday.pk),
             "invitation": str(invitation.pk),
             "token": str(token.pk),
             "booking": str(booked.pk),
