@@ -14,7 +14,7 @@ from robots.shared.wire.page import Booked
 from tests.browser.moments.driving_page import DrivingPage
 from tests.browser.moments.scenes import MINE, MOMENTS, Moment
 from tests.browser.people import MADE_UP_LANGUAGE
-from tests.browser.test_pages import A_LONG_NAME, box_of
+from tests.browser.test_pages import A_LONG_NAME, box_of, overlap
 
 SIZES = [(360, 640), (390, 844), (844, 390), (320, 256), (1440, 900)]  # the last one also as a whole screen
 # Which element lies uppermost at points of what a person needs? An element that paints nothing covers nothing.
@@ -223,13 +223,17 @@ def test_nothing_beside_a_dialog_acts_except_the_stop(driving: DrivingPage) -> N
     assert [one["t"] for one in driving.heard if one["t"] in ("play", "stop")] == ["stop", "play"]
 
 
-def test_no_button_covers_the_age_of_a_picture_on_a_tab(driving: DrivingPage) -> None:
-    page = driving.page
-    page.set_viewport_size({"width": 1440, "height": 900})
+def test_no_button_covers_the_age_of_a_picture(driving: DrivingPage) -> None:
+    page, age = driving.page, ".camera:not(.second) .camera-age"
+    page.set_viewport_size({"width": 1280, "height": 656})
     driving.show(next(moment for moment in MOMENTS if moment.name == "console silent"))
     page.add_style_tag(content=ALL_POINTED)
+    page.locator(age).wait_for()
+    for tool in page.locator(".picture-tools .button:visible").all():
+        assert not overlap(box_of(page.locator(age)), box_of(tool))
+    page.set_viewport_size({"width": 1440, "height": 900})
     page.evaluate("location.hash = 'motions'")
-    page.locator(".camera:not(.second) .camera-age").wait_for()
+    page.locator(age).wait_for()
     page.evaluate(MADE_UP_LANGUAGE, "longer")
     assert covered(page, "age on a tab") == []
-    assert page.evaluate(FREE, ".camera:not(.second) .camera-age")
+    assert page.evaluate(FREE, age)
