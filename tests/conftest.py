@@ -26,11 +26,11 @@ from pytest_django import DjangoDbBlocker
 from fleet.accounts.models import User
 from robots.registry.models import Robot, RobotProfile, RobotRole, Role
 from script.stack.database import new_database
-from teleop.background.database import in_database_background
 from teleop.records import refusals
 from teleop.records.repeat_suppression import E, RepeatSuppressor
 from teleop.stop import emergency_stop
 from tests.full_disk import Disk
+from tests.late_calls import LateCalls
 from tests.pristine import pristine_copy
 
 pytest_plugins = ["tests.selection"]
@@ -134,8 +134,9 @@ def disk(transactional_db: None) -> Iterator[Disk]:
 def late_records(request: pytest.FixtureRequest) -> Iterator[None]:
     """A test with a database has its own logs of refusals and stop presses, which write before it ends, or not at all.
 
-    A late write would delay the next test. Without `transactional_db`, no refusal is written: the writing thread would
-    wait for the test's open transaction until the write fails.
+    A late write would delay the next test, or be in its database: other threads end their calls first, too. Without
+    `transactional_db`, no refusal is written: the writing thread would wait for the test's open transaction until the
+    write fails.
     """
     marker = request.node.get_closest_marker("django_db")
     commits = "transactional_db" in request.fixturenames or bool(marker and marker.kwargs.get("transaction"))
@@ -143,16 +144,17 @@ def late_records(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
         return
     with pytest.MonkeyPatch.context() as patch:
-        writes = Writes()
+        calls, writes = LateCalls(patch), Writes()
         refused = RepeatSuppressor(writes.until_the_end(refusals.write_record if commits else _nothing))
         pressed = RepeatSuppressor(writes.until_the_end(emergency_stop.write_record), most=None)
         patch.setattr(refusals, "refusal_records", refused)
         patch.setattr(emergency_stop, "press_records", pressed)
         yield
+        calls.end()
         writes.ended = True
         refused.flush()
         pressed.flush()
-        in_database_background(lambda: None).result(10)  # their results must be written before the next test
+        calls.end()  # the results of stop presses
 
 
 class Writes:
