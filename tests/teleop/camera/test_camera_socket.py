@@ -8,6 +8,7 @@ import pytest
 
 from fleet.audit.models import Record
 from robots.bridge.camera.picture_server import PictureServer
+from robots.link.client import links
 from robots.registry.models import Robot, RobotRole
 from robots.registry.selectors import link_address
 from robots.shared import wire
@@ -117,7 +118,12 @@ async def test_the_camera_process_starts_before_the_page_asks_for_a_picture(open
     await bridge.hears(LinkCamera, lambda message: message.wanted)
 
 
-async def test_the_camera_process_leaves_a_page_that_watches_nothing(open_cameras, bridge, monkeypatch):
+async def test_the_camera_process_leaves_a_page_that_watches_nothing(
+    open_page, open_cameras, robot, bridge, monkeypatch
+):
+    await open_page("operator")
+    # A request from before the link would never be sent, and so not be ended.
+    await links.get(robot.id, link_address(robot)).tried.wait()
     monkeypatch.setattr(camera_consumer, "WATCHES_WITHIN_S", 0.01)
     await open_cameras("observer")
     await bridge.hears(LinkCamera, lambda message: not message.wanted)
