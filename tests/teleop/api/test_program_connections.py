@@ -7,6 +7,7 @@ import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from uuid import uuid4
 
 import pytest
@@ -160,7 +161,7 @@ async def test_the_seconds_of_control_run_down(tmp_path: Path, monkeypatch: pyte
         await program.change(wire.Take())
         now_s = time.monotonic()
         with monkeypatch.context() as patch:
-            patch.setattr(connection.time, "monotonic", lambda: now_s + 40.0)
+            patch.setattr(connection, "time", SimpleNamespace(monotonic=lambda: now_s + 40.0))
             control = program.control
         assert control is not None
         assert control.remaining_s == pytest.approx(60.0, abs=1.0)

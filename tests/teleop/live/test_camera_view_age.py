@@ -1,5 +1,7 @@
 """A page reports the age of the picture by which its person drives; each step goes to the bridge at once."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from teleop.live import camera_view_age
@@ -10,7 +12,7 @@ from teleop.live.camera_view_age import CameraViewAge
 def now(monkeypatch):
     """The clock, which the test sets."""
     clock = {"s": 100.0}
-    monkeypatch.setattr(camera_view_age.time, "monotonic", lambda: clock["s"])
+    monkeypatch.setattr(camera_view_age, "time", SimpleNamespace(monotonic=lambda: clock["s"]))
     return clock
 
 
