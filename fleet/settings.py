@@ -157,7 +157,7 @@ FLEET_WEBHOOK_ALLOW = environment.webhook_allow(_env)
 AUTH_USER_MODEL = "accounts.User"
 AUTHENTICATION_BACKENDS = ["fleet.accounts.sign_in.backends.StaffBackend"]
 PASSWORD_HASHERS = [
-    "fleet.accounts.sign_in.hashing.QueuedBCrypt",
+    "fleet.accounts.sign_in.hashing.BCryptInProcesses",
     "django.contrib.auth.hashers.PBKDF2PasswordHasher",
 ]
 AUTH_PASSWORD_VALIDATORS = [

@@ -19,7 +19,8 @@ from django.core.wsgi import get_wsgi_application
 from django.db import close_old_connections
 from django.http import FileResponse
 
-from fleet.accounts.sign_in.hashing import MOST_WAITING
+from fleet.site.sign_in_queue import AT_ONCE as SIGN_INS_AT_ONCE
+from fleet.site.sign_in_queue import SignInQueue
 from robots.shared.processes.scheduling import ask_for_stop_priority
 from teleop.api.v1.framework.long_poll import LongPoll
 
@@ -87,17 +88,33 @@ class PagesHandler(OneThreadHandler):
     """The handler of the pages process, with its own threads, which keep their database connections.
 
     At most `AT_ONCE` requests run at a time, besides slow ones: the more threads share the interpreter, the
-    longer each request takes. A request that takes longer than `SLOW_S` mostly waits for a robot, or for its
-    turn to check a password.
+    longer each request takes. A request that takes longer than `SLOW_S` mostly waits for a robot, or for the
+    hash of a password.
     """
 
     AT_ONCE = 8
     SLOW_S = 0.25
-    THREADS = MOST_WAITING + AT_ONCE  # even if all possible sign-ins wait, pages still have `AT_ONCE` threads
+    THREADS = (
+        20 + SIGN_INS_AT_ONCE + AT_ONCE
+    )  # even if sign-ins and robots keep many busy, pages have `AT_ONCE`
 
     def __init__(self) -> None:
         super().__init__()
         self._places = asyncio.Semaphore(self.AT_ONCE)
+        self._sign_ins = SignInQueue()
+
+    async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        """Answer the request; one with a password when it is its turn."""
+        if (place := self._sign_ins.place(scope)) is not None:
+            headers = [(b"content-type", b"application/json"), (b"cache-control", b"no-store")]
+            await send({"type": "http.response.start", "status": 200, "headers": headers})
+            await send({"type": "http.response.body", "body": place})
+            return
+        await super().__call__(scope, receive, send)
+
+    async def _answer(self, environ: dict[str, Any], send: Any) -> None:
+        async with self._sign_ins.turn(environ):
+            await super()._answer(environ, send)
 
     @asynccontextmanager
     async def _place(self) -> AsyncIterator[None]:

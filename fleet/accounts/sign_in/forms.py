@@ -18,11 +18,12 @@ from django.utils.translation import gettext_lazy
 from fleet.accounts import services
 from fleet.accounts.models import User
 from fleet.accounts.selectors import username_of
-from fleet.accounts.sign_in import hashing, throttle
+from fleet.accounts.sign_in import throttle
 from fleet.accounts.tokens.services import tokens_end, tokens_of
 
 THROTTLED = "throttled"
-BUSY = "busy"
+BUSY = "busy"  # other attempts with this name are being checked
+RETRY_AFTER_S = 5
 
 
 class SignInForm(AuthenticationForm):
@@ -45,14 +46,12 @@ class SignInForm(AuthenticationForm):
                 self.wait_s = error.wait_s
                 raise self._throttled() from error
             raise self._busy() from error
-        except hashing.HashingBusy as error:
-            raise self._busy() from error
 
     def _throttled(self) -> ValidationError:
         return ValidationError(throttle.words(self.wait_s), code=THROTTLED)
 
     def _busy(self) -> ValidationError:
-        self.wait_s = hashing.RETRY_AFTER_S
+        self.wait_s = RETRY_AFTER_S
         return ValidationError(_("Many people sign in at this moment. Try again in a moment."), code=BUSY)
 
 

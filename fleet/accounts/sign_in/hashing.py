@@ -1,58 +1,73 @@
-"""One thread of low priority hashes passwords, with a short queue: sign-ins never delay driving.
+"""Processes of low priority hash passwords: sign-ins never delay driving or a stop.
 
-One bcrypt hash takes a quarter of a second of a core. It releases Python's lock (GIL), so several hashes at
-once would take the cores away from the event loop and from the bridges.
+One bcrypt hash takes a quarter of a second of a core (`docs/figures.md`). In a thread it would share the priority, and
+the memory caches, of the process that answers pages. `fleet.site.sign_in_queue` limits how many sign-ins run at once.
 """
 
 from __future__ import annotations
 
 import os
-import threading
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Final, TypeVar
+import subprocess
+import sys
+from pathlib import Path
+from queue import LifoQueue
+from types import SimpleNamespace
+from typing import IO, Any
 
+import bcrypt
 from django.contrib.auth.hashers import BCryptSHA256PasswordHasher
 
-from robots.shared.sentences import say
-
-R = TypeVar("R")
-
-MOST_WAITING = 20  # about five seconds of work; a class of students signs in within half a minute
-NICENESS = 19  # lower priority than the pages, too
-RETRY_AFTER_S = 5
+PROCESSES = min(4, os.cpu_count() or 1)
+PROGRAM = Path(__file__).with_name("hash_process.py")
 
 
-class HashingBusy(Exception):
-    """The queue is full: the password was not checked."""
+class HashProcess:
+    """A process that hashes; it starts at the first use, and again if it has ended."""
 
-    code = "sign_in_busy"
-    text = say("Not done: many people sign in at this moment. Try again in a moment.")
-    rule: Final = "limits"
+    def __init__(self) -> None:
+        self._running: subprocess.Popen[bytes] | None = None
+
+    def hash(self, text: bytes, salt: bytes) -> bytes:
+        """Return the hash of a text without spaces."""
+        line = b"%s %s\n" % (text, salt)
+        for running in (self._running, None):
+            answer = self._ask(running or self._start(), line)
+            if answer:
+                return answer
+        raise RuntimeError("The process that hashes passwords does not answer.")
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        pipe = subprocess.PIPE
+        self._running = subprocess.Popen([sys.executable, str(PROGRAM)], stdin=pipe, stdout=pipe)  # noqa: S603
+        return self._running
+
+    def _ask(self, running: subprocess.Popen[bytes], line: bytes) -> bytes:
+        asks: IO[bytes] = running.stdin  # type: ignore[assignment]  # both are pipes
+        answers: IO[bytes] = running.stdout  # type: ignore[assignment]
+        try:
+            asks.write(line)
+            asks.flush()
+            return answers.readline().strip()
+        except OSError:  # the process was killed
+            return b""
 
 
-def _give_way() -> None:
-    """Lower the priority of this thread. On Linux each thread has its own priority."""
-    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+_free: LifoQueue[HashProcess] = LifoQueue()  # the last one used is awake
+for _ in range(PROCESSES):
+    _free.put(HashProcess())
 
 
-_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="hashing", initializer=_give_way)
-_places = threading.BoundedSemaphore(MOST_WAITING)
-
-
-def hashed(function: Callable[[], R]) -> R:
-    """Run `function` in the hashing thread and return its result. Raises `HashingBusy` if too many wait."""
-    if not _places.acquire(blocking=False):
-        raise HashingBusy(HashingBusy.text)
+def hashpw(text: bytes, salt: bytes) -> bytes:
+    """Return the bcrypt hash, made by the first process that is free."""
+    process = _free.get()
     try:
-        return _thread.submit(function).result()
+        return process.hash(text, salt)
     finally:
-        _places.release()
+        _free.put(process)
 
 
-class QueuedBCrypt(BCryptSHA256PasswordHasher):
-    """Django's bcrypt, run in the hashing thread, for known and unknown user names alike."""
+class BCryptInProcesses(BCryptSHA256PasswordHasher):
+    """Django's bcrypt, run in the hashing processes, for known and unknown user names alike."""
 
-    def encode(self, password: str, salt: Any) -> str:
-        """Return the hash of a password, to store or to compare. Raises `HashingBusy` if too many wait."""
-        return hashed(lambda: super(QueuedBCrypt, self).encode(password, salt))
+    def _load_library(self) -> Any:
+        return SimpleNamespace(hashpw=hashpw, gensalt=bcrypt.gensalt)

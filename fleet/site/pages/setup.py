@@ -22,7 +22,6 @@ from django.views.decorators.http import require_http_methods, require_safe
 from fleet.accounts.models import User
 from fleet.accounts.requests import GetResponse, staff_of
 from fleet.accounts.sign_in import first_run, throttle
-from fleet.accounts.sign_in.hashing import HashingBusy
 from robots.check.robot_check import FAIL, run_checks
 from robots.registry import services
 from robots.registry.models import Robot
@@ -102,9 +101,6 @@ def _made(request: HttpRequest, form: AdminForm) -> int:
     except throttle.TooMany:
         form.add_error("code", _("Too many wrong codes from this address. Try again in five minutes."))
         return 429
-    except HashingBusy:
-        form.add_error(None, _("Many people sign in at this moment. Try again in a moment."))
-        return 503
     if refusal:
         form.add_error("code", refusal)
         return 403

@@ -15,7 +15,6 @@ from django.views.defaults import server_error
 from msgspec import to_builtins
 
 from fleet.accounts.requests import GetResponse, wants_json
-from fleet.accounts.sign_in.hashing import HashingBusy
 from fleet.audit.errors import AuditUnavailable, TooManyChanges, cause_of
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
@@ -49,12 +48,12 @@ def error_page(request: HttpRequest) -> HttpResponse:
 
 
 def answer(request: HttpRequest, error: BaseException | None) -> HttpResponse | None:
-    """Return the response for an error of the database, the audit log or hashing; None for other errors."""
+    """Return the response for an error of the database or the audit log; None for other errors."""
     match error:
         case TooManyChanges():
             refusal = Refusal(error.code, error.text, error.rule, error.figures)
             return _response(request, refusal, 429, error.wait_s)
-        case AuditUnavailable() | HashingBusy():
+        case AuditUnavailable():
             refusal = Refusal(error.code, error.text, error.rule)
         case OperationalError() | InterfaceError():
             code, cause = cause_of(error)

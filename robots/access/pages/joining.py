@@ -18,7 +18,6 @@ from django.views.decorators.http import require_http_methods
 from fleet.accounts.models import User
 from fleet.accounts.services import address_of
 from fleet.accounts.sign_in import throttle
-from fleet.accounts.sign_in.hashing import HashingBusy
 from robots.access import password_links
 from robots.access.claiming import claim, has_unclaimed
 from robots.access.enrolment import EnrolmentRefused, check_invitation, invitation_accept, invitation_of
@@ -48,9 +47,6 @@ def join(request: HttpRequest, code: str) -> HttpResponse:
         return _join(request, invitation, form)
     except EnrolmentRefused as error:
         return _join_page(request, invitation, refusal=error.refusal, status=410)
-    except HashingBusy:
-        form.add_error(None, _("Many people sign in at this moment. Try again in a moment."))
-        return _join_page(request, invitation, form, status=503)
 
 
 def _find(request: HttpRequest, invitation: Invitation) -> HttpResponse:
@@ -110,11 +106,7 @@ def welcome(request: HttpRequest, code: str) -> HttpResponse:
         field.label = _("Password")  # of both fields: Django reports every fault at the second one
     if request.method != "POST" or not form.is_valid():
         return _welcome_page(request, form, 400 if form.errors else 200)
-    try:
-        person.set_password(form.cleaned_data["new_password1"])
-    except HashingBusy:
-        form.add_error(None, _("Many people sign in at this moment. Try again in a moment."))
-        return _welcome_page(request, form, 503)
+    person.set_password(form.cleaned_data["new_password1"])
     if not password_links.password_set(link, person):
         return render(request, "access/joining/welcome.html", status=410)
     text = _("Your password is set. Sign in with the user name %s.")

@@ -12,7 +12,7 @@ import pytest
 from fleet.accounts.sign_in import throttle
 
 PAGE = "/accounts/sign-in/"
-GUESSES = 35  # more than the queue of hashes takes
+GUESSES = 35
 
 
 class Guesser:
@@ -65,4 +65,4 @@ def test_a_page_is_served_while_passwords_are_looked_at(web):
         while b" 200 OK" not in web.say(b"GET /healthz HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n"):
             pass
         assert not all(guess.done() for guess in waiting)
-        assert 503 in [guess.result() for guess in waiting]  # the queue does not take all of them
+        assert {guess.result() for guess in waiting} == {200}  # nobody is turned away
