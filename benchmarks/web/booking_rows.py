@@ -95,6 +95,15 @@ def fill_one(slug: str, rows: int) -> None:
     )
 
 
+def students(count: int, password: str) -> None:
+    """Store accounts with the same password."""
+    first = User(username="student-0")
+    first.set_password(password)
+    User.objects.bulk_create(
+        User(username=f"student-{number}", password=first.password) for number in range(count)
+    )
+
+
 def p95_ms(step: Callable[[], object]) -> float:
     """Return the 95th percentile of a step's duration, in ms."""
     spent = []

@@ -17,6 +17,7 @@ from typing import NamedTuple
 from benchmarks.driving.drive import BARE_STICKS, drive
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts.observer import Observer
+from benchmarks.web.class_signs_in import class_signs_in, stop_s
 from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack, temporary_stack
 from tests.script.servers import postgresql
@@ -31,6 +32,9 @@ RACE_P95_MS = 500.0
 RULES_MS = 5.0
 STUDENTS = 500
 ENROL_S = 5.0
+PASSWORD = "a password of the whole class"  # noqa: S105 - of invented people
+SIGN_IN_S = 10.0
+STOP_MS = 200.0
 TURNS = 4  # of driving with bookings, and as many without
 DRIVING_TIMES = 1.1  # bookings should add no delay; the margin is for the noise between turns
 
@@ -66,6 +70,11 @@ def _measure_on(stack: Stack, name: str) -> list[Figure]:
     races = [_race(stack, cookie, number) for number in range(RACES)]
     progress(f"{name}: a course of {STUDENTS} people ...")
     enrolled_s = _enrol(stack)
+    progress(f"{name}: a class of {CLIENTS} signs in ...")
+    _stored(stack, f"students({CLIENTS}, {PASSWORD!r})")
+    staff = sign_in(stack, "staff")
+    quiet_s = [stop_s(stack, staff) for _ in range(20)]
+    signed = class_signs_in(stack, CLIENTS, PASSWORD, staff)
     answers = [answer for race in races for answer in race]
     won = sum(answer.status == 200 for answer in answers)
     strange = [answer.status for answer in answers if answer.status not in (200, 409)]
@@ -75,6 +84,17 @@ def _measure_on(stack: Stack, name: str) -> list[Figure]:
         Figure(f"{name}: winners beyond one per slot", float(abs(won - RACES)), "", 0.0),
         Figure(f"{name}: answers that are no refusal", float(len(strange)), "", 0.0),
         Figure(f"{name}: a course with {STUDENTS} new people", enrolled_s, "s", ENROL_S),
+        Figure(
+            f"{name}: a class of {CLIENTS} signs in: p95", quantile(signed.waited_s, 0.95), "s", SIGN_IN_S
+        ),
+        Figure(
+            f"{name}: people of the class turned away",
+            float(sum(status != 302 for status in signed.statuses)),
+            "",
+            0.0,
+        ),
+        Figure(f"{name}: Stop all meanwhile: p95", 1000.0 * quantile(signed.stops_s, 0.95), "ms", STOP_MS),
+        Figure(f"{name}: Stop all before: p95", 1000.0 * quantile(quiet_s, 0.95), "ms"),
         Figure(
             f"{name}: added to Take control by bookings: p95",
             rules["with_ms"] - rules["without_ms"],
