@@ -27,6 +27,7 @@ from requests import RequestException
 
 from fleet.accounts import services
 from fleet.accounts.requests import person_of
+from fleet.accounts.sign_in import known_device
 from fleet.accounts.sign_in.forms import THROTTLED, OwnPasswordForm, SignInForm
 
 log = logging.getLogger(__name__)
@@ -43,7 +44,12 @@ class SignInView(LoginView):
         user = form.get_user()
         record_authentication(self.request, user, method="password")
         with transaction.atomic():
-            return cast(HttpResponse, perform_login(self.request, user, redirect_url=self.get_redirect_url()))
+            answer = cast(
+                HttpResponse, perform_login(self.request, user, redirect_url=self.get_redirect_url())
+            )
+        if self.request.POST.get("own_device") and not user.is_staff:
+            known_device.remember(answer, user)
+        return answer
 
     def get_context_data(self, **context: Any) -> dict[str, Any]:
         """Add the other ways to sign in."""

@@ -25,6 +25,7 @@ from django.views.i18n import JavaScriptCatalog
 
 from fleet.accounts.middleware import TooManyFields
 from fleet.accounts.requests import wants_json
+from fleet.accounts.sign_in import known_device
 from fleet.audit.kinds import Kept
 from fleet.base import languages
 
@@ -98,8 +99,12 @@ def script_texts(request: HttpRequest) -> HttpResponseBase:
 def cookies(request: HttpRequest) -> HttpResponse:
     """Show the cookies that the console sets, and why."""
     names = {"session": settings.SESSION_COOKIE_NAME, "csrf": settings.CSRF_COOKIE_NAME}
-    hours = settings.SESSION_COOKIE_AGE // 3600
-    return render(request, "site/cookies.html", {"names": names, "session_hours": hours})
+    context = {
+        "names": names | {"device": known_device.cookie()},
+        "session_hours": settings.SESSION_COOKIE_AGE // 3600,
+        "device_days": known_device.KEPT.days,
+    }
+    return render(request, "site/cookies.html", context)
 
 
 @login_not_required

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+from allauth.account.internal.flows.login import record_authentication
+from allauth.account.utils import perform_login
 from django.contrib import messages
 from django.contrib.auth.decorators import login_not_required
 from django.contrib.auth.forms import SetPasswordForm
 from django.db import transaction
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
+from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
@@ -17,7 +20,7 @@ from django.views.decorators.http import require_http_methods
 
 from fleet.accounts.models import User
 from fleet.accounts.services import address_of
-from fleet.accounts.sign_in import throttle
+from fleet.accounts.sign_in import known_device, throttle
 from robots.access import password_links
 from robots.access.claiming import claim, has_unclaimed
 from robots.access.enrolment import EnrolmentRefused, check_invitation, invitation_accept, invitation_of
@@ -35,6 +38,11 @@ def join(request: HttpRequest, code: str) -> HttpResponse:
     if refusal is not None or invitation is None:
         return _join_page(request, invitation, refusal=refusal, status=410)
     signed_in = isinstance(request.user, User)
+    known = None if signed_in else _known_in(request, invitation)
+    if known is not None and "device" in request.POST:
+        return _sign_in(request, known)
+    if known is not None and request.method != "POST" and "new" not in request.GET:
+        return _join_page(request, invitation, known=known)
     if not signed_in and "known_as" in request.POST:
         return _find(request, invitation)
     form = JoinForm(
@@ -47,6 +55,21 @@ def join(request: HttpRequest, code: str) -> HttpResponse:
         return _join(request, invitation, form)
     except EnrolmentRefused as error:
         return _join_page(request, invitation, refusal=error.refusal, status=410)
+
+
+def _known_in(request: HttpRequest, invitation: Invitation) -> User | None:
+    """Return the person of the course whose own device this is, if it is one."""
+    person = known_device.known_person(request)
+    inside = person is not None and invitation.course.enrolments.filter(person=person).exists()
+    return person if inside else None
+
+
+def _sign_in(request: HttpRequest, person: User) -> HttpResponse:
+    """Sign in the person whose own device this is, without the password; a second factor is asked for."""
+    record_authentication(request, person, method="known_device")
+    with transaction.atomic():
+        answer: HttpResponse = perform_login(request, person, redirect_url=reverse("fleet"))
+    return answer
 
 
 def _find(request: HttpRequest, invitation: Invitation) -> HttpResponse:
