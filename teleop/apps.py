@@ -7,5 +7,5 @@ class TeleopConfig(AppConfig):
     verbose_name = _("Control")
 
     def ready(self) -> None:
-        """Import the module that connects the signal receiver."""
-        from teleop.control import signals  # noqa: F401
+        """Import the modules that connect signal receivers."""
+        from teleop.control import signals, turns  # noqa: F401

@@ -30,6 +30,7 @@ COUNTED = (
     "booking.accept",
     "booking.approve",
     "booking.feed",
+    "booking.guest",
     "booking.hand",
     "booking.make",
     "booking.move",
@@ -53,6 +54,11 @@ COUNTED = (
     "robot.out_of_service",
     "stop.clear",
     "token.make",
+    "turn.call",
+    "turn.extend",
+    "turn.fill",
+    "turn.hold",
+    "turn.join",
 )
 # Kinds that programs, reloads and lists make more often, so each group has bounds of its own.
 # The bound of calls is low: a check reads all calls of the day, and the robot is locked meanwhile.

@@ -44,6 +44,14 @@ class State(models.TextChoices):
     CANCELLED = "cancelled", _("cancelled")
 
 
+class Shared(models.TextChoices):
+    """Who may drive in a booking beside its owner. Whatever hands control passes through, it stays the owner's."""
+
+    NO = "", _("one person")
+    COURSE = "course", _("a course")  # a lesson: the people enrolled in the booking's course
+    PEOPLE = "people", _("named people")  # a team: its `BookingMember`s
+
+
 class Booking(models.Model):
     """One person's time on one robot: the half-open interval from `starts_at` to `ends_at`, UTC.
 
@@ -74,6 +82,12 @@ class Booking(models.Model):
         verbose_name=_("course"),
     )
     purpose = NameField(_("purpose"), max_length=120, blank=True)
+    shared = models.CharField(
+        _("shared by"), max_length=8, choices=Shared, blank=True, default="", db_default=""
+    )
+    # Length of a turn; None: no turns, each member takes the robot when it is free
+    turn_min = models.PositiveSmallIntegerField(_("minutes per turn"), null=True, blank=True)
+    line_held = models.BooleanField(null=True)  # the teacher holds the line: nobody is called
     series = models.UUIDField(null=True, blank=True)  # the same for all bookings of a weekly series
     overridden = models.BooleanField(null=True)  # booked or moved against the policy, with a recorded reason
     used_at = models.DateTimeField(null=True, blank=True)  # when the person first took control in this slot
@@ -101,6 +115,72 @@ class Booking(models.Model):
 
     def __str__(self) -> str:
         return f"{self.robot} {self.starts_at:%Y-%m-%d %H:%M}-{self.ends_at:%H:%M} UTC"
+
+    @property
+    def lesson_of(self) -> str:
+        """Return the name of the course whose people share the booking; empty: it is no lesson."""
+        return self.course.name if self.course is not None and self.shared == Shared.COURSE else ""
+
+
+class BookingMember(models.Model):
+    """A person who may drive in another person's booking: in a team, or because its owner handed control over."""
+
+    booking = models.ForeignKey(Booking, on_delete=models.CASCADE, related_name="members")
+    person = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="memberships")
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(
+                fields=["booking", "person"], name="one_membership_per_booking_and_person"
+            )
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.person} in {self.booking}"
+
+
+class Turn(models.Model):
+    """A person's turn in a shared booking: first in line, then called by name, then driving until `ends_at`.
+
+    A turn that is interrupted (the teacher takes over, the page is gone) waits first in line again, with the
+    seconds `left_s`. The database allows one turn at once in a booking, and one open turn of a person.
+    """
+
+    class State(models.TextChoices):
+        """The state of a turn."""
+
+        WAITING = "waiting", _("waiting")
+        CALLED = "called", _("called")
+        DRIVING = "driving", _("driving")
+        DONE = "done", _("done")
+        SKIPPED = "skipped", _("skipped")
+        MISSED = "missed", _("missed")
+
+    booking = models.ForeignKey(Booking, on_delete=models.CASCADE, related_name="turns")
+    person = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="turns")
+    number = models.IntegerField()  # the place in line: the lowest is next
+    state = models.CharField(max_length=8, choices=State, default=State.WAITING)
+    called_at = models.DateTimeField(null=True, blank=True)
+    began_at = models.DateTimeField(null=True, blank=True)
+    ends_at = models.DateTimeField(null=True, blank=True)
+    left_s = models.PositiveIntegerField(null=True, blank=True)  # None: a whole turn
+    misses = models.PositiveSmallIntegerField(default=0)  # how often the person was called and did not come
+
+    class Meta:
+        ordering = ["number", "id"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["booking"], condition=Q(state__in=("called", "driving")), name="one_turn_at_once"
+            ),
+            models.UniqueConstraint(
+                fields=["booking", "person"],
+                condition=Q(state__in=("waiting", "called", "driving")),
+                name="one_open_turn_per_person",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"turn of {self.person}: {self.state}"
 
 
 def _number(label: Any, least: int, most: int, **options: Any) -> models.PositiveIntegerField[Any, Any]:

@@ -13,12 +13,13 @@ from uuid import UUID
 from msgspec import Struct
 
 from fleet.base import rows
-from fleet.bookings.models import OutOfService, Policy, State
+from fleet.bookings.models import OutOfService, Policy, Shared, State
 from fleet.bookings.rules import FAR, LONGEST, Slot, Taken
 from fleet.bookings.selectors import held_slot, why_out
 from robots.registry.models import Robot
 
 AHEAD = timedelta(days=1)
+CALL_S = 90.0  # a called person who does not take control for this time has missed the call
 GAP = timedelta(minutes=1)  # a shorter time between two bookings does not count as free
 
 _DEFAULTS = (timedelta(minutes=Policy().grace_min), Policy().free_time)  # without any policy
@@ -26,28 +27,56 @@ _DEFAULTS = (timedelta(minutes=Policy().grace_min), Policy().free_time)  # witho
 # Kinds of rows, in their order; the first policy of a robot counts
 _OWN, _OF_GROUP, _OF_ALL, _BOOKING, _OUT = range(5)
 
+_NO_TURN = ", ".join(["NULL"] * 10)  # the columns of a shared booking and its turn
 _ROWS = f"""
-SELECT {_BOOKING} AS kind, robot_id, starts_at, held_until, used_at, made_at, b.id, person_id,
-    COALESCE(NULLIF(full_name, ''), username) AS name, '' AS note, 0 AS grace_min, TRUE AS free_time
+SELECT {_BOOKING} AS kind, robot_id, starts_at, held_until, used_at, made_at, b.id, b.person_id,
+    COALESCE(NULLIF(u.full_name, ''), u.username) AS name, '' AS note, 0 AS grace_min, TRUE AS free_time,
+    b.shared, c.name AS course, b.turn_min, b.line_held,
+    t.id AS turn, t.person_id AS turns, COALESCE(NULLIF(d.full_name, ''), d.username) AS driver,
+    t.called_at, t.ends_at AS turn_ends_at, t.left_s
 FROM bookings_booking b JOIN accounts_user u ON u.id = b.person_id
+    LEFT JOIN access_course c ON c.id = b.course_id AND b.shared = '{Shared.COURSE.value}'
+    LEFT JOIN bookings_turn t ON t.booking_id = b.id AND t.state IN ('called', 'driving')
+    LEFT JOIN accounts_user d ON d.id = t.person_id
 WHERE robot_id IN ({{robots}}) AND starts_at > %s AND starts_at < %s AND held_until > %s AND held_until > starts_at
-    AND state NOT IN ('{State.AWAITING.value}', '{State.OFFERED.value}')
+    AND b.state NOT IN ('{State.AWAITING.value}', '{State.OFFERED.value}')
 UNION ALL
-SELECT {_OUT}, robot_id, starts_at, ends_at, NULL, NULL, NULL, NULL, why, note, 0, TRUE
+SELECT {_OUT}, robot_id, starts_at, ends_at, NULL, NULL, NULL, NULL, why, note, 0, TRUE,
+    {_NO_TURN}
 FROM bookings_outofservice
 WHERE robot_id IN ({{robots}}) AND starts_at < %s AND (ends_at IS NULL OR ends_at > %s)
 UNION ALL
 SELECT CASE WHEN robot_id IS NULL THEN {_OF_ALL} ELSE {_OWN} END, robot_id, NULL, NULL, NULL, NULL, NULL, NULL,
-    '', '', grace_min, free_time
+    '', '', grace_min, free_time, {_NO_TURN}
 FROM bookings_policy
 WHERE robot_id IN ({{robots}}) OR (robot_id IS NULL AND group_id IS NULL)
 UNION ALL
-SELECT {_OF_GROUP}, gr.robot_id, NULL, NULL, NULL, NULL, NULL, NULL, name, '', grace_min, free_time
+SELECT {_OF_GROUP}, gr.robot_id, NULL, NULL, NULL, NULL, NULL, NULL, g.name, '', grace_min, free_time, {_NO_TURN}
 FROM bookings_policy p JOIN access_robotgroup g ON g.id = p.group_id
     JOIN access_robotgroup_robots gr ON gr.robotgroup_id = g.id
 WHERE gr.robot_id IN ({{robots}})
 ORDER BY kind, starts_at, name
 """  # noqa: S608  # no part of it comes from outside
+
+
+class Called(Struct, frozen=True):
+    """The turn of a shared booking at a moment: its person is called, or drives."""
+
+    id: int
+    person: UUID
+    name: str
+    called_at: datetime | None
+    ends_at: datetime | None  # None: called, not driving yet
+    left_s: int  # a called person may drive for so long
+
+    def until(self, now: datetime) -> datetime:
+        """Return the end of the turn; of a person who is only called, if they began now."""
+        return self.ends_at or now + timedelta(seconds=self.left_s)
+
+    def call_left_s(self, now: datetime) -> float:
+        """Return for how many more seconds a called person may take control. If the clock is set back: none."""
+        called_s = (now - self.called_at).total_seconds() if self.called_at else CALL_S
+        return CALL_S - called_s if called_s >= 0.0 else 0.0
 
 
 class Held(Struct, frozen=True):
@@ -60,6 +89,16 @@ class Held(Struct, frozen=True):
     booked_at: datetime
     used: bool = True  # its person has taken control in it
     lapses_at: datetime | None = None  # the slot is free again then, unless its person has taken control
+    shared: str = ""  # a `models.Shared`
+    course: str = ""  # the name of the course of a lesson
+    turn_min: int | None = None  # length of a turn; None: no turns
+    line_held: bool = False  # nobody is called now
+    turn: Called | None = None
+
+    @property
+    def whose(self) -> str:
+        """Return the name of the course of a lesson, else of the person."""
+        return self.course or self.name
 
     @property
     def holds_from(self) -> datetime:
@@ -100,9 +139,21 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
     def policy(robot: UUID) -> tuple[timedelta, bool]:
         return policies.get(robot) or policies.get(None) or _DEFAULTS
 
-    for kind, of, starts_at, ends_at, used_at, made_at, key, person, name, note, grace_min, free in _read(
-        held, now
-    ):
+    for (
+        kind,
+        of,
+        starts_at,
+        ends_at,
+        used_at,
+        made_at,
+        key,
+        person,
+        name,
+        note,
+        grace_min,
+        free,
+        *sharing,
+    ) in _read(held, now):
         robot = of and rows.key(of)
         if kind == _BOOKING:
             times = _Times(rows.moment(starts_at), rows.moment(ends_at), used_at and rows.moment(used_at))
@@ -116,6 +167,7 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
                     rows.moment(made_at),
                     used_at is not None,
                     None if used_at else times.starts_at + grace,
+                    *_sharing(sharing),
                 )
             )
         elif kind == _OUT:
@@ -138,6 +190,20 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
         )
         for robot, slots in held.items()
     }
+
+
+def _sharing(columns: list[Any]) -> tuple[str, str, int | None, bool, Called | None]:
+    """Return the fields of `Held` about a shared booking."""
+    shared, course, turn_min, line_held, key, person, name, called_at, ends_at, left_s = columns
+    turn = key and Called(
+        key,
+        rows.key(person),
+        name,
+        called_at and rows.moment(called_at),
+        ends_at and rows.moment(ends_at),
+        60 * (turn_min or 0) if left_s is None else left_s,
+    )
+    return shared, course or "", turn_min, bool(line_held), turn or None
 
 
 class _Times(Struct):

@@ -16,9 +16,11 @@ from msgspec import Struct, structs
 from fleet.accounts.models import User
 from fleet.base import rows
 from fleet.base.zones import viewers, zone_of
-from fleet.bookings.models import Booking, Holiday, OutOfService, Policy, State
+from fleet.bookings.hours.driven import driven
+from fleet.bookings.lessons.members import shared_with
+from fleet.bookings.models import Booking, Holiday, OutOfService, Policy, Shared, State
 from fleet.bookings.rules import COURSE_QUOTAS, FAR, LONGEST, Quota, Slot, Taken, Wish
-from robots.access.models import Course, RobotGroup
+from robots.access.models import DRIVERS, Course, RobotGroup
 from robots.access.role_rows import OWN, demanded
 from robots.access.selectors import given_on, lab_date, missing_qualifications, qualified_until, role_on
 from robots.registry.models import Robot, Role
@@ -29,15 +31,15 @@ SWITCHED_OFF = gettext_lazy("staff switched it off")
 
 # Hand-written for speed, because fifty people may try to book one slot at the same moment.
 _OWN = """
-SELECT b.id, b.starts_at, b.held_until, b.used_at, b.robot_id, r.name, b.series IS NOT NULL AND b.course_id IS NOT NULL
+SELECT b.id, b.starts_at, b.held_until, b.used_at, b.robot_id, r.name, b.shared = 'course'
 FROM bookings_booking b JOIN robots_robot r ON r.id = b.robot_id
 WHERE b.person_id = %s AND b.starts_at > %s AND b.held_until > b.starts_at
 ORDER BY b.starts_at
 """
 _TAKEN = """
 SELECT b.id, CAST(b.starts_at AS text), CAST(b.held_until AS text), CAST(b.used_at AS text), b.person_id,
-    COALESCE(NULLIF(p.full_name, ''), p.username)
-FROM bookings_booking b JOIN accounts_user p ON p.id = b.person_id
+    CASE WHEN b.shared = 'course' THEN c.name ELSE COALESCE(NULLIF(p.full_name, ''), p.username) END
+FROM bookings_booking b JOIN accounts_user p ON p.id = b.person_id LEFT JOIN access_course c ON c.id = b.course_id
 WHERE b.robot_id = %s AND b.starts_at > %s AND b.starts_at < %s AND b.held_until > %s AND b.held_until > b.starts_at
 ORDER BY b.starts_at
 """
@@ -170,12 +172,13 @@ def held_between(robots: Collection[Robot], starts: datetime, ends: datetime) ->
     held = Booking.objects.filter(
         robot__in=robots, starts_at__gt=_before(starts, LONGEST), starts_at__lt=ends, held_until__gt=starts
     )
-    return held.filter(held_until__gt=F("starts_at")).select_related("person", "robot")
+    return held.filter(held_until__gt=F("starts_at")).select_related("person", "robot", "course")
 
 
 def bookings_of(person: User) -> QuerySet[Booking]:
-    """Return a person's bookings, newest first."""
-    return Booking.objects.filter(person=person).select_related("robot").order_by("-starts_at")
+    """Return a person's bookings, also those of others that they share, newest first."""
+    mine = Q(person=person) | Q(pk__in=shared_with(person).values("pk"))
+    return Booking.objects.filter(mine).select_related("robot", "course", "person").order_by("-starts_at")
 
 
 def out_between(robot: Robot, starts: datetime, ends: datetime) -> list[Taken]:
@@ -347,16 +350,18 @@ def _role_and_courses(person: User, robot: Robot, at: datetime) -> tuple[Role | 
 
 
 def _quota_of(course: Course, person: User, slot: Slot, now: datetime, moved: Booking | None) -> Quota:
-    # `series=None` leaves out lessons: they are weekly series of the course's supervisors.
-    counted = Booking.objects.filter(
-        series=None,
+    of_course = Booking.objects.filter(
         course=course,
         starts_at__gt=_before(min(now, slot.starts_at), WEEK + LONGEST),
         held_until__gt=F("starts_at"),
     )
+    counted = of_course.exclude(shared=Shared.COURSE)
     if moved is not None:
         counted = counted.exclude(pk=moved.pk)
     rows = list(counted.values_list("starts_at", "held_until", "person_id"))
+    if course.lessons_count == DRIVERS:
+        lessons = of_course.filter(shared=Shared.COURSE)
+        rows += [(drove.starts_at, drove.ends_at, who) for who, drove in driven(lessons, now)]
     return Quota(
         course.name,
         course.day_min,

@@ -14,7 +14,7 @@ from typing import Any
 from uuid import UUID
 
 from django.db import IntegrityError, connection, transaction
-from django.db.models import Count, F, QuerySet
+from django.db.models import Count, F
 from django.dispatch import Signal
 from django.utils.translation import gettext as _
 from msgspec import structs
@@ -27,7 +27,7 @@ from fleet.base.names import fault_of
 from fleet.bookings import overlaps
 from fleet.bookings.free_time import free_slots
 from fleet.bookings.messages.notifications import changed_by_another
-from fleet.bookings.models import Booking, State
+from fleet.bookings.models import Booking, BookingMember, Shared, State
 from fleet.bookings.permissions import may_book_for, may_learn_of, may_manage_booking
 from fleet.bookings.rules import (
     BINDING,
@@ -55,7 +55,7 @@ from fleet.bookings.selectors import (
     wish_of,
 )
 from robots.access.models import Course
-from robots.access.selectors import manages_robot, may_manage, role_on
+from robots.access.selectors import manages_robot, may_manage, missing_qualifications, role_on
 from robots.registry.models import Robot, Role
 from robots.registry.services import named
 from robots.shared.sentences import say
@@ -70,6 +70,8 @@ NOTED_UNTIL = timedelta(days=3)
 CANCELLED_KEPT = timedelta(days=400)  # the report of a term counts cancelled bookings
 MOST_CANCELLED = 500  # of one person
 REMOVED_AT_ONCE = 10_000
+MOST_IN_TEAM = 4  # with the owner of the booking
+MOST_TURN_MIN = 240
 
 changed = Signal()  # sent after the commit of a change of a robot's bookings; argument: robot_id
 # Sent inside each transaction that locks a robot's bookings, before and after its change; arguments: robot, now.
@@ -131,6 +133,23 @@ _FOR_ANOTHER = Refusal(
     "not_for_others",
     "You may book this robot for people of your own courses only. Ask a supervisor of the robot, or staff.",
     "account",
+)
+
+
+_TEAM_SIZE = Refusal(
+    "team_size",
+    "A team has two to four people, each named once: leave some out, or ask a teacher for a lesson of the course.",
+    "booking",
+    {"most": MOST_IN_TEAM},
+)
+_LESSON_OR_TEAM = Refusal(
+    "invalid", "A booking is for a course or for named people, not for both: choose one.", "booking"
+)
+_NO_TURNS = Refusal(
+    "invalid", "Turns need a course or named people: choose who shares the booking.", "booking"
+)
+_TURN_LENGTH = Refusal(
+    "invalid", "A turn lasts 1 to 240 minutes: choose another length.", "booking", {"most": MOST_TURN_MIN}
 )
 
 
@@ -224,14 +243,18 @@ def booking_make(
     series: UUID | None = None,
     lesson_of: Course | None = None,
     course: Course | None = None,
+    team: Sequence[User] = (),
+    turn_min: int | None = None,
     facts: Callable[[Robot, Slot], RobotFacts] = robot_facts,
 ) -> Booking:
     """Book a slot for a person. Raises `BookingRefused`.
 
     `actor`: the person who books; default: the person for whom the slot is.
     `override`: the reason to book against the policy; only for people who manage the robot.
-    `lesson_of`: the slot is a lesson of this course, which the actor manages. Lessons do not count for the
-    quotas of the course.
+    `lesson_of`: the slot is a lesson of this course, which the actor manages: its people share it. Lessons do not
+    count for the quotas of bookings.
+    `team`: other people who share the slot. It counts for `person` alone.
+    `turn_min`: who shares the slot takes turns of so many minutes; None: each takes the robot when it is free.
     `course`: the course for which the slot counts, if several courses let the person drive the robot.
     `facts`: reads the robot's facts for the check before the lock (`shared_facts.in_turn`).
     """
@@ -241,6 +264,7 @@ def booking_make(
     if not may_book_for(actor, person, robot, slot.starts_at):
         raise BookingRefused([_FOR_ANOTHER])
     require_readable(purpose)
+    require_shareable(robot, person, team, turn_min, slot.starts_at, lesson=lesson_of is not None)
     override = _valid_reason(override, actor, robot)
     if course is None and actor.pk != person.pk and not manages_robot(actor, robot):
         courses = courses_for(robot, person, slot.starts_at)
@@ -265,12 +289,14 @@ def booking_make(
             held_until=slot.ends_at,
             state=state_for(actor, robot, course),
             purpose=purpose,
-            # A slot with a series and a course is a lesson: another slot that counts for a course has no series.
-            series=series if lesson_of or course is None else None,
+            series=series,
             course=lesson_of or course,
+            shared=Shared.COURSE if lesson_of else Shared.PEOPLE if team else Shared.NO,
+            turn_min=turn_min,
             made_at=now,
             overridden=bool(override) or None,
         )
+        BookingMember.objects.bulk_create(BookingMember(booking=booking, person=one) for one in team)
         record_booking("booking.make", booking, actor, outcome=booking.state, text=override)
     return booking
 
@@ -326,8 +352,8 @@ def booking_move(
             booking.state = state_for(actor, robot, booking.course)
         if slot.starts_at != old.starts_at:
             booking.reminded_at, booking.made_at = None, now
-            if not lesson:  # with a series, a slot that counts for a course would be a lesson
-                booking.course, booking.series = course, booking.series if course is None else None
+            if not lesson:
+                booking.course = course
         booking.starts_at, booking.ends_at, booking.held_until = slot.starts_at, slot.ends_at, slot.ends_at
         booking.overridden = bool(override) or None  # None: every rule allows it now
         save_booking(booking)
@@ -384,6 +410,7 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
         booking.person, booking.overridden = to, None
         if not lesson:  # a student's slot is no lesson: it counts for quotas
             booking.course, booking.series = course, None
+        _reshare(booking, before, lesson=lesson)
         if booking.state == State.BOOKED and now < booking.starts_at:
             booking.state = state_for(actor, booking.robot, booking.course)
         save_booking(booking)
@@ -408,12 +435,6 @@ def booking_approve(*, booking_id: UUID, version: int, actor: User, now: datetim
     return booking
 
 
-def booking_used(*, robot_id: UUID, person_id: UUID, now: datetime) -> None:
-    """Note that the owner of the current slot took control. Runs in the caller's transaction."""
-    mine = _running(now).filter(robot=robot_id, person=person_id, used_at=None)
-    mine.update(used_at=now)
-
-
 def booking_lengthen_running(*, robot: Robot, person: User, now: datetime) -> None:
     """Lengthen a person's current slot by `LENGTHENED_BY`. Runs in the caller's transaction.
 
@@ -431,16 +452,6 @@ def booking_lengthen_running(*, robot: Robot, person: User, now: datetime) -> No
         booking_move(booking_id=last.pk, version=last.version, slot=slot, actor=person, now=now)
 
 
-def booking_hand_running(*, robot: Robot, owner: UUID, to: User, actor: User, now: datetime) -> None:
-    """Hand the rest of the current slot of `owner`, if there is one, to the person who gets control from `owner`.
-
-    Runs in the caller's transaction, which has locked the robot. Raises `BookingRefused`.
-    """
-    running = _running(now).filter(robot=robot, person=owner).select_for_update(of=("self",))
-    for booking in running.select_related("person", "robot"):
-        _hand_rest(booking, to, actor, now)
-
-
 def _hand_rest(booking: Booking, to: User, actor: User, now: datetime) -> Booking:
     """Hand the rest of a slot that runs to another person, as a new booking. Raises `BookingRefused`.
 
@@ -449,7 +460,7 @@ def _hand_rest(booking: Booking, to: User, actor: User, now: datetime) -> Bookin
     lesson stays a lesson for people of its course and who manage the booking: no quota counts it.
     """
     rest, before = Slot(now, booking.ends_at), booking.person
-    lesson = _rest_is_lesson_of(to, booking)
+    lesson = _is_lesson_of(to, booking)
     quotas_locked(booking.robot, to, rest)
     asked: dict[str, Any] = {"actor": actor, "moved": booking, "lesson": lesson, "stays": True}
     course = _check(booking.robot, to, rest, now, rules=REST, **asked)
@@ -462,6 +473,8 @@ def _hand_rest(booking: Booking, to: User, actor: User, now: datetime) -> Bookin
         purpose=booking.purpose,
         series=booking.series if lesson else None,
         course=booking.course if lesson else course,
+        shared=booking.shared,
+        turn_min=booking.turn_min,
         made_at=now,
     )
     booking.held_until = now
@@ -471,6 +484,10 @@ def _hand_rest(booking: Booking, to: User, actor: User, now: datetime) -> Bookin
         booking.state = State.CANCELLED
     save_booking(booking)
     handed.save(force_insert=True)
+    for rows in (booking.members, booking.turns):
+        rows.update(booking=handed)
+    _reshare(handed, before, lesson=lesson)
+    handed.save()
     parameters = {"before": {"person": str(before.pk), "booking": str(booking.pk)}}
     record_booking(
         "booking.hand", handed, actor, parameters=parameters, private={"before": before.display_name}
@@ -608,18 +625,61 @@ def _late_to_cancel(booking: Booking, actor: User, now: datetime) -> Refusal | N
     return refusal
 
 
+def _reshare(booking: Booking, before: User, *, lesson: bool) -> None:
+    """Fit who shares a booking to its new owner. A student's slot is no lesson; a team keeps its former owner."""
+    if booking.shared == Shared.COURSE and not lesson:
+        booking.shared, booking.turn_min, booking.line_held = Shared.NO, None, None
+        booking.turns.all().delete()
+    booking.members.filter(person=booking.person).delete()
+    if booking.shared == Shared.PEOPLE:
+        booking.members.get_or_create(person=before)
+
+
+def require_shareable(
+    robot: Robot, person: User, team: Sequence[User], turn_min: int | None, at: datetime, *, lesson: bool
+) -> None:
+    """Check the people of a team, and the length of turns. Raises `BookingRefused`."""
+    found: list[Refusal] = []
+    if team and lesson:
+        found.append(_LESSON_OR_TEAM)
+    if team and (len({person.pk, *(one.pk for one in team)}) != len(team) + 1 or len(team) >= MOST_IN_TEAM):
+        found.append(_TEAM_SIZE)
+    if turn_min is not None and not (team or lesson):
+        found.append(_NO_TURNS)
+    if turn_min is not None and not 1 <= turn_min <= MOST_TURN_MIN:
+        found.append(_TURN_LENGTH)
+    for one in team:
+        role = role_on(one, robot, at)
+        if role is None or role < Role.OPERATOR or missing_qualifications(one, robot, at):
+            text = say("{name} may not drive {robot} at this time.", name=one.display_name, robot=robot.name)
+            found.append(Refusal("may_not_drive", text, "booking"))
+    if found:
+        raise BookingRefused(found)
+
+
+def team_named(usernames: Sequence[str], robot: Robot, at: datetime) -> list[User]:
+    """Return the people of a team by their user names. Raises `BookingRefused`.
+
+    The refusal is the same for a missing account and for a person who may not drive the robot.
+    """
+    people = {one.username: one for one in User.objects.filter(username__in=usernames, is_active=True)}
+    found = []
+    for username in dict.fromkeys(usernames):
+        person = people.get(username)
+        role = role_on(person, robot, at) if person else None
+        if person is None or role is None or role < Role.OPERATOR:
+            key = "Nobody with the user name {name} may drive {robot} at this time."
+            raise BookingRefused(
+                [Refusal("no_colleague", say(key, name=username, robot=robot.name), "booking")]
+            )
+        found.append(person)
+    return found
+
+
 def _is_lesson_of(person: User, booking: Booking) -> bool:
     """Return whether the booking is a lesson of a course, and stays a lesson if this person has it."""
-    course = booking.course if booking.series is not None else None
+    course = booking.course if booking.shared == Shared.COURSE else None
     return course is not None and may_manage(person, course)
-
-
-def _rest_is_lesson_of(person: User, booking: Booking) -> bool:
-    """Return whether the booking is a lesson of a course, and its rest stays a lesson if this person gets it."""
-    course = booking.course if booking.series is not None else None
-    if course is None:
-        return False
-    return course.enrolments.filter(person=person).exists() or may_manage_booking(person, booking)
 
 
 def state_for(actor: User, robot: Robot, course: Course | None) -> State:
@@ -627,10 +687,6 @@ def state_for(actor: User, robot: Robot, course: Course | None) -> State:
     if not policy_of(robot).needs_approval or manages_robot(actor, robot):
         return State.BOOKED
     return State.BOOKED if course is not None and may_manage(actor, course) else State.AWAITING
-
-
-def _running(now: datetime) -> QuerySet[Booking]:
-    return Booking.objects.filter(state=State.BOOKED, starts_at__lte=now, held_until__gt=now)
 
 
 def free_unused(robot: Robot, slot: Slot, now: datetime, but: Booking | None = None) -> None:

@@ -21,6 +21,7 @@ from django.utils.translation import gettext_lazy as _
 from fleet.base.names import NameField
 from robots.registry.models import Robot, Role
 
+DRIVERS = "drivers"  # lessons count for the quotas of those who drove
 ONE_SECOND = timedelta(seconds=1)
 CODE_LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"  # no two of them look alike
 
@@ -105,6 +106,13 @@ class Course(models.Model):
     )
     course_week_min = models.PositiveIntegerField(
         _("minutes per week for the whole course"), null=True, blank=True, validators=_minutes(168 * 1000)
+    )
+    lessons_count = models.CharField(
+        _("lessons count for the quotas of"),
+        max_length=8,
+        choices=[("nobody", _("nobody")), (DRIVERS, _("those who drove"))],
+        default="nobody",
+        db_default="nobody",
     )
     supervisors = models.ManyToManyField(
         settings.AUTH_USER_MODEL,

@@ -13,6 +13,7 @@ from uuid import UUID
 from fleet.accounts.models import User
 from fleet.audit import services as audit
 from fleet.audit.models import Record
+from fleet.bookings.lessons.turns import running, turn_join, turn_leave
 from fleet.bookings.models import Waiting
 from robots.shared.wire import Refusal
 from teleop.control import lease_checks
@@ -27,7 +28,8 @@ GRANTED, LEFT, GONE, LAPSED, NOT_ALLOWED = "granted", "cancelled", "gone", "laps
 def line_join(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
     """Add a person to the line, and return the waiter's id.
 
-    A person who is in line already keeps their place, and now waits in this tab.
+    A person who is in line already keeps their place, and now waits in this tab. In a lesson with turns, its people
+    join the lesson's line; 0 is returned.
     """
     with recorded_change():
         robot, user = robot_locked(robot_id), User.objects.get(pk=user_id)
@@ -36,6 +38,10 @@ def line_join(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
         subject = subject_of(user, robot, now, line_of(robot_id, now))
         if (refusal := may_wait(subject)) is not None:
             raise ControlRefused(refusal)
+        current = subject.schedule.current
+        if current is not None and current.turn_min is not None and current.id in subject.shares:
+            turn_join(booking_id=current.id, person=user, now=now)
+            return 0
         if lease_checks.is_free(held, now):
             answer = permit_for(subject)
             refusal = _FREE if isinstance(answer, Permit) and answer.take_over_only is None else None
@@ -63,10 +69,13 @@ def line_join(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
     return int(waiter.pk)
 
 
-def line_leave(*, robot_id: UUID, connection: str) -> None:
-    """Remove this connection's waiter, if it has one."""
+def line_leave(*, robot_id: UUID, user_id: UUID, connection: str, now: datetime) -> None:
+    """Remove this connection's waiter, if it has one. In a lesson with turns, the person leaves its line."""
     with recorded_change():
         waiters_remove(LEFT, robot_id=robot_id, connection=connection)
+        lesson = running(robot_id, now)
+        if lesson is not None and lesson.turn_min is not None:
+            turn_leave(booking_id=lesson.pk, person=User.objects.get(pk=user_id), now=now)
 
 
 def line_away(*, robot_id: UUID, connection: str) -> None:

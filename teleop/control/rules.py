@@ -10,6 +10,8 @@ from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.base.zones import zone_of
+from fleet.bookings.lessons.present import InLine
+from fleet.bookings.models import Shared
 from fleet.bookings.rules import FAR, Slot
 from fleet.bookings.schedule import Held, Schedule
 from robots.access.models import Qualification
@@ -108,6 +110,9 @@ class Subject(Struct, frozen=True):
     now: datetime
     missing: tuple[Qualification, ...] = ()  # the robot demands them, and the person does not hold them
     line: tuple[Waiter, ...] = ()  # people who wait for control, if nobody has control
+    shares: frozenset[UUID] = frozenset()  # bookings of others in which the person may drive
+    turns: tuple[InLine, ...] = ()  # people who wait for a turn in the present lesson
+    holds: bool = False  # the person has control now
 
     @property
     def supervises(self) -> bool:
@@ -168,37 +173,91 @@ def require_qualification(subject: Subject) -> Permit | Refusal:
 
 
 def require_booking(subject: Subject) -> Permit | Refusal:
-    """In a slot, permit its owner. In unbooked time, permit everybody until the next slot of another person begins.
+    """In a slot, permit its owner and who shares it. In unbooked time, permit everybody until the next slot of others.
 
     A booking policy can restrict unbooked time to supervisors and staff. A supervisor may take over in
-    another person's slot, with a reason.
+    another person's slot.
     """
     schedule, me = subject.schedule, subject.user.id
-    begins = next((held.slot.starts_at for held in schedule.next if held.person != me), None)
+    begins = next((held.slot.starts_at for held in schedule.next if not _joins(subject, held)), None)
     current = schedule.current
     if current is not None and current.person == me:
         return Permit(until=_own_end(current, schedule), whole_slot=True)
     if current is not None:
-        until = current.slot.ends_at
-        text = say(
-            "{holder} has booked this robot {until}. Book another time, or ask for control.",
-            holder=current.name,
-            until=_until(until, subject.user, subject.now),
-        )
-        refusal = Refusal("booked", text, "booking", {"holder": current.name, "until": until.isoformat()})
-        return Permit(until=begins, take_over_only=refusal) if subject.supervises else refusal
+        answer = _shared(subject, current) if current.id in subject.shares else _booked(subject, current)
+        if isinstance(answer, Refusal) and subject.supervises:
+            return Permit(until=begins, take_over_only=answer)
+        return answer
     if schedule.free_time or subject.supervises:
         return Permit(until=begins)
     return Refusal("book_first", "This robot is for booked time only: book a slot first.", "booking")
 
 
+def _joins(subject: Subject, held: Held) -> bool:
+    """Return whether a person may go on driving when this slot begins: it is theirs, or their team's."""
+    mine = held.person == subject.user.id
+    return mine or (held.shared == Shared.PEOPLE and held.turn_min is None and held.id in subject.shares)
+
+
+def _booked(subject: Subject, current: Held) -> Refusal:
+    """Return the refusal for a person who has nothing to do with the present slot."""
+    until = current.slot.ends_at
+    key = (
+        "{holder} has a lesson on this robot {until}. Book another time."
+        if current.course
+        else "{holder} has booked this robot {until}. Book another time, or ask for control."
+    )
+    text = say(key, holder=current.whose, until=_until(until, subject.user, subject.now))
+    return Refusal("booked", text, "booking", {"holder": current.whose, "until": until.isoformat()})
+
+
+def _shared(subject: Subject, current: Held) -> Permit | Refusal:
+    """Permit a person who shares the present slot; with turns, only in their turn."""
+    me, now, ends = subject.user.id, subject.now, current.slot.ends_at
+    if current.turn_min is None:
+        return Permit(until=ends, whole_slot=current.shared != Shared.COURSE)
+    turn, first = current.turn, next(iter(subject.turns), None)
+    if turn is not None and turn.person == me:
+        return Permit(until=min(turn.until(now), ends), whole_slot=True)
+    may_begin = turn is None and not current.line_held and not subject.holds
+    if may_begin and (first is None or first.person == me):
+        return Permit(until=min(now + _lasts(first, current.turn_min), ends), whole_slot=True)
+    return _not_your_turn(subject, current, current.turn_min)
+
+
+def _lasts(one: InLine | None, turn_min: int) -> timedelta:
+    return timedelta(minutes=turn_min) if one is None or one.left_s is None else timedelta(seconds=one.left_s)
+
+
+def _not_your_turn(subject: Subject, current: Held, turn_min: int) -> Refusal:
+    """Return who drives, and the person's place and about when it is their turn."""
+    turn, now = current.turn, subject.now
+    place = next((n for n, one in enumerate(subject.turns, 1) if one.person == subject.user.id), None)
+    if place is None:
+        yours = say("Join the line to drive.")
+        minutes = None
+    else:
+        wait = (turn.until(now) - now) if turn else timedelta(0)
+        wait = sum((_lasts(one, turn_min) for one in subject.turns[: place - 1]), start=wait)
+        minutes = max(0, round(wait / timedelta(minutes=1)))
+        yours = say("You are number {place} in line, in about {minutes} min.", place=place, minutes=minutes)
+    if current.line_held:
+        text = say("{name} holds the line. {yours}", name=current.name, yours=yours)
+    elif name := turn.name if turn else next((one.name for one in subject.turns), ""):
+        text = say("It is the turn of {name}. {yours}", name=name, yours=yours)
+    else:
+        text = say("Your turn is over. {yours}", yours=yours)
+    figures = {"driver": turn.name if turn else None, "place": place, "minutes": minutes}
+    return Refusal("not_your_turn", text, "booking", figures)
+
+
 def require_turn(subject: Subject) -> Permit | Refusal:
     """While nobody has control, permit the next person in line, and the owner of the present slot.
 
-    A supervisor may take over, with a reason.
+    A supervisor may take over, with a reason. In a lesson with turns, the lesson's own line decides.
     """
     current, me, now = subject.schedule.current, subject.user.id, subject.now
-    if not subject.line or (current is not None and current.person == me):
+    if not subject.line or (current is not None and (current.person == me or current.turn_min is not None)):
         return Permit()
     turn = offered(subject.line, now)
     first = turn or subject.line[0]

@@ -13,6 +13,7 @@ from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
 from fleet.audit.models import Record
 from fleet.base import rows
+from fleet.bookings.lessons.present import Sharing, sharing_of
 from fleet.bookings.schedule import Schedule, schedule_of
 from robots.access.models import Qualification
 from robots.access.selectors import lacking, missing_qualifications, role_on, roles_on
@@ -74,13 +75,15 @@ def control_status(
     lease = lease_of(robot_id)
     schedule = schedule_of(robot, now) if robot else Schedule()
     line = line_of(robot_id, now)
+    sharing = sharing_of(schedule, {user for user, _key in people})
     return ControlStatus(
         read_at=now,
         lease=lease,
         line=line,
         endings=_endings(set(sessions) - {lease.session} if lease else sessions),
-        rights=rights_of(people, robot, now, schedule, line if is_free(lease, now) else (), lease),
+        rights=rights_of(people, robot, now, schedule, line if is_free(lease, now) else (), lease, sharing),
         schedule=schedule,
+        sharing=sharing,
     )
 
 
@@ -90,7 +93,19 @@ def subject_of(
     """Return the facts by which the rules judge whether a person may take control, or the holder may keep it."""
     missing = tuple(missing_qualifications(user, robot, now))
     schedule = schedule_for(user.pk, schedule_of(robot, now), lease, now)
-    return Subject(user, robot, role_on(user, robot), schedule, now, missing, tuple(line))
+    sharing = sharing_of(schedule, [user.pk])
+    return Subject(
+        user,
+        robot,
+        role_on(user, robot),
+        schedule,
+        now,
+        missing,
+        tuple(line),
+        sharing.of(user.pk),
+        sharing.line,
+        holds=lease is not None and lease.user == user.pk,
+    )
 
 
 def end_notes(sessions: Collection[UUID]) -> dict[UUID, Sentence]:
@@ -117,11 +132,13 @@ def rights_of(
     schedule: Schedule | None = None,
     line: Sequence[Waiter] = (),
     lease: LeaseState | None = None,
+    sharing: Sharing | None = None,
 ) -> dict[SignIn, Rights]:
     """Return each sign-in's rights on the robot; no rights if the robot is None (it was deleted).
 
     This takes three queries for any number of people, one more if a sign-in ended or the robot demands a
-    qualification, and one more (`schedule_of`) if no `schedule` is given.
+    qualification, and one more (`schedule_of`) if no `schedule` is given. A slot that runs takes one more, a lesson
+    three, if no `sharing` is given.
     """
     active = signed_in(people)
     users = {user.id: user for user in active.values()}
@@ -130,6 +147,8 @@ def rights_of(
     roles = roles_on(robot.id, users.values()) if robot else {}
     missing = lacking(robot, users.values(), now) if robot else {}
     schedule = schedule or (schedule_of(robot, now) if robot else Schedule())
+    sharing = sharing or sharing_of(schedule, users)
+    held_by = None if lease is None or is_free(lease, now) else lease.user
     return {
         (user_id, key): _rights(
             users.get(user_id),
@@ -140,6 +159,8 @@ def rights_of(
             now,
             missing.get(user_id, ()),
             line,
+            sharing,
+            holds=held_by == user_id,
         )
         for user_id, key in set(people)
     }
@@ -162,6 +183,9 @@ def _rights(
     now: datetime,
     missing: Sequence[Qualification],
     line: Sequence[Waiter],
+    sharing: Sharing,
+    *,
+    holds: bool,
 ) -> Rights:
     if user is None or not user.is_active:
         return _no_rights(Refusal("account_inactive", "This account is closed; ask the staff.", "account"))
@@ -169,8 +193,13 @@ def _rights(
         return _no_rights(SIGNED_OUT)
     if robot is None or role is None:
         return Rights(True, None, Refusal("no_role", "You have no role on this robot.", "account"))
-    permit = permit_for(Subject(user, robot, role, schedule, now, tuple(missing), tuple(line)))
-    return Rights(True, role, permit)
+    shares = sharing.of(user.pk)
+    permit = permit_for(
+        Subject(
+            user, robot, role, schedule, now, tuple(missing), tuple(line), shares, sharing.line, holds=holds
+        )
+    )
+    return Rights(True, role, permit, shares)
 
 
 def robot_entry(robot_id: UUID) -> RobotEntry | None:

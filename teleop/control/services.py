@@ -20,9 +20,18 @@ from fleet.accounts.models import User
 from fleet.audit import services as audit
 from fleet.audit.models import Record
 from fleet.base.names import fault_of
+from fleet.bookings.lessons.members import shared_with
+from fleet.bookings.lessons.turns import (
+    control_begins,
+    control_ends,
+    control_handed,
+    may_take_back,
+    slot_used,
+    turn_lengthen_running,
+)
 from fleet.bookings.models import Booking
 from fleet.bookings.schedule import schedule_of
-from fleet.bookings.services import booking_hand_running, booking_lengthen_running, booking_used
+from fleet.bookings.services import booking_lengthen_running
 from robots.access.selectors import supervises
 from robots.registry.models import Robot, Role
 from robots.registry.services import fence_next
@@ -38,6 +47,7 @@ from teleop.models import ControlSession, EndReason, Lease, named
 
 T = TypeVar("T")
 
+SHORTEST_REASON = 3  # letters
 _NO_REASON = Refusal(
     "no_reason", "Give a reason for taking over: the person in control will read it.", "lease"
 )
@@ -70,16 +80,23 @@ def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, n
 def lease_take_over(
     *, robot_id: UUID, user_id: UUID, tab: Tab, reason: str, highest_fence: int, now: datetime
 ) -> LeaseState:
-    """Take control from its holder, or in another person's slot, as a supervisor or staff. The reason is recorded."""
-    _require(None if reason.strip() else _NO_REASON)
-    if fault := fault_of(reason):
+    """Take control from its holder, or in another person's slot, as a supervisor or staff. The reason is recorded.
+
+    Who owns the present slot, or leads the lesson, takes control back from its people without a reason.
+    """
+    if reason.strip() and (fault := fault_of(reason)):
         raise ControlRefused(Refusal(fault.code, str(fault.text), "wire"))
     with recorded_change():
         robot, user = robot_locked(robot_id), _user(user_id)
         before = lease_of(robot_id)
         line = _line_if_free(before, robot_id, now)
+        free = lease_checks.is_free(before, now)
+        holder = None if free or before is None else (before.user, before.role)
+        back = may_take_back(robot=robot, person=user, holder=holder, now=now)
+        _require(None if len(reason.strip()) >= SHORTEST_REASON or back else _NO_REASON)
         role, permit = _permit(user=user, robot=robot, now=now, line=line)
-        if permit.take_over_only is None or (before is not None and before.user == user_id):
+        asked = back or permit.take_over_only is not None
+        if not asked or (before is not None and before.user == user_id):
             _require(
                 lease_checks.check_take_over(
                     before, user=user_id, supervises=supervises(user, robot), now=now
@@ -88,7 +105,11 @@ def lease_take_over(
         if before is not None:
             lapsed = lease_checks.lapse_reason(before, now)
             note = (
-                None if lapsed else say("{name} took over: {reason}", name=user.display_name, reason=reason)
+                None
+                if lapsed
+                else say("{name} took over: {reason}", name=user.display_name, reason=reason)
+                if reason.strip()
+                else say("{name} took control back.", name=user.display_name)
             )
             ended = EndReason(lapsed) if lapsed else EndReason.TAKEN_OVER
             _end_session(before, ended, robot, None if lapsed else user, now, note=note)
@@ -124,7 +145,7 @@ def lease_hand_over(
         before = _allowed(held, lease_checks.check_holder(held, tab=tab, now=now))
         waiter = _waiter(robot_id, request_id, now)
         receiver = _user(waiter.user)
-        booking_hand_running(robot=robot, owner=before.user, to=receiver, actor=user, now=now)
+        control_handed(robot=robot, giver=user, receiver=receiver, now=now)
         role, permit = _permit(user=receiver, robot=robot, now=now)
         note = say("You handed over to {name}.", name=receiver.display_name)
         _end_session(before, EndReason.HANDED_OVER, robot, user, now, note=note)
@@ -151,7 +172,8 @@ def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> No
         _, permit = _permit(user=user, robot=robot, now=now, lease=held)
         before = _allowed(held, lease_checks.check_renew(held, tab=tab, line=line_of(robot_id, now), now=now))
         if permit.whole_slot and permit.until is not None and before.term_ends_at >= permit.until:
-            booking_lengthen_running(robot=robot, person=user, now=now)
+            if not turn_lengthen_running(robot=robot, person=user, now=now):
+                booking_lengthen_running(robot=robot, person=user, now=now)
             _, permit = _permit(user=user, robot=robot, now=now)
         ends = _term_end(permit, now)
         _change_lease(robot_id, before, {"term_ends_at": ends})
@@ -176,7 +198,7 @@ def lease_fit_slot(*, robot_id: UUID, before: LeaseState, until: datetime, now: 
     """
     with recorded_change():
         _change_lease(robot_id, before, {"term_ends_at": until})
-        booking_used(robot_id=robot_id, person_id=before.user, now=now)
+        slot_used(robot_id=robot_id, person=_user(before.user), now=now)
 
 
 def lease_store_seen(*, robot_id: UUID, session: UUID, connection: str, seen_at: datetime) -> None:
@@ -324,10 +346,13 @@ def _slot_note(held: LeaseState, robot: Robot, now: datetime) -> Sentence | None
     if schedule.out is not None and schedule.out.slot.starts_at == held.term_ends_at:
         return say("The robot is out of service now ({why}).", why=schedule.out.label)
     current = schedule.current
+    if current is not None and current.turn is not None and current.turn.person == held.user:
+        return say("Your turn is over.")
     if current is not None and current.person != held.user:
-        return say("{name}’s slot began.", name=current.name)
-    own = Booking.objects.filter(robot=robot, person_id=held.user, held_until=held.term_ends_at)
-    return say("Your slot ended.") if own.exists() else None
+        return say("{name}’s slot began.", name=current.whose)
+    ended = Booking.objects.filter(robot=robot, held_until=held.term_ends_at)
+    own = ended.filter(person_id=held.user).exists() or (ended & shared_with(_user(held.user))).exists()
+    return say("Your slot ended.") if own else None
 
 
 def _assign(
@@ -375,7 +400,7 @@ def _assign(
         fence=given.fence,
         started_at=now,
     )
-    booking_used(robot_id=robot.id, person_id=user.id, now=now)
+    control_begins(robot=robot, person=user, until=given.term_ends_at, now=now)
     waiters_remove(GRANTED, robot=robot, person=user)
     return given
 
@@ -429,6 +454,9 @@ def _end_session(
     open_ones = ControlSession.objects.filter(pk=held.session, ended_at=None)
     if not open_ones.update(ended_at=now, end_reason=reason):
         return
+    if reason is not EndReason.MOVED:
+        given_up = reason in (EndReason.RELEASED, EndReason.HANDED_OVER)
+        control_ends(robot_id=robot.id, person_id=held.user, given_up=given_up, now=now)
     parameters = {"holder": str(held.user), "why": why} if why else {"holder": str(held.user)}
     private = {"holder_name": held.name, **({"words": note} if note else {})}
     _record("control.end", held, robot, by, outcome=reason.value, parameters=parameters, private=private)

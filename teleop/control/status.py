@@ -9,6 +9,8 @@ from uuid import UUID
 from django.conf import settings
 from msgspec import Struct
 
+from fleet.bookings.lessons.present import Sharing
+from fleet.bookings.models import Shared
 from fleet.bookings.schedule import Held, Schedule
 from robots.registry.models import Role
 from robots.shared import wire
@@ -31,6 +33,7 @@ class Rights(Struct, frozen=True):
     active: bool  # signed in, account active
     role: Role | None
     permit: Permit | wire.Refusal  # to control; or why not
+    shares: frozenset[UUID] = frozenset()  # bookings of others in which the person may drive
 
     @property
     def supervises(self) -> bool:
@@ -47,6 +50,18 @@ class ControlStatus(Struct, frozen=True):
     endings: dict[UUID, SessionEnd]  # ends of the queried control sessions that are over
     rights: dict[tuple[UUID, str], Rights]  # of the queried people, by (user, session key)
     schedule: Schedule = Schedule()  # the robot's bookings
+    sharing: Sharing = Sharing()  # who shares them, and the line of turns
+
+    @property
+    def turns_due(self) -> bool:
+        """Return whether somebody can be called in the present lesson, or a call is over, if nobody has control."""
+        current = self.schedule.current
+        if current is None or current.turn_min is None or self.schedule.out is not None:
+            return False
+        turn = current.turn
+        if turn is None:
+            return bool(self.sharing.line) and not current.line_held
+        return turn.ends_at is not None or turn.call_left_s(self.read_at) <= 0.0
 
     def moved_term_end(self) -> datetime | None:
         """Return the new end of the term if a slot changes it.
@@ -60,9 +75,9 @@ class ControlStatus(Struct, frozen=True):
         lease = self.lease
         if lease is None:
             return None
-        permits = [rights.permit for (person, _), rights in self.rights.items() if person == lease.user]
-        permit = next((one for one in permits if isinstance(one, Permit)), None)
-        if permit is None:
+        known = [rights for (person, _), rights in self.rights.items() if person == lease.user]
+        rights = next((one for one in known if isinstance(one.permit, Permit)), None)
+        if rights is None or not isinstance(permit := rights.permit, Permit):
             return None
         current = self.schedule.current
         if (
@@ -75,7 +90,11 @@ class ControlStatus(Struct, frozen=True):
         if not permit.whole_slot or permit.until is None:
             latest = lease_checks.term_end(self.read_at, settings.FLEET_CONTROL_TERM_S, permit.until)
             return latest if lease.term_ends_at > latest else None
-        unused = current is not None and current.person == lease.user and not current.used
+        unused = (
+            current is not None
+            and not current.used
+            and (current.person == lease.user or current.id in rights.shares)
+        )
         return None if permit.until == lease.term_ends_at and not unused else permit.until
 
 
@@ -94,14 +113,23 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
     phase = lease_checks.phase(lease, now)
     mine = lease is not None and lease.tab.connection == tab.connection
     free = lease is None or phase is Phase.LAPSED
-    booked, next_booked = booked_slots(schedule_for(user, status.schedule, lease, now), user, now)
+    booked, next_booked = booked_slots(
+        schedule_for(user, status.schedule, lease, now), user, now, rights.shares
+    )
     coming = None if rights.supervises else status.schedule.out_next
     out_s = round((coming.slot.starts_at - now).total_seconds(), 1) if coming else None
     ahead = next((n for n, one in enumerate(status.line) if one.tab.connection == tab.connection), None)
     asking = None if ahead is None else status.line[ahead].id
     names = [wire.Request(one.id, one.name) for one in status.line if one.tab.connection]
     control = partial(
-        wire.Control, asking=asking, ahead=ahead, booked=booked, next_booked=next_booked, out_s=out_s
+        wire.Control,
+        asking=asking,
+        ahead=ahead,
+        booked=booked,
+        next_booked=next_booked,
+        out_s=out_s,
+        lesson=_lesson(status, user, rights),
+        may_take_back=_may_take_back(status, user, rights, free=free),
     )
     if lease is None or free:
         return control(
@@ -130,19 +158,60 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
 
 
 def booked_slots(
-    schedule: Schedule, user: UUID, now: datetime
+    schedule: Schedule, user: UUID, now: datetime, shares: frozenset[UUID] = frozenset()
 ) -> tuple[wire.Booked | None, wire.Booked | None]:
     """Return the present booking with the seconds until its end, and the next one with the seconds until its start."""
     current = schedule.current
     following = next(iter(schedule.next), None)
     return (
-        _booked(current, user, (current.slot.ends_at - now).total_seconds()) if current else None,
-        _booked(following, user, (following.slot.starts_at - now).total_seconds()) if following else None,
+        _booked(current, user, (current.slot.ends_at - now).total_seconds(), shares) if current else None,
+        _booked(following, user, (following.slot.starts_at - now).total_seconds(), shares)
+        if following
+        else None,
     )
 
 
-def _booked(held: Held, user: UUID, seconds: float) -> wire.Booked:
-    return wire.Booked(held.name, held.person == user, round(seconds, 1))
+def _booked(held: Held, user: UUID, seconds: float, shares: frozenset[UUID]) -> wire.Booked:
+    return wire.Booked(held.whose, held.person == user or held.id in shares, round(seconds, 1))
+
+
+def _leads(held: Held | None, user: UUID, rights: Rights) -> bool:
+    """Return whether a person leads the line of a booking: its owner, and a supervisor."""
+    return held is not None and (held.person == user or (held.shared != Shared.NO and rights.supervises))
+
+
+def _may_take_back(status: ControlStatus, user: UUID, rights: Rights, *, free: bool) -> bool:
+    """Return whether this person can take control without a reason (`lessons.turns.may_take_back` decides)."""
+    current, lease = status.schedule.current, status.lease
+    if current is None or not _leads(current, user, rights):
+        return False
+    if free or lease is None:
+        return _take_over_only(rights) is not None
+    return lease.user not in (user, current.person) and lease.role < Role.SUPERVISOR
+
+
+def _lesson(status: ControlStatus, user: UUID, rights: Rights) -> wire.Lesson | None:
+    """Return the lesson that runs now, for the people who take turns in it and who lead it."""
+    current, now = status.schedule.current, status.read_at
+    leads = _leads(current, user, rights)
+    if current is None or current.turn_min is None or not (leads or current.id in rights.shares):
+        return None
+    turn, line = current.turn, status.sharing.line
+    left_s = None
+    if turn is not None:
+        left_s = (turn.ends_at - now).total_seconds() if turn.ends_at else turn.call_left_s(now)
+    return wire.Lesson(
+        booking=str(current.id),
+        name=current.whose,
+        leads=leads,
+        held=current.line_held,
+        turn=turn.name if turn else None,
+        yours=turn is not None and turn.person == user,
+        driving=turn is not None and turn.ends_at is not None,
+        turn_s=None if left_s is None else round(max(left_s, 0.0), 1),
+        place=next((n for n, one in enumerate(line, 1) if one.person == user), None),
+        waiting=len(line),
+    )
 
 
 def _offer_s(status: ControlStatus, user: UUID) -> float | None:
@@ -186,6 +255,8 @@ def change_key(control: wire.Control, status: ControlStatus) -> tuple[object, ..
         control.offer_s is None,
         lease_checks.offered(status.line, status.read_at),
         control.may_take_over,
+        control.may_take_back,
+        control.lesson and (control.lesson.place, control.lesson.waiting),
         control.may_clear,
         control.refusal and control.refusal.code,
     )

@@ -77,6 +77,7 @@ class ControlHolder:
         self._line: set[int] = set()  # ids of the waiters for this control
         self.waits = False  # this connection waits in line
         self._offered = False  # control is offered to this connection
+        self._called: int | None = None  # the turn of a lesson for which this person is called
         self._withdrew = False  # this connection left the line, even if an older status still contains it
 
     @property
@@ -154,7 +155,9 @@ class ControlHolder:
         await in_database(
             line.line_leave,
             robot_id=self._hub.robot_id,
+            user_id=self._user_id,
             connection=self.tab.connection,
+            now=timezone.now(),
         )
         await self._changed()
 
@@ -345,6 +348,12 @@ class ControlHolder:
         if offered and not self._offered:
             await self._report(notices.YOUR_TURN)
         self._offered = offered
+        current = status.schedule.current
+        turn = current.turn if current is not None else None
+        called = turn.id if turn and turn.person == self._user_id and turn.ends_at is None else None
+        if called is not None and called != self._called:
+            await self._report(notices.CALLED)
+        self._called = called
 
 
 def _leave(robot_id: UUID, connection: str, session: UUID | None) -> None:

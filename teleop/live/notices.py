@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fleet.bookings.schedule import CALL_S
 from robots.shared.sentences import say
 from robots.shared.wire import Level, Notice, Refusal
 from teleop.control.lease_checks import GRACE_S, OFFER_S
@@ -56,6 +57,9 @@ def request_received(name: str) -> Notice:
 
 YOUR_TURN = Notice(
     "warning", "your_turn", say("It is your turn: take control within {seconds:.0f} s.", seconds=OFFER_S)
+)
+CALLED = Notice(
+    "warning", "your_turn", say("It is your turn: take control within {seconds:.0f} s.", seconds=CALL_S)
 )
 LEFT_THE_LINE = Notice(
     "info", "left_the_line", "You no longer wait for control. Ask again if you still need the robot."

@@ -31,6 +31,7 @@ from teleop.control.lease_events import LeaseEvents
 from teleop.control.selectors import SignIn, control_status, robot_entry, who_sees
 from teleop.control.services import lease_expire, lease_fit_slot, lease_store_seen
 from teleop.control.status import ControlStatus, RobotEntry
+from teleop.control.turns import settle_or_log
 from teleop.live.topic_feed import TopicFeed
 from teleop.live.view_feed import ViewFeed
 
@@ -236,7 +237,9 @@ class RobotHub(Listener):
         return self._read_again(people, sessions), confirmed_s
 
     def _offer(self, status: ControlStatus) -> bool:
-        """Offer the free robot to the next in line. Return whether that changed the line."""
+        """Offer the free robot to the next in line, or call the next of a lesson. Return whether that changed it."""
+        if status.turns_due and settle_or_log(self.robot_id, status.read_at):
+            return True
         if not status.line or lease_checks.offered(status.line, status.read_at) is not None:
             return False
         with suppress(ControlRefused, DatabaseError):

@@ -24,7 +24,7 @@ from fleet.audit.models import Record
 from fleet.audit.reading.exports import safe_cell
 from fleet.audit.services import record
 from fleet.base import zones
-from fleet.bookings.models import Booking, State
+from fleet.bookings.models import Booking, Shared, State
 from fleet.bookings.selectors import NOT_YET
 from robots.access.models import Course
 from robots.access.selectors import robots_of
@@ -169,7 +169,7 @@ class _Calendar:
 
 
 def _is_lesson(booking: Booking) -> bool:
-    return booking.series is not None and booking.course_id is not None
+    return booking.shared == Shared.COURSE
 
 
 # --- as a file ------------------------------------------------------------------------------------

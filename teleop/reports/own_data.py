@@ -45,6 +45,11 @@ _ABOUT = {
     "role.change": "user",
     "control.take_over": "holder",
     "audit.export": "person",
+    "booking.guest": "to",
+    "turn.call": "person",
+    "turn.miss": "person",
+    "turn.skip": "person",
+    "turn.extend": "person",
     _TRIED: "user",
 }
 # Kinds whose details, too, are only about this person: names and addresses of the account.

@@ -143,7 +143,7 @@ def booking_life(session: ControlSession, reader: Reader) -> BookingLife | None:
     slots = slots.exclude(held_until=F("starts_at"))  # without bookings that were cancelled before they began
     # Another person's: taken over in it, or handed over since
     of_another = Case(When(person=session.user, then=0), default=1)
-    booking = slots.select_related("person").order_by(of_another, "starts_at").first()
+    booking = slots.select_related("person", "course").order_by(of_another, "starts_at").first()
     of_robot = Record.objects.filter(robot_id=session.robot_id, of=None)
     line = of_robot.filter(
         Q(actor_id=str(session.user_id)) | Q(parameters__to=str(session.user_id)),
@@ -160,7 +160,7 @@ def booking_life(session: ControlSession, reader: Reader) -> BookingLife | None:
     entries = [_entry(row, session) for row in rows_of(sorted(record.pk for record in found))]
     if booking is None:
         return BookingLife(None, None, None, "", "", entries)
-    person = booking.person.display_name if shown else _("another person")
+    person = booking.lesson_of or (booking.person.display_name if shown else _("another person"))
     return BookingLife(
         booking.pk,
         booking.starts_at,

@@ -41,6 +41,7 @@ INDIRECT = {
     # These pass on a kind that their caller gives, or the kind of an existing record.
     ("fleet/accounts/changes.py", "kind"): set(),
     ("fleet/bookings/services.py", "kind"): set(),
+    ("fleet/bookings/lessons/turns.py", "kind"): set(),
     ("teleop/control/services.py", "kind"): set(),
     ("teleop/stop/presses.py", "record.kind"): set(),
     ("teleop/layouts/services.py", "kind"): set(),

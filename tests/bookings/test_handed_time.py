@@ -19,9 +19,8 @@ from fleet.bookings.services import (
 from robots.access.models import Course, Enrolment
 from robots.access.services import role_set
 from robots.registry.models import Role
-from teleop.control import line, services
+from teleop.control import services
 from teleop.control.lease_checks import Tab
-from teleop.models import Lease
 from tests.bookings.test_races import all_at_once
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -48,19 +47,6 @@ def take(robot, person, now_min):
     )
 
 
-def hand_control(robot, giver, receiver, now_min):
-    """Hand control over, as the page does; return the code of the refusal, if any."""
-    Lease.objects.update(seen_at=at(now_min))
-    waits = {"robot_id": robot.id, "user_id": receiver.id, "tab": tab(receiver), "now": at(now_min)}
-    request = line.line_join(**waits)
-    held = {"robot_id": robot.id, "user_id": giver.id, "tab": tab(giver), "now": at(now_min)}
-    try:
-        services.lease_hand_over(request_id=request, highest_fence=0, **held)
-    except services.ControlRefused as error:
-        return error.refusal.code
-    return None
-
-
 def hand_booking(robot, giver, receiver, now_min):
     """Hand the booking that runs, as *My bookings* does; return the code of the refusal, if any."""
     booking = Booking.objects.get(
@@ -80,19 +66,17 @@ def minutes_of(person):
     return sum((ends - starts).total_seconds() for starts, ends in times) / 60
 
 
-@pytest.mark.parametrize("hand", [hand_control, hand_booking], ids=["control", "booking"])
-def test_time_that_is_handed_back_needs_room_in_the_quota(hand, robot, operator, second_operator):
+def test_time_that_is_handed_back_needs_room_in_the_quota(robot, operator, second_operator):
     Policy.objects.create(robot=robot, day_min=60)
     book(robot, operator, 0, 60)
     take(robot, operator, 0)
-    assert hand(robot, operator, second_operator, 5) is None
+    assert hand_booking(robot, operator, second_operator, 5) is None
     with pytest.raises(BookingRefused) as caught:
         book(robot, operator, 120, 60, 6)
     assert caught.value.refusal.figures["left_min"] == 55
     book(robot, operator, 120, 55, 6)
-    if hand is hand_booking:
-        take(robot, second_operator, 6)
-    assert hand(robot, second_operator, operator, 6) == "quota_day"
+    take(robot, second_operator, 6)
+    assert hand_booking(robot, second_operator, operator, 6) == "quota_day"
     assert (minutes_of(operator), minutes_of(second_operator)) == (60, 55)
 
 
@@ -101,32 +85,30 @@ def test_the_rest_of_a_slot_needs_room_in_the_receivers_quota(robot, operator, s
     book(robot, second_operator, 120, 30)
     book(robot, operator, 0, 60)
     take(robot, operator, 0)
-    assert hand_control(robot, operator, second_operator, 5) == "quota_day"
-    assert hand_control(robot, operator, second_operator, 30) is None
+    assert hand_booking(robot, operator, second_operator, 5) == "quota_day"
+    assert hand_booking(robot, operator, second_operator, 30) is None
     assert (minutes_of(operator), minutes_of(second_operator)) == (30, 60)
 
 
-@pytest.mark.parametrize("hand", [hand_control, hand_booking], ids=["control", "booking"])
-def test_the_rest_of_a_slot_keeps_the_gap_to_the_next_one(hand, robot, operator, second_operator):
+def test_the_rest_of_a_slot_keeps_the_gap_to_the_next_one(robot, operator, second_operator):
     Policy.objects.create(robot=robot, gap_min=30)
     book(robot, second_operator, 80, 30)
     book(robot, operator, 0, 60)
     take(robot, operator, 0)
-    assert hand(robot, operator, second_operator, 5) == "gap"
+    assert hand_booking(robot, operator, second_operator, 5) == "gap"
     Policy.objects.update(gap_min=20)
-    assert hand(robot, operator, second_operator, 6) is None
-    if hand is hand_booking:
-        take(robot, second_operator, 6)
-    assert hand(robot, second_operator, operator, 7) is None
+    assert hand_booking(robot, operator, second_operator, 6) is None
+    take(robot, second_operator, 6)
+    assert hand_booking(robot, second_operator, operator, 7) is None
 
 
-def test_control_that_goes_back_and_forth_counts_each_minute_once(robot, operator, second_operator):
+def test_a_slot_that_goes_back_and_forth_counts_each_minute_once(robot, operator, second_operator):
     Policy.objects.create(robot=robot, day_min=60)
     book(robot, operator, 0, 60)
     take(robot, operator, 0)
     for number in range(6):
         people = (operator, second_operator) if number % 2 == 0 else (second_operator, operator)
-        assert hand_control(robot, *people, 5 + number) is None
+        assert hand_booking(robot, *people, 5 + number) is None
     assert minutes_of(operator) + minutes_of(second_operator) == 60
     assert not Booking.objects.filter(ends_at__lt=at(60), held_until=at(60)).exists()
 
@@ -144,9 +126,9 @@ def test_handing_back_is_no_way_around_any_count(limits, code, robot, other_robo
     role_set(robot=other_robot, user=operator, role=Role.OPERATOR, actor=None)
     book(robot, operator, 0, 60)
     take(robot, operator, 0)
-    assert hand_control(robot, operator, second_operator, 5) is None
+    assert hand_booking(robot, operator, second_operator, 5) is None
     book(other_robot, operator, 10, 55, 6)
-    assert hand_control(robot, second_operator, operator, 7) == code
+    assert hand_booking(robot, second_operator, operator, 7) == code
 
 
 @pytest.fixture
@@ -173,37 +155,23 @@ def test_a_courses_quotas_hold_when_time_is_handed_on(robot, course):
     book(robot, first, 0, 60)
     take(robot, first, 0)
     book(robot, second, 120, 40)
-    assert hand_control(robot, first, second, 5) == "quota_course_day"
-    assert hand_control(robot, first, second, 45) is None
-    counted = Booking.objects.filter(course=hri, series=None)
+    assert hand_booking(robot, first, second, 5) == "quota_course_day"
+    assert hand_booking(robot, first, second, 45) is None
+    counted = Booking.objects.filter(course=hri, shared="")
     assert sum((one.held_until - one.starts_at).total_seconds() for one in counted) == 100 * 60
 
 
-def test_the_rest_of_a_lesson_stays_a_lesson_for_its_people(robot, course, staff):
+def test_a_lesson_stays_one_for_another_teacher_only(robot, course, supervisor, staff):
     hri, first, _second = course
-    lesson = book(robot, staff, 0, 120, lesson_of=hri, series=uuid4())
-    take(robot, staff, 0)
-    assert hand_control(robot, staff, first, 5) is None
-    rest = Booking.objects.get(person=first)
-    assert (rest.course, rest.series) == (hri, lesson.series)
-    book(robot, first, 180, 60, 6)  # a lesson uses no quota of the course
-
-
-@pytest.mark.parametrize("own_role", [False, True])
-def test_a_lesson_stays_one_when_its_teacher_gets_it_back(own_role, robot, other_robot, course, supervisor):
-    hri, first, second = course
-    Policy.objects.create(day_min=60, at_once=1)
     hri.supervisors.add(supervisor)
-    if own_role:
-        role_set(robot=robot, user=first, role=Role.OPERATOR, actor=None)
-    role_set(robot=other_robot, user=second, role=Role.OPERATOR, actor=None)
-    book(other_robot, second, 10, 60)  # uses the quotas of the second student
-    lesson = book(robot, supervisor, 0, 120, lesson_of=hri, series=uuid4())
-    take(robot, supervisor, 0)
-    for number, people in enumerate([(supervisor, first), (first, supervisor), (supervisor, second)]):
-        assert hand_control(robot, *people, 5 + number) is None
-    rests = Booking.objects.filter(robot=robot)
-    assert set(rests.values_list("course", "series")) == {(hri.pk, lesson.series)}
+    Course.objects.update(day_min=None, course_week_min=None)
+    lesson = book(robot, staff, 0, 120, lesson_of=hri, series=uuid4(), turn_min=10)
+    assert hand_booking(robot, staff, supervisor, 5) is None
+    rest = Booking.objects.get(person=supervisor)
+    assert (rest.course, rest.series, rest.shared, rest.turn_min) == (hri, lesson.series, "course", 10)
+    assert hand_booking(robot, supervisor, first, 10) is None
+    last = Booking.objects.get(person=first)
+    assert (last.shared, last.turn_min) == ("", None)  # a student's slot counts for their quotas
 
 
 def test_no_quota_of_a_policy_counts_a_lesson(robot, course, supervisor):
@@ -236,9 +204,9 @@ def test_a_slot_is_handed_back_while_its_receiver_books(robot, other_robot, oper
     role_set(robot=other_robot, user=operator, role=Role.OPERATOR, actor=None)
     book(robot, operator, 0, 60)
     take(robot, operator, 0)
-    assert hand_control(robot, operator, second_operator, 5) is None
+    assert hand_booking(robot, operator, second_operator, 5) is None
     steps = [
-        lambda: hand_control(robot, second_operator, operator, 6),
+        lambda: hand_booking(robot, second_operator, operator, 6),
         lambda: book(other_robot, operator, 120, 55, 6),
     ]
     errors = all_at_once(steps)
@@ -247,7 +215,6 @@ def test_a_slot_is_handed_back_while_its_receiver_books(robot, other_robot, oper
 
 
 def test_a_series_that_moves_into_a_course_counts_there(robot, operator, staff):
-    """Only lessons have a series and a course; a student's slot counts for the course's quota."""
     booking = book(robot, operator, 60, 60, series=uuid4())
     role_set(robot=robot, user=operator, role=None, actor=staff)
     course = Course.objects.create(
@@ -259,7 +226,7 @@ def test_a_series_that_moves_into_a_course_counts_there(robot, operator, staff):
     moved = booking_move(
         booking_id=booking.pk, version=booking.version, slot=Slot(at(90), at(150)), actor=operator, now=NOW
     )
-    assert (moved.course, moved.series) == (course, None)
+    assert (moved.course, moved.shared) == (course, "")
     with pytest.raises(BookingRefused) as caught:
         book(robot, operator, 200, 30)
     assert caught.value.refusal.code == "quota_course_day"

@@ -28,6 +28,7 @@ NAMES = {
         "error",
         "person_id",
         "token_id",
+        "turn_id",
         "invitation_id",
     ),
     *(

@@ -98,10 +98,11 @@ def series_make(
     override: str,
     now: datetime,
     course: Course | None = None,
+    turn_min: int | None = None,
 ) -> tuple[list[Booking], list[Week]]:
     """Book every slot that no rule refuses. Return the bookings, and the weeks that were left out.
 
-    `course`: the slots are lessons of this course.
+    `course`: the slots are lessons of this course, with turns of `turn_min` minutes.
     """
     series = uuid4()
     made: list[Booking] = []
@@ -120,6 +121,7 @@ def series_make(
                 override=override,
                 series=series,
                 lesson_of=course,
+                turn_min=turn_min if course else None,
                 now=now,
             )
             made.append(booking)

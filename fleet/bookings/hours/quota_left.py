@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 from datetime import datetime
 
-from django.db.models import F, Q
+from django.db.models import F
 from django.utils.translation import gettext as _
 from msgspec import Struct
 
 from fleet.accounts.models import User
 from fleet.base.formats.sentences import in_words
 from fleet.base.zones import zone_of
-from fleet.bookings.models import Booking, Policy
+from fleet.bookings.hours.driven import driven
+from fleet.bookings.models import Booking, Policy, Shared
 from fleet.bookings.rules import LONGEST, Slot, day_of, duration, week_of
 from fleet.bookings.selectors import policies_of
-from robots.access.models import Course
+from robots.access.models import DRIVERS, Course
 from robots.access.selectors import lab_date, robots_visible_to, roles_of
 from robots.registry.models import Role
 
@@ -32,7 +33,7 @@ def left_of(person: User, now: datetime) -> list[Left]:
     own = list(_counted(now, person=person))
     found = []
     for course in _courses_of(person, now):
-        mine = [slot for slot, key in own if key == course.pk]
+        mine = [slot for slot, key in own if key == course.pk] + _driven(course, now, person)
         found.append(Left(course.name, (*_rests(course, mine, now), *common_left(course, now))))
     slots = [slot for slot, _key in own]
     found += [Left(policy.of, tuple(_rests(policy, slots, now))) for policy in _policies_of(person)]
@@ -43,7 +44,7 @@ def common_left(course: Course, now: datetime) -> tuple[str, ...]:
     """Return the text about the time left of the quota of a whole course; nothing without such a quota."""
     if course.course_week_min is None:
         return ()
-    slots = [slot for slot, _key in _counted(now, course=course)]
+    slots = [slot for slot, _key in _counted(now, course=course)] + _driven(course, now)
     rest = _rest(course.course_week_min, slots, _week(now))
     return (_("%(rest)s this week for the whole course") % {"rest": rest},)
 
@@ -52,9 +53,17 @@ def _counted(now: datetime, **of: User | Course) -> Iterable[tuple[Slot, int | N
     """Yield the slots from this week on that are no lessons, each with the key of its course."""
     since = _week(now).starts_at - LONGEST
     rows = Booking.objects.filter(starts_at__gt=since, held_until__gt=F("starts_at"), **of)
-    no_lessons = rows.filter(Q(series=None) | Q(course=None))
+    no_lessons = rows.exclude(shared=Shared.COURSE)
     for starts, ends, course in no_lessons.values_list("starts_at", "held_until", "course_id"):
         yield Slot(starts, ends), course
+
+
+def _driven(course: Course, now: datetime, person: User | None = None) -> list[Slot]:
+    """Return the time that was driven in lessons of this week, if the course counts it."""
+    if course.lessons_count != DRIVERS:
+        return []
+    lessons = course.bookings.filter(shared=Shared.COURSE, starts_at__gt=_week(now).starts_at - LONGEST)
+    return [slot for _who, slot in driven(lessons, now, person)]
 
 
 def _courses_of(person: User, now: datetime) -> Iterable[Course]:

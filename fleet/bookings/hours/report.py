@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterable
 from datetime import datetime, timedelta
 from typing import Any
+from uuid import UUID
 
 from django.db.models import F, Q, QuerySet
 from msgspec import Struct, structs
 
+from fleet.accounts.models import User
 from fleet.audit.reading.exports import safe_cell
-from fleet.bookings.models import Booking, State
+from fleet.bookings.hours.driven import driven
+from fleet.bookings.models import Booking, Shared, State
 from fleet.bookings.selectors import NOT_YET
 from robots.access.models import Course
 from robots.registry.models import Robot
@@ -40,10 +44,13 @@ def report(
     by: str,
     now: datetime,
     only: Q = _ALL,
+    whose: str = "",
 ) -> list[Row]:
     """Return the sums of the bookings that begin between two moments, by robot, person or course.
 
-    Bookings of these robots count, and bookings of these courses on any robot. `only` limits both further.
+    Bookings of these robots count, and bookings of these courses on any robot. `only` limits both further, `whose` to
+    people with this in their names. A lesson is its course's, not its teacher's: by person, the time that each drove in
+    it is theirs.
 
     If the person took control in a slot, the slot counts as used from its start to its end, or to the time
     when it was given up. A past slot without control counts as not used.
@@ -52,11 +59,30 @@ def report(
     found = Booking.objects.filter(these, starts_at__gte=starts, starts_at__lt=ends)
     found = found.filter(only).exclude(Q(state__in=NOT_YET) & Q(held_until=F("starts_at")))
     columns = (f"{by}_id", "person__username", "starts_at", "ends_at", "held_until", "state", "used_at")
+    lessons = found.filter(shared=Shared.COURSE) if by == "person" else found.none()
+    if by == "person":
+        found = found.exclude(shared=Shared.COURSE)
+    if whose:
+        found = found.filter(Q(person__full_name__icontains=whose) | Q(person__username__icontains=whose))
     rows = found.annotate(name=F(BY[by])).values_list("name", *columns, named=True)
-    return sorted(_sums(rows, by, now), key=lambda row: row.name.lower())
+    sums = _sums(rows, by, now)
+    _add_driven(sums, lessons, whose, now)
+    return sorted(sums.values(), key=lambda row: row.name.lower())
 
 
-def _sums(rows: Iterable[Any], by: str, now: datetime) -> Iterable[Row]:
+def _add_driven(sums: dict[object, Row], lessons: QuerySet[Booking], whose: str, now: datetime) -> None:
+    """Add the time that people drove in lessons to their rows."""
+    minutes: dict[UUID, float] = defaultdict(float)
+    for who, slot in driven(lessons.exclude(state=State.CANCELLED), now):
+        minutes[who] += slot.minutes
+    people = User.objects.filter(pk__in=minutes)
+    if whose:
+        people = people.filter(Q(full_name__icontains=whose) | Q(username__icontains=whose))
+    for person in people:
+        sums.setdefault(person.pk, Row(person.display_name)).used_h += minutes[person.pk] / 60.0
+
+
+def _sums(rows: Iterable[Any], by: str, now: datetime) -> dict[object, Row]:
     sums: dict[object, Row] = {}  # by key: two people may have the same name
     for row in rows:
         shown = row.name or (row.person__username if by == "person" else "-")
@@ -70,7 +96,7 @@ def _sums(rows: Iterable[Any], by: str, now: datetime) -> Iterable[Row]:
             total.used_h += (min(row.held_until, max(now, row.starts_at)) - row.starts_at) / HOUR
         elif row.state == State.NO_SHOW or (row.ends_at <= now and row.state not in NOT_YET):
             total.not_used += 1
-    return sums.values()
+    return sums
 
 
 def lines(rows: list[Row]) -> list[list[str]]:

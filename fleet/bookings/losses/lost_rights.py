@@ -21,7 +21,7 @@ from fleet.accounts.services import erased
 from fleet.audit.errors import AuditUnavailable
 from fleet.base.formats.sentences import words_of
 from fleet.bookings.losses.collecting import Actor, How, collected, kept_of, lost
-from fleet.bookings.models import Booking, State
+from fleet.bookings.models import Booking, Shared, State
 from fleet.bookings.rules import Slot, Wish, lost_right, qualified
 from fleet.bookings.selectors import wish_of
 from fleet.bookings.services import BookingRefused, record_booking, robot_locked, save_booking
@@ -35,7 +35,7 @@ log = logging.getLogger(__name__)
 
 _RIGHTS = ("is_active", "is_staff")
 _READ = ("person", "robot", "course")
-LESSONS = Q(series__isnull=False, course__isnull=False)
+LESSONS = Q(shared=Shared.COURSE)
 _COURSE_OVER = Refusal("course_over", "This course is over.", "booking")
 _CLOSED = Refusal("account_inactive", "This account is closed; ask the staff.", "account")
 
@@ -111,7 +111,7 @@ def right_lost(booking: Booking, wish: Wish) -> Refusal | None:
     """Return why the person of a booking has no right to it any more; None: the person has it."""
     if not booking.person.is_active:
         return _CLOSED
-    if booking.series is not None and booking.course is not None and booking.course.archived:
+    if booking.lesson_of and booking.course is not None and booking.course.archived:
         return _COURSE_OVER
     return lost_right(wish)
 

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from hashlib import sha256
 
 from django.db import transaction
-from django.db.models import QuerySet
+from django.db.models import Q, QuerySet
 from django.utils.translation import get_language, override
 from django.utils.translation import gettext as _
 from icalendar import Calendar, Event
@@ -15,6 +15,7 @@ from icalendar import Calendar, Event
 from fleet.accounts.models import User
 from fleet.audit.services import record
 from fleet.base.languages import chosen
+from fleet.bookings.lessons.members import shared_with
 from fleet.bookings.models import Booking, FeedAddress, State
 from fleet.bookings.permissions import shows_person
 from fleet.bookings.selectors import NOT_YET, grace_of, policies_of, stage_of
@@ -52,7 +53,8 @@ def feed_of(token: str, now: datetime) -> bytes | None:
     reader = reader_of(address.person)
     with override(chosen(address.person.language) or get_language()):
         if address.robot is None:
-            return _calendar(address.person.display_name, bookings.filter(person=address.person), reader, now)
+            mine = Q(person=address.person) | Q(pk__in=shared_with(address.person).values("pk"))
+            return _calendar(address.person.display_name, bookings.filter(mine), reader, now)
         if not robots_bookable_by(address.person).filter(pk=address.robot.pk).exists():
             return None
         return _calendar(address.robot.name, bookings.filter(robot=address.robot), reader, now)
@@ -63,12 +65,12 @@ def _calendar(name: str, bookings: QuerySet[Booking], reader: Reader, now: datet
     calendar.add("prodid", "-//Fleet console//bookings//EN")
     calendar.add("version", "2.0")
     calendar.add("x-wr-calname", name)
-    found = list(bookings.select_related("robot", "person"))
+    found = list(bookings.select_related("robot", "person", "course"))
     policies = policies_of({booking.robot for booking in found})
     for booking in found:
         stage = stage_of(booking, grace_of(policies[booking.robot_id]), now)
         named = shows_person(reader, booking, stage)
-        who = booking.person.display_name if named else _("booked")
+        who = booking.lesson_of or (booking.person.display_name if named else _("booked"))
         event = Event()
         event.add("uid", f"{booking.pk}@fleet-console")
         event.add("summary", f"{booking.robot.name}: {who}")

@@ -29,7 +29,7 @@ from fleet.accounts.services import erased
 from fleet.base.formats.dates import dated
 from fleet.base.languages import of_person
 from fleet.base.zones import zone_of
-from fleet.bookings.models import Booking, FeedAddress, Notification, State, Waiting
+from fleet.bookings.models import Booking, BookingMember, FeedAddress, Notification, State, Turn, Waiting
 
 log = logging.getLogger(__name__)
 
@@ -71,8 +71,8 @@ def remove_old_notifications(now: datetime) -> None:
 
 @receiver(erased)
 def _forget(*, user: User, **_options: Any) -> None:
-    """Remove an erased person's notifications, waiting and feed addresses. Bookings stay, without purpose."""
-    for table in (Notification, Waiting, FeedAddress):
+    """Remove an erased person's notifications, places in lines and teams, and feeds. Bookings stay, without purpose."""
+    for table in (Notification, Waiting, FeedAddress, BookingMember, Turn):
         table.objects.filter(person=user).delete()
     Booking.objects.filter(person=user).update(purpose="")
 

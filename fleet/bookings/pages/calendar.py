@@ -17,6 +17,7 @@ from fleet.base import rows
 from fleet.base.formats.dates import dated
 from fleet.base.zones import viewers, zone_of
 from fleet.bookings import rules
+from fleet.bookings.lessons.members import shared_with
 from fleet.bookings.models import WEEKDAYS, Holiday, OutOfService, Policy
 from fleet.bookings.permissions import shows_person
 from fleet.bookings.rules import day_of, opening_of
@@ -41,8 +42,10 @@ LONGEST = timedelta(days=45)  # the longest time that a view shows
 # into models, and each time is parsed and formatted only once.
 _HELD = """
 SELECT b.id, b.robot_id, r.slug, b.person_id, b.course_id, CAST(b.starts_at AS text), CAST(b.held_until AS text),
-    CAST(b.used_at AS text), b.state, b.version, COALESCE(NULLIF(p.full_name, ''), p.username)
+    CAST(b.used_at AS text), b.state, b.version, COALESCE(NULLIF(p.full_name, ''), p.username),
+    CASE WHEN b.shared = 'course' THEN c.name END
 FROM bookings_booking b JOIN robots_robot r ON r.id = b.robot_id JOIN accounts_user p ON p.id = b.person_id
+    LEFT JOIN access_course c ON c.id = b.course_id
 WHERE b.robot_id IN ({robots}) AND b.starts_at > %s AND b.starts_at < %s AND b.held_until > %s
     AND b.held_until > b.starts_at
 ORDER BY b.starts_at
@@ -153,13 +156,17 @@ def _booked(
     graces = {robot.slug: grace_of(policies[robot.id]) for robot in robots}
     moment, known, written = cache(rows.moment), cache(rows.key), cache(partial(span, zone=zone))
     written_times = cache(partial(times_of_day, zone=zone))
+    shared = set(
+        shared_with(person).filter(held_until__gt=starts, starts_at__lt=ends).values_list("pk", flat=True)
+    )
     query = _HELD.format(robots=rows.marks(robots))
     asked = (*(robot.id for robot in robots), starts - rules.LONGEST, ends, starts)
     events = []
-    for key, robot, slug, owner, course, *times, state, version, name in rows.read(query, asked):
+    for key, robot, slug, owner, course, *times, state, version, name, lesson in rows.read(query, asked):
         starts_at, held_until, used_at = (at and moment(at) for at in times)
         row = _Row(known(robot), known(owner), course, starts_at, held_until, used_at, state)
         mine = row.person_id == person.pk
+        joined = known(key) in shared
         held = held_slot(row, graces[slug], now)
         stage = stage_of(row, graces[slug], now)
         starts_at, ends_at = written(held.starts_at, held.ends_at)
@@ -168,8 +175,8 @@ def _booked(
             resource_ids=(slug,),
             start=starts_at,
             end=ends_at,
-            title=name if shows_person(reader, row, stage) else _("Booked"),
-            class_names=("mine" if mine else "other", f"stage-{stage.name.lower()}"),
+            title=lesson or (name if shows_person(reader, row, stage) else _("Booked")),
+            class_names=("mine" if mine or joined else "other", f"stage-{stage.name.lower()}"),
         )
         if stage in OPEN and (mine or slug in managed or course in reader.courses):
             event.editable = True

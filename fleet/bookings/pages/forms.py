@@ -24,6 +24,7 @@ from fleet.bookings.changes.policy_changes import POLICY_FIELDS
 from fleet.bookings.changes.series import MOST_WEEKS
 from fleet.bookings.models import DAY_NAMES, MOST_INTERVALS, WEEKDAYS, OutOfService, Policy
 from fleet.bookings.rules import Slot, moments_of, to_utc
+from fleet.bookings.services import MOST_TURN_MIN
 from robots.access.models import Course, RobotGroup
 from robots.registry.models import Robot
 from robots.shared.sentences import is_shown_twice, offset
@@ -162,6 +163,9 @@ class SeriesForm(forms.Form):
         to_field_name="slug",
         required=False,
         empty_label=_("no course"),
+    )
+    turn_min = forms.IntegerField(
+        label=_("Minutes per turn (empty: no turns)"), min_value=1, max_value=MOST_TURN_MIN, required=False
     )
     purpose = forms.CharField(label=_("Purpose"), max_length=120)
     override = forms.CharField(label=_("Reason to book against the policy"), max_length=200, required=False)
@@ -337,6 +341,20 @@ class SlotForm(forms.Form):
     )
     person = forms.CharField(label=_("For another person: their user name"), required=False)
     override = forms.CharField(label=_("Reason to book against the policy"), max_length=200, required=False)
+    lesson_of = forms.ModelChoiceField(
+        Course.objects.none(),
+        label=_("For the course"),
+        to_field_name="slug",
+        required=False,
+        empty_label=_("no course"),
+    )
+    team = forms.CharField(
+        label=_("Together with (up to three user names, with commas)"), max_length=500, required=False
+    )
+    turn_min = forms.IntegerField(
+        label=_("Minutes per turn (empty: no turns)"), min_value=1, max_value=MOST_TURN_MIN, required=False
+    )
+    SHARING = ("lesson_of", "team", "turn_min")
 
     def __init__(
         self,
@@ -346,9 +364,14 @@ class SlotForm(forms.Form):
         overrides: bool,
         courses: Any = (),
         kept: tuple[datetime | None, datetime | None] = (None, None),
+        teaches: Any = (),
         **options: Any,
     ) -> None:
         super().__init__(*args, **options)
+        if teaches:
+            cast(forms.ModelChoiceField, self.fields["lesson_of"]).queryset = teaches  # type: ignore[type-arg]
+        else:
+            del self.fields["lesson_of"]
         if courses:
             cast(forms.ModelChoiceField, self.fields["course"]).queryset = courses  # type: ignore[type-arg]
         else:
@@ -363,6 +386,11 @@ class SlotForm(forms.Form):
             del self.fields["person"]
         if not overrides:
             del self.fields["override"]
+
+    @property
+    def usernames(self) -> list[str]:
+        """Return the user names of a team."""
+        return [name.strip() for name in self.cleaned_data.get("team", "").split(",") if name.strip()]
 
     @property
     def slot(self) -> Slot:

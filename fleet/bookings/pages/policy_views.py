@@ -165,6 +165,7 @@ def series(request: HttpRequest) -> HttpResponse:
         purpose=values["purpose"],
         override=override,
         course=values["course"],
+        turn_min=values["turn_min"],
     )
     text = _("Booked %(made)d slots; %(left)d were left out.") % {"made": len(made), "left": len(left)}
     messages.success(request, text)
@@ -210,10 +211,9 @@ def booking_report(request: HttpRequest) -> HttpResponse:
     whose = request.GET.get("person", "").replace("\0", "").strip()
     choice = robots_visible_to(person)
     robot = choice.filter(slug=request.GET.get("robot", "").replace("\0", "")).first()
-    only = Q(person__full_name__icontains=whose) | Q(person__username__icontains=whose) if whose else Q()
-    only &= Q(robot=robot) if robot else Q()
+    only = Q(robot=robot) if robot else Q()
     scope = ((), [term]) if term else (robots, courses)
-    rows = report(*scope, starts=starts, ends=ends, by=by, now=now, only=only)
+    rows = report(*scope, starts=starts, ends=ends, by=by, now=now, only=only, whose=whose)
     if request.GET.get("as") == "csv":
         answer = HttpResponse(content_type="text/csv; charset=utf-8")
         answer["Content-Disposition"] = f'attachment; filename="bookings-{by}-{first}-{last}.csv"'

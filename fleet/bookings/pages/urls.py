@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from fleet.bookings.pages import changes, holiday_views, news, policy_views, series_views, views
+from fleet.bookings.pages import changes, holiday_views, lesson, news, policy_views, series_views, views
 
 urlpatterns = [
     path("bookings/", views.bookings, name="bookings"),
@@ -34,4 +34,5 @@ urlpatterns = [
     path("bookings/changes/<uuid:change_id>/", changes.change, name="change"),
     path("bookings/changes/<uuid:change_id>/undo/", changes.change_undo, name="change-undo"),
     path("bookings/<uuid:booking_id>/", views.booking, name="booking"),
+    path("bookings/<uuid:booking_id>/lesson/", lesson.lesson, name="lesson"),
 ]

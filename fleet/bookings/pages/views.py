@@ -27,6 +27,8 @@ from fleet.bookings import services
 from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, waiting_leave
 from fleet.bookings.free_time import free_on_any
 from fleet.bookings.hours.quota_left import common_left, left_of
+from fleet.bookings.lessons.members import shares, teams_of
+from fleet.bookings.lessons.turns import leads
 from fleet.bookings.messages.ical import address_make, address_revoke, feed_of
 from fleet.bookings.models import Booking, FeedAddress, Holiday, State, Waiting
 from fleet.bookings.pages.calendar import calendar
@@ -145,6 +147,9 @@ def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], Rob
             slot=form.slot,
             purpose=form.cleaned_data["purpose"],
             course=form.cleaned_data.get("course"),
+            lesson_of=form.cleaned_data.get("lesson_of"),
+            team=services.team_named(form.usernames, robot, form.slot.starts_at),
+            turn_min=form.cleaned_data["turn_min"],
             override=form.cleaned_data.get("override", ""),
             now=timezone.now(),
             facts=facts,
@@ -315,6 +320,8 @@ def _booking_page(request: HttpRequest, found: Booking, error: BookingRefused | 
         "zone": viewers().key,
         "sessions": _sessions_of(found, person),
         "opens": robots_visible_to(person).filter(pk=found.robot_id).exists(),
+        "in_line": leads(person, found) or shares(found, person),
+        "team": teams_of([found]).get(found.pk, []) if row["person"] else [],
         "of_course": courses_managed_by(person).filter(bookings=found).first(),
     }
     return render(request, "bookings/booking.html", context, status=409 if error else 200)
@@ -356,7 +363,9 @@ def _form_options(person: User, robot: Robot | None = None) -> dict[str, Any]:
         visible, role = bookable_by(person)
         above = role is not None and role >= Role.SUPERVISOR
         overrides = above and robots_managed_by(person).exists()
-        return {"visible": visible, "supervises": above, "overrides": overrides}
+        teaches = courses_managed_by(person).filter(archived=False, ends_on__gte=lab_date())
+        options = {"visible": visible, "supervises": above, "overrides": overrides}
+        return {**options, "teaches": teaches if above else ()}
     manages = manages_robot(person, robot)
     return {"visible": {robot.pk}, "supervises": manages, "overrides": manages}
 

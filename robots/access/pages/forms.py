@@ -212,7 +212,7 @@ class CourseForm(PeopleForm, forms.ModelForm):  # type: ignore[type-arg]
 
     class Meta:
         model = Course
-        fields = ["name", "robots", "groups", "role", "starts_on", "ends_on", "at_once"]
+        fields = ["name", "robots", "groups", "role", "starts_on", "ends_on", "at_once", "lessons_count"]
         widgets = {
             "name": forms.TextInput(attrs={"autocomplete": "off"}),
             "robots": _CHOICES,
@@ -224,6 +224,7 @@ class CourseForm(PeopleForm, forms.ModelForm):  # type: ignore[type-arg]
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         course = self.instance
+        self.fields["lessons_count"].required = False
         if course.pk is None:
             self.initial.setdefault("starts_on", lab_date())
         else:

@@ -35,9 +35,12 @@ class Take(Struct, frozen=True, tag_field="t", tag="take"):
 
 
 class TakeOver(Struct, frozen=True, tag_field="t", tag="take_over"):
-    """Take control from its holder (supervisors and staff). The reason is recorded."""
+    """Take control from its holder (supervisors and staff). The reason is recorded.
 
-    reason: Annotated[str, Meta(min_length=3, max_length=200)]
+    With `Control.may_take_back` the reason may be empty, else it has three letters or more.
+    """
+
+    reason: Annotated[str, Meta(max_length=200)] = ""
 
 
 class Renew(Struct, frozen=True, tag_field="t", tag="renew"):
@@ -202,6 +205,21 @@ class Booked(Struct, frozen=True):
     seconds: float
 
 
+class Lesson(Struct, frozen=True):
+    """The shared booking that runs now, as its people and those who lead it see its line of turns."""
+
+    booking: str  # its id
+    name: str  # of the course, or of the person who booked for a team
+    leads: bool  # this person calls, skips, extends and holds the line
+    held: bool = False  # nobody is called now
+    turn: str | None = None  # the name of the person who is called, or drives in their turn
+    yours: bool = False  # this is this person
+    driving: bool = False  # the person of `turn` has begun
+    turn_s: float | None = None  # until the end of the turn; of a person who is called: to take control
+    place: int | None = None  # of this person in line, from 1
+    waiting: int = 0  # people in line
+
+
 class Control(Struct, frozen=True, tag_field="t", tag="control"):
     """The state of control, as this connection may see it. Sent on every change.
 
@@ -220,12 +238,14 @@ class Control(Struct, frozen=True, tag_field="t", tag="control"):
     ahead: int | None = None  # number of people before it in line
     offer_s: float | None = None  # for so long, only this person can take control
     may_take_over: bool = False  # this person may send `TakeOver`
+    may_take_back: bool = False  # ... with an empty reason: it is their slot, or they lead the lesson
     may_clear: bool = False  # this person may send `Clear`
     refusal: Refusal | None = None  # reason why this person may not take control now; None: allowed
     booked: Booked | None = None  # the present booking
     next_booked: Booked | None = None  # the next booking within a day
     # until the robot goes out of service and this person's control ends; None: not soon
     out_s: float | None = None
+    lesson: Lesson | None = None  # the shared booking with turns that runs now
 
 
 class FleetCard(Struct, frozen=True):

@@ -3,7 +3,13 @@
 import { make, makeButton, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 import { clockText, isLastCall, remaining } from "./lease.js";
-import { controlWords, isSlotFar, slotWarning, slotWords } from "./status/control_words.js";
+import {
+  controlWords,
+  isSlotFar,
+  lessonWords,
+  slotWarning,
+  slotWords,
+} from "./status/control_words.js";
 
 const UNKNOWN = { state: "unknown", requests: [] };
 // A press this soon after a request was meant for the button that was there before: people need longer to
@@ -86,11 +92,20 @@ export class ControlPanel extends EventTarget {
   #showSlot(sinceS) {
     setTextOrHide(this.#parts.slot, slotWords(this.#control, sinceS));
     mark(this.#parts.slot, "far", isSlotFar(this.#control, sinceS));
+    this.#showLesson(sinceS);
     const warning = slotWarning(this.#control, sinceS);
     const { atS = Infinity, ending = "", text = "" } = warning ?? {};
     if (atS < this.#warned.atS || (text && ending !== this.#warned.ending))
       this.dispatchEvent(new CustomEvent("warn", { detail: text }));
     this.#warned = { atS, ending };
+  }
+
+  #showLesson(sinceS) {
+    const { lesson, "lesson-words": words, "lesson-link": link } = this.#parts;
+    const { lesson: present } = this.#control;
+    show(lesson, Boolean(present));
+    setText(words, lessonWords(this.#control, sinceS));
+    if (present) link.href = `/bookings/${present.booking}/lesson/`;
   }
 
   /** Show the buttons of these actions. If this hides the focused button, a visible one gets the focus. */
@@ -141,6 +156,7 @@ export class ControlPanel extends EventTarget {
 
   #act(action) {
     if (action === "take_over") this.#takeOver.ask();
+    else if (action === "take_back") this.#choose({ t: "take_over", reason: "" });
     else this.#choose({ t: action });
   }
 

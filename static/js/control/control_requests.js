@@ -2,6 +2,7 @@
 
 import { FORGOTTEN_MS, PATIENCE_MS } from "../tasks/tasks.js";
 import { clockText } from "./lease.js";
+import { isInLesson } from "./status/control_words.js";
 
 /** The kinds of messages that are requests, each with its name. */
 function labels() {
@@ -41,7 +42,7 @@ function doneText(t, { holder, remaining_s: remainingS }) {
 }
 
 /** Return whether the current `control` answers the request. */
-function isDone(t, { state, asking = null, remaining_s: remainingS = 0 }, renewedS) {
+function isDone(t, { state, asking = null, lesson = null, remaining_s: remainingS = 0 }, renewedS) {
   switch (t) {
     case "take":
     case "take_over":
@@ -52,9 +53,9 @@ function isDone(t, { state, asking = null, remaining_s: remainingS = 0 }, renewe
     case "hand_over":
       return state !== "yours";
     case "ask":
-      return asking !== null;
+      return asking !== null || isInLesson(lesson);
     case "ask_cancel":
-      return asking === null;
+      return asking === null && !isInLesson(lesson);
     default:
       return false;
   }

@@ -23,6 +23,7 @@ from fleet.accounts.tokens.models import Scope
 from fleet.bookings import services
 from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, waiting_leave
 from fleet.bookings.free_time import ALTERNATIVES, free_on_any
+from fleet.bookings.lessons.members import shared_with, teams_of
 from fleet.bookings.models import Booking, Waiting
 from fleet.bookings.permissions import bookings_managed_by, shows_person
 from fleet.bookings.rules import Slot
@@ -70,6 +71,11 @@ class BookingEntry(Struct, frozen=True):
     offer_until: Time | None
     series: UUID | None  # null where `person` is null: its bookings to come name the person
     made_at: Time | None  # null where `person` is null, as `series`
+    shared: Literal["", "course", "people"]  # who may drive in it beside its person
+    lesson: str | None  # the name of the course that shares it
+    shared_with_you: bool
+    team: list[str]  # names; of bookings that you share or manage
+    turn_min: int | None  # length of a turn; null: no turns
 
 
 class BookingList(Struct, frozen=True):
@@ -165,7 +171,9 @@ class CancelAsked(Struct, frozen=True, forbid_unknown_fields=True):
 class BookRequest(Struct, frozen=True, forbid_unknown_fields=True):
     """A slot to book. `person`: for somebody else; `override`: why against the policy, for managers of the robot.
 
-    `course`: the one for which it counts; without it, the first whose quotas allow it.
+    `course`: the one for which it counts; without it, the first whose quotas allow it. `lesson_of`: a course that you
+    manage, whose people share the slot. `team`: user names of up to three people who share it. `turn_min`: they take
+    turns of so many minutes.
     """
 
     robot: Slug
@@ -175,6 +183,9 @@ class BookRequest(Struct, frozen=True, forbid_unknown_fields=True):
     person: Username | None = None
     override: Reason = ""
     course: Slug | None = None
+    lesson_of: Slug | None = None
+    team: Annotated[list[Username], Meta(max_length=20)] = []
+    turn_min: Annotated[int, Meta(ge=1, le=240)] | None = None
 
 
 class MoveRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -228,6 +239,8 @@ class BookingsBase(ApiView):
         policies, reader = policies_of({booking.robot for booking in found}), reader_of(person)
         listed = Booking.objects.filter(pk__in=[booking.pk for booking in found])
         managed = set(bookings_managed_by(person, listed).values_list("pk", flat=True))
+        shared = set(listed.filter(pk__in=shared_with(person).values("pk")).values_list("pk", flat=True))
+        teams = teams_of(found)
         entries = []
         for booking in found:
             stage = stage_of(booking, grace_of(policies[booking.robot_id]), now)
@@ -248,6 +261,10 @@ class BookingsBase(ApiView):
                     purpose=booking.purpose if shown else "",
                     series=booking.series if shown else None,
                     made_at=booking.made_at if shown else None,
+                    lesson=booking.lesson_of or None,
+                    shared_with_you=booking.pk in shared,
+                    team=teams.get(booking.pk, []) if knows or booking.pk in shared else [],
+                    shared=booking.shared,
                 )
             )
         return entries
@@ -279,7 +296,7 @@ class BookingsView(BookingsBase):
         if query.robot is not None:
             found = found.filter(robot=self.robot(query.robot))
         if query.person == ME:
-            found = found.filter(person=self.person)
+            found = found.filter(Q(person=self.person) | Q(pk__in=shared_with(self.person).values("pk")))
         elif query.person is not None:
             known = bookings_managed_by(self.person, Booking.objects.all()).values("pk").order_by()
             found = found.filter(Q(person=self.person) | Q(pk__in=known), person__username=query.person)
@@ -317,7 +334,10 @@ class BookingsView(BookingsBase):
         owner = self.person
         if body.person:
             owner = services.account_named(body.person, self.person, robot, slot.starts_at)
-        course = _course(body.course, owner)
+        course, lesson_of = _course(body.course, owner), None
+        if body.lesson_of is not None:
+            managed = courses_managed_by(self.person).filter(archived=False)
+            lesson_of = get_object_or_404(managed, slug=body.lesson_of)
         with _alternatives(), in_turn() as facts:
             booking = services.booking_make(
                 robot=robot,
@@ -327,6 +347,9 @@ class BookingsView(BookingsBase):
                 purpose=body.purpose,
                 override=body.override,
                 course=course,
+                lesson_of=lesson_of,
+                team=services.team_named(body.team, robot, slot.starts_at),
+                turn_min=body.turn_min,
                 now=now,
                 facts=facts,
             )

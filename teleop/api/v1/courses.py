@@ -47,6 +47,9 @@ class CourseEntry(Struct, frozen=True):
     people: int
 
 
+LessonsCount = Literal["nobody", "drivers"]
+
+
 class CourseList(Struct, frozen=True):
     """Courses that you manage: those that end last come first, archived ones at the end."""
 
@@ -76,6 +79,7 @@ class CourseDetail(CourseEntry, frozen=True):
     groups: list[str]
     supervisors: list[str]  # names
     quotas: Quotas
+    lessons_count: LessonsCount  # whose quotas lessons use
     qualifications: list[QualificationEntry]
 
 
@@ -167,6 +171,7 @@ class CourseRequest(Struct, frozen=True, forbid_unknown_fields=True):
     groups: Names = []
     supervisors: Names = []
     quotas: QuotasRequest = QuotasRequest()
+    lessons_count: LessonsCount = "nobody"  # or the minutes that each person drove
 
 
 class CourseChange(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -180,6 +185,7 @@ class CourseChange(Struct, frozen=True, forbid_unknown_fields=True, omit_default
     groups: Names | UnsetType = UNSET
     supervisors: Names | UnsetType = UNSET
     quotas: QuotasRequest | UnsetType = UNSET
+    lessons_count: LessonsCount | UnsetType = UNSET
     archived: bool | UnsetType = UNSET
 
 
@@ -260,7 +266,9 @@ class CoursesBase(SetupView):
             lists["supervisors"] = [account_named(name) for name in dict.fromkeys(body.supervisors)]
         if not lists["robots"] and not lists["groups"]:
             raise Problem(_NO_ROBOT)
-        plain = {name: getattr(body, name) for name in ("name", "starts_on", "ends_on", "role")}
+        plain = {
+            name: getattr(body, name) for name in ("name", "starts_on", "ends_on", "role", "lessons_count")
+        }
         quotas = structs.asdict(body.quotas) if isinstance(body.quotas, QuotasRequest) else {}
         for name, value in (plain | quotas).items():
             if value is not UNSET:

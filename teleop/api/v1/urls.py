@@ -5,7 +5,7 @@ No address ends with a slash: with a slash, the client is redirected.
 
 from django.urls import path, re_path
 
-from teleop.api.v1 import bookings, courses, events, index, own_data, records, unknown_address, views
+from teleop.api.v1 import bookings, courses, events, index, lessons, own_data, records, unknown_address, views
 from teleop.api.v1.maps import maps, places
 from teleop.api.v1.robot import (
     cameras,
@@ -126,6 +126,12 @@ urlpatterns = [
     path("bookings/<uuid:booking_id>/hand-over", bookings.HandBookingView.as_view()),
     path("bookings/<uuid:booking_id>/approve", bookings.ApproveView.as_view()),
     path("bookings/<uuid:booking_id>/accept", bookings.AcceptView.as_view()),
+    path("bookings/<uuid:booking_id>/lesson", lessons.LessonView.as_view()),
+    path("bookings/<uuid:booking_id>/lesson/line", lessons.JoinView.as_view()),
+    path("bookings/<uuid:booking_id>/lesson/call", lessons.CallView.as_view()),
+    path("bookings/<uuid:booking_id>/lesson/everybody", lessons.FillView.as_view()),
+    path("bookings/<uuid:booking_id>/lesson/hold", lessons.HoldView.as_view()),
+    path("bookings/<uuid:booking_id>/lesson/turns/<int:turn_id>", lessons.TurnView.as_view()),
     path("waiting", bookings.WaitingView.as_view()),
     path("waiting/<int:number>", bookings.WaitingOneView.as_view()),
     path("courses", courses.CoursesView.as_view()),

@@ -34,6 +34,7 @@ from teleop.api.v1.framework.idempotency import remove_old_answers
 from teleop.control import lease_checks, line, services
 from teleop.control.changes import ControlRefused
 from teleop.control.selectors import held_leases
+from teleop.control.turns import turns_settle_all
 from teleop.records import camera_audit
 from teleop.reports import session_maps
 from teleop.webhooks.delivery import remove_old_deliveries
@@ -90,6 +91,7 @@ class Command(BaseCommand):
                 daily.work_a_little()
                 notifications.write_reminders(timezone.now())
                 waiting.keep_waiting_lists(timezone.now())
+                turns_settle_all(timezone.now())
                 if posted is None or posted.done():
                     posted = post.submit(_send_notifications)
                 webhooks.step()

@@ -82,6 +82,11 @@ def test_a_program_books_moves_and_cancels(robot, operator, program):
         "offer_until": None,
         "series": None,
         "made_at": made.data["made_at"],
+        "shared": "",
+        "lesson": None,
+        "shared_with_you": False,
+        "team": [],
+        "turn_min": None,
     }
     moved = api("PATCH", address, {"ends_at": words(hour(3))}, If_Match='"1"')
     assert (moved.status_code, moved["ETag"], moved.data["ends_at"]) == (200, '"2"', words(hour(3)))

@@ -99,6 +99,9 @@ BOUNDED_OTHERWISE = {
         "policy.remove",
         "robot.back_in_service",
         "camera.end",
+        "turn.go_on",
+        "turn.leave",
+        "turn.skip",
     ),
     "their own rates": (
         "account.sign_in",
@@ -110,6 +113,7 @@ BOUNDED_OTHERWISE = {
     "the console itself, or the robot": (
         "control.offer",
         "booking.no_show",
+        "turn.miss",
         "booking.offer",
         "booking.offer_over",
         "fault",

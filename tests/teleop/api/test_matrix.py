@@ -126,6 +126,15 @@ SERIES = (
 OWN_STAY = (everywhere("200")[0], *seen("200")[1:])
 
 
+# The line of a team: of one's own; of a student, whom the teacher leads; of a stranger.
+LED = (
+    "200 200 not_found 200 200",
+    "not_in_lesson not_in_lesson 200 not_found 200",
+    "not_found not_found not_found not_found 200",
+)
+TAUGHT = tuple(line.replace("not_in_lesson", "not_teacher") for line in LED)
+
+
 @dataclass(frozen=True)
 class Row:
     """An operation: scopes, request, results. The object of person and place replaces `{...}` in the path."""
@@ -302,6 +311,23 @@ TABLE: dict[str, Row] = {
             "not_found not_found not_found not_found offer_over",
         ),
     ),
+    "lesson_read": Row(READ, "/bookings/{team}/lesson", LED),
+    "lesson_join": Row(
+        BOOK,
+        "/bookings/{team}/lesson/line",
+        (
+            "200 200 not_found 200 200",
+            "not_in_lesson not_in_lesson not_in_lesson not_found not_in_lesson",
+            "not_found not_found not_found not_found not_in_lesson",
+        ),
+    ),
+    "lesson_leave": Row(BOOK, "/bookings/{team}/lesson/line", LED),
+    "lesson_call": Row(BOOK, "/bookings/{team}/lesson/call", TAUGHT, {"username": "{turns}"}),
+    "lesson_fill": Row(BOOK, "/bookings/{team}/lesson/everybody", TAUGHT),
+    "lesson_take_back": Row(BOOK, "/bookings/{team}/lesson/hold", TAUGHT),
+    "lesson_give_back": Row(BOOK, "/bookings/{team}/lesson/hold", TAUGHT),
+    "lesson_extend": Row(BOOK, "/bookings/{team}/lesson/turns/{turn}", TAUGHT, {"minutes": 5}),
+    "lesson_skip": Row(BOOK, "/bookings/{team}/lesson/turns/{turn}", TAUGHT),
     "waiting_list": Row(READ, "/waiting", everywhere("200")),
     "waiting_join": Row(
         BOOK,
@@ -604,6 +630,10 @@ class Lab:
         weekly = self._booking(robot, owner, course, State.BOOKED, **later)
         Booking.objects.filter(pk=weekly.pk).update(series=weekly.pk)
         weekly.series = weekly.pk
+        later = {key: at + timedelta(days=160) for key, at in times.items()}
+        team = self._booking(robot, owner, course, State.BOOKED, **later)
+        Booking.objects.filter(pk=team.pk).update(shared="people", turn_min=10)
+        turn = team.turns.create(person=owner, number=1)
         waiting = Waiting.objects.create(robot=robot, person=owner, since=timezone.now(), **times)
         session = ControlSession.objects.create(
             robot=robot, user=owner, fence=self._number, started_at=timezone.now(), ended_at=timezone.now()
@@ -637,6 +667,9 @@ class Lab:
             "change": str(change.pk),
             "awaiting": str(awaiting.pk),
             "offered": str(offered.pk),
+            "team": str(team.pk),
+            "turn": str(turn.pk),
+            "turns": owner.username,
             "waiting": str(waiting.pk),
             "session": str(session.pk),
             "task": str(task.pk),

@@ -11,7 +11,7 @@ from fleet.bookings.schedule import schedule_of
 from fleet.bookings.services import booking_approve, booking_cancel, booking_make
 from robots.registry.models import Role
 from robots.shared.wire import Refusal
-from teleop.control import line, services
+from teleop.control import services
 from teleop.control.lease_checks import Tab
 from teleop.control.rules import Subject, permit_for, schedule_for
 from teleop.control.selectors import end_notes, lease_of
@@ -122,19 +122,6 @@ def test_a_supervisor_takes_a_slot_over_with_a_reason(robot, operator, superviso
     record = Record.objects.get(kind="control.take_over")
     assert record.parameters["holder"] == str(operator.id)
     assert record.content.text == "fire drill"
-
-
-def test_handing_over_hands_the_rest_of_the_slot(robot, operator, second_operator):
-    book(robot, operator, 0)
-    take(robot, operator, at(1))
-    ask = {"robot_id": robot.id, "user_id": second_operator.id, "tab": tab(second_operator), "now": at(1.1)}
-    request = line.line_join(**ask)
-    take(robot, operator, at(1.1), services.lease_hand_over, request_id=request)
-    assert lease_of(robot.id).user == second_operator.id
-    used, rest = Booking.objects.order_by("starts_at")
-    assert (used.person, used.held_until, used.ends_at) == (operator, at(1.1), at(1.1))
-    assert (rest.person, rest.starts_at, rest.ends_at) == (second_operator, at(1.1), at(60))
-    assert lease_of(robot.id).term_ends_at == at(60)
 
 
 def test_an_out_of_service_period_stops_all_but_supervisors(robot, operator, supervisor):

@@ -240,7 +240,7 @@ def test_handover_gives_control_to_the_page_that_asked(robot, operator, second_o
 def test_handover_to_a_withdrawn_request_is_refused(robot, operator, second_operator):
     take(robot, operator)
     number = ask(robot, second_operator)
-    line.line_leave(robot_id=robot.id, connection="second-connection")
+    line.line_leave(robot_id=robot.id, user_id=second_operator.id, connection="second-connection", now=NOW)
     assert refused(hand_over, robot, operator, number).code == "no_such_request"
 
 
@@ -354,7 +354,9 @@ def test_outcome_of_a_request_is_recorded(outcome, robot, operator, second_opera
             RobotRole.objects.filter(user=second_operator).delete()
             assert not line.offer_next(robot_id=robot.id, now=NOW)
         case _:
-            line.line_leave(robot_id=robot.id, connection=asker.connection)
+            line.line_leave(
+                robot_id=robot.id, user_id=second_operator.id, connection=asker.connection, now=NOW
+            )
     ask, answer = Record.objects.filter(kind="control.ask").order_by("id")
     assert (ask.actor_id, ask.outcome) == (str(second_operator.pk), "")
     assert (answer.of_id, answer.outcome, answer.session_id) == (ask.pk, outcome, ask.session_id)

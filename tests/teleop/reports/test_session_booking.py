@@ -52,7 +52,8 @@ def test_a_session_shows_its_booking_and_its_line(robot, operator, second_operat
     )
     later = signed_in(second_operator).get(f"/sessions/{given.session}/").content.decode()
     assert "control asked for" in later
-    assert "booking handed to another person" in later
+    later = signed_in(supervisor).get(f"/sessions/{given.session}/").content.decode()
+    assert "guest of a booking by a hand-over of control" in later
 
 
 def test_a_session_in_another_persons_slot_leads_to_it(robot, operator, supervisor, signed_in):

@@ -17,12 +17,13 @@ function holder(control) {
  * @param {number | null} offerS seconds for which a free robot is offered to this person
  * @param {boolean} stale the page has no news of the robot
  * @returns {{headline: string, reason: string, actions: string[]}}
- *   actions: take, take_over, renew, release, ask, ask_cancel; the first is the most likely one
+ *   actions: take, take_back, take_over, renew, release, ask, ask_cancel; the first is the most likely one
  */
 export function controlWords(control, resumableS = null, offerS = null, stale = false) {
   const reason = control.refusal?.text ?? "";
-  const force = control.may_take_over ? ["take_over"] : [];
-  const question = control.asking === null || control.asking === undefined ? "ask" : "ask_cancel";
+  const force = control.may_take_back ? ["take_back"] : control.may_take_over ? ["take_over"] : [];
+  const asks = (control.asking ?? null) !== null || isInLesson(control.lesson);
+  const question = asks ? "ask_cancel" : "ask";
   switch (control.state) {
     case "unknown":
       return { headline: gettext("Control is not known"), reason: "", actions: [] };
@@ -38,7 +39,10 @@ export function controlWords(control, resumableS = null, offerS = null, stale = 
         };
       return {
         headline: gettext("Nobody has control"),
-        reason: question === "ask_cancel" ? `${placeWords(control)} ${reason}`.trim() : reason,
+        reason:
+          question === "ask_cancel" && !control.lesson
+            ? `${placeWords(control)} ${reason}`.trim()
+            : reason,
         actions: reason ? [...(mayWait(control) ? [question] : []), ...force] : ["take"],
       };
     case "yours":
@@ -65,15 +69,50 @@ export function controlWords(control, resumableS = null, offerS = null, stale = 
     default:
       return {
         headline: interpolate(gettext("%s has control"), [holder(control)]),
-        reason: question === "ask_cancel" ? placeWords(control) : "",
+        reason: question === "ask_cancel" && !control.lesson ? placeWords(control) : "",
         actions: [question, ...force],
       };
   }
 }
 
+/** Return whether this person has a turn in the present lesson, or waits for one. */
+export function isInLesson(lesson) {
+  return Boolean(lesson && (lesson.yours || (lesson.place ?? null) !== null));
+}
+
+/**
+ * Return a text about the lesson that runs now, for its people and who leads it; empty if there is none.
+ * @param {number} sinceS seconds since `control` came
+ */
+export function lessonWords({ state, lesson }, sinceS) {
+  if (!lesson) return "";
+  const left = clockText(Math.max((lesson.turn_s ?? 0) - sinceS, 0));
+  if (lesson.yours)
+    return lesson.driving
+      ? interpolate(gettext("Your turn: %s left"), [left])
+      : interpolate(gettext("Your turn: take control within %s"), [left]);
+  const words = [];
+  if (lesson.held) words.push(gettext("The line is held."));
+  else if (lesson.turn && state !== "yours")
+    words.push(
+      interpolate(
+        lesson.driving ? gettext("%s drives, %s left.") : gettext("%s is called, %s left."),
+        [lesson.turn, left],
+      ),
+    );
+  if (lesson.place) words.push(interpolate(gettext("Your place in line: %s."), [lesson.place]));
+  else if (lesson.leads)
+    words.push(
+      interpolate(ngettext("%s person waits.", "%s people wait.", lesson.waiting), [
+        lesson.waiting,
+      ]),
+    );
+  return words.join(" ");
+}
+
 /** Return whether waiting in line helps: others may take control now, and this person later. */
 function mayWait({ refusal }) {
-  return ["next_in_line", "booked"].includes(refusal?.code);
+  return ["next_in_line", "booked", "not_your_turn"].includes(refusal?.code);
 }
 
 /** This person's place in line. */

@@ -41,12 +41,19 @@ _NOT_YOURS = Refusal("no_lease", "This program does not have control: take it fi
 
 Wanted = Callable[[Any], bool]
 
+
+def _is_in_line(control: Control) -> bool:
+    """Return whether the program waits for control, or in the line of a lesson."""
+    lesson = control.lesson
+    return control.ahead is not None or (lesson is not None and (lesson.yours or lesson.place is not None))
+
+
 # Which `Control` shows that a request was carried out. Requests of others also cause `Control` messages.
 _CARRIED_OUT: dict[type, Callable[[Control], bool]] = {
     **dict.fromkeys((wire.Take, wire.TakeOver, wire.Renew), lambda control: control.state == "yours"),
     **dict.fromkeys((wire.Release, wire.HandOver), lambda control: control.state != "yours"),
-    wire.Ask: lambda control: control.state == "yours" or control.ahead is not None,
-    wire.AskCancel: lambda control: control.ahead is None,
+    wire.Ask: lambda control: control.state == "yours" or _is_in_line(control),
+    wire.AskCancel: lambda control: not _is_in_line(control),
 }
 
 

@@ -59,9 +59,10 @@ class ControlEntry(Struct, frozen=True):
 
 
 class TakeControl(Struct, frozen=True, forbid_unknown_fields=True):
-    """With `reason`, a supervisor takes over from the holder."""
+    """With `reason`, a supervisor takes over from the holder. The owner of the slot, or who leads the lesson, takes
+    control back with an empty one."""
 
-    reason: Annotated[str, Meta(min_length=3, max_length=200)] | None = None
+    reason: Annotated[str, Meta(max_length=200)] | None = None
 
 
 class HandOver(Struct, frozen=True, forbid_unknown_fields=True):
@@ -162,7 +163,7 @@ class ControlView(ProgramView):
         connection = self.connection(self.robot(slug))
         if connection.fence is not None:
             return _entry(connection.control)
-        message = wire.TakeOver(body.reason) if body.reason else wire.Take()
+        message = wire.Take() if body.reason is None else wire.TakeOver(body.reason)
         return _entry(async_to_sync(connection.change)(message))
 
     @_control("control_release", "Release control")

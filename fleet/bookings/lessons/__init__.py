@@ -1,0 +1,1 @@
+"""Bookings that several people share: their members, and the line of people who take turns."""
