@@ -138,5 +138,17 @@ class SignInAttempt(models.Model):
         return self.at.isoformat()
 
 
+class Erasure(models.Model):
+    """A person who will be erased for good. The account is closed; see `erasing`."""
+
+    person = models.OneToOneField(User, on_delete=models.CASCADE, related_name="erasure")
+    asked_by = models.ForeignKey(User, on_delete=models.CASCADE, related_name="+")
+    asked_at = models.DateTimeField()
+    claimed_at = models.DateTimeField(null=True, blank=True)  # a housekeeping process erases the person now
+
+    def __str__(self) -> str:
+        return str(self.person_id)
+
+
 # The app's other models.
 from fleet.accounts.tokens.models import Token  # noqa: E402, F401 - after User, which it names

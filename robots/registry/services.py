@@ -46,9 +46,28 @@ def robot_save(*, robot: Robot, actor: Actor) -> Robot:
     return robot
 
 
+@transaction.atomic
+def robot_copy(*, robot: Robot, name: str, slug: str, actor: Actor) -> Robot:
+    """Make a robot with the same settings, disabled. Roles, phrases and topics are not copied."""
+    own = {"id", "name", "slug", "enabled", "bridge_address", "fence", "updated_at"}
+    same = {
+        field.attname: getattr(robot, field.attname)
+        for field in robot._meta.concrete_fields
+        if field.name not in own
+    }
+    return robot_save(robot=Robot(name=name, slug=slug, enabled=False, **same), actor=actor)
+
+
+@transaction.atomic
+def robot_delete(*, robot: Robot, actor: Actor) -> None:
+    """Delete a robot for good. Raises `ProtectedError`: it was booked or driven, so the log refers to it."""
+    robot.deleted_by = actor
+    robot.delete()
+
+
 def robot_deleted(robot: Robot) -> None:
-    """Record that the account that runs this process deleted a robot, and drop the robot's pending stops."""
-    record("robot.delete", actor=here(), **named(robot), parameters=_entered(robot))
+    """Record who deleted a robot, or the account that runs this process, and drop the robot's pending stops."""
+    record("robot.delete", actor=robot.deleted_by or here(), **named(robot), parameters=_entered(robot))
     transaction.on_commit(partial(courier.forget, robot.id))
 
 

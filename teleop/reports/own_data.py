@@ -8,7 +8,7 @@ from __future__ import annotations
 import heapq
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 from enum import Enum
 from itertools import chain, islice
@@ -137,10 +137,31 @@ def _visible_details(record: Record, user: User) -> dict[str, Any]:
 
 def export_of(user: User) -> exports.ExportResponse:
     """Return all of the person's data as a file. Raises `AuditUnavailable`: an export must be recorded first."""
-    wanted = _own_records(user)
-    own = exports.records(Selection(wanted), exports.Format.JSON_LINES)
-    content = own._replace(pieces=chain(own.pieces, _lines_about(user, zones.viewers())))
-    return exports.response(content, wanted, actor=user, name="your-data")
+    content = exports.Content(exports.Format.JSON_LINES, "", _whole_data(user, zones.viewers()))
+    return exports.response(content, _own_records(user), actor=user, name="your-data")
+
+
+def export_of_many(people: Sequence[User], *, actor: User) -> exports.ExportResponse:
+    """Return the data of these people as a file: a line with the account, then the lines of `export_of`."""
+    zone = zones.viewers()
+
+    def pieces() -> Iterator[tuple[str, int]]:
+        for person in people:
+            account = {"account": str(person.pk), "name": person.full_name}
+            account |= {
+                name: getattr(person, name) for name in ("username", "email", "time_zone", "language")
+            }
+            yield f"{json.dumps(account, ensure_ascii=False)}\n", 1
+            yield from _whole_data(person, zone)
+
+    content = exports.Content(exports.Format.JSON_LINES, "", pieces())
+    keys = [str(person.pk) for person in people]
+    return exports.response(content, Wanted(), actor=actor, name="people", people=keys)
+
+
+def _whole_data(user: User, zone: ZoneInfo) -> Iterator[tuple[str, int]]:
+    own = exports.records(Selection(_own_records(user)), exports.Format.JSON_LINES)
+    return chain(own.pieces, _lines_about(user, zone))
 
 
 def _lines_about(user: User, zone: ZoneInfo) -> Iterator[tuple[str, int]]:

@@ -170,8 +170,13 @@ def table(columns: Sequence[str], chunks: Iterable[list[Facts]], format_: Format
     return _json_lines(chunks)
 
 
-def response(content: Content, wanted: Wanted, *, actor: AbstractUser, name: str) -> ExportResponse:
-    """Return the file as a response. Raises `AuditUnavailable` if the export cannot be recorded."""
+def response(
+    content: Content, wanted: Wanted, *, actor: AbstractUser, name: str, people: Sequence[str] = ()
+) -> ExportResponse:
+    """Return the file as a response. Raises `AuditUnavailable` if the export cannot be recorded.
+
+    `people`: the identifiers of those whose data it contains, if it is about several.
+    """
     asked = {key: value for key, value in asdict(wanted).items() if value and key != "words"}
     begun = record(
         "audit.export",
@@ -180,6 +185,7 @@ def response(content: Content, wanted: Wanted, *, actor: AbstractUser, name: str
             "list": name,
             "format": content.format.value,
             **{key: str(value) for key, value in asked.items()},
+            **({"people": list(people)} if people else {}),
         },
         private={"words": " ".join(wanted.words)} if wanted.words else None,
     )

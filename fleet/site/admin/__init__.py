@@ -1,3 +1,4 @@
-"""The admin of robots and profiles. It lies here because it joins registry, access and supervisor."""
+"""The admin of robots, profiles and people. It lies here because it joins registry, access, supervisor and reports."""
 
+from fleet.site.admin import people as people
 from fleet.site.admin import robots as robots

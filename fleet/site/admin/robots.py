@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from itertools import count
 from typing import Any, ClassVar
 
 from django import forms
 from django.conf import settings
 from django.contrib import admin, messages
+from django.core.serializers.json import DjangoJSONEncoder
 from django.db import models
-from django.db.models import QuerySet
+from django.db.models import ProtectedError, QuerySet
 from django.forms import ModelForm
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
@@ -140,6 +142,7 @@ class RobotAdmin(RecordedAdmin):
     readonly_fields = ["bridge_state", "check_link", "lists", "updated_at"]
     form = RobotForm
     formfield_overrides = READABLE
+    actions = ["copy_robots", "export_robots", "delete_robots"]
     inlines = [RoleInline, AllowanceInline]
     fieldsets = [
         (
@@ -183,6 +186,47 @@ class RobotAdmin(RecordedAdmin):
             },
         ),
     ]
+
+    @admin.action(description=_("Copy: the same settings, disabled"))
+    def copy_robots(self, request: HttpRequest, queryset: QuerySet[Robot]) -> None:
+        """Make a copy of each robot."""
+        for robot in queryset:
+            numbers = (gettext("%(name)s copy %(n)d") % {"name": robot.name[:60], "n": n} for n in count(1))
+            name = next(one for one in numbers if not Robot.objects.filter(name__iexact=one).exists())
+            copy = services.robot_copy(
+                robot=robot, name=name, slug=free_slug(Robot, name), actor=person_of(request)
+            )
+            self.message_user(request, gettext("%s is made. Change its address, then enable it.") % copy.name)
+
+    @admin.action(description=_("Export the settings (JSON)"))
+    def export_robots(self, request: HttpRequest, queryset: QuerySet[Robot]) -> HttpResponse:
+        """Return the settings of each robot, as the registry has them."""
+        fields = [*(field for part in self.fieldsets for field in part[1]["fields"]), "id"]
+        columns = [one for one in Robot._meta.concrete_fields if one.name in fields]
+        found = [
+            {one.name: one.value_from_object(robot) for one in columns} | {"profile": robot.profile.slug}
+            for robot in queryset.select_related("profile")
+        ]
+        text = json.dumps(found, cls=DjangoJSONEncoder, indent=2, ensure_ascii=False)
+        answer = HttpResponse(text, content_type="application/json")
+        answer["Content-Disposition"] = 'attachment; filename="robots.json"'
+        return answer
+
+    @admin.action(description=_("Delete for good, if never booked or driven"))
+    def delete_robots(self, request: HttpRequest, queryset: QuerySet[Robot]) -> None:
+        """Delete disabled robots that nothing refers to."""
+        for robot in queryset:
+            if robot.enabled:
+                text = gettext("%s is enabled: take it out of service first.")
+                self.message_user(request, text % robot.name, messages.ERROR)
+                continue
+            try:
+                services.robot_delete(robot=robot, actor=person_of(request))
+            except ProtectedError:
+                text = gettext("%s was booked or driven: it stays, because the log refers to it.")
+                self.message_user(request, text % robot.name, messages.ERROR)
+            else:
+                self.message_user(request, gettext("%s is deleted.") % robot.name)
 
     @admin.display(description=_("bridge"))
     def bridge_state(self, robot: Robot) -> str:

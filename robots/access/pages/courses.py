@@ -163,6 +163,12 @@ def _do(request: HttpRequest, course: Course, values: dict[str, Any]) -> str:
             text = _(
                 "No e-mail is sent: all whom you chose have a password, no e-mail address, or a closed account."
             )
+    elif action == "copy":
+        target = get_object_or_404(_managed(request), slug=request.POST.get("to", ""))
+        numbers = dict(course.enrolments.values_list("person_id", "number"))
+        count = enrolment.enrol(course=target, people=people, actor=actor, numbers=numbers)
+        facts["course"] = target.name
+        text = ngettext("%(n)d person is also in %(course)s.", "%(n)d people are also in %(course)s.", count)
     elif facts["qualification"] is None:
         count, text = 0, _("The robots of this course demand no qualification.")
     elif action == "grant":
@@ -353,6 +359,7 @@ def _course_page(
         "waiting": sum(one.person.is_active and not one.person.has_usable_password() for one in enrolments),
         "refused": sum(one.person.email_refused_at is not None for one in enrolments),
         "qualifications": qualifications,
+        "others": _managed(request).filter(archived=False).exclude(pk=found.pk),
         "action": ActionForm(course=found, qualifications=qualifications),
         "invitations": [
             one for one in found.invitations.all() if enrolment.check_invitation(one, now) is None

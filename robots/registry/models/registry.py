@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable, Collection
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 from django.conf import settings
@@ -310,6 +310,7 @@ class Robot(models.Model):
         ),
     )
 
+    deleted_by: Any = None  # the person who deletes this robot next; None: the command line
     fence = models.BigIntegerField("highest fence", default=0, editable=False)
     updated_at = models.DateTimeField(_("last saved"), auto_now=True)
 

@@ -20,6 +20,7 @@ from django.core.management.base import BaseCommand, CommandParser
 from django.db import DatabaseError, close_old_connections
 from django.utils import timezone
 
+from fleet.accounts.erasing import erase_next
 from fleet.accounts.tokens.services import remove_expired_tokens
 from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
@@ -71,13 +72,16 @@ class Command(BaseCommand):
             end_lapsed()
             lost_rights.bookings_free_lost(None, timezone.now())
             store_no_shows(timezone.now())
+            _erase()
             for _ in daily_steps():
                 pass
             return
         over = end_event(sys.stdin.fileno(), END_S)
         daily, robots, webhooks = DailyWork(), RobotWatch(), WebhookWorker()
-        post = ThreadPoolExecutor(max_workers=1)  # a mail server that hangs must not delay the ends of leases
+        # A mail server that hangs must not delay the ends of leases, nor a long log in which a person is erased
+        post, eraser = ThreadPoolExecutor(max_workers=1), ThreadPoolExecutor(max_workers=1)
         posted: Future[int] | None = None
+        erased: Future[None] | None = None
         looked_s = float("-inf")
         while not over.wait(EVERY_S):
             try:
@@ -94,10 +98,23 @@ class Command(BaseCommand):
                 turns_settle_all(timezone.now())
                 if posted is None or posted.done():
                     posted = post.submit(_send_notifications)
+                if erased is None or erased.done():
+                    erased = eraser.submit(_erase)
                 webhooks.step()
             except (DatabaseError, AuditUnavailable) as error:
                 log.error("Housekeeping failed and is tried again: %s", error)
             close_old_connections()
+
+
+def _erase() -> None:
+    """Erase people in a separate thread."""
+    try:
+        while erase_next(timezone.now()):
+            pass
+    except (DatabaseError, AuditUnavailable) as error:
+        log.error("People are not erased now: %s", error)
+    finally:
+        close_old_connections()
 
 
 def _send_notifications() -> int:

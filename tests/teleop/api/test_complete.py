@@ -151,6 +151,8 @@ FOR_PEOPLE: dict[str, str] = {
     "course-links": ACCOUNT,
     "person-link": ACCOUNT,
     "mail": "a person looks into a mailbox",
+    "people-export": "data of other people: a person looks whose",
+    "people-erase": "nobody can undo it: a person looks whom",
     "sign-in-rules": "set once, beside the settings of the organisation's provider",
     "setup": "before there is an account",
     "setup-robot": "the first steps in a browser; `POST /registry` does the same",
