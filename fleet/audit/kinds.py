@@ -104,6 +104,8 @@ KINDS: dict[str, Kind] = {
     "turn.extend": Kind(_("turn extended")),
     "turn.hold": Kind(_("robot taken back from the line of a lesson")),
     "turn.go_on": Kind(_("robot given back to the line of a lesson")),
+    "booking.hand_ask": Kind(_("colleague asked to take a booking")),
+    "booking.hand_end": Kind(_("offer of a booking to a colleague ended")),
     "booking.approve": Kind(_("booking approved")),
     "booking.restore": Kind(_("booking given back")),
     "booking.cancel": Kind(_("booking cancelled")),

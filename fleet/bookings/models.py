@@ -431,3 +431,41 @@ class Change(models.Model):
 
     def __str__(self) -> str:
         return f"{self.kind}: {self.about}"
+
+
+class HandOffer(models.Model):
+    """A booking that its person wants to hand to a colleague. It moves, and counts for quotas, if they accept."""
+
+    class Outcome(models.TextChoices):
+        """How it ended."""
+
+        ACCEPTED = "accepted"
+        DECLINED = "declined"
+        WITHDRAWN = "withdrawn"
+        LAPSED = "lapsed"
+
+    id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
+    booking = models.ForeignKey(Booking, on_delete=models.CASCADE, related_name="hand_offers")
+    version = models.PositiveIntegerField()  # of the booking: a booking that changes since is not handed over
+    by = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="+")
+    # None: whoever opens the link first. Only the digest of its code is stored.
+    to = models.ForeignKey(
+        settings.AUTH_USER_MODEL, null=True, on_delete=models.CASCADE, related_name="hand_offers"
+    )
+    digest = models.CharField(max_length=64, blank=True, default="")
+    made_at = models.DateTimeField()
+    until = models.DateTimeField()
+    outcome = models.CharField(max_length=16, choices=Outcome, blank=True, default="")  # empty: it is open
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(
+                fields=["booking"], condition=Q(outcome=""), name="one_open_hand_offer_per_booking"
+            ),
+            models.UniqueConstraint(
+                fields=["digest"], condition=~Q(digest=""), name="one_hand_offer_per_link"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.booking} to {self.to or 'whoever has the link'}"

@@ -8,13 +8,13 @@ is offered to the people who wait for it (`settling`) before anybody else can bo
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
 
 from django.db import IntegrityError, connection, transaction
-from django.db.models import Count, F
+from django.db.models import Count, F, Q
 from django.dispatch import Signal
 from django.utils.translation import gettext as _
 from msgspec import structs
@@ -62,11 +62,13 @@ from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 
 LENGTHENED_BY = timedelta(minutes=15)
-# Housekeeping notes that nobody used a slot, from 14 hours to three days after the slot's end. If a computer
-# starts with its clock set to local time instead of UTC, the clock is at most 14 hours ahead. Slots that have
-# not begun must not be freed then.
+# Housekeeping notes that nobody used a slot as soon as its grace time is over, if it has watched the clock since before
+# the slot began. It cannot know that of earlier slots: if a computer starts with its clock set to local time instead of
+# UTC, the clock is at most 14 hours ahead, and slots that have not begun must not be freed. So it notes those later,
+# until three days after their end. `restore_unbegun` puts right what was noted before a clock was set back.
 NOTED_AFTER = timedelta(hours=14)
 NOTED_UNTIL = timedelta(days=3)
+LEAST_GRACE = timedelta(minutes=5)  # of any policy
 CANCELLED_KEPT = timedelta(days=400)  # the report of a term counts cancelled bookings
 MOST_CANCELLED = 500  # of one person
 REMOVED_AT_ONCE = 10_000
@@ -114,7 +116,7 @@ _STALE = Refusal(
     "This booking was changed meanwhile, in another tab or by the staff. Look at it again.",
     "booking",
 )
-_NOT_YOURS = Refusal(
+NOT_YOURS = Refusal(
     "not_yours",
     "Only its owner, a supervisor of the robot or of the booking’s course, or staff may change it.",
     "account",
@@ -206,7 +208,7 @@ def colleague_named(username: str, actor: User, booking: Booking) -> User:
     """
     manages = may_manage_booking(actor, booking)
     if booking.person_id != actor.pk and not manages:
-        raise BookingRefused([_NOT_YOURS])
+        raise BookingRefused([NOT_YOURS])
     found = User.objects.filter(username=username, is_active=True).first()
     role = role_on(found, booking.robot, booking.starts_at) if found else None
     drives = role is not None and role >= Role.OPERATOR
@@ -315,8 +317,8 @@ def booking_move(
 
     `robot`: another robot, which the caller has locked together with the booking's own.
     """
-    with _changeable(booking_id, actor, version, now) as booking:
-        _require_accepted(booking)
+    with changeable(booking_id, actor, version, now) as booking:
+        require_accepted(booking)
         if now >= booking.starts_at:  # the booking runs: its start cannot change
             slot = Slot(booking.starts_at, slot.ends_at)
         before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
@@ -370,7 +372,7 @@ def booking_cancel(
     Raises `BookingRefused`.
     """
     require_readable(reason)
-    with _changeable(booking_id, actor, version, now) as booking:
+    with changeable(booking_id, actor, version, now) as booking:
         if (refusal := _late_to_cancel(booking, actor, now)) is not None:
             raise BookingRefused([refusal])
         begun = now > booking.starts_at and booking.state not in NOT_YET
@@ -387,8 +389,8 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
 
     Of a slot that runs, hand the rest, as a new booking.
     """
-    with _changeable(booking_id, actor, version, now) as booking:
-        _require_accepted(booking)
+    with changeable(booking_id, actor, version, now) as booking:
+        require_accepted(booking)
         if to == booking.person:
             text = say("This is the booking of {name} already.", name=to.display_name)
             raise BookingRefused([Refusal("invalid", text, "booking")])
@@ -424,9 +426,9 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
 
 def booking_approve(*, booking_id: UUID, version: int, actor: User, now: datetime) -> Booking:
     """Approve a booking that awaits approval; its times must be those that the approver saw."""
-    with _changeable(booking_id, actor, version, now) as booking:
+    with changeable(booking_id, actor, version, now) as booking:
         if not may_manage_booking(actor, booking):
-            raise BookingRefused([_NOT_YOURS])
+            raise BookingRefused([NOT_YOURS])
         if booking.state == State.AWAITING:
             booking.state, booking.made_at = State.BOOKED, now  # others could take control until now
             save_booking(booking)
@@ -496,14 +498,14 @@ def _hand_rest(booking: Booking, to: User, actor: User, now: datetime) -> Bookin
 
 
 @contextmanager
-def _changeable(booking_id: UUID, actor: User, version: int, now: datetime) -> Iterator[Booking]:
+def changeable(booking_id: UUID, actor: User, version: int, now: datetime) -> Iterator[Booking]:
     """Lock a booking's robot. Check that this person may change the booking and saw its latest version."""
     robot_id = Booking.objects.values_list("robot_id", flat=True).get(pk=booking_id)
     with robot_locked(robot_id, now) as robot:
         booking = Booking.objects.select_related("person", "robot", "course").get(pk=booking_id)
         booking.robot = robot
         if booking.person_id != actor.pk and not may_manage_booking(actor, booking):
-            raise BookingRefused([_NOT_YOURS])
+            raise BookingRefused([NOT_YOURS])
         if booking.version != version:
             raise BookingRefused([_STALE])
         stage = stage_of(booking, grace_of(policy_of(robot)), now)
@@ -512,7 +514,7 @@ def _changeable(booking_id: UUID, actor: User, version: int, now: datetime) -> I
         yield booking
 
 
-def _require_accepted(booking: Booking) -> None:
+def require_accepted(booking: Booking) -> None:
     """Refuse to move or hand on a slot that is only offered: other people may wait for it."""
     if booking.state == State.OFFERED:
         raise BookingRefused([_OFFERED])
@@ -700,30 +702,45 @@ def free_unused(robot: Robot, slot: Slot, now: datetime, but: Booking | None = N
         held = held_slot(booking, grace, now)
         if held.ends_at >= booking.held_until:
             continue
-        _store_unused(booking, held.ends_at)
+        _store_unused(booking, held.ends_at, now)
 
 
-def store_no_shows(now: datetime) -> None:
-    """Store that nobody used the slots that ended `NOTED_AFTER` ago or earlier.
+def store_no_shows(now: datetime, watched: timedelta = timedelta()) -> None:
+    """Store that nobody used a slot whose grace time is over, and tell its person.
 
-    If others book sooner, `free_unused` has done it. Slots in which the robot was out of service are left
-    out: their people could not drive.
+    `watched`: for how long the caller has seen a clock that nobody sets. Slots that began before are noted
+    `NOTED_AFTER` their end. If others book sooner, `free_unused` has done it. Slots in which the robot was out of
+    service are left out: their people could not drive.
     """
-    ended = Booking.objects.filter(
+    long_over = Q(held_until__lte=now - NOTED_AFTER)
+    found = Booking.objects.filter(
+        long_over | Q(starts_at__gt=now - watched, starts_at__lte=now - LEAST_GRACE),
         state=State.BOOKED,
         used_at=None,
         starts_at__gt=now - LONGEST - NOTED_UNTIL,
         held_until__gt=now - NOTED_UNTIL,
-        held_until__lte=now - NOTED_AFTER,
     )
-    for booking in ended.filter(held_until__gt=F("starts_at")).select_related("robot"):
+    for booking in found.filter(held_until__gt=F("starts_at")).select_related("robot"):
         grace = grace_of(policy_of(booking.robot))
-        if out_between(booking.robot, booking.starts_at, booking.starts_at + grace):
+        out = out_between(booking.robot, booking.starts_at, booking.starts_at + grace)
+        if out or now < booking.starts_at + grace:
             continue
         with robot_locked(booking.robot_id, now) as robot:
             mine = Booking.objects.filter(pk=booking.pk, version=booking.version, used_at=None)
             for unused in mine.select_related("person", "robot"):
-                _store_unused(unused, held_slot(unused, grace_of(policy_of(robot)), now).ends_at)
+                _store_unused(unused, held_slot(unused, grace_of(policy_of(robot)), now).ends_at, now)
+
+
+def restore_unbegun(now: datetime) -> None:
+    """Give the slots back that were noted as not used although they have not begun: the clock was ahead then."""
+    for booking in Booking.objects.filter(state=State.NO_SHOW, starts_at__gt=now):
+        with suppress(BookingRefused), robot_locked(booking.robot_id, now):  # refused: others have booked it
+            mine = Booking.objects.filter(pk=booking.pk, version=booking.version, state=State.NO_SHOW)
+            for wrong in mine.select_related("person", "robot"):
+                wrong.state, wrong.held_until = State.BOOKED, wrong.ends_at
+                save_booking(wrong)
+                record_booking("booking.restore", wrong, None)
+                changed_by_another(wrong, None, lambda: _("given back"), now)
 
 
 def remove_old_cancelled(now: datetime) -> None:
@@ -740,13 +757,14 @@ def remove_old_cancelled(now: datetime) -> None:
         Booking.objects.filter(pk__in=list(older)).delete()
 
 
-def _store_unused(booking: Booking, until: datetime) -> None:
+def _store_unused(booking: Booking, until: datetime, now: datetime) -> None:
     """Store that nobody used a slot, or approved or accepted it in time. It is free from `until` on."""
     unused, booking.held_until = booking.state == State.BOOKED, until
     booking.state = State.NO_SHOW if unused else State.CANCELLED
     save_booking(booking)
     if unused:
         record_booking("booking.no_show", booking, None)
+        changed_by_another(booking, None, lambda: _("not used, so it is free for others"), now)
     else:
         record_booking("booking.cancel", booking, None, parameters={"why": "not_approved"})
 

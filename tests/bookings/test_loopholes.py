@@ -18,6 +18,7 @@ from robots.access.models import Course, Enrolment
 from robots.access.selectors import lab_date
 from robots.access.services import role_set
 from robots.registry.models import Robot, Role
+from tests.bookings.support import accept
 from tests.bookings.test_pages import JSON, fields, in_hours
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -181,6 +182,8 @@ def test_notice_is_asked_for_the_start_only(signed_in, robot, operator):
 def test_a_slot_in_use_is_handed_to_a_colleague_who_can_use_it(signed_in, robot, operator, second_operator):
     booking = stored(robot, operator, -60, 60, used_at=minutes(-60))
     assert change(signed_in(operator), booking, "hand", to=second_operator.username) == []
+    accept(signed_in(second_operator))
+    booking.refresh_from_db()
     rest = Booking.objects.get(person=second_operator)
     assert (stage(rest), rest.ends_at) == (Stage.DUE, minutes(60))
     assert (booking.person, stage(booking)) == (operator, Stage.FINISHED)  # the time that has passed
@@ -236,6 +239,8 @@ def test_a_booking_that_moved_meanwhile_is_not_approved(signed_in, robot, approv
 
 def test_a_booking_in_other_hands_awaits_approval_again(signed_in, approved, operator, second_operator):
     change(signed_in(operator), approved, "hand", to=second_operator.username)
+    accept(signed_in(second_operator))
+    approved.refresh_from_db()
     assert (approved.person, approved.state) == (second_operator, State.AWAITING)
 
 

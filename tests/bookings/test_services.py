@@ -22,6 +22,7 @@ from fleet.bookings.services import (
     booking_hand,
     booking_make,
     booking_move,
+    restore_unbegun,
     store_no_shows,
 )
 from robots.access.models import Course, Enrolment
@@ -187,6 +188,23 @@ def test_a_slot_that_nobody_used_is_on_record_a_day_later(robot, operator, secon
     assert no_shows() == [str(unused.pk)]
     states = dict(Booking.objects.values_list("pk", "state"))
     assert states == {unused.pk: State.NO_SHOW, used.pk: State.BOOKED}
+
+
+def test_who_watched_the_clock_notes_at_once_that_nobody_used_a_slot(robot, operator):
+    unused = book(robot, operator)
+    begins, ends = unused.starts_at, unused.starts_at + timedelta(minutes=15)
+    store_no_shows(ends, watched=timedelta(minutes=14))  # it began before the watch did
+    store_no_shows(ends - timedelta(seconds=1), watched=timedelta(hours=2))
+    assert no_shows() == []
+    store_no_shows(ends, watched=timedelta(minutes=16))
+    unused.refresh_from_db()
+    assert (no_shows(), unused.state, unused.held_until) == ([str(unused.pk)], State.NO_SHOW, ends)
+    assert "not used" in Notification.objects.get(person=operator).subject
+    restore_unbegun(begins)  # it has begun
+    assert len(no_shows()) == 1 and Booking.objects.get().state == State.NO_SHOW
+    restore_unbegun(begins - timedelta(minutes=1))  # the clock was ahead
+    unused.refresh_from_db()
+    assert (unused.state, unused.held_until) == (State.BOOKED, unused.ends_at)
 
 
 def test_the_longest_slot_is_noted_too(robot, operator):

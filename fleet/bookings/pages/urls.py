@@ -2,7 +2,16 @@
 
 from django.urls import path
 
-from fleet.bookings.pages import changes, holiday_views, lesson, news, policy_views, series_views, views
+from fleet.bookings.pages import (
+    changes,
+    handing,
+    holiday_views,
+    lesson,
+    news,
+    policy_views,
+    series_views,
+    views,
+)
 
 urlpatterns = [
     path("bookings/", views.bookings, name="bookings"),
@@ -33,6 +42,9 @@ urlpatterns = [
     path("bookings/changes/", changes.changes, name="changes"),
     path("bookings/changes/<uuid:change_id>/", changes.change, name="change"),
     path("bookings/changes/<uuid:change_id>/undo/", changes.change_undo, name="change-undo"),
+    path("bookings/hand/<uuid:offer_id>/", handing.answer, name="hand-answer"),
+    path("bookings/hand/link/<str:code>/", handing.link, name="hand-link"),
+    path("bookings/<uuid:booking_id>/hand/", handing.make_link, name="hand-make-link"),
     path("bookings/<uuid:booking_id>/", views.booking, name="booking"),
     path("bookings/<uuid:booking_id>/lesson/", lesson.lesson, name="lesson"),
 ]

@@ -24,6 +24,7 @@ from fleet.accounts.requests import person_of, wants_json
 from fleet.base.origin import public_url
 from fleet.base.zones import viewers
 from fleet.bookings import services
+from fleet.bookings.changes import handing
 from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, waiting_leave
 from fleet.bookings.free_time import free_on_any
 from fleet.bookings.hours.quota_left import common_left, left_of
@@ -204,6 +205,7 @@ def bookings_mine(request: HttpRequest) -> HttpResponse:
         "has_address": FeedAddress.objects.filter(person=person_of(request), robot=None).exists(),
         "robots": robots_bookable_by(person_of(request)),
         "left": left_of(person_of(request), now),
+        "offers": [(one, _in_words(one.booking)) for one in handing.offers_to(person_of(request), now)],
     }
     return render(request, "bookings/mine.html", context)
 
@@ -263,10 +265,12 @@ def _done(request: HttpRequest, found: Booking) -> str:
         "approve": _("Approved: %(booking)s."),
         "accept": _("Accepted: %(booking)s."),
         "cancel": _("Finished: %(booking)s.") if begun else _("Cancelled: %(booking)s."),
-        "hand": _("Handed to %(person)s: %(booking)s."),
+        "hand": _("%(person)s is asked. The booking stays yours until they accept."),
     }
     text = words.get(request.POST.get("action", ""), _("Changed: %(booking)s."))
-    return text % {"booking": _in_words(found), "person": found.person.display_name}
+    asked = handing.offer_of(found, timezone.now())
+    person = asked.to.display_name if asked and asked.to else ""
+    return text % {"booking": _in_words(found), "person": person}
 
 
 def _change(request: HttpRequest, found: Booking, person: User) -> None:
@@ -281,7 +285,7 @@ def _change(request: HttpRequest, found: Booking, person: User) -> None:
         services.booking_cancel(version=version, reason=_text(request.POST, "reason")[:200], **common)
     elif action == "hand":
         to = services.colleague_named(_text(request.POST, "to"), person, found)
-        services.booking_hand(version=version, to=to, **common)
+        handing.hand_ask(version=version, to=to, **common)
     else:
         form = SlotForm(
             {**request.POST.dict(), "robot": found.robot.slug},
@@ -322,6 +326,8 @@ def _booking_page(request: HttpRequest, found: Booking, error: BookingRefused | 
         "opens": robots_visible_to(person).filter(pk=found.robot_id).exists(),
         "in_line": leads(person, found) or shares(found, person),
         "team": teams_of([found]).get(found.pk, []) if row["person"] else [],
+        "colleagues": handing.colleagues_of(person, found) if row["stage"] in OPEN else [],
+        "asked": handing.offer_of(found, now),
         "of_course": courses_managed_by(person).filter(bookings=found).first(),
     }
     return render(request, "bookings/booking.html", context, status=409 if error else 200)

@@ -14,17 +14,20 @@ from uuid import UUID
 
 from django.db.models import Q, QuerySet
 from django.shortcuts import get_object_or_404
+from django.urls import reverse
 from django.utils import timezone
 from msgspec import Meta, Struct
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
+from fleet.base.origin import public_url
 from fleet.bookings import services
+from fleet.bookings.changes import handing
 from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, waiting_leave
 from fleet.bookings.free_time import ALTERNATIVES, free_on_any
 from fleet.bookings.lessons.members import shared_with, teams_of
-from fleet.bookings.models import Booking, Waiting
+from fleet.bookings.models import Booking, HandOffer, Waiting
 from fleet.bookings.permissions import bookings_managed_by, shows_person
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import OPEN, grace_of, policies_of, stage_of
@@ -197,9 +200,29 @@ class MoveRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class HandBookingRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """The person who gets the booking."""
+    """The colleague who is asked; null: whoever opens the link first, which the answer has."""
 
-    to: Username
+    to: Username | None = None
+
+
+class HandOfferEntry(Struct, frozen=True):
+    """A booking that waits for a colleague's answer. `to`: null for a link."""
+
+    id: UUID
+    booking: UUID
+    robot: str
+    starts_at: Time
+    ends_at: Time
+    by: str
+    to: str | None
+    until: Time
+    link: str | None  # only in the answer that made it
+
+
+class HandOfferList(Struct, frozen=True):
+    """The bookings that colleagues want to hand you, that of the earliest slot first."""
+
+    offers: list[HandOfferEntry]
 
 
 class WaitRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -393,12 +416,55 @@ class BookingView(BookingsBase):
 
 
 class HandBookingView(BookingsBase):
-    @_change_seen("bookings_hand_over", "Hand a booking to a colleague", keyed=True)
-    def post(self, booking_id: UUID, body: HandBookingRequest) -> Response:
-        """The rules must allow it for them."""
-        version_seen(self.request)
-        to = services.colleague_named(body.to, self.person, self.one(booking_id))
-        return self.change(booking_id, services.booking_hand, to=to)
+    @_change_seen(
+        "bookings_hand_over", "Ask a colleague to take a booking", answer=HandOfferEntry, keyed=True
+    )
+    def post(self, booking_id: UUID, body: HandBookingRequest) -> HandOfferEntry:
+        """The rules must allow it for them. Until they accept, it stays yours. A new question replaces an open one."""
+        version, found = version_seen(self.request), self.one(booking_id)
+        to = services.colleague_named(body.to, self.person, found) if body.to else None
+        asked: dict[str, Any] = {"booking_id": booking_id, "version": version, "to": to, "actor": self.person}
+        offer, code = handing.hand_ask(**asked, now=timezone.now())
+        link = public_url(self.request._request, reverse("hand-link", args=[code])) if code else None
+        return _offer(offer, found, link)
+
+
+class HandOffersView(BookingsBase):
+    @reads("hand_offers_list", "List the bookings that colleagues want to hand you", refuses=())
+    def get(self) -> HandOfferList:
+        """Open offers to you, of robots that you may see."""
+        found = handing.offers_to(self.person, timezone.now()).filter(booking__robot__in=self.robots())
+        return HandOfferList([_offer(one, one.booking) for one in found])
+
+
+class HandOfferView(BookingsBase):
+    def concerned(self, offer_id: UUID, **_asked: Any) -> list[Robot]:
+        return [self.offer(offer_id).booking.robot]
+
+    def offer(self, offer_id: UUID) -> HandOffer:
+        """Return an offer of a booking that the person may see. Raises `Http404`."""
+        found = HandOffer.objects.filter(booking__in=self.seen()).select_related("booking__robot")
+        return get_object_or_404(found, pk=offer_id)
+
+    @_change("hand_offers_end", "Decline a colleague’s booking, or withdraw yours")
+    def delete(self, offer_id: UUID) -> None:
+        """The booking stays with its person."""
+        offer, now = self.offer(offer_id), timezone.now()
+        if offer.to_id == self.person.pk:
+            handing.hand_answer(offer_id=offer.pk, actor=self.person, accept=False, now=now)
+        else:
+            handing.hand_withdraw(offer_id=offer.pk, actor=self.person, now=now)
+
+
+class HandAcceptView(HandOfferView):
+    http_method_names = ["post", "options"]
+
+    @_change("hand_offers_accept", "Accept a colleague’s booking", keyed=True)
+    def post(self, offer_id: UUID) -> Response:
+        """From then on it is yours, and counts for you."""
+        offer = self.offer(offer_id)
+        made = handing.hand_answer(offer_id=offer.pk, actor=self.person, accept=True, now=timezone.now())
+        return self.answer(made.pk)
 
 
 class ApproveView(BookingsBase):
@@ -483,6 +549,20 @@ def _slots(found: list[tuple[Robot, Slot]]) -> list[SlotEntry]:
 def _course(slug: str | None, person: User) -> Course | None:
     """Return the chosen course of this person. Raises `Http404`."""
     return None if slug is None else get_object_or_404(Course, enrolments__person=person, slug=slug)
+
+
+def _offer(offer: HandOffer, booking: Booking, link: str | None = None) -> HandOfferEntry:
+    return entry_of(
+        HandOfferEntry,
+        offer,
+        booking=booking.pk,
+        robot=booking.robot.slug,
+        starts_at=booking.starts_at,
+        ends_at=booking.ends_at,
+        by=offer.by.display_name,
+        to=offer.to.display_name if offer.to else None,
+        link=link,
+    )
 
 
 def _waiting(one: Waiting) -> WaitingEntry:

@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from datetime import timedelta
 from typing import Any
 
 from django.core.management import call_command
@@ -25,10 +26,11 @@ from fleet.accounts.tokens.services import remove_expired_tokens
 from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
 from fleet.bookings.changes import waiting_list as waiting
+from fleet.bookings.changes.handing import hand_offers_lapse
 from fleet.bookings.losses import lost_rights
 from fleet.bookings.losses.weighing import remove_old_changes
 from fleet.bookings.messages import notifications
-from fleet.bookings.services import remove_old_cancelled, store_no_shows
+from fleet.bookings.services import remove_old_cancelled, restore_unbegun, store_no_shows
 from robots.records.faults import RobotWatch
 from robots.shared.processes.shutdown import end_event
 from teleop.api.v1.framework.idempotency import remove_old_answers
@@ -45,8 +47,9 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 1.0
 END_S = 4.0  # from the signal to the end of the process, even while the database hangs
-# Between two searches for unused bookings, and bookings of people without the right to book
-RIGHTS_S = 5 * 60.0
+RIGHTS_S = 5 * 60.0  # between two searches for bookings of people without the right to book
+NOTED_S = 20.0  # between two searches for unused bookings, and for offers that nobody answered
+CLOCK_S = 60.0  # a larger change of the clock's lead begins a new watch; small ones are its correction
 DAY_S = 24 * 60 * 60.0
 AGAIN_S = 60 * 60.0  # pause after the daily work failed
 SET_S = 60 * 60.0  # a change of the clock by more than this starts the daily work again
@@ -71,8 +74,10 @@ class Command(BaseCommand):
         if options["once"]:
             end_lapsed()
             lost_rights.bookings_free_lost(None, timezone.now())
+            restore_unbegun(timezone.now())
             store_no_shows(timezone.now())
             _erase()
+            hand_offers_lapse(timezone.now())
             for _ in daily_steps():
                 pass
             return
@@ -81,16 +86,20 @@ class Command(BaseCommand):
         # A mail server that hangs must not delay the ends of leases, nor a long log in which a person is erased
         post, eraser = ThreadPoolExecutor(max_workers=1), ThreadPoolExecutor(max_workers=1)
         posted: Future[int] | None = None
+        looked_s, noted_s, clock = float("-inf"), float("-inf"), ClockWatch()
         erased: Future[None] | None = None
-        looked_s = float("-inf")
         while not over.wait(EVERY_S):
             try:
                 end_lapsed()
                 # A process may have died before it freed the bookings
                 if time.monotonic() - looked_s > RIGHTS_S:
                     lost_rights.bookings_free_lost(None, timezone.now())
-                    store_no_shows(timezone.now())
                     looked_s = time.monotonic()
+                if time.monotonic() - noted_s > NOTED_S:
+                    restore_unbegun(timezone.now())
+                    store_no_shows(timezone.now(), clock.watched())
+                    hand_offers_lapse(timezone.now())
+                    noted_s = time.monotonic()
                 robots.step(time.monotonic())
                 daily.work_a_little()
                 notifications.write_reminders(timezone.now())
@@ -126,6 +135,19 @@ def _send_notifications() -> int:
         return 0
     finally:
         close_old_connections()
+
+
+class ClockWatch:
+    """For how long this process has seen the clock go without being set. Nobody can set the monotonic clock."""
+
+    def __init__(self) -> None:
+        self._since_s, self._ahead_s = time.monotonic(), _clock_ahead_s()
+
+    def watched(self) -> timedelta:
+        """Return that time; it begins anew when the clock was set by more than `CLOCK_S`."""
+        if abs(_clock_ahead_s() - self._ahead_s) > CLOCK_S:
+            self._since_s, self._ahead_s = time.monotonic(), _clock_ahead_s()
+        return timedelta(seconds=time.monotonic() - self._since_s)
 
 
 class DailyWork:

@@ -227,7 +227,7 @@ def test_losses_that_changed_since_they_were_shown_are_shown_again(door, course,
     assert state_of(late) is State.CANCELLED
 
 
-def test_an_archived_course_frees_its_lessons_and_opened_again_has_them(door, course, robot, operator, staff):
+def test_open_again_gives_back_what_archive_took(door, course, robot, operator, staff):
     lesson = book(robot, staff, series=uuid4(), lesson_of=course)
     mine = book(robot, operator, days=3)
     asked = door.post(*archive(course=course))

@@ -46,6 +46,9 @@ def course(person: Arrive, student: Person, induction: str) -> Iterator[str]:
     yield address
     page.goto(address)
     page.get_by_role("button", name="Archive").click()
+    expect(page.get_by_role("heading", name="This takes time from 1 person")).to_be_visible()
+    expect(page.locator(".losses")).to_contain_text("Stu Dent")
+    page.get_by_role("button", name="Do it").click()
     expect(page.get_by_text("it gives nobody a role")).to_be_visible()
 
 

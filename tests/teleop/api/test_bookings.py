@@ -330,7 +330,15 @@ def test_hand_over_and_approve(robot, operator, second_operator, supervisor, pro
     assert (own.status_code, own.data["code"]) == (409, "invalid")
     nobody = api("POST", f"{address}/hand-over", {"to": "nobody"}, If_Match='"2"')
     assert nobody.data["code"] == "no_colleague"
-    handed = api("POST", f"{address}/hand-over", {"to": "second"}, If_Match='"2"')
+    asked = api("POST", f"{address}/hand-over", {"to": "second"}, If_Match='"2"')
+    assert (asked.data["to"], asked.data["link"]) == ("Olaf Operator", None)
+    assert api("GET", address).data["yours"]
+    colleague = program(second_operator)
+    [offer] = colleague("GET", "/hand-offers").data["offers"]
+    assert api("POST", f"/hand-offers/{offer['id']}/accept").data["code"] == "offer_over"
+    assert colleague("POST", f"/hand-offers/{offer['id']}/accept").data["yours"]
+    assert colleague("GET", "/hand-offers").data["offers"] == []
+    handed = api("GET", address)
     assert (handed.data["person"], handed.data["yours"]) == ("Olaf Operator", False)
     assert api("PATCH", address, times(3), If_Match='"3"').status_code == 403
 

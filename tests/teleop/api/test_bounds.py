@@ -87,6 +87,8 @@ BOUNDED_OTHERWISE = {
     "giving back: as many as were taken": (
         "booking.cancel",
         "booking.wait_end",
+        "booking.restore",
+        "booking.hand_end",
         "booking.feed_end",
         "course.unenrol",
         "course.uninvite",

@@ -82,6 +82,8 @@ FORMS: dict[str, tuple[tuple[str, str], ...]] = {
         ("post", f"{BOOKING}/lesson/turns/{{turn_id}}"),
         ("delete", f"{BOOKING}/lesson/turns/{{turn_id}}"),
     ),
+    "hand-answer": (("post", "/hand-offers/{offer_id}/accept"), ("delete", "/hand-offers/{offer_id}")),
+    "hand-make-link": (("post", f"{BOOKING}/hand-over"),),
     "bookings-waiting": (("post", "/waiting"), ("delete", "/waiting/{number}")),
     "booking-policy-all": (("put", f"{POLICY}/all"),),
     "booking-policy-group": (("put", f"{POLICY}/groups/{{slug}}"), ("delete", f"{POLICY}/groups/{{slug}}")),

@@ -27,7 +27,7 @@ from fleet.accounts.services import service_account_make
 from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import token_make
 from fleet.audit.services import record
-from fleet.bookings.models import Booking, Change, Holiday, OutOfService, State, Waiting
+from fleet.bookings.models import Booking, Change, HandOffer, Holiday, OutOfService, State, Waiting
 from robots.access.enrolment import invitation_make
 from robots.access.models import Course, Enrolment, Qualification, RobotGroup
 from robots.access.selectors import lab_date, role_on
@@ -291,6 +291,25 @@ TABLE: dict[str, Row] = {
         ),
         {"to": "colleague"},
         version=True,
+    ),
+    "hand_offers_list": Row(READ, "/hand-offers", everywhere("200")),
+    "hand_offers_accept": Row(
+        BOOK,
+        "/hand-offers/{offer}/accept",
+        (
+            "role_too_low 200 not_found 200 200",
+            "offer_over offer_over offer_over not_found offer_over",  # an offer to another person
+            "not_found not_found not_found not_found offer_over",
+        ),
+    ),
+    "hand_offers_end": Row(
+        BOOK,
+        "/hand-offers/{offer}",
+        (
+            "204 204 not_found 204 204",
+            "not_yours not_yours 204 not_found 204",
+            "not_found not_found not_found not_found 204",
+        ),
     ),
     "bookings_approve": Row(
         BOOK,
@@ -619,6 +638,21 @@ class Lab:
             )
             for state, days in ((State.AWAITING, 40), (State.OFFERED, 80))
         )
+        hers = self._booking(
+            robot,
+            self.people["colleague"],
+            course,
+            State.BOOKED,
+            **{key: at + timedelta(days=12) for key, at in times.items()},
+        )
+        offer = HandOffer.objects.create(
+            booking=hers,
+            version=1,
+            by=self.people["colleague"],
+            to=owner,
+            made_at=timezone.now(),
+            until=starts_at,
+        )
         change = Change.objects.create(
             actor=owner,
             made_at=timezone.now(),
@@ -665,6 +699,7 @@ class Lab:
             "booking": str(booked.pk),
             "series": str(weekly.series),
             "change": str(change.pk),
+            "offer": str(offer.pk),
             "awaiting": str(awaiting.pk),
             "offered": str(offered.pk),
             "team": str(team.pk),

@@ -1,0 +1,205 @@
+"""Hand a booking to a colleague, who is asked first, by name or by a link. It counts for them if they accept."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from hashlib import sha256
+from typing import Any
+from uuid import UUID
+
+from django.db import transaction
+from django.db.models import F, Q, QuerySet
+from django.utils.translation import gettext as _
+from django.utils.translation import override
+
+from fleet.accounts.models import User
+from fleet.base.formats.dates import dated
+from fleet.base.languages import of_person
+from fleet.base.zones import zone_of
+from fleet.bookings.messages.notifications import in_words, notification_write
+from fleet.bookings.models import Booking, HandOffer
+from fleet.bookings.permissions import may_manage_booking
+from fleet.bookings.services import (
+    NOT_YOURS,
+    BookingRefused,
+    booking_hand,
+    changeable,
+    record_booking,
+    require_accepted,
+    robot_locked,
+)
+from robots.access.models import Course, GroupRole
+from robots.access.role_rows import given
+from robots.access.selectors import lab_date, manages_robot
+from robots.registry.models import RobotRole, Role
+from robots.shared.wire import Refusal
+
+OPEN_FOR = timedelta(days=1)
+LEAST = timedelta(minutes=10)  # also for a slot that begins before, or runs
+MOST_COLLEAGUES = 500
+
+_OVER = Refusal("offer_over", "This offer is over. Look at the calendar for another time.", "booking")
+_OPEN = Q(outcome="", version=F("booking__version"))
+
+
+def colleagues_of(person: User, booking: Booking) -> list[User]:
+    """Return whom the person may name to hand a booking to: people of their courses on the robot who may drive then.
+
+    For supervisors of the robot: everybody who may.
+    """
+    robot, day = booking.robot, lab_date(booking.starts_at)
+    courses = Course.objects.filter(Q(robots=robot) | Q(groups__robots=robot), archived=False)
+    manages = manages_robot(person, robot)
+    if not manages:
+        courses = courses.filter(Q(enrolments__person=person) | Q(supervisors=person))
+    inside = Q(enrolments__course__in=courses) | Q(supervised_courses__in=courses)
+    if manages:
+        by_group = GroupRole.objects.filter(group__robots=robot).values("user")
+        inside |= Q(pk__in=RobotRole.objects.filter(robot=robot).values("user")) | Q(pk__in=by_group)
+        inside |= Q(is_staff=True)
+    people = list(User.objects.filter(inside, is_active=True).exclude(pk=booking.person_id).distinct())
+    drive = {
+        one.person for one in given([one.pk for one in people], [robot.pk], day) if one.role >= Role.OPERATOR
+    }
+    able = [one for one in people if one.is_staff or one.pk in drive]
+    return sorted(able, key=lambda one: one.display_name.lower())[:MOST_COLLEAGUES]
+
+
+def hand_ask(
+    *, booking_id: UUID, version: int, to: User | None, actor: User, now: datetime
+) -> tuple[HandOffer, str]:
+    """Ask a colleague to take a booking; `to` None: whoever opens the link. Return the offer, and the link's code.
+
+    A colleague whom the rules refuse is refused at once. A new question replaces an open one. Raises `BookingRefused`.
+    """
+    with changeable(booking_id, actor, version, now) as booking:
+        require_accepted(booking)
+        if to is not None:
+            _try(booking_id=booking_id, version=version, to=to, actor=actor, now=now)
+        for earlier in HandOffer.objects.filter(booking=booking, outcome="").select_related("to"):
+            _end(earlier, booking, HandOffer.Outcome.WITHDRAWN, actor, now)
+        code = "" if to else secrets.token_urlsafe(24)
+        offer = HandOffer.objects.create(
+            booking=booking,
+            version=booking.version,
+            by=actor,
+            to=to,
+            digest=_digest(code) if code else "",
+            made_at=now,
+            until=min(max(min(now + OPEN_FOR, booking.starts_at), now + LEAST), booking.ends_at),
+        )
+        facts = {"to": str(to.pk) if to else None, "until": offer.until.isoformat()}
+        record_booking("booking.hand_ask", booking, actor, parameters=facts)
+        if to is not None:
+            _tell_asked(offer, booking, to, now)
+    return offer, code
+
+
+def hand_answer(*, offer_id: UUID, actor: User, accept: bool, now: datetime, code: str = "") -> Booking:
+    """Accept an offer, or decline it: for the person who was asked, or who has the link. Raises `BookingRefused`."""
+    robot = HandOffer.objects.values_list("booking__robot", flat=True).get(pk=offer_id)
+    with robot_locked(robot, now):  # first, as in `hand_ask`
+        found = HandOffer.objects.select_for_update(of=("self",)).select_related("booking", "by")
+        offer = found.get(pk=offer_id)
+        asked = offer.to_id == actor.pk if offer.to_id else bool(code) and offer.digest == _digest(code)
+        if not asked or offer.outcome or offer.until <= now or actor.pk == offer.booking.person_id:
+            raise BookingRefused([_OVER])
+        booking = offer.booking
+        if accept:
+            offer.outcome = HandOffer.Outcome.ACCEPTED
+            offer.save(update_fields=["outcome"])
+            booking = booking_hand(
+                booking_id=offer.booking_id, version=offer.version, to=actor, actor=offer.by, now=now
+            )
+            _tell(offer.by, booking, lambda: _("%(name)s accepted it") % {"name": actor.display_name}, now)
+        elif offer.to_id:
+            _end(offer, booking, HandOffer.Outcome.DECLINED, actor, now)
+    return booking
+
+
+def hand_withdraw(*, offer_id: UUID, actor: User, now: datetime) -> None:
+    """Withdraw an open offer: for who made it, the booking's person, its managers. Raises `BookingRefused`."""
+    with transaction.atomic():
+        offer = (
+            HandOffer.objects.select_for_update(of=("self",)).select_related("booking", "to").get(pk=offer_id)
+        )
+        booking = offer.booking
+        if actor.pk not in (offer.by_id, booking.person_id) and not may_manage_booking(actor, booking):
+            raise BookingRefused([NOT_YOURS])
+        if not offer.outcome:
+            _end(offer, booking, HandOffer.Outcome.WITHDRAWN, actor, now)
+
+
+def hand_offers_lapse(now: datetime) -> None:
+    """End the offers that nobody answered, and tell those who made them."""
+    for offer in HandOffer.objects.filter(outcome="", until__lte=now).select_related("booking", "by"):
+        with transaction.atomic():
+            if HandOffer.objects.filter(pk=offer.pk, outcome="").update(outcome=HandOffer.Outcome.LAPSED):
+                _tell(offer.by, offer.booking, lambda: _("nobody accepted it in time"), now)
+
+
+def offers_to(person: User, now: datetime) -> QuerySet[HandOffer]:
+    """Return the open offers to a person, that of the earliest slot first."""
+    found = HandOffer.objects.filter(_OPEN, to=person, until__gt=now)
+    return found.select_related("booking__robot", "booking__person", "by").order_by("booking__starts_at")
+
+
+def offer_of(booking: Booking, now: datetime) -> HandOffer | None:
+    """Return the open offer of a booking."""
+    return HandOffer.objects.filter(_OPEN, booking=booking, until__gt=now).select_related("to").first()
+
+
+def offer_with(code: str, now: datetime) -> HandOffer | None:
+    """Return the open offer with this link."""
+    found = HandOffer.objects.filter(_OPEN, digest=_digest(code), until__gt=now)
+    return found.select_related("booking__robot", "booking__person", "by").first()
+
+
+class _Tried(Exception):
+    """The trial went well."""
+
+
+def _try(**asked: Any) -> None:
+    """Refuse what would be refused to the colleague, and hand nothing over."""
+    try:
+        with transaction.atomic():
+            booking_hand(**asked)
+            raise _Tried
+    except _Tried:
+        pass
+
+
+def _end(offer: HandOffer, booking: Booking, outcome: HandOffer.Outcome, actor: User, now: datetime) -> None:
+    """End an offer without handing the booking over, and tell the other side."""
+    offer.outcome = outcome
+    offer.save(update_fields=["outcome"])
+    record_booking("booking.hand_end", booking, actor, outcome=outcome.value)
+    if outcome is HandOffer.Outcome.DECLINED:
+        _tell(offer.by, booking, lambda: _("%(name)s declined it") % {"name": actor.display_name}, now)
+    elif offer.to is not None:
+        _tell(offer.to, booking, lambda: _("it is offered to you no more"), now)
+
+
+def _tell_asked(offer: HandOffer, booking: Booking, to: User, now: datetime) -> None:
+    zone = zone_of(to.time_zone)
+    with override(of_person(to.language)):
+        subject = _("%(name)s wants to hand you a booking of %(robot)s") % {
+            "name": offer.by.display_name,
+            "robot": booking.robot.name,
+        }
+        answer = _("Accept or decline it under My bookings before %(time)s.") % {
+            "time": f"{dated(offer.until.astimezone(zone), 'D d M, H:i')} ({zone.key})"
+        }
+    notification_write(to=to, subject=subject, text=f"{in_words(booking, zone)}\n{answer}", now=now)
+
+
+def _tell(person: User, booking: Booking, what: Callable[[], str], now: datetime) -> None:
+    with override(of_person(person.language)):
+        subject = _("Your booking of %(robot)s: %(what)s") % {"robot": booking.robot.name, "what": what()}
+    notification_write(to=person, subject=subject, text=in_words(booking, zone_of(person.time_zone)), now=now)
+
+
+def _digest(code: str) -> str:
+    return sha256(code.encode()).hexdigest()
