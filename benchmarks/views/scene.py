@@ -1,8 +1,8 @@
 """The robot in 3D, in Chromium's software renderer: pictures a second while it is turned, and a drive beside it.
 
-`turned`: pictures a second with 20,000 points. `driving`: a person drives by a key with the 3D view open, while other
-programs compute; a drive that drawing delays ends with "no command came for 0.3 s". `FLEET_BENCH_PARTS`: the parts to
-run; `FLEET_BENCH_SECONDS`: of the drive.
+`turned`: pictures a second with 20,000 points. `driving`: a person drives by a key beside the 3D view and, by turns,
+beside the plan, while other programs compute; a drive that drawing delays ends with "no command came for 0.3 s".
+`FLEET_BENCH_PARTS`: the parts to run; `FLEET_BENCH_SECONDS`: of the drive beside each view.
 """
 
 from __future__ import annotations
@@ -14,8 +14,10 @@ import os
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any
 
 from playwright.async_api import Page, WebSocket
@@ -38,9 +40,11 @@ DRIVEN_S = 600.0
 BURNERS = 2  # programs that compute all the time: with robot, console and browser, a load of about four
 REPEAT_S = 0.5  # a held key repeats
 WAY_S = 10.0  # in one direction, then in the other
+SLOT_S = 30.0  # beside one view, then beside the other
+DRIVEN_BESIDE = ("scene", "plan")  # 3D, and a view that draws little
 
 _SCENE = "document.querySelector('[data-part=scene]').scene"
-_OPEN = "() => document.querySelector('[data-view=scene]').click()"
+_OPEN = "(view) => document.querySelector(`button[data-view=${view}]`).click()"
 _THERE = f"() => ({_SCENE}?.figures.links ?? 0) > {LINKS}"
 _FACTS = f"() => {_SCENE}.figures"
 # A key turns the view at each frame of the page. Only pictures that the view has drawn are counted.
@@ -87,7 +91,7 @@ async def turned(page: Page, stack: Stack, width: int, height: int) -> list[Figu
     await page.goto(f"{stack.url}/robots/{ROBOT}/")
     await page.wait_for_function("() => document.querySelector('[data-cameras]')", timeout=1000 * OPENED_S)
     began = await page.evaluate("performance.now()")
-    await page.evaluate(_OPEN)
+    await page.evaluate(_OPEN, "scene")
     await page.wait_for_function(_THERE, timeout=1000 * OPENED_S)
     opened_ms = await page.evaluate("performance.now()") - began
     await page.evaluate(f"{_SCENE}.fill({POINTS})")
@@ -110,35 +114,52 @@ async def turned(page: Page, stack: Stack, width: int, height: int) -> list[Figu
 
 
 async def measure_driving(stack: Stack) -> list[Figure]:
-    """Return how often a drive by a held key was interrupted while the page drew in 3D and others computed."""
+    """Return how often a drive by a held key was interrupted beside each view, while others computed."""
     seconds = float(os.environ.get("FLEET_BENCH_SECONDS", DRIVEN_S))
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
+    met = {view: Met() for view in DRIVEN_BESIDE}
     async with signed_in(stack, cookie) as page:
         drive = Drive(page)
         await page.set_viewport_size({"width": SIZES[0][0], "height": SIZES[0][1]})
         await page.goto(f"{stack.url}/robots/{ROBOT}/")
         await page.locator("[data-action=take]").click()
-        await page.evaluate(_OPEN)
-        await page.wait_for_function(_THERE, timeout=1000 * OPENED_S)
         with burning():
-            began_s, loads = time.monotonic(), []
-            before = await page.evaluate(_FACTS)
-            while (gone_s := time.monotonic() - began_s) < seconds:
-                await drive.hold("a" if gone_s // WAY_S % 2 else "d")
-                loads.append(os.getloadavg()[0])
-            after = await page.evaluate(_FACTS)
-        await drive.let_go()
-    load = quantile(loads, 0.5)
-    progress(f"{seconds:.0f} s, load {load:.1f}; held back: {drive.held_back}")
+            while any(one.seconds < seconds for one in met.values()):
+                for view, one in met.items():
+                    await page.evaluate(_OPEN, view)
+                    await page.wait_for_function(_THERE, timeout=1000 * OPENED_S)
+                    await drive.beside(one, min(SLOT_S, seconds - one.seconds))
     return [
-        Figure(
-            "drive beside 3D: no command came for 0.3 s", drive.held_back.get("dead_man", 0), "times", 0.0
-        ),
-        Figure("drive beside 3D: interrupted for other reasons", drive.others, "times"),
-        Figure("drive beside 3D: share of the time that it drove", drive.share, ""),
-        Figure("drive beside 3D: pictures a second", (after["frames"] - before["frames"]) / seconds, "1/s"),
-        Figure("drive beside 3D: load of the computer, median", load, ""),
+        *met["scene"].figures("drive beside 3D", 0.0),
+        *met["plan"].figures("drive beside the plan", None),
     ]
+
+
+@dataclass
+class Met:
+    """What a drive met beside one view of the page."""
+
+    seconds: float = 0.0
+    held_back: Counter[str] = field(default_factory=Counter)  # why the stick had to rest, by code
+    gaps_ms: list[float] = field(default_factory=list)  # between two commands to move, by the page's clock
+    loads: list[float] = field(default_factory=list)
+    reports: int = 0  # of the robot
+    moved: int = 0  # of these, while it moved
+    pictures: int = 0
+
+    def figures(self, name: str, limit: float | None) -> list[Figure]:
+        """Return the figures of this view."""
+        progress(f"{name}: {self.seconds:.0f} s; held back: {dict(self.held_back)}")
+        silent = self.held_back["dead_man"]
+        return [
+            Figure(f"{name}: no command came for 0.3 s", silent, "times", limit),
+            Figure(f"{name}: interrupted for other reasons", self.held_back.total() - silent, "times"),
+            Figure(f"{name}: command after command, p99", quantile(self.gaps_ms, 0.99), "ms"),
+            Figure(f"{name}: command after command, longest", max(self.gaps_ms, default=float("nan")), "ms"),
+            Figure(f"{name}: share of the time that it drove", self.moved / max(self.reports, 1), ""),
+            Figure(f"{name}: 3D pictures a second", self.pictures / max(self.seconds, 1.0), "1/s"),
+            Figure(f"{name}: load of the computer, median", quantile(self.loads, 0.5), ""),
+        ]
 
 
 class Drive:
@@ -147,50 +168,60 @@ class Drive:
     def __init__(self, page: Page) -> None:
         self._page = page
         self._key = ""
-        self._needed: str | None = None
-        self._moves = 0
-        self._views = 0
-        self.held_back: dict[str, int] = {}
+        self._needed: str | None = "not known yet"
+        self._sent_ms: float | None = None  # of the last command, if it was one to move
+        self._met = Met()
         page.on("websocket", self._listen)
 
-    @property
-    def others(self) -> int:
-        """How often the stick had to rest for other reasons than a silent page."""
-        return sum(self.held_back.values()) - self.held_back.get("dead_man", 0)
+    async def beside(self, met: Met, seconds: float) -> None:
+        """Drive to and fro for this time."""
+        self._met = met
+        began_s, before = time.monotonic(), await self._page.evaluate(_FACTS)
+        while (gone_s := time.monotonic() - began_s) < seconds:
+            await self._hold("a" if gone_s // WAY_S % 2 else "d")
+            met.loads.append(os.getloadavg()[0])
+        met.seconds += gone_s
+        met.pictures += (await self._page.evaluate(_FACTS))["frames"] - before["frames"]
+        await self._let_go()
 
-    @property
-    def share(self) -> float:
-        """The share of reports in which the robot moved."""
-        return self._moves / max(self._views, 1)
-
-    async def hold(self, key: str) -> None:
+    async def _hold(self, key: str) -> None:
         """Hold this key for the time of one repeat."""
         if self._needed or key != self._key:
-            await self.let_go()
+            await self._let_go()
         if not self._needed:
             self._key = key
             await self._page.keyboard.down(key)
         await asyncio.sleep(REPEAT_S)
 
-    async def let_go(self) -> None:
-        """Release the key."""
+    async def _let_go(self) -> None:
         if self._key:
             await self._page.keyboard.up(self._key)
         self._key = ""
 
     def _listen(self, socket: WebSocket) -> None:
+        socket.on("framesent", lambda frame: self._say(frame))
         socket.on("framereceived", lambda frame: self._hear(frame))
+
+    def _say(self, frame: str | bytes) -> None:
+        message: dict[str, Any] = json.loads(frame) if isinstance(frame, str) else {}
+        if message.get("t") != "drive":
+            return
+        moves, before_ms = bool(message["x"] or message["w"]), self._sent_ms
+        self._sent_ms = message["sent_ms"] if moves else None
+        if moves and before_ms is not None:
+            self._met.gaps_ms.append(message["sent_ms"] - before_ms)
 
     def _hear(self, frame: str | bytes) -> None:
         message: dict[str, Any] = json.loads(frame) if isinstance(frame, str) else {}
         state = message.get("state")
-        if message.get("t") != "view" or not state or not self._key:
+        if message.get("t") != "view" or not state:
             return
-        self._views += 1
-        self._moves += bool(state["odometry"] and abs(state["odometry"]["w"]) > 0.05)
         needed = state["neutral_needed"] and state["neutral_needed"]["code"]
-        if needed and needed != self._needed:
-            self.held_back[needed] = self.held_back.get(needed, 0) + 1
+        if self._key:
+            self._met.reports += 1
+            self._met.moved += bool(state["odometry"] and abs(state["odometry"]["w"]) > 0.05)
+            if needed and needed != self._needed:
+                self._met.held_back[needed] += 1
         self._needed = needed
 
 
