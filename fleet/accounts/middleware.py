@@ -17,7 +17,7 @@ from django.utils.translation import gettext as _
 from fleet.accounts import services
 from fleet.accounts.models import User
 from fleet.accounts.requests import GetResponse, wants_json
-from fleet.base import languages, zones
+from fleet.base import languages, origin, zones
 
 logger = logging.getLogger(__name__)
 
@@ -72,7 +72,7 @@ class ViewersChoices:
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:
         """Answer the request in the lab's zone. The zone that `process_view` sets ends with the request."""
-        with timezone.override(settings.TIME_ZONE):
+        with timezone.override(settings.TIME_ZONE), origin.during(request):
             return self._get_response(request)
 
     def process_view(self, request: HttpRequest, view: Callable[..., Any], *_arguments: Any) -> None:

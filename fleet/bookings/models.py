@@ -11,6 +11,7 @@ from django.core.exceptions import ValidationError
 from django.core.validators import MaxValueValidator, MinValueValidator
 from django.db import models
 from django.db.models import F, Q
+from django.utils import timezone
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
@@ -96,6 +97,7 @@ class Booking(models.Model):
     # Grows with each change, so that two tabs cannot overwrite each other's changes
     version = models.PositiveIntegerField(default=1)
     made_at = models.DateTimeField()  # when it was made, moved to another start, approved or accepted
+    changed_at = models.DateTimeField(null=True, editable=False)  # null: before there was this column
 
     class Meta:
         ordering = ["starts_at"]
@@ -115,6 +117,11 @@ class Booking(models.Model):
 
     def __str__(self) -> str:
         return f"{self.robot} {self.starts_at:%Y-%m-%d %H:%M}-{self.ends_at:%H:%M} UTC"
+
+    def save(self, **options: Any) -> None:
+        """Save, and note when. With `auto_now`, SQLite makes the table anew, without the triggers of `overlaps`."""
+        self.changed_at = timezone.now()
+        super().save(**options)
 
     @property
     def lesson_of(self) -> str:
@@ -385,6 +392,9 @@ class Notification(models.Model):
     )
     subject = models.CharField(max_length=200)
     text = models.TextField()
+    # Only for the e-mail: place, purpose and link of the bookings; and iCalendar messages about them
+    details = models.TextField(default="", db_default="")
+    calendar = models.JSONField(null=True)
     made_at = models.DateTimeField()
     claimed_at = models.DateTimeField(null=True, blank=True)  # when a process last began to send it
     # When the mail server took it, or refused its address

@@ -399,7 +399,7 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
             return _("handed to %(name)s") % {"name": to.display_name}
 
         if booking.state == State.BOOKED and now > booking.starts_at:
-            changed_by_another(booking, actor, handed, now)
+            changed_by_another(booking, actor, handed, now, gone=True)
             booking = _hand_rest(booking, to, actor, now)
             changed_by_another(booking, actor, lambda: _("handed to you"), now)
             return booking
@@ -408,7 +408,7 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
         lesson = _is_lesson_of(to, booking)
         course = _check(booking.robot, to, slot, now, actor=actor, moved=booking, lesson=lesson)
         before = booking.person
-        changed_by_another(booking, actor, handed, now)
+        changed_by_another(booking, actor, handed, now, gone=True)
         booking.person, booking.overridden = to, None
         if not lesson:  # a student's slot is no lesson: it counts for quotas
             booking.course, booking.series = course, None

@@ -203,7 +203,7 @@ def _offer(robot: Robot, waiting: Waiting, wish: Wish, now: datetime) -> None:
             "time": f"{dated(until.astimezone(zone), 'D d M, H:i')} ({zone.key})",
         }
         subject = _("%(robot)s: your turn") % {"robot": robot.name}
-    notification_write(to=waiting.person, subject=subject, text=text, now=now)
+    notification_write(to=waiting.person, subject=subject, text=text, now=now, about=[offered])
 
 
 def _end_offer(booking: Booking) -> None:

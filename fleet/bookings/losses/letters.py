@@ -59,7 +59,8 @@ def _write(lines: list[Line], actor: Actor, now: datetime, of_many: Callable[[in
         with override(of_person(person.language)), timezone.override(zone):
             subject = _subject(theirs, of_many)
             text = [*(_in_words(line, zone) for line in theirs), _("Changed by %(name)s.") % {"name": by}]
-        notification_write(to=person, subject=subject, text="\n".join(text), now=now)
+        about = [line.booking for line in theirs]
+        notification_write(to=person, subject=subject, text="\n".join(text), now=now, about=about)
 
 
 def _subject(lines: list[Line], of_many: Callable[[int], str]) -> str:

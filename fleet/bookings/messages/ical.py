@@ -10,15 +10,15 @@ from django.db import transaction
 from django.db.models import Q, QuerySet
 from django.utils.translation import get_language, override
 from django.utils.translation import gettext as _
-from icalendar import Calendar, Event
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
 from fleet.base.languages import chosen
 from fleet.bookings.lessons.members import shared_with
+from fleet.bookings.messages.events import calendar, event_of
 from fleet.bookings.models import Booking, FeedAddress, State
 from fleet.bookings.permissions import shows_person
-from fleet.bookings.selectors import NOT_YET, grace_of, policies_of, stage_of
+from fleet.bookings.selectors import grace_of, policies_of, stage_of
 from robots.access.selectors import robots_bookable_by
 from robots.access.who_sees import Reader, reader_of
 from robots.registry.models import Robot
@@ -61,27 +61,16 @@ def feed_of(token: str, now: datetime) -> bytes | None:
 
 
 def _calendar(name: str, bookings: QuerySet[Booking], reader: Reader, now: datetime) -> bytes:
-    calendar = Calendar()
-    calendar.add("prodid", "-//Fleet console//bookings//EN")
-    calendar.add("version", "2.0")
-    calendar.add("x-wr-calname", name)
+    feed = calendar()
+    feed.add("x-wr-calname", name)
     found = list(bookings.select_related("robot", "person", "course"))
     policies = policies_of({booking.robot for booking in found})
     for booking in found:
         stage = stage_of(booking, grace_of(policies[booking.robot_id]), now)
         named = shows_person(reader, booking, stage)
         who = booking.lesson_of or (booking.person.display_name if named else _("booked"))
-        event = Event()
-        event.add("uid", f"{booking.pk}@fleet-console")
-        event.add("summary", f"{booking.robot.name}: {who}")
-        event.add("dtstart", booking.starts_at)
-        event.add("dtend", booking.held_until)
-        # The bookings of a series were made at one moment, so it would name the person of those that are over.
-        event.add("dtstamp", booking.made_at if named else booking.starts_at)
-        event.add("sequence", booking.version)
-        event.add("status", "TENTATIVE" if booking.state in NOT_YET else "CONFIRMED")
-        calendar.add_component(event)
-    return bytes(calendar.to_ical())
+        feed.add_component(event_of(booking, who, named=named))
+    return bytes(feed.to_ical())
 
 
 def _digest(token: str) -> str:

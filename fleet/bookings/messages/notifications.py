@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from datetime import datetime, timedelta
+from email.mime.text import MIMEText
 from typing import Any
 from zoneinfo import ZoneInfo
 
@@ -29,6 +30,7 @@ from fleet.accounts.services import erased
 from fleet.base.formats.dates import dated
 from fleet.base.languages import of_person
 from fleet.base.zones import zone_of
+from fleet.bookings.messages.events import details_of, message_about
 from fleet.bookings.models import Booking, BookingMember, FeedAddress, Notification, State, Turn, Waiting
 
 log = logging.getLogger(__name__)
@@ -45,12 +47,21 @@ MOST_SHOWN = 3
 KEPT = timedelta(days=30)
 
 
-def notification_write(*, to: User, subject: str, text: str, now: datetime) -> None:
+def notification_write(
+    *, to: User, subject: str, text: str, now: datetime, about: Iterable[Booking] = (), gone: bool = False
+) -> None:
     """Store a notification, in the caller's transaction.
 
-    Without an e-mail address, it is only shown on pages.
+    Without an e-mail address, it is only shown on pages. `about`: its e-mail has room, purpose and link of these
+    bookings, and messages for the person's calendar program. `gone`: the person has them no longer.
     """
-    Notification.objects.create(person=to, subject=subject[:200], text=text, made_at=now)
+    notification = Notification(person=to, subject=subject[:200], text=text, made_at=now)
+    if to.email:
+        bookings = list(about)
+        with override(of_person(to.language)):
+            notification.details = "\n\n".join(filter(None, map(details_of, bookings)))
+            notification.calendar = [message_about(one, to, now, gone=gone) for one in bookings]
+    notification.save()
 
 
 def notifications_unseen(person: User, now: datetime) -> QuerySet[Notification]:
@@ -78,11 +89,17 @@ def _forget(*, user: User, **_options: Any) -> None:
 
 
 def changed_by_another(
-    booking: Booking, actor: User | None, what: Words, now: datetime, reason: Words = str
+    booking: Booking,
+    actor: User | None,
+    what: Words,
+    now: datetime,
+    reason: Words = str,
+    *,
+    gone: bool = False,
 ) -> None:
     """Notify the owner of a booking that another person, or the console, changed it.
 
-    `what` and `reason` are called in the owner's language and time zone.
+    `what` and `reason` are called in the owner's language and time zone. `gone`: the owner has it no longer.
     """
     if actor is not None and actor.pk == booking.person_id:
         return
@@ -95,7 +112,8 @@ def changed_by_another(
             _("Changed by %(name)s.") % {"name": by},
             reason(),
         ]
-    notification_write(to=booking.person, subject=subject, text="\n".join(lines).strip(), now=now)
+    text = "\n".join(lines).strip()
+    notification_write(to=booking.person, subject=subject, text=text, now=now, about=[booking], gone=gone)
 
 
 def in_words(booking: Booking, zone: ZoneInfo) -> str:
@@ -116,7 +134,20 @@ def write_reminders(now: datetime) -> None:
                 with override(of_person(booking.person.language)):
                     subject = _("%(robot)s is yours soon") % {"robot": booking.robot.name}
                     words = in_words(booking, zone_of(booking.person.time_zone))
-                notification_write(to=booking.person, subject=subject, text=words, now=now)
+                notification_write(to=booking.person, subject=subject, text=words, now=now, about=[booking])
+
+
+def email_of(notification: Notification) -> EmailMessage:
+    """Return the e-mail of a notification, with its bookings for the person's calendar program."""
+    text = "\n\n".join(filter(None, [notification.text, notification.details]))
+    message = EmailMessage(notification.subject, text, to=[notification.person.email])
+    for number, entry in enumerate(notification.calendar or ()):
+        part = MIMEText(entry["text"], "calendar", "utf-8")
+        part.set_param("method", entry["method"])
+        name = f"booking-{number + 1}.ics" if number else "booking.ics"
+        part.add_header("Content-Disposition", "attachment", filename=name)
+        message.attach(part)
+    return message
 
 
 def send_notifications(now: datetime) -> int:
@@ -134,7 +165,7 @@ def send_notifications(now: datetime) -> int:
         )
         if not mine.update(claimed_at=now):
             continue
-        message = EmailMessage(notification.subject, notification.text, to=[notification.person.email])
+        message = email_of(notification)
         try:
             delay = emails.put_off(message, connection)
         except OSError as error:  # also SMTPException

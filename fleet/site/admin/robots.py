@@ -153,6 +153,7 @@ class RobotAdmin(RecordedAdmin):
                     "slug",
                     "profile",
                     "master_uri",
+                    "room",
                     "enabled",
                     "bridge_state",
                     "check_link",

@@ -229,6 +229,14 @@ class Robot(models.Model):
     profile = models.ForeignKey(
         RobotProfile, on_delete=models.PROTECT, related_name="robots", verbose_name=_("profile")
     )
+    room = NameField(
+        _("room"),
+        max_length=120,
+        blank=True,
+        default="",
+        db_default="",
+        help_text=_("Where people find the robot, such as Lab 2.13: letters and calendars say it."),
+    )
     enabled = models.BooleanField(
         _("enabled"),
         default=True,

@@ -21,6 +21,7 @@ from teleop.api.v1.setup.base import SetupView, edits, faults_named, locked, mak
 
 Name = Annotated[str, Meta(min_length=1, max_length=80)]
 Address = Annotated[str, Meta(max_length=200)]
+Room = Annotated[str, Meta(max_length=120)]
 Part = Annotated[float, Meta(ge=0.05, le=1.0)]
 
 _NO_PROFILE = Refusal("invalid", "There is no profile with this slug.", "wire")
@@ -34,6 +35,7 @@ class Registration(Struct, frozen=True):
     profile: str
     master_uri: str
     advertised_address: str  # address at which the robot reaches this computer; empty: the console finds it
+    room: str  # where people find it
     enabled: bool
     practice: bool
     default_share: float | None  # null: the profile's
@@ -49,6 +51,7 @@ class RegisterRequest(Struct, frozen=True, forbid_unknown_fields=True):
     master_uri: Address
     slug: Annotated[str, Meta(pattern=r"^[a-z0-9-]{1,50}$")] | None = None  # null: made from the name
     advertised_address: Address = ""
+    room: Room = ""
     enabled: bool = True
 
 
@@ -58,6 +61,7 @@ class RegistrationChange(Struct, frozen=True, forbid_unknown_fields=True, omit_d
     name: Name | UnsetType = UNSET
     master_uri: Address | UnsetType = UNSET
     advertised_address: Address | UnsetType = UNSET
+    room: Room | UnsetType = UNSET
     enabled: bool | UnsetType = UNSET
     default_share: Part | UnsetType | None = UNSET  # null: the profile's
     max_share: Part | UnsetType = UNSET
