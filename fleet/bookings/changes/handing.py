@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 from collections.abc import Callable
 from datetime import datetime, timedelta
+from functools import partial
 from hashlib import sha256
 from typing import Any
 from uuid import UUID
@@ -113,7 +114,7 @@ def hand_answer(*, offer_id: UUID, actor: User, accept: bool, now: datetime, cod
             booking = booking_hand(
                 booking_id=offer.booking_id, version=offer.version, to=actor, actor=offer.by, now=now
             )
-            _tell(offer.by, booking, lambda: _("%(name)s accepted it") % {"name": actor.display_name}, now)
+            _tell(offer.by, booking, partial(_accepted, actor), now, about=[booking], gone=True)
         elif offer.to_id:
             _end(offer, booking, HandOffer.Outcome.DECLINED, actor, now)
     return booking
@@ -195,10 +196,15 @@ def _tell_asked(offer: HandOffer, booking: Booking, to: User, now: datetime) -> 
     notification_write(to=to, subject=subject, text=f"{in_words(booking, zone)}\n{answer}", now=now)
 
 
-def _tell(person: User, booking: Booking, what: Callable[[], str], now: datetime) -> None:
+def _accepted(by: User) -> str:
+    return _("%(name)s accepted it") % {"name": by.display_name}
+
+
+def _tell(person: User, booking: Booking, what: Callable[[], str], now: datetime, **event: Any) -> None:
     with override(of_person(person.language)):
         subject = _("Your booking of %(robot)s: %(what)s") % {"robot": booking.robot.name, "what": what()}
-    notification_write(to=person, subject=subject, text=in_words(booking, zone_of(person.time_zone)), now=now)
+    text = in_words(booking, zone_of(person.time_zone))
+    notification_write(to=person, subject=subject, text=text, now=now, **event)
 
 
 def _digest(code: str) -> str:
