@@ -15,12 +15,12 @@ from allauth.socialaccount.models import SocialAccount
 from django.core.management import CommandError, call_command
 from django.db import connection, transaction
 
-from fleet.accounts.management.commands import erase_person
 from fleet.accounts.models import User
 from fleet.audit import retention
 from fleet.audit.integrity.verify import verify_all
 from fleet.audit.models import Actor, Content, Record
 from fleet.audit.services import record
+from fleet.site.management.commands import erase_person
 from teleop.records import refusals
 from tests.processes import until
 
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.django_db
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch):
     """Skip the wait for unwritten records of other processes."""
-    monkeypatch.setattr("fleet.accounts.management.commands.erase_person.sleep", lambda _s: None)
+    monkeypatch.setattr("fleet.site.management.commands.erase_person.sleep", lambda _s: None)
 
 
 def erase(username: str = "operator") -> str:
@@ -113,7 +113,7 @@ def test_late_records_of_old_refusals_name_nobody(operator, staff, monkeypatch):
         assert not operator.is_active, "while it waits, the person does nothing more"
         record("refusal", actor=staff, private={"words": "Olga Operator has control: ask for it."})
 
-    monkeypatch.setattr("fleet.accounts.management.commands.erase_person.sleep", recorded_meanwhile)
+    monkeypatch.setattr("fleet.site.management.commands.erase_person.sleep", recorded_meanwhile)
     erase()
     assert not [data for data in Content.objects.values_list("data", flat=True) if "Olga" in str(data)]
 

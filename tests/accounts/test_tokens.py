@@ -70,7 +70,7 @@ def test_ended_expired_and_closed_tokens_open_nothing(operator: User) -> None:
 
 
 def test_an_erased_person_has_no_token(operator: User, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fleet.accounts.management.commands.erase_person.sleep", lambda _s: None)
+    monkeypatch.setattr("fleet.site.management.commands.erase_person.sleep", lambda _s: None)
     _, text = make(operator, name="of-olga")
     call_command("erase_person", "operator", yes=True, stdout=io.StringIO())
     assert ask(text).status_code == 401

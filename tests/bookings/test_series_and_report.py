@@ -257,6 +257,17 @@ def test_the_report_sums_hours_and_slots_not_used(client, robot, operator, super
     assert client.get(reverse("booking-report")).status_code == 403
 
 
+def test_the_report_counts_a_slot_as_not_used_as_soon_as_it_is_free(robot, operator):
+    now = django_timezone.now()
+    times = {"starts_at": now - timedelta(minutes=14), "ends_at": now + timedelta(hours=2)}
+    Booking.objects.create(
+        robot=robot, person=operator, **times, held_until=times["ends_at"], made_at=times["starts_at"]
+    )
+    span = {"starts": now - timedelta(days=7), "ends": now, "by": "robot"}
+    assert report([robot], (), **span, now=now)[0].not_used == 0
+    assert report([robot], (), **span, now=now + timedelta(minutes=2))[0].not_used == 1
+
+
 def test_a_name_is_no_formula_in_a_spreadsheet(robot, operator):
     operator.full_name = "=1+1"
     operator.save()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
@@ -15,7 +15,7 @@ from fleet.accounts.models import User
 from fleet.audit.reading.exports import safe_cell
 from fleet.bookings.hours.driven import driven
 from fleet.bookings.models import Booking, Shared, State
-from fleet.bookings.selectors import NOT_YET
+from fleet.bookings.selectors import NOT_YET, Stage, grace_of, policies_of, stage_of
 from robots.access.models import Course
 from robots.registry.models import Robot
 
@@ -53,19 +53,20 @@ def report(
     it is theirs.
 
     If the person took control in a slot, the slot counts as used from its start to its end, or to the time
-    when it was given up. A past slot without control counts as not used.
+    when it was given up. A slot without control counts as not used as soon as it is free for others.
     """
     these = Q(robot__in=robots) | Q(course__in=courses)
     found = Booking.objects.filter(these, starts_at__gte=starts, starts_at__lt=ends)
     found = found.filter(only).exclude(Q(state__in=NOT_YET) & Q(held_until=F("starts_at")))
-    columns = (f"{by}_id", "person__username", "starts_at", "ends_at", "held_until", "state", "used_at")
+    times = ("starts_at", "ends_at", "held_until", "state", "used_at")
+    columns = dict.fromkeys((f"{by}_id", "robot_id", "person__username", *times))
     lessons = found.filter(shared=Shared.COURSE) if by == "person" else found.none()
     if by == "person":
         found = found.exclude(shared=Shared.COURSE)
     if whose:
         found = found.filter(Q(person__full_name__icontains=whose) | Q(person__username__icontains=whose))
     rows = found.annotate(name=F(BY[by])).values_list("name", *columns, named=True)
-    sums = _sums(rows, by, now)
+    sums = _sums(list(rows), by, now)
     _add_driven(sums, lessons, whose, now)
     return sorted(sums.values(), key=lambda row: row.name.lower())
 
@@ -82,8 +83,10 @@ def _add_driven(sums: dict[object, Row], lessons: QuerySet[Booking], whose: str,
         sums.setdefault(person.pk, Row(person.display_name)).used_h += minutes[person.pk] / 60.0
 
 
-def _sums(rows: Iterable[Any], by: str, now: datetime) -> dict[object, Row]:
+def _sums(rows: Collection[Any], by: str, now: datetime) -> dict[object, Row]:
     sums: dict[object, Row] = {}  # by key: two people may have the same name
+    run = {row.robot_id for row in rows if row.used_at is None and row.starts_at <= now < row.ends_at}
+    graces = {key: grace_of(one) for key, one in policies_of(Robot.objects.filter(pk__in=run)).items()}
     for row in rows:
         shown = row.name or (row.person__username if by == "person" else "-")
         total = sums.setdefault(getattr(row, f"{by}_id"), Row(shown))
@@ -94,7 +97,9 @@ def _sums(rows: Iterable[Any], by: str, now: datetime) -> dict[object, Row]:
         total.booked_h += (row.ends_at - row.starts_at) / HOUR
         if row.used_at is not None:
             total.used_h += (min(row.held_until, max(now, row.starts_at)) - row.starts_at) / HOUR
-        elif row.state == State.NO_SHOW or (row.ends_at <= now and row.state not in NOT_YET):
+        elif (row.ends_at <= now and row.state not in NOT_YET) or (
+            stage_of(row, graces.get(row.robot_id, row.ends_at - row.starts_at), now) is Stage.NO_SHOW
+        ):
             total.not_used += 1
     return sums
 

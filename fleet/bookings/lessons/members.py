@@ -10,6 +10,7 @@ from django.db.models import Q, QuerySet
 
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking, BookingMember, Shared
+from robots.access.models import Enrolment
 
 
 def shares(booking: Booking, person: User) -> bool:
@@ -23,6 +24,23 @@ def teams_of(bookings: Collection[Booking]) -> dict[UUID, list[str]]:
     members = BookingMember.objects.filter(booking__in=[one.pk for one in bookings]).select_related("person")
     for member in members.order_by("pk"):
         found[member.booking_id].append(member.person.display_name)
+    return found
+
+
+def sharers_of(bookings: Collection[Booking]) -> dict[UUID, list[User]]:
+    """Return the people who share these bookings beside their owners, by booking: two queries."""
+    found: dict[UUID, list[User]] = defaultdict(list)
+    shared = [one for one in bookings if one.shared]
+    members = BookingMember.objects.filter(booking__in=[one.pk for one in shared]).select_related("person")
+    for member in members.order_by("pk"):
+        found[member.booking_id].append(member.person)
+    courses: dict[int, list[User]] = defaultdict(list)
+    lessons = [one for one in shared if one.shared == Shared.COURSE and one.course_id is not None]
+    enrolled = Enrolment.objects.filter(course__in={one.course_id for one in lessons}, person__is_active=True)
+    for one in enrolled.select_related("person").order_by("person__full_name"):
+        courses[one.course_id].append(one.person)
+    for lesson in lessons:
+        found[lesson.pk] += [one for one in courses[lesson.course_id or 0] if one.pk != lesson.person_id]
     return found
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
+from uuid import UUID
 
 from django.contrib import messages
 from django.contrib.messages.storage import default_storage
@@ -18,8 +19,10 @@ from django.utils.html import format_html
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
+from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.base.zones import viewers
+from fleet.bookings.lessons.members import sharers_of
 from fleet.bookings.losses.collecting import How, Loss
 from fleet.bookings.losses.weighing import Seen, Weighed, weigh
 from fleet.bookings.models import Booking
@@ -45,7 +48,9 @@ def through_door(request: HttpRequest, answer: Callable[[], HttpResponseBase]) -
 
 def preview(request: HttpRequest, weighed: Weighed[Any]) -> dict[str, Any]:
     """Return the context of the page that asks."""
+    sharers = sharers_of([one.booking for one in weighed.losses])
     people = {one.booking.person_id for one in weighed.losses}
+    people |= {person.pk for several in sharers.values() for person in several}
     repeated = [
         (name, value)
         for name, values in request.POST.lists()
@@ -53,7 +58,7 @@ def preview(request: HttpRequest, weighed: Weighed[Any]) -> dict[str, Any]:
         for value in values
     ]
     return {
-        "rows": loss_rows(weighed.losses),
+        "rows": loss_rows(weighed.losses, sharers),
         "count": len(people),
         "digest": weighed.digest,
         "repeated": repeated,
@@ -64,7 +69,7 @@ def preview(request: HttpRequest, weighed: Weighed[Any]) -> dict[str, Any]:
     }
 
 
-def loss_rows(losses: list[Loss]) -> list[dict[str, Any]]:
+def loss_rows(losses: list[Loss], sharers: dict[UUID, list[User]]) -> list[dict[str, Any]]:
     """Return the losses as rows of a page: by person, then by time."""
     rows = [
         {
@@ -74,6 +79,7 @@ def loss_rows(losses: list[Loss]) -> list[dict[str, Any]]:
             "stays": one.how in (How.USELESS, How.CLOSED),
             "until": one.booking.ends_at if one.how is How.SHORTENED else None,
             "why": one.why(),
+            "sharers": [person.display_name for person in sharers.get(one.booking.pk, ())],
         }
         for one in losses
     ]

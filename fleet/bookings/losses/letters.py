@@ -1,4 +1,4 @@
-"""One letter for each person about all that a change took from them, or gave back."""
+"""One letter for each person, also for who shares a booking, about all that a change took from them, or gave back."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from msgspec import Struct
 from fleet.accounts.models import User
 from fleet.base.languages import of_person
 from fleet.base.zones import zone_of
+from fleet.bookings.lessons.members import sharers_of
 from fleet.bookings.losses.collecting import Actor, Loss
 from fleet.bookings.messages.notifications import Words, in_words, notification_write
 from fleet.bookings.models import Booking
@@ -48,9 +49,11 @@ def _given_back(count: int) -> str:
 
 def _write(lines: list[Line], actor: Actor, now: datetime, of_many: Callable[[int], str]) -> None:
     by_person: dict[User, list[Line]] = {}
+    sharers = sharers_of([line.booking for line in lines])
     for line in lines:
-        if line.booking.person.is_active:
-            by_person.setdefault(line.booking.person, []).append(line)
+        for person in {line.booking.person, *sharers[line.booking.pk]}:
+            if person.is_active:
+                by_person.setdefault(person, []).append(line)
     by = actor.display_name if isinstance(actor, User) else actor.name
     for person, theirs in by_person.items():
         if isinstance(actor, User) and actor.pk == person.pk:

@@ -11,11 +11,11 @@ from typing import Any
 from uuid import UUID
 
 from django.db import transaction
-from django.db.models import QuerySet
+from django.db.models import Q, QuerySet
 from django.dispatch import receiver
 from msgspec import Struct, convert
 
-from fleet.accounts.models import User
+from fleet.accounts.models import Erasure, User
 from fleet.audit.services import record
 from fleet.bookings.losses import letters
 from fleet.bookings.losses.collecting import FIELDS, Actor, How, collected
@@ -61,9 +61,16 @@ def undo_refused(change: Change, now: datetime) -> Refusal | None:
     """Return why a change cannot be undone; None: it can."""
     if change.undone_at is not None:
         return _UNDONE
-    if not change.rows:
+    if not change.rows or _erased(change):
         return _FOR_GOOD
     return _TOO_LATE if now - change.made_at > UNDO_FOR else None
+
+
+def _erased(change: Change) -> bool:
+    """Return whether a person whose account the change closed is erased, or about to be."""
+    closed = [row["key"] for row in change.rows if row["table"] == User._meta.label]
+    gone = Q(username__startswith="erased-") | Q(pk__in=Erasure.objects.values("person"))
+    return bool(closed) and User.objects.filter(gone, pk__in=closed).exists()
 
 
 @transaction.atomic

@@ -78,9 +78,7 @@ def test_a_colleague_declines(signed_in, booking, operator, second_operator, sup
     assert "is over" in answer(signed_in(second_operator), "accept").text
 
 
-def test_an_offer_ends_when_it_is_withdrawn_replaced_lapsed_or_the_booking_moves(
-    signed_in, booking, operator, second_operator, supervisor
-):
+def test_an_offer_ends_in_each_of_its_ways(signed_in, booking, operator, second_operator, supervisor):
     giver, colleague = signed_in(operator), signed_in(second_operator)
     ask(giver, booking, second_operator)
     answer(giver, "withdraw")

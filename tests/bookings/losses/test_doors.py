@@ -4,6 +4,7 @@ from datetime import timedelta
 from uuid import uuid4
 
 import pytest
+from django.core.management import CommandError, call_command
 from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
@@ -12,6 +13,7 @@ from fleet.audit.models import Record
 from fleet.bookings.models import WEEKDAYS, Change, Notification, OutOfService, Policy, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
+from fleet.site.management.commands import erase_person
 from robots.access.models import Course, Enrolment, GroupRole, RobotGroup
 from robots.registry.models import RobotRole, Role
 from tests.bookings.losses.support import confirm
@@ -231,8 +233,10 @@ def test_open_again_gives_back_what_archive_took(door, course, robot, operator, 
     lesson = book(robot, staff, series=uuid4(), lesson_of=course)
     mine = book(robot, operator, days=3)
     asked = door.post(*archive(course=course))
-    assert staff.display_name in asked.text and operator.display_name in asked.text
+    assert staff.display_name in asked.text and "and 1 person who shares it" in asked.text
     confirm(door, asked)
+    letter = Notification.objects.get(person=operator)
+    assert letter.text.count("cancelled") == 2  # the lesson is theirs, too
     assert (state_of(lesson), state_of(mine)) == (State.CANCELLED, State.CANCELLED)
     Change.objects.update(
         made_at=timezone.now() - timedelta(days=30)
@@ -274,3 +278,43 @@ def test_a_booking_against_the_policy_of_a_closed_account_is_freed(robot, strang
     stranger.is_active = False
     stranger.save()
     assert state_of(booking) is State.CANCELLED
+
+
+def test_erasing_asks_for_bookings_too_and_cannot_be_undone(door, robot, operator, capsys):
+    booking = book(robot, operator)
+    confirm(door, door.post(*close_account(operator=operator)))
+    closing = Change.objects.get()
+    door.post(reverse("change-undo", args=[closing.pk]))
+    assert state_of(booking) is State.BOOKED
+    asked = door.post(reverse("people-erase"), {"person": operator.pk, "sure": "yes"})
+    assert (asked.status_code, state_of(booking)) == (409, State.BOOKED)
+    confirm(door, asked)
+    assert state_of(booking) is State.CANCELLED
+    assert (
+        "stays erased"
+        in door.post(reverse("change-undo", args=[Change.objects.latest("made_at").pk]), follow=True).text
+    )
+    operator.refresh_from_db()
+    assert not operator.is_active
+
+
+def test_an_account_that_was_closed_and_then_erased_stays_so(door, robot, operator, capsys, monkeypatch):
+    book(robot, operator)
+    monkeypatch.setattr(erase_person, "WRITTEN_S", 0.0)
+    confirm(door, door.post(*close_account(operator=operator)))
+    call_command("erase_person", operator.username, "--yes")
+    late = door.post(reverse("change-undo", args=[Change.objects.get().pk]), follow=True)
+    assert "stays erased" in late.text
+
+
+def test_the_command_names_the_bookings_that_erasing_ends(robot, stranger, staff, capsys, monkeypatch):
+    booking = book(robot, stranger, actor=staff, override="an open day")
+    monkeypatch.setattr(erase_person, "WRITTEN_S", 0.0)
+    monkeypatch.setattr("builtins.input", lambda _asked: "no")
+    with pytest.raises(CommandError):
+        call_command("erase_person", stranger.username)
+    assert state_of(booking) is State.BOOKED
+    call_command("erase_person", stranger.username, "--yes")
+    assert "This ends a booking: TIAGo 1" in capsys.readouterr().out
+    assert state_of(booking) is State.CANCELLED
+    book(robot, staff)  # the slot is free

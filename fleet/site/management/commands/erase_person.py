@@ -10,6 +10,11 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from fleet.accounts.models import User
 from fleet.accounts.services import account_close, account_erase
 from fleet.audit.command_line import here
+from fleet.base.zones import zone_of
+from fleet.bookings.losses.collecting import collected
+from fleet.bookings.losses.weighing import Seen, weigh
+from fleet.bookings.messages.notifications import in_words
+from robots.access.signals import publish_access_changed
 
 # Refusals are collected for 10 s before they are recorded, and a refusal of another person may contain the
 # name: after this time it is on record and can be erased, too.
@@ -33,12 +38,14 @@ class Command(BaseCommand):
             person = User.objects.get(username=username)
         except User.DoesNotExist:
             raise CommandError(f"There is no account {username}.") from None
+        for loss in weigh(lambda: _close(person), actor=here(), seen=None, only_try=True).losses:
+            self.stdout.write(f"This ends a booking: {in_words(loss.booking, zone_of(''))}.")
         if (
             not yes
             and input(f"Erase {person.display_name} ({username}) for good? Type the user name: ") != username
         ):
             raise CommandError("Nothing was erased.")
-        account_close(user=person)
+        weigh(lambda: _close(person), actor=here(), seen=Seen(None))
         self.stdout.write(
             f"The account is closed. Waiting for records under way: {WRITTEN_S:.0f} s."
             " If this is interrupted: run it again."
@@ -48,3 +55,11 @@ class Command(BaseCommand):
         self.stdout.write(
             f"{username} is erased: the contents of {len(erasure.parameters['records'])} records are removed."
         )
+
+
+def _close(person: User) -> None:
+    """Close the account; its bookings end."""
+    account_close(user=person)
+    publish_access_changed([person.pk])
+    if (losses := collected()) is not None:
+        losses.for_good = True
