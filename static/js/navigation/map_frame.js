@@ -4,15 +4,17 @@
 
 export const FINEST = 200; // pixels per metre
 const MARGIN = 0.04; // share of the picture, around the whole map
-const ABOVE = 52; // pixels that buttons cover
-const BELOW = 60;
+const NOTHING = { left: 0, right: 0, above: 0, below: 0 };
 
 /**
  * @typedef {{x: number, y: number, scale: number}} Frame the point in the middle (m), and pixels per metre
  */
 
-/** Return the frame that shows all these corners (m). */
-export function whole(corners, width, height) {
+/**
+ * Return the frame that shows all these corners (m).
+ * @param {{left: number, right: number, above: number, below: number}} covered pixels at the sides
+ */
+export function whole(corners, width, height, covered = NOTHING) {
   const xs = corners.map(([x]) => x);
   const ys = corners.map(([, y]) => y);
   const [west, east, south, north] = [
@@ -22,14 +24,14 @@ export function whole(corners, width, height) {
     Math.max(...ys),
   ];
   const room = 1 - 2 * MARGIN;
-  const free = Math.max(height - ABOVE - BELOW, height / 3);
+  const { left, right, above, below } = covered;
   const wanted = Math.min(
-    (room * width) / Math.max(east - west, 0.1),
-    (room * free) / Math.max(north - south, 0.1),
+    (room * Math.max(width - left - right, width / 3)) / Math.max(east - west, 0.1),
+    (room * Math.max(height - above - below, height / 3)) / Math.max(north - south, 0.1),
   );
   const scale = Math.min(wanted, FINEST);
-  const lifted = (BELOW - ABOVE) / 2 / scale;
-  return { x: (west + east) / 2, y: (south + north) / 2 - lifted, scale };
+  const [moved, lifted] = [(left - right) / 2 / scale, (below - above) / 2 / scale];
+  return { x: (west + east) / 2 - moved, y: (south + north) / 2 - lifted, scale };
 }
 
 /**

@@ -43,6 +43,19 @@ const REACH_PX = 22; // half the size of a target for a finger
 const PRIMARY = 1; // in `buttons`: the main button alone
 const LETTER_PX = 3; // half the width of a letter of a name
 
+/** Return the pixels at the sides of the canvas that controls cover: its style sheet names them. */
+export function coveredOf(canvas) {
+  const { scrollPaddingLeft, scrollPaddingRight, scrollPaddingTop, scrollPaddingBottom } =
+    getComputedStyle(canvas);
+  const [left, right, above, below] = [
+    scrollPaddingLeft,
+    scrollPaddingRight,
+    scrollPaddingTop,
+    scrollPaddingBottom,
+  ].map((length) => Number.parseFloat(length) || 0); // `auto` covers nothing
+  return { left, right, above, below };
+}
+
 /**
  * Events: "choose" (detail: {x, y, heading}); "pick", on a press while `chooses` is false (detail: {place} or
  * {robot}, as they were given; {point: {x, y}} elsewhere; {} on the ghost); "turn" (detail: the ghost with another
@@ -188,7 +201,7 @@ export class MapView extends EventTarget {
   }
 
   get #whole() {
-    if (this.#map) return whole(corners(this.#map), ...this.#size);
+    if (this.#map) return whole(corners(this.#map), ...this.#size, coveredOf(this.#element));
     return { x: this.#robot?.x ?? 0, y: this.#robot?.y ?? 0, scale: 40 };
   }
 

@@ -17,14 +17,23 @@ Arrive = Callable[..., Person]
 # The pixel of a place, computed by `map_frame.js`: whole map, north up.
 PIXEL = """async ([x, y]) => {
   const { whole, corners, toPixels } = await import("/static/js/navigation/map_frame.js");
+  const { coveredOf } = await import("/static/js/navigation/map_view.js");
   const { readMaps } = await import("/static/js/navigation/places_api.js");
   const [map] = await readMaps(document.querySelector("main").dataset.robot);
   const canvas = document.querySelector(".map-canvas");
   const size = [canvas.clientWidth, canvas.clientHeight];
-  const [left, top] = toPixels(whole(corners(map), ...size), [x, y], ...size);
+  const [left, top] = toPixels(whole(corners(map), ...size, coveredOf(canvas)), [x, y], ...size);
   const box = canvas.getBoundingClientRect();
   return [box.left + left, box.top + top];
 }"""
+
+
+PLACES = """async () => {
+  const { readMaps } = await import("/static/js/navigation/places_api.js");
+  const [{ places }] = await readMaps(document.querySelector("main").dataset.robot);
+  return places.map(({ x, y }) => [x, y]);
+}"""
+UPPERMOST = "([left, top]) => document.elementFromPoint(left, top)?.outerHTML.slice(0, 80)"
 
 
 def opened(operator: Person) -> None:
@@ -185,6 +194,10 @@ def test_axe_accepts_the_map_and_no_word_covers_it(person: Arrive, width: int, h
         axe_accepts(operator, what)
 
     accepted("map")
+    here = operator.state["location"]
+    for place in [*operator.page.evaluate(PLACES), [here["x"], here["y"]]]:
+        pixel = operator.page.evaluate(PIXEL, place)
+        assert operator.page.evaluate(UPPERMOST, pixel).startswith('<canvas class="map-canvas"'), place
     operator.part("map-places").click()
     accepted("places")
     operator.part("map-places").click()

@@ -32,6 +32,16 @@ describe("the part of the map that is seen", () => {
     expect(top).toBeLessThan(bottom);
   });
 
+  it("leaves free what controls cover, but not more than two thirds", () => {
+    const covered = { left: 150, right: 50, above: 20, below: 100 };
+    const frame = whole(corners(MAP), ...SIZE, covered);
+    const [left, bottom] = toPixels(frame, [-2, 1], ...SIZE);
+    const [right, top] = toPixels(frame, [8, 6], ...SIZE);
+    expect([left, right, top, bottom].map(Math.round)).toEqual([158, 342, 64, 156]);
+    const small = whole(corners(MAP), ...SIZE, { ...covered, left: 300, right: 200 });
+    expect(Math.round(10 * small.scale)).toBe(123); // 133 pixels less the margin, for 10 m
+  });
+
   it("turns with the map’s origin", () => {
     const turned = corners({ ...MAP, origin_rad: Math.PI / 2 });
     expect(turned[1][0]).toBeCloseTo(-2);
