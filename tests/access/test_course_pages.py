@@ -23,6 +23,7 @@ from robots.access.models import Course, Enrolment, Invitation, Qualification, Q
 from robots.access.password_links import codes_of
 from robots.access.selectors import lab_date, missing_qualifications, role_on
 from robots.registry.models import Robot, Role
+from tests.access.test_people_lists import ROWS, STRINGS, workbook
 from tests.conftest import PASSWORD
 
 SignIn = Callable[[User], Client]
@@ -204,6 +205,19 @@ def test_a_registrys_file_is_shown_as_it_will_be_stored(
     assert client.post(address, form_of(preview)).status_code == 302
     assert Enrolment.objects.get(number="007").person.full_name == "Zoë Müller"
     assert "z@example.org · 007" in shown(client.get("/courses/hri-2026/"))
+
+
+def test_a_workbook_is_shown_as_it_will_be_stored(signed_in: SignIn, course: Course, teacher: User) -> None:
+    client, address = signed_in(teacher), "/courses/hri-2026/enrol/"
+    file = SimpleUploadedFile("class.xlsx", workbook(ROWS, STRINGS, sheets=2))
+    preview = client.post(address, {"file": file})
+    words = shown(preview)
+    assert "Only the first sheet" in words and "Encoding" not in words and "Separator" not in words
+    fields = {**form_of(preview), "separator": "", "separator_before": ""}
+    turned = {**fields, "column": ["number", "name", "email"], "again": "1"}
+    assert "<td>Lovelace, Ada" in client.post(address, turned).text
+    assert client.post(address, fields).status_code == 302
+    assert Enrolment.objects.get(number="123456789012").person.full_name == "Ada Lovelace"
 
 
 @pytest.mark.django_db(transaction=True)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import io
+import zipfile
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,6 +12,7 @@ from hypothesis import strategies as st
 from robots.access.people_lists.columns import Role
 from robots.access.people_lists.encodings import ENCODINGS, NotInEncodingError, decoded
 from robots.access.people_lists.reading import MOST_LINES, read_people
+from robots.access.people_lists.workbooks import NoWorkbookError, read_workbook
 
 ADA = ("Ada Lovelace", "ada@example.org")
 
@@ -328,6 +332,76 @@ def test_a_person_with_a_number_needs_no_address() -> None:
         "There is no e-mail address.",
         "A spreadsheet has shortened the student number to 1,2E+11: make that column text there.",
     ]
+
+
+# --- workbooks ------------------------------------------------------------------------------------
+
+
+def workbook(rows: str, strings: str = "", sheets: int = 1) -> bytes:
+    """Return an .xlsx file with these rows, as spreadsheet programs write it."""
+    main = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
+    relations = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
+    names = "".join(f'<sheet name="S{n}" sheetId="{n}" r:id="rId{n}"/>' for n in range(1, sheets + 1))
+    parts = {
+        "xl/workbook.xml": f'<workbook xmlns="{main}" xmlns:r="{relations}"><sheets>{names}</sheets></workbook>',
+        "xl/_rels/workbook.xml.rels": '<Relationships xmlns="x"><Relationship Id="rId1" Target="worksheets/one.xml"/>'
+        "</Relationships>",
+        "xl/sharedStrings.xml": f'<sst xmlns="{main}">{strings}</sst>',
+        "xl/worksheets/one.xml": f'<worksheet xmlns="{main}"><sheetData>{rows}</sheetData></worksheet>',
+    }
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in parts.items():
+            archive.writestr(name, text)
+    return file.getvalue()
+
+
+ROWS = (
+    '<row r="1"><c r="A1" t="inlineStr"><is><t>Robotics 1</t></is></c></row>'
+    '<row r="3"><c r="A3" t="s"><v>0</v></c><c r="B3" t="s"><v>1</v></c><c r="C3" t="s"><v>2</v></c></row>'
+    '<row r="4"><c r="A4"><v>1.23456789012E11</v></c><c r="B4" t="s"><v>3</v></c>'
+    '<c r="C4" t="str"><v>ada@example.org</v></c></row>'
+    '<row r="5"><c r="A5"><v>8</v></c><c r="C5" t="inlineStr"><is><t>bo@example.org</t></is></c></row>'
+)
+STRINGS = (
+    "<si><t>Student ID</t></si><si><t>Name</t></si><si><t>E-mail</t></si>"
+    "<si><r><t>Love</t></r><r><t>lace, Ada</t></r><rPh sb='0' eb='1'><t>not read</t></rPh></si>"
+)
+
+
+def test_a_workbook_is_read_like_a_list() -> None:
+    read = read_workbook(workbook(ROWS, STRINGS, sheets=2))
+    assert read.sheets == 2
+    found = read_people(read.text, "\t")
+    assert [(one.line, one.number, one.name, one.email) for one in found.people] == [
+        (4, "123456789012", "Ada Lovelace", "ada@example.org"),
+        (5, "8", "", "bo@example.org"),
+    ]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"PK\x03\x04 and so on",
+        workbook("<row"),
+        workbook('<row r="x"/>'),
+        workbook('<row r="1"><c r="A1" t="s"><v>7</v></c></row>'),
+        workbook("", sheets=0),
+    ],
+)
+def test_what_is_no_workbook_is_refused(content: bytes) -> None:
+    with pytest.raises(NoWorkbookError):
+        read_workbook(content)
+
+
+def test_a_workbook_cannot_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    far = workbook(
+        '<row r="1"><c r="ZZZZZZ1"><v>1</v></c><c r="A1"><v>1E999999</v></c></row><row r="9999999"/>'
+    )
+    assert len(read_workbook(far).text) < 100_000
+    monkeypatch.setattr("robots.access.people_lists.workbooks.MOST_BYTES", 1000)
+    with pytest.raises(NoWorkbookError):
+        read_workbook(workbook(" " * 2000))
 
 
 @given(st.text(max_size=300))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from codecs import BOM_UTF8
+from contextlib import suppress
 from datetime import date, datetime, time, timedelta
 from decimal import Decimal
 from typing import Any
@@ -30,12 +31,14 @@ from robots.access.models import Course, Qualification, RobotGroup
 from robots.access.people_lists.columns import Role
 from robots.access.people_lists.encodings import ENCODINGS, Decoded, NotInEncodingError, decoded
 from robots.access.people_lists.reading import PeopleList, read_people
+from robots.access.people_lists.workbooks import START as WORKBOOK
+from robots.access.people_lists.workbooks import NoWorkbookError, Workbook, read_workbook
 from robots.access.selectors import lab_date
 from robots.registry.models import Robot
 from robots.registry.selectors import free_slug
 
 FILE_BYTES = 1_500_000  # 5,000 lines of 300 letters; the preview repeats a file within Django's 2.5 MB
-# In small letters: .xlsx and .ods; .xls; pages and XML that programs write as .xls; .pdf; .rtf
+# In small letters: .ods; .xls; pages and XML that programs write as .xls; .pdf; .rtf
 NO_LIST_STARTS = (
     b"pk\x03\x04",
     b"\xd0\xcf\x11\xe0",
@@ -47,7 +50,8 @@ NO_LIST_STARTS = (
     b"{\\rtf",
 )
 _NO_LIST = gettext_lazy(
-    "This is no CSV file. Open it in a spreadsheet program, save it as CSV, and choose that file."
+    "This is no CSV file and no workbook (.xlsx). Open it in a spreadsheet program, save it as CSV, and choose that "
+    "file."
 )
 SEPARATORS = {
     ",": gettext_lazy("comma"),
@@ -94,12 +98,12 @@ class PeopleForm(KeptFileForm):
         widget=forms.Textarea(attrs={"rows": 6, "spellcheck": "false"}),
     )
     file = forms.FileField(
-        label=gettext_lazy("or a CSV file with names, and e-mail addresses or student numbers"),
+        label=gettext_lazy("or a file (CSV, .xlsx) with names, and e-mail addresses or student numbers"),
         required=False,
         help_text=gettext_lazy(
             "You see how each line is read, and may change encoding, separator and columns."
         ),
-        widget=forms.FileInput(attrs={"accept": ".csv,.tsv,.txt,text/csv,text/plain"}),
+        widget=forms.FileInput(attrs={"accept": ".csv,.tsv,.txt,.xlsx,text/csv,text/plain"}),
     )
     encoding = forms.ChoiceField(
         label=gettext_lazy("Encoding"), required=False, choices=[("", ""), *ENCODINGS.items()]
@@ -114,6 +118,7 @@ class PeopleForm(KeptFileForm):
     most_bytes = FILE_BYTES
     people_list = PeopleList()
     decoded: Decoded | None = None  # None: the list was pasted
+    workbook: Workbook | None = None
     encoding_fault = ""  # why the chosen encoding was not used
 
     def clean(self) -> dict[str, Any]:
@@ -122,6 +127,10 @@ class PeopleForm(KeptFileForm):
         if values.get("file") is not None:
             how = {}  # another file is read afresh
         content = self.kept.content if self.kept else b""
+        with suppress(NoWorkbookError):
+            self.workbook = read_workbook(content) if content.startswith(WORKBOOK) else None
+        if self.workbook is not None:
+            content, typed, how = b"", self.workbook.text, {**how, "separator": "\t"}
         if _is_no_list(content):
             self.kept, content = None, b""
             self.add_error("file", _NO_LIST)
@@ -131,7 +140,10 @@ class PeopleForm(KeptFileForm):
         self.people_list = read_people(text, **how) if text.strip() else PeopleList()
         if (self.kept or typed.strip()) and self.people_list.is_empty:
             self.add_error(None, _("There is nobody in the list."))
-        if self.decoded and typed.strip():
+        if self.workbook is not None and self.workbook.sheets > 1:
+            notes = (_("Only the first sheet of the workbook is read."), *self.people_list.notes)
+            self.people_list = structs.replace(self.people_list, notes=notes)
+        if (self.decoded or self.workbook) and values.get("people", "").strip():
             notes = (_("The pasted list is not used: the file is."), *self.people_list.notes)
             self.people_list = structs.replace(self.people_list, notes=notes)
         return values

@@ -38,7 +38,7 @@ def course(person: Arrive, student: Person, induction: str) -> Iterator[str]:
     page.get_by_label(ROBOT).check()
     content = f"Name;Nr;E-Mail\nStu Dent;7;{student.account.username}\n".encode("latin-1")
     file = {"name": "class.csv", "mimeType": "text/csv", "buffer": content}
-    page.get_by_label("or a CSV file").set_input_files(files=[file])  # type: ignore[list-item]
+    page.get_by_label("or a file (CSV").set_input_files(files=[file])  # type: ignore[list-item]
     page.get_by_role("button", name="Make the course").click()
     page.get_by_role("button", name="Make the course with 1 person").first.click()
     expect(page.get_by_role("checkbox", name="Stu Dent")).to_be_visible()

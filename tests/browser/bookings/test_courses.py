@@ -24,7 +24,7 @@ def test_a_course_from_csv_to_the_wheel(person: Arrive, induction: str) -> None:
     page.get_by_label("TIAGo Two").check()
     content = CSV.format(uuid4().hex[:6]).encode("latin-1")
     file = {"name": "class.csv", "mimeType": "text/csv", "buffer": content}
-    page.get_by_label("or a CSV file").set_input_files(files=[file])  # type: ignore[list-item]
+    page.get_by_label("or a file (CSV").set_input_files(files=[file])  # type: ignore[list-item]
     page.get_by_role("button", name="Make the course").click()
     expect(page.get_by_role("alert")).to_contain_text("1 line is left out")
     expect(page.get_by_role("row", name="3 Left out:")).to_contain_text("bob(at)example.org")
