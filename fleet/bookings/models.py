@@ -382,9 +382,10 @@ class FeedAddress(models.Model):
 
 
 class Notification(models.Model):
-    """A notification of a person: a notice on the pages until they have seen it, and an e-mail.
+    """A notification of a person: a notice on the pages until they have seen it, an e-mail, and a push.
 
-    It is stored in the transaction of the change that it reports; housekeeping sends the e-mail.
+    It is stored in the transaction of the change that it reports; housekeeping sends the e-mail. One with an
+    `until` is about a moment, such as "your turn": it disappears then, and there is no e-mail of it.
     """
 
     person = models.ForeignKey(
@@ -395,6 +396,10 @@ class Notification(models.Model):
     # Only for the e-mail: place, purpose and link of the bookings; and iCalendar messages about them
     details = models.TextField(default="", db_default="")
     calendar = models.JSONField(null=True)
+    path = models.CharField(max_length=200, blank=True, default="", db_default="")  # of the page to open
+    until = models.DateTimeField(null=True, blank=True)
+    # What it is about, so that several processes write it once; None: written with the change
+    key = models.CharField(max_length=120, null=True, blank=True, unique=True)  # noqa: DJ001
     made_at = models.DateTimeField()
     claimed_at = models.DateTimeField(null=True, blank=True)  # when a process last began to send it
     # When the mail server took it, or refused its address

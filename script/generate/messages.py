@@ -48,6 +48,7 @@ DIRECTIONS: Mapping[str, Any] = {
     "From readers of cameras to the console": wire.CameraMessage,
     "From the console to readers of cameras": wire.CameraReport,
     "From the console to the calendar": wire.BookingsReport,
+    "From the console to every page: notifications": wire.NewsReport,
 }
 # Messages between the console's own processes
 INTERNAL = (wire.LinkRequest, wire.LinkReport, wire.CameraRequest, wire.TakenPicture)

@@ -72,6 +72,7 @@ STAFF_FOLDERS = ("admin/",)  # only staff get in: one other person tries
 SOCKETS: dict[str, str | None] = {
     "ws/fleet/": "fleet",
     "ws/bookings/": "bookings_changed",
+    "ws/news/": "news",
     "ws/robots/<slug:slug>/": "control",
     "ws/robots/<slug:slug>/topics/": None,
     "ws/robots/<slug:slug>/camera/": None,

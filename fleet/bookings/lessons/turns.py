@@ -21,6 +21,7 @@ from django.dispatch import Signal
 from fleet.accounts.models import User
 from fleet.audit.services import record
 from fleet.bookings.lessons.members import shares
+from fleet.bookings.messages.moments import your_turn
 from fleet.bookings.models import Booking, BookingMember, Shared, State, Turn
 from fleet.bookings.permissions import may_manage_booking
 from fleet.bookings.schedule import CALL_S
@@ -338,6 +339,7 @@ def _call_next(booking: Booking, now: datetime) -> bool:
         turn.save()
         Booking.objects.filter(pk=booking.pk, used_at=None).update(used_at=now)
         _record("turn.call", turn, None, seconds=CALL_S)
+        your_turn(turn, now)
         return True
     return False
 

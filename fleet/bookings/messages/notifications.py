@@ -1,4 +1,4 @@
-"""Notifications of bookings: stored with the change that they report, shown on the pages, sent by e-mail.
+"""Notifications of bookings: stored with the change that they report, shown on the pages, sent by e-mail and push.
 
 Several housekeeping processes may run: each claims a notification before it sends it. If a process dies
 before it has sent the notification, or the mail server does not answer or does not take it, it is tried again after
@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from datetime import datetime, timedelta
 from email.mime.text import MIMEText
 from typing import Any
+from uuid import UUID
 from zoneinfo import ZoneInfo
 
 from django.core.mail import EmailMessage, get_connection
-from django.db import transaction
+from django.db import IntegrityError, transaction
 from django.db.models import F, Q, QuerySet
-from django.dispatch import receiver
+from django.dispatch import Signal, receiver
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import override
@@ -36,6 +37,9 @@ from fleet.bookings.models import Booking, BookingMember, FeedAddress, Notificat
 log = logging.getLogger(__name__)
 
 Words = Callable[[], str]
+
+# Sent in the transaction that stores a notification; argument: notification. `teleop.push` then pushes it.
+notification_written = Signal()
 
 AHEAD = timedelta(hours=1)  # how long before its slot a reminder is sent
 AGAIN = timedelta(minutes=5)
@@ -61,13 +65,36 @@ def notification_write(
         with override(of_person(to.language)):
             notification.details = "\n\n".join(filter(None, map(details_of, bookings)))
             notification.calendar = [message_about(one, to, now, gone=gone) for one in bookings]
+    _store(notification)
+
+
+def passing_write(
+    *, to: User, subject: str, text: str, now: datetime, path: str, until: datetime, key: str | None = None
+) -> None:
+    """Store a notification about a moment; one with a `key` once, whichever process is first.
+
+    It is shown on pages and pushed, but not e-mailed.
+    """
+    if key is not None and Notification.objects.filter(key=key).exists():
+        return
+    facts = {"subject": subject[:200], "text": text, "path": path, "until": until, "key": key}
+    with suppress(IntegrityError), transaction.atomic():  # another process wrote it meanwhile
+        _store(Notification(person=to, made_at=now, **facts))
+
+
+def _store(notification: Notification) -> None:
     notification.save()
+    notification_written.send(Notification, notification=notification)
 
 
-def notifications_unseen(person: User, now: datetime) -> QuerySet[Notification]:
-    """Return a person's newest unseen notifications: at most `MOST_SHOWN`, none older than `SHOWN`."""
-    unseen = Notification.objects.filter(person=person, seen_at=None, made_at__gt=now - SHOWN)
-    return unseen.order_by("-made_at", "-pk")[:MOST_SHOWN]
+def notifications_unseen(people: Collection[UUID], now: datetime) -> dict[UUID, list[Notification]]:
+    """Return people's newest unseen notifications: at most `MOST_SHOWN` of each, none older than `SHOWN`."""
+    unseen = Notification.objects.filter(person__in=people, seen_at=None, made_at__gt=now - SHOWN)
+    found: dict[UUID, list[Notification]] = {person: [] for person in people}
+    for one in unseen.filter(Q(until=None) | Q(until__gt=now)).order_by("-made_at", "-pk"):
+        if len(found[one.person_id]) < MOST_SHOWN:
+            found[one.person_id].append(one)
+    return found
 
 
 def notifications_seen(person: User, newest: int, now: datetime) -> None:
@@ -153,7 +180,10 @@ def email_of(notification: Notification) -> EmailMessage:
 def send_notifications(now: datetime) -> int:
     """Send waiting notifications, at most `BATCH_SIZE`. Return how many are over: sent, or to a wrong address."""
     waiting = Notification.objects.filter(
-        Q(claimed_at=None) | Q(claimed_at__lt=now - AGAIN), sent_at=None, made_at__gt=now - GIVEN_UP
+        Q(claimed_at=None) | Q(claimed_at__lt=now - AGAIN),
+        until=None,
+        sent_at=None,
+        made_at__gt=now - GIVEN_UP,
     )
     waiting = waiting.exclude(person__email="").select_related("person").order_by("made_at")[:BATCH_SIZE]
     connection, sent, until_s = get_connection(timeout=emails.SERVER_TIMEOUT_S), 0, time.monotonic() + ROUND_S

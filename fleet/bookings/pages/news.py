@@ -11,13 +11,19 @@ from django.utils.functional import SimpleLazyObject
 from django.utils.http import url_has_allowed_host_and_scheme
 from django.views.decorators.http import require_POST
 
+from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.bookings.messages.notifications import notifications_seen, notifications_unseen
+from fleet.bookings.models import Notification
 
 
 def news(request: HttpRequest) -> dict[str, Any]:
     """Return the person's unseen notifications for templates. They are read only if a template shows them."""
-    return {"news": SimpleLazyObject(lambda: list(notifications_unseen(person_of(request), timezone.now())))}
+    return {"news": SimpleLazyObject(lambda: _unseen_by(person_of(request)))}
+
+
+def _unseen_by(person: User) -> list[Notification]:
+    return notifications_unseen([person.pk], timezone.now())[person.pk]
 
 
 @require_POST

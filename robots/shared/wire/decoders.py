@@ -42,6 +42,7 @@ TopicsReport = TopicAnswer | Sample | BridgeGone | Notice | Pong
 CameraReport = Cameras | CameraState | CameraPong | BridgeGone | Notice | Refused
 FleetReport = page.Fleet | page.Beat | Refused | Pong
 BookingsReport = page.BookingsChanged | Refused | Pong
+NewsReport = page.News | Refused | Pong
 LinkReport = (
     link.BridgeHello
     | link.LaneToken

@@ -266,6 +266,22 @@ class BookingsChanged(Struct, frozen=True, tag_field="t", tag="bookings_changed"
     """A booking, a policy or an out-of-service period changed: the page reads its data again."""
 
 
+class NewsItem(Struct, frozen=True):
+    """A notification that its person has not seen yet."""
+
+    number: int
+    subject: str
+    text: str
+    path: str  # of the page to open; empty: none
+    passing: bool  # about this moment, such as "your turn": it disappears by itself
+
+
+class News(Struct, frozen=True, tag_field="t", tag="news"):
+    """The newest notifications of this page's person, newest first. Sent when the page opens, and on change."""
+
+    items: list[NewsItem]
+
+
 class Beat(Struct, frozen=True, tag_field="t", tag="beat"):
     """Nothing changed: the console still watches the robots. Sent while `fleet` has no news."""
 

@@ -8,9 +8,10 @@ const LONGEST_MS = 2000;
  * Jitter shortens it by up to a fifth, so that many pages do not connect again at the same moment.
  * @param {number} attempt
  * @param {() => number} random
+ * @param {number} longestMs
  * @returns {number} milliseconds
  */
-export function waitBefore(attempt, random = Math.random) {
-  const full = Math.min(FIRST_MS * 2 ** Math.min(attempt, 10), LONGEST_MS);
+export function waitBefore(attempt, random = Math.random, longestMs = LONGEST_MS) {
+  const full = Math.min(FIRST_MS * 2 ** Math.min(attempt, 10), longestMs);
   return full * (1 - 0.2 * random());
 }

@@ -36,6 +36,7 @@ function earlySocket(url) {
  */
 export class LiveSocket extends EventTarget {
   #url;
+  #longestMs;
   #socket = null;
   #attempt = 0; // failures since a connection lasted LASTED_MS
   #openedMs = Infinity;
@@ -49,9 +50,11 @@ export class LiveSocket extends EventTarget {
     this.connect();
   };
 
-  constructor(url) {
+  /** @param {number} [longestMs] between two attempts; for pages that need no answer at once */
+  constructor(url, longestMs) {
     super();
     this.#url = url;
+    this.#longestMs = longestMs;
     window.addEventListener("online", this.#wake);
   }
 
@@ -125,7 +128,8 @@ export class LiveSocket extends EventTarget {
     this.#emit("down", { code });
     if (this.#closed) return;
     clearTimeout(this.#retry);
-    this.#retry = setTimeout(() => this.connect(), waitBefore(this.#attempt));
+    const waitMs = waitBefore(this.#attempt, Math.random, this.#longestMs);
+    this.#retry = setTimeout(() => this.connect(), waitMs);
     this.#attempt += 1;
   }
 

@@ -18,6 +18,7 @@ import { mark, parts } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 import { tabClock, tabToken } from "../lib/tab.js";
 import { Tabs } from "../lib/tabs.js";
+import { newsAsNotices } from "../page/news_feed.js";
 import { Notices } from "../page/notices.js";
 import { Choices } from "./choices.js";
 import { ControlPanel } from "./control_panel.js";
@@ -159,6 +160,8 @@ class ControlPage {
       showText: (text) => this.#statusBar.stopSays(text),
       fail: (text) => this.#statusBar.stopFailed(text),
     });
+    const { news } = root.dataset;
+    if (news) this.#endings.push(newsAsNotices(news, (notice) => this.#notices.add(notice)));
     this.#listen();
     this.#tellRights();
     this.#tabs.begin();

@@ -22,6 +22,7 @@ from robots.shared.wire import (
     BookingsReport,
     BrowserReport,
     FleetReport,
+    NewsReport,
     Refusal,
     Refused,
     TopicsReport,
@@ -116,7 +117,7 @@ class MessageSocket(AsyncConsumer):
                 await self.send_refusal(of, error.refusal, seq)
 
     async def send_message(
-        self, message: BrowserReport | TopicsReport | FleetReport | BookingsReport
+        self, message: BrowserReport | TopicsReport | FleetReport | BookingsReport | NewsReport
     ) -> None:
         """Send a message to the client."""
         await self.send_encoded(encode(message).decode())

@@ -29,7 +29,7 @@ from fleet.bookings.changes import waiting_list as waiting
 from fleet.bookings.changes.handing import hand_offers_lapse
 from fleet.bookings.losses import lost_rights
 from fleet.bookings.losses.weighing import remove_old_changes
-from fleet.bookings.messages import notifications
+from fleet.bookings.messages import moments, notifications
 from fleet.bookings.services import remove_old_cancelled, restore_unbegun, store_no_shows
 from robots.records.faults import RobotWatch
 from robots.shared.processes.shutdown import end_event
@@ -103,6 +103,7 @@ class Command(BaseCommand):
                 robots.step(time.monotonic())
                 daily.work_a_little()
                 notifications.write_reminders(timezone.now())
+                moments.write_moments(timezone.now())
                 waiting.keep_waiting_lists(timezone.now())
                 turns_settle_all(timezone.now())
                 if posted is None or posted.done():

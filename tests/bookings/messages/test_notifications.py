@@ -108,7 +108,7 @@ def test_news_stand_on_the_pages_until_they_are_seen(robot, operator, supervisor
     later = Notification.objects.create(person=operator, subject="Meanwhile", text="", made_at=now)
     seen = {"newest": shown.context["news"][0].pk, "next": "/bookings/"}
     assert page.post("/bookings/news/seen/", seen).url == "/bookings/"
-    assert list(notifications.notifications_unseen(operator, now)) == [later]
+    assert notifications.notifications_unseen([operator.pk], now) == {operator.pk: [later]}
     notifications.remove_old_notifications(now + timedelta(days=31))
     assert not Notification.objects.exists()
 
