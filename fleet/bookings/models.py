@@ -399,7 +399,7 @@ class Notification(models.Model):
     path = models.CharField(max_length=200, blank=True, default="", db_default="")  # of the page to open
     until = models.DateTimeField(null=True, blank=True)
     # What it is about, so that several processes write it once; None: written with the change
-    key = models.CharField(max_length=120, null=True, blank=True, unique=True)  # noqa: DJ001
+    key = models.CharField(max_length=120, null=True, blank=True, unique=True)
     made_at = models.DateTimeField()
     claimed_at = models.DateTimeField(null=True, blank=True)  # when a process last began to send it
     # When the mail server took it, or refused its address

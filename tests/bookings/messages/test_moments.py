@@ -9,8 +9,6 @@ from fleet.bookings.messages.moments import write_moments
 from fleet.bookings.models import Booking, Notification
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
-from robots.access.models import Enrolment
-from tests.bookings.lessons.conftest import course, lesson, students, teacher  # noqa: F401
 
 pytestmark = pytest.mark.django_db
 
@@ -79,18 +77,3 @@ def test_a_slot_that_ended_says_what_is_next(robot, operator, second_operator):
     assert written()[0][2] == f"Next, at 10:00: {second_operator.display_name}."
     write_moments(at(70))
     assert not Notification.objects.exists()  # too late to be news
-
-
-def test_a_lesson_is_told_to_everybody_in_it(lesson):
-    write_moments(at(-4))
-    told = {who for who, _subject, _text in written()}
-    people = {one.person.username for one in Enrolment.objects.filter(course=lesson.course)}
-    assert told == people | {lesson.teacher.username}
-
-
-def test_a_called_person_is_told_that_it_is_their_turn(lesson, students):
-    lesson.join(students[0], students[1], minute=1)
-    lesson.settle(2)
-    [told] = Notification.objects.filter(subject__contains="your turn")
-    assert (told.person, told.path) == (students[0], f"/robots/{lesson.robot.slug}/")
-    assert told.until == at(2) + timedelta(seconds=90)
