@@ -82,8 +82,8 @@ def _tell_end(booking: Booking, now: datetime) -> None:
     if not (untold := list(_untold(booking, key))):
         return
     later = Booking.objects.filter(robot=booking.robot_id, starts_at__gte=booking.ends_at)
-    following = later.exclude(state=State.CANCELLED).select_related("person", "course").order_by("starts_at")
-    following = following.first()
+    later = later.exclude(state=State.CANCELLED).select_related("person", "course")
+    following = later.order_by("starts_at").first()
     for person, own_key in untold:
         with _as_they_read(person):
             passing_write(

@@ -36,7 +36,7 @@ async def write(person):
     await in_database(notification_write, to=person, subject="Your turn", text="Now", now=now)
 
 
-async def test_a_notification_is_on_every_page_of_its_person_until_it_is_seen(pages, operator, observer):
+async def test_news_is_on_every_page_of_its_person_until_seen(pages, operator, observer):
     await write(operator)
     for page in pages[:2]:
         [item] = (await page.hears("news"))["items"]
