@@ -24,9 +24,10 @@ export function startCalendar(main, library) {
   const names = new Map(); // of robots, by slug
   const hint = part.hint.textContent;
   const phone = globalThis.innerWidth < PHONE_PX;
+  const first = phone ? part["phone-day"].dataset.view : "resourceTimeGridDay";
 
   const calendar = library.create(part.calendar, {
-    view: phone ? "listWeek" : "resourceTimeGridDay",
+    view: first,
     locale: pageLanguage(),
     date: day,
     headerToolbar: { start: "", center: "", end: "" },
@@ -156,7 +157,7 @@ export function startCalendar(main, library) {
   show(part.toolbar, true);
   show(part.hint, true);
   correctRoles(part.calendar);
-  turnTo(phone ? "listWeek" : "resourceTimeGridDay");
+  turnTo(first);
   setText(part.title, calendar.getView().title);
   return () => {
     clearInterval(timer);

@@ -257,3 +257,25 @@ def test_a_supervisor_takes_over_and_an_unused_slot_is_free(person: Arrive, stac
     book("staff", -16 * 60, 900)  # not used within the grace time of 15 minutes
     operator.take(ROBOT)
     operator.release()
+
+
+@pytest.mark.parametrize(("width", "height", "hours"), [(390, 844, 6), (844, 390, 3)])
+def test_a_phone_shows_the_hours_of_the_day_first(
+    person: Arrive, width: int, height: int, hours: int
+) -> None:
+    operator = person("operator", width=width, height=height, touch=True)
+    operator.open("/bookings/")
+    expect(operator.part("calendar").get_by_text("TIAGo One")).to_be_visible()
+    expect(operator.page.locator(".ec-now-indicator").first).to_be_in_viewport()
+    seen = operator.page.evaluate(
+        """() => {
+          const box = (name) => document.querySelector(name).getBoundingClientRect();
+          const below = [box(".ec-main").bottom, box(".dock").top, innerHeight].filter((edge) => edge > 0);
+          return Math.min(...below) - box(".ec-col-head").bottom;
+        }"""
+    )
+    hour_px = operator.page.evaluate(
+        "() => document.querySelector('.ec-body').getBoundingClientRect().height / 24"
+    )
+    assert seen / hour_px >= hours
+    assert operator.page.evaluate("() => document.documentElement.scrollWidth") == width
