@@ -27,6 +27,7 @@ from fleet.bookings.losses.collecting import How, Loss
 from fleet.bookings.losses.weighing import Seen, Weighed, weigh
 from fleet.bookings.models import Booking
 from fleet.bookings.rules import Slot, from_to
+from robots.access.selectors import robots_bookable_by
 
 DIGEST, STAY = "losses_seen", "closed_stay"  # fields of the confirming form
 
@@ -58,7 +59,7 @@ def preview(request: HttpRequest, weighed: Weighed[Any]) -> dict[str, Any]:
         for value in values
     ]
     return {
-        "rows": loss_rows(weighed.losses, sharers),
+        "rows": loss_rows(weighed.losses, sharers, person_of(request)),
         "count": len(people),
         "digest": weighed.digest,
         "repeated": repeated,
@@ -69,21 +70,40 @@ def preview(request: HttpRequest, weighed: Weighed[Any]) -> dict[str, Any]:
     }
 
 
-def loss_rows(losses: list[Loss], sharers: dict[UUID, list[User]]) -> list[dict[str, Any]]:
+def loss_rows(losses: list[Loss], sharers: dict[UUID, list[User]], viewer: User) -> list[dict[str, Any]]:
     """Return the losses as rows of a page: by person, then by time."""
+    names = Namer(viewer)
     rows = [
         {
             "person": one.booking.person.display_name,
-            "words": booking_words(one.booking, one.before["ends_at"]),
+            "words": names(one.booking, one.before["ends_at"]),
             "how": one.how.label,
             "stays": one.how in (How.USELESS, How.CLOSED),
             "until": one.booking.ends_at if one.how is How.SHORTENED else None,
-            "why": one.why(),
+            "why": one.why() if names.knows(one.booking) else "",
             "sharers": [person.display_name for person in sharers.get(one.booking.pk, ())],
         }
         for one in losses
     ]
     return sorted(rows, key=lambda row: row["person"].lower())
+
+
+class Namer:
+    """Names bookings to a viewer: without the robot, if that is none of theirs."""
+
+    def __init__(self, viewer: User) -> None:
+        self._robots = set(robots_bookable_by(viewer).values_list("pk", flat=True))
+
+    def knows(self, booking: Booking) -> bool:
+        """Return whether the viewer may learn the robot of a booking."""
+        return booking.robot_id in self._robots
+
+    def __call__(self, booking: Booking, ends_at: Any = None) -> str:
+        """Return robot and times."""
+        if self.knows(booking):
+            return booking_words(booking, ends_at)
+        times = from_to(Slot(booking.starts_at, ends_at or booking.ends_at), viewers())
+        return _("another robot, %(times)s") % {"times": times}
 
 
 def booking_words(booking: Booking, ends_at: Any = None) -> str:
@@ -102,16 +122,16 @@ def told(weighed: Weighed[Any]) -> list[str]:
         texts.append(
             format_html('{} <a href="{}">{}</a>', took, address, _("See whom it affects, or undo it"))
         )
-    if weighed.came_back or weighed.stay_lost:
+    if weighed.came_back or weighed.stay_lost:  # by staff only
         count = len(weighed.came_back)
         text = ngettext("%(n)d booking came back.", "%(n)d bookings came back.", count) % {"n": count}
         texts.append(" ".join([text, *stay_lost(weighed.stay_lost)]))
     return texts
 
 
-def stay_lost(bookings: list[Booking]) -> list[str]:
+def stay_lost(bookings: list[Booking], words: Callable[[Booking], str] | None = None) -> list[str]:
     """Return a sentence about the bookings that cannot come back; nothing if all do."""
     if not bookings:
         return []
-    named = "; ".join(f"{one.person.display_name}: {booking_words(one)}" for one in bookings)
+    named = "; ".join(f"{one.person.display_name}: {(words or booking_words)(one)}" for one in bookings)
     return [_("Over, taken by others or changed since: %(bookings)s.") % {"bookings": named}]

@@ -6,15 +6,16 @@ The change itself is made in both cases, in one transaction: so the preview cann
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from datetime import datetime, timedelta
 from functools import partial
 from hashlib import sha256
 from typing import Generic, TypeVar
+from uuid import UUID
 
 from django.db import transaction
 from django.utils import timezone
-from msgspec import Struct, field, to_builtins
+from msgspec import Struct, field, structs, to_builtins
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
@@ -23,8 +24,8 @@ from fleet.bookings.losses import letters
 from fleet.bookings.losses.collecting import Actor, Collected, How, Loss, collected, collecting, kept_of, lost
 from fleet.bookings.losses.lost_rights import bookings_free_lost, free_lesson, lessons_astray, store_end
 from fleet.bookings.losses.rows import Row, rows_between, rows_now, subjects
-from fleet.bookings.models import Booking, Change, State
-from fleet.bookings.rules import FAR, Slot, closed
+from fleet.bookings.models import Booking, Change, Policy, State
+from fleet.bookings.rules import FAR, Slot, Wish, closed
 from fleet.bookings.selectors import held_between, wish_of
 from robots.access.models import Course
 from robots.registry.models import Robot
@@ -68,16 +69,19 @@ def weigh(
     """
     now = timezone.now()
     with transaction.atomic(), collecting(actor, now) as found:
-        list(Robot.objects.select_for_update(no_key=True).order_by("pk").values_list("pk"))
+        robots = list(Robot.objects.select_for_update(no_key=True, of=("self",)).order_by("pk"))
         before = rows_now() if seen else {}
         last = Record.objects.order_by("-pk").values_list("pk", flat=True).first() or 0
         astray = lessons_astray(now)
-        weighed = Weighed(make(), True)
-        if found.people != set():
-            bookings_free_lost(found.people, now)
-            for key, (lesson, why) in lessons_astray(now).items():
-                if key not in astray:
-                    free_lesson(lesson, why, now)
+        # Another group of a robot may have other hours; policies and holidays look themselves.
+        by_group = Policy.objects.filter(group__isnull=False).exists()
+        with hours_watched(robots, now) if by_group else nullcontext():
+            weighed = Weighed(make(), True)
+            if found.people != set():
+                bookings_free_lost(found.people, now)
+                for key, (lesson, why) in lessons_astray(now).items():
+                    if key not in astray:
+                        free_lesson(lesson, why, now)
         weighed.losses = sorted(found.losses, key=lambda one: one.booking.starts_at)
         weighed.came_back, weighed.stay_lost = found.came_back, found.stay_lost
         if only_try or (weighed.losses and not _is_seen(weighed, seen)):
@@ -130,11 +134,12 @@ def _stored(loss: Loss) -> dict[str, object]:
 @contextmanager
 def hours_watched(robots: list[Robot], now: datetime) -> Iterator[None]:
     """Collect the bookings of these robots that are outside of the opening hours after the change, and only then."""
-    if collected() is None:
+    if (found := collected()) is None:
         yield
         return
     before = {one.pk for one, _why in _outside(robots, now)}
     yield
+    before |= {one.booking.pk for one in found.losses}
     for booking, why in _outside(robots, now):
         if booking.pk not in before:
             lost(booking, How.CLOSED, now, before=kept_of(booking), why=partial(words_of, why))
@@ -143,10 +148,13 @@ def hours_watched(robots: list[Robot], now: datetime) -> Iterator[None]:
 def _outside(robots: list[Robot], now: datetime) -> Iterator[tuple[Booking, Refusal]]:
     """Return the bookings to come that the opening hours refuse now, without those against the policy."""
     held = held_between(robots, now, FAR).filter(state__in=(State.BOOKED, State.AWAITING), starts_at__gt=now)
-    for booking in held.exclude(overridden=True):
+    wishes: dict[UUID, Wish] = {}  # hours and holidays are the same for all bookings of a robot
+    for booking in held.exclude(overridden=True).order_by("starts_at"):
         slot = Slot(booking.starts_at, booking.ends_at)
-        wish = wish_of(robot=booking.robot, person=booking.person, slot=slot, now=now, moved=booking)
-        if (why := closed(wish)) is not None:
+        if (wish := wishes.get(booking.robot_id)) is None:
+            wish = wish_of(robot=booking.robot, person=booking.person, slot=slot, now=now, moved=booking)
+            wishes[booking.robot_id] = wish
+        if (why := closed(structs.replace(wish, slot=slot))) is not None:
             yield booking, why
 
 

@@ -20,7 +20,7 @@ from fleet.base.formats.sentences import in_words
 from fleet.base.time_takers import may_take_time
 from fleet.base.zones import viewers
 from fleet.bookings.losses.collecting import How
-from fleet.bookings.losses.door import booking_words, stay_lost
+from fleet.bookings.losses.door import Namer, stay_lost
 from fleet.bookings.losses.undo import changes_of, undo, undo_refused
 from fleet.bookings.models import Booking, Change
 
@@ -52,7 +52,7 @@ def change(request: HttpRequest, change_id: UUID) -> HttpResponse:
     context = {
         "change": found,
         "title": title_of(found),
-        "rows": _rows(found),
+        "rows": _rows(found, Namer(person_of(request))),
         "refusal": undo_refused(found, timezone.now()),
         "zone": viewers().key,
     }
@@ -72,7 +72,7 @@ def change_undo(request: HttpRequest, change_id: UUID) -> HttpResponse:
     text = ngettext("Undone: %(n)d booking came back.", "Undone: %(n)d bookings came back.", count) % {
         "n": count
     }
-    parts = [text, *stay_lost(done.lost)]
+    parts = [text, *stay_lost(done.lost, Namer(person_of(request)))]
     if done.entries:
         parts.append(_("Some entries were changed since, and stay as they are: look at their pages."))
     messages.success(request, " ".join(parts))
@@ -86,13 +86,13 @@ def title_of(found: Change) -> str:
     return f"{label}: {found.about}" if found.about else label
 
 
-def _rows(found: Change) -> list[dict[str, Any]]:
+def _rows(found: Change, names: Namer) -> list[dict[str, Any]]:
     bookings = Booking.objects.select_related("person", "robot").in_bulk(
         [one["booking"] for one in found.losses]
     )
     keyed = {str(key): booking for key, booking in bookings.items()}
     rows = [
-        {"person": booking.person.display_name, "words": booking_words(booking), "how": How(one["how"]).label}
+        {"person": booking.person.display_name, "words": names(booking), "how": How(one["how"]).label}
         for one in found.losses
         if (booking := keyed.get(one["booking"])) is not None
     ]

@@ -14,10 +14,18 @@ from fleet.bookings.models import WEEKDAYS, Change, Notification, OutOfService, 
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
 from fleet.site.management.commands import erase_person
-from robots.access.models import Course, Enrolment, GroupRole, RobotGroup
+from robots.access.models import (
+    Course,
+    Enrolment,
+    GroupRole,
+    Qualification,
+    QualificationGrant,
+    RobotGroup,
+)
 from robots.registry.models import RobotRole, Role
-from tests.bookings.losses.support import confirm
+from tests.bookings.losses.support import confirm, fields_of
 from tests.bookings.test_policies import typed
+from tests.bookings.test_races import all_at_once
 from tests.robots.registry.test_admin import filled
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -318,3 +326,50 @@ def test_the_command_names_the_bookings_that_erasing_ends(robot, stranger, staff
     assert "This ends a booking: TIAGo 1" in capsys.readouterr().out
     assert state_of(booking) is State.CANCELLED
     book(robot, staff)  # the slot is free
+
+
+def test_another_group_with_other_hours_is_asked_for(door, robot, other_robot, operator):
+    booking = book(robot, operator)
+    group = RobotGroup.objects.create(name="Early", slug="early")
+    group.robots.add(other_robot)
+    door.post(
+        reverse("booking-policy-group", args=["early"]), typed(**dict.fromkeys(WEEKDAYS, "01:00-02:00"))
+    )
+    form = {"entry": "early", "early-name": "Early", "early-robots": [robot.pk, other_robot.pk]}
+    asked = door.post(reverse("robot-groups"), form)
+    assert (asked.status_code, operator.display_name in asked.text) == (409, True)
+    assert confirm(door, asked).status_code == 302
+    assert state_of(booking) is State.CANCELLED
+
+
+def test_a_supervisor_learns_no_robot_that_is_none_of_theirs(course, robot, other_robot, operator, stranger):
+    course.supervisors.add(stranger)
+    needed = Qualification.objects.create(name="Induction", slug="induction")
+    needed.robots.set([robot, other_robot])
+    QualificationGrant.objects.create(qualification=needed, person=operator)
+    RobotRole.objects.create(user=operator, robot=other_robot, role=Role.OPERATOR)
+    mine, hidden = book(robot, operator), book(other_robot, operator, days=3)
+    desk = Client()
+    desk.force_login(stranger)
+    form = {"action": "revoke", "person": operator.pk, "qualification": "induction"}
+    asked = desk.post(reverse("course-people", args=[course.slug]), form)
+    assert robot.name in asked.text and other_robot.name not in asked.text
+    assert "another robot, " in asked.text
+    confirm(desk, asked)
+    assert (state_of(mine), state_of(hidden)) == (State.CANCELLED, State.CANCELLED)
+    assert other_robot.name not in desk.get(reverse("change", args=[Change.objects.get().pk])).text
+
+
+def test_a_change_that_several_confirm_at_once_is_made_once(door, course, robot, operator, staff):
+    booking = book(robot, operator)
+    asked = door.post(*archive(course=course))
+    fields = fields_of(asked)
+
+    def press():
+        desk = Client()
+        desk.force_login(staff)
+        assert desk.post(asked.request["PATH_INFO"], fields).status_code == 302
+
+    assert all_at_once([press] * 4) == []
+    assert (state_of(booking), Change.objects.count()) == (State.CANCELLED, 1)
+    assert Notification.objects.count() == 1
