@@ -1,12 +1,11 @@
 /** The calendar of bookings: all robots side by side; drag to book, move and lengthen. */
 
-import { Heartbeat } from "../connection/heartbeat.js";
-import { LiveSocket, socketUrl } from "../connection/socket.js";
 import { pageLanguage } from "../formats/languages.js";
 import { make, mark, parts, setText, show } from "../lib/dom.js";
 import { correctRoles } from "./accessible.js";
 import { BookingDialog } from "./booking_dialog.js";
 import { bookingsChannel, readFeed, send } from "./bookings_api.js";
+import { atMost, listen } from "./live.js";
 
 const POLL_MS = 30_000; // for a page without a connection, and for changes that come with time alone
 const READS_MS = 500; // between two reads when many book at once
@@ -164,46 +163,6 @@ export function startCalendar(main, library) {
     document.removeEventListener("visibilitychange", poll);
     changes.close();
   };
-}
-
-/** Call `changed` when a booking has changed. @param {string} path of the WebSocket */
-function listen(path, changed) {
-  const socket = new LiveSocket(socketUrl(path));
-  const heartbeat = new Heartbeat(socket);
-  socket.addEventListener("open", () => heartbeat.begin());
-  socket.addEventListener("message", ({ detail }) => {
-    heartbeat.receive(detail);
-    if (detail.t === "bookings_changed") changed();
-  });
-  socket.connect();
-  return {
-    close: () => {
-      heartbeat.close();
-      socket.close();
-    },
-  };
-}
-
-/** Returns a function that calls `step` at once, and again after `pauseMs`, once for all calls in between. */
-export function atMost(step, pauseMs) {
-  let resting = false;
-  let asked = false;
-  const call = () => {
-    if (resting) {
-      asked = true;
-      return;
-    }
-    resting = true;
-    step();
-    setTimeout(() => {
-      resting = false;
-      if (asked) {
-        asked = false;
-        call();
-      }
-    }, pauseMs);
-  };
-  return call;
 }
 
 function withoutNow(text) {

@@ -1,5 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { atMost, startCalendar } from "../../../static/js/calendar/calendar_page.js";
+import { startCalendar } from "../../../static/js/calendar/calendar_page.js";
+import { atMost } from "../../../static/js/calendar/live.js";
 
 const PAGE = `
   <main data-socket="/ws/bookings/" data-feed="/feed/" data-new="/new/" data-waiting="/wait/" data-one="/" data-day="2026-03-02">
