@@ -25,6 +25,7 @@ MOST: Bounds = ((HOUR, catalogued("hour"), 400), (DAY, catalogued("day"), 2000))
 MOST_SIGN_INS: Bounds = ((HOUR, "hour", 200), (DAY, "day", 1000))
 COUNTED = (
     "account.change",
+    "account.link",
     "account.second_factor",
     "audit.export",
     "booking.accept",
@@ -46,6 +47,8 @@ COUNTED = (
     "course.change",
     "course.enrol",
     "course.invite",
+    "course.marks",
+    "course.number",
     "layout.share",
     "map.name",
     "place.change",

@@ -8,7 +8,7 @@ import re
 # Secrets by the text before them: in addresses (also mistyped ones, which are not found), of programs and webhooks, in
 # headers and queries.
 _SECRETS = re.compile(
-    r"(?i)(/(?:join|welcome|bookings/+ical|accounts/+email)/+|/accounts/+password/+new/+[0-9a-z]+-"
+    r"(?i)(/(?:join|welcome|bookings/+(?:ical|hand/+link)|accounts/+email)/+|/accounts/+password/+new/+[0-9a-z]+-"
     r"|\bfleet_(?=[\w-]{30})|\bwhsec_|\bBearer |\b(?:fleet_session\w*|\w*csrf\w*|token|code|key|state|ticket)=)"
     r"([^\s/?&;\"'<>]{5,})"
 )

@@ -7,6 +7,8 @@ course (`untouched`). An account with a password signs in; one with more rights 
 
 from __future__ import annotations
 
+from django.core.cache import cache
+
 from fleet.accounts.models import User
 from fleet.accounts.sign_in import throttle
 from fleet.audit.services import record
@@ -15,6 +17,9 @@ from robots.access.models import Course, Invitation
 from robots.access.password_links import codes_of, untouched
 from robots.shared.wire import Refusal
 
+RECORDED_S = (
+    3600  # pauses between two records of one person: a stranger may press the button any number of times
+)
 _SIGN_IN = Refusal("has_account", "You have an account already: sign in with it, then join.", "account")
 _OWN_LINK = Refusal(
     "own_link_needed",
@@ -53,8 +58,9 @@ def claim(*, invitation: Invitation, typed: str, address: str) -> str:
         raise EnrolmentRefused(_SIGN_IN)
     if not untouched([person], {course.pk}):
         raise EnrolmentRefused(_OWN_LINK)
-    parameters = {"course": course.slug, "people": [str(person.pk)], "invitation": str(invitation.pk)}
-    record("account.link", actor=None, parameters=parameters)
+    if cache.add(f"claimed-{person.pk}", True, RECORDED_S):
+        parameters = {"course": course.slug, "people": [str(person.pk)], "invitation": str(invitation.pk)}
+        record("account.link", actor=None, parameters=parameters)
     return codes_of([person], seen=True)[person.pk]
 
 

@@ -122,7 +122,7 @@ class Person:
         """Sign in by the page."""
         self.open("/accounts/sign-in/")
         self.page.get_by_label("User name").fill(self.account.username)
-        self.page.get_by_label("Password").fill(self.account.password)
+        self.page.get_by_label("Password", exact=True).fill(self.account.password)
         self.page.get_by_role("button", name="Sign in", exact=True).click()
         self.page.wait_for_url(self.stack.url + "/")
 

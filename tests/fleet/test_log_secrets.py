@@ -30,6 +30,10 @@ NAMES = {
         "token_id",
         "turn_id",
         "invitation_id",
+        "holiday_id",
+        "change_id",
+        "offer_id",
+        "series",
     ),
     *(
         "webhook_id",

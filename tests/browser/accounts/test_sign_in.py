@@ -27,7 +27,7 @@ def test_an_app_and_a_passkey_are_set_up_and_used(person: Callable[..., Person])
     page.goto(f"{console}/accounts/")
     page.get_by_role("link", name="Set up Second factor").click()
     page.get_by_role("link", name="Set up an app").click()
-    page.get_by_label("Password").fill(account.password)
+    page.get_by_label("Password", exact=True).fill(account.password)
     page.get_by_role("button", name="Confirm").click()
     secret = page.locator("main code").inner_text()
     page.get_by_label("Authenticator code").fill(_code(secret))
@@ -51,7 +51,7 @@ def test_an_app_and_a_passkey_are_set_up_and_used(person: Callable[..., Person])
 
     page.goto(f"{console}/accounts/second-factor/webauthn/")
     page.get_by_role("link", name="Remove").click()
-    page.get_by_label("Password").fill(account.password)
+    page.get_by_label("Password", exact=True).fill(account.password)
     page.get_by_role("button", name="Confirm").click()
     page.get_by_role("button", name="Remove").click()
     page.goto(f"{console}/accounts/second-factor/totp/deactivate/")
@@ -62,7 +62,7 @@ def test_an_app_and_a_passkey_are_set_up_and_used(person: Callable[..., Person])
 
 def _password(page: Page, name: str, password: str) -> None:
     page.get_by_label("User name").fill(name)
-    page.get_by_label("Password").fill(password)
+    page.get_by_label("Password", exact=True).fill(password)
     page.get_by_role("button", name="Sign in", exact=True).click()
 
 

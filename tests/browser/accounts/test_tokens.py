@@ -25,7 +25,7 @@ def looked_at(person: Person) -> None:
 
 def show_that_it_is_you(person: Person) -> None:
     """Type the password if the page asks. All browsers of a role share a sign-in: another test may have typed it."""
-    password = person.page.get_by_label("Password")
+    password = person.page.get_by_label("Password", exact=True)
     password.or_(person.page.get_by_label("Name of the program")).wait_for()
     if password.count():
         password.fill(person.account.password)

@@ -152,6 +152,11 @@ BOUNDED_OTHERWISE = {
     ),
     "of the person's own account": ("account.single_sign_on",),
     "only staff have the right": (
+        "account.email_test",
+        "holiday.add",
+        "holiday.remove",
+        "rule.make",
+        "rule.remove",
         "robot.create",
         "robot.change",
         "robot.delete",
