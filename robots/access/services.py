@@ -86,8 +86,9 @@ def course_save(
     actor: Actor,
 ) -> Course:
     """Make a course, or save its changes. Raises `ValidationError`."""
+    before = [] if course._state.adding else _people_of(course)  # a supervisor may be taken out
     if _save("course", course, {"robots": robots, "groups": groups, "supervisors": supervisors}, actor):
-        publish_access_changed(_people_of(course))
+        publish_access_changed({*before, *_people_of(course)})
     return course
 
 

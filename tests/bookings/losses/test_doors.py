@@ -1,6 +1,6 @@
 """Every door that can take time from people asks first, by name, and its change can be undone for a day."""
 
-from datetime import timedelta
+from datetime import datetime, time, timedelta
 from uuid import uuid4
 
 import pytest
@@ -10,7 +10,7 @@ from django.urls import reverse
 from django.utils import timezone
 
 from fleet.audit.models import Record
-from fleet.bookings.models import WEEKDAYS, Change, Notification, OutOfService, Policy, State
+from fleet.bookings.models import WEEKDAYS, Booking, Change, Notification, OutOfService, Policy, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
 from fleet.site.management.commands import erase_person
@@ -373,3 +373,53 @@ def test_a_change_that_several_confirm_at_once_is_made_once(door, course, robot,
     assert all_at_once([press] * 4) == []
     assert (state_of(booking), Change.objects.count()) == (State.CANCELLED, 1)
     assert Notification.objects.count() == 1
+
+
+def test_a_slot_that_a_grant_shortens_is_whole_again(door, course, robot, operator):
+    needed = Qualification.objects.create(name="Induction", slug="induction")
+    needed.robots.add(robot)
+    QualificationGrant.objects.create(qualification=needed, person=operator)
+    day = timezone.localdate() + timedelta(days=3)
+    midnight = timezone.make_aware(datetime.combine(day, time()), timezone.get_default_timezone())
+    slot = Slot(midnight - timedelta(hours=1), midnight + timedelta(hours=1))
+    booking = booking_make(robot=robot, person=operator, slot=slot, now=timezone.now())
+    form = {"action": "grant", "person": operator.pk, "qualification": "induction"}
+    until = day - timedelta(days=1)
+    asked = door.post(reverse("course-people", args=[course.slug]), {**form, "until": until})
+    assert (asked.status_code, "shortened" in asked.text) == (409, True)
+    confirm(door, asked)
+    assert (state_of(booking), booking.ends_at) == (State.BOOKED, midnight)
+    door.post(reverse("change-undo", args=[Change.objects.get().pk]))
+    assert (state_of(booking), booking.ends_at, booking.held_until) == (
+        State.BOOKED,
+        slot.ends_at,
+        slot.ends_at,
+    )
+
+
+def test_a_slot_that_runs_ends_and_goes_on_after_the_undo(door, course, robot, operator):
+    starts = timezone.now() - timedelta(minutes=5)
+    times = {"starts_at": starts, "ends_at": starts + timedelta(hours=1), "used_at": starts}
+    booking = Booking.objects.create(
+        robot=robot, person=operator, **times, held_until=times["ends_at"], made_at=starts, course=course
+    )
+    asked = door.post(*archive(course=course))
+    assert "ended" in asked.text
+    confirm(door, asked)
+    assert (state_of(booking), booking.held_until < booking.ends_at) == (State.FINISHED, True)
+    door.post(reverse("change-undo", args=[Change.objects.get().pk]))
+    assert (state_of(booking), booking.held_until) == (State.BOOKED, booking.ends_at)
+
+
+def test_a_supervisor_who_is_taken_out_of_a_course_is_asked_for(door, course, robot, stranger):
+    course.supervisors.add(stranger)
+    booking = book(robot, stranger)
+    form = {"name": course.name, "robots": str(robot.pk), "role": "operator", "supervisors": ""}
+    form |= {"starts_on": course.starts_on, "ends_on": course.ends_on}
+    asked = door.post(reverse("course-edit", args=[course.slug]), form)
+    assert (asked.status_code, stranger.display_name in asked.text) == (409, True)
+    confirm(door, asked)
+    assert state_of(booking) is State.CANCELLED
+    door.post(reverse("change-undo", args=[Change.objects.get().pk]))
+    assert state_of(booking) is State.BOOKED
+    assert list(course.supervisors.all()) == [stranger]
