@@ -360,7 +360,7 @@ def booking_move(
         booking.overridden = bool(override) or None  # None: every rule allows it now
         save_booking(booking)
         record_booking("booking.move", booking, actor, text=override, parameters={"before": before})
-        changed_by_another(booking, actor, lambda: _("moved"), now, lambda: override)
+        changed_by_another(booking, actor, lambda: _("moved"), now, lambda: override, times=True)
     return booking
 
 
@@ -380,7 +380,7 @@ def booking_cancel(
         booking.held_until = now if begun else booking.starts_at
         save_booking(booking)
         record_booking("booking.cancel", booking, actor, outcome=booking.state, text=reason)
-        changed_by_another(booking, actor, lambda: _("cancelled"), now, lambda: reason)
+        changed_by_another(booking, actor, lambda: _("cancelled"), now, lambda: reason, times=True)
     return booking
 
 

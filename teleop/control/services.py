@@ -400,7 +400,7 @@ def _assign(
         fence=given.fence,
         started_at=now,
     )
-    control_begins(robot=robot, person=user, until=given.term_ends_at, now=now)
+    control_begins(robot=robot, person=user, now=now)
     waiters_remove(GRANTED, robot=robot, person=user)
     return given
 

@@ -172,7 +172,8 @@ def booked_slots(
 
 
 def _booked(held: Held, user: UUID, seconds: float, shares: frozenset[UUID]) -> wire.Booked:
-    return wire.Booked(held.whose, held.person == user or held.id in shares, round(seconds, 1))
+    mine = held.person == user or (held.id in shares and held.turn_min is None)
+    return wire.Booked(held.whose, mine, round(seconds, 1))
 
 
 def _leads(held: Held | None, user: UUID, rights: Rights) -> bool:

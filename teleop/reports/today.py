@@ -96,7 +96,7 @@ def day_of(robots: Sequence[Robot], day: date, now: datetime) -> Day:
     for session in held.exclude(ended_at__lte=starts).order_by("started_at"):
         sessions[session.robot_id].append(session)
     bookings: dict[UUID, list[Booking]] = defaultdict(list)
-    booked = Booking.objects.select_related("person").filter(
+    booked = Booking.objects.select_related("person", "course").filter(
         robot__in=ids, starts_at__lt=ends, held_until__gt=starts
     )
     for booking in booked.exclude(state__in=[State.CANCELLED, State.OFFERED]).order_by("starts_at"):
@@ -177,7 +177,8 @@ def _robot_day(
     for booking in bookings:
         url = reverse("booking", args=[booking.pk])
         ends_at = held_slot(booking, grace, now).ends_at
-        words = f"{_clock(booking.starts_at)}–{_clock(ends_at)} {booking.person}"  # noqa: RUF001
+        who = booking.lesson_of or str(booking.person)
+        words = f"{_clock(booking.starts_at)}–{_clock(ends_at)} {who}"  # noqa: RUF001
         marks.append(
             Mark(
                 "booked",
@@ -188,7 +189,7 @@ def _robot_day(
             )
         )
         facts = [_(stage_of(booking, grace, now).value), *([booking.purpose] if booking.purpose else [])]
-        stretches.append(Stretch(booking.starts_at, ends_at, "booked", str(booking.person), facts, url))
+        stretches.append(Stretch(booking.starts_at, ends_at, "booked", who, facts, url))
     of_session: dict[UUID | None, list[Record]] = defaultdict(list)
     for record in records:
         of_session[record.session_id].append(record)

@@ -15,14 +15,14 @@ from typing import Any
 from uuid import UUID
 
 from django.db import transaction
-from django.db.models import Max, Min, Q, QuerySet
+from django.db.models import Max, Min, QuerySet
 from django.dispatch import Signal
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
-from fleet.bookings.lessons.members import shares
+from fleet.bookings.lessons.members import sharers_of, shares
 from fleet.bookings.messages.moments import your_turn
-from fleet.bookings.models import Booking, BookingMember, Shared, State, Turn
+from fleet.bookings.models import Booking, BookingMember, State, Turn
 from fleet.bookings.permissions import may_manage_booking
 from fleet.bookings.schedule import CALL_S
 from fleet.bookings.selectors import out_between
@@ -110,12 +110,9 @@ def turn_leave(*, booking_id: UUID, person: User, now: datetime) -> None:
 def line_fill(*, booking_id: UUID, actor: User, now: datetime) -> int:
     """Put everybody into the line who had no turn yet, by name. Return how many. Raises `BookingRefused`."""
     with _line(booking_id, now, actor) as booking:
-        there = booking.turns.values("person")
-        in_it = Q(memberships__booking=booking)
-        if booking.shared == Shared.COURSE:
-            in_it |= Q(enrolments__course=booking.course_id)
-        people = User.objects.filter(in_it, is_active=True).exclude(pk__in=there).distinct()
-        for person in (joined := sorted(people, key=lambda one: one.display_name.lower())):
+        there = set(booking.turns.values_list("person_id", flat=True))
+        people = sorted(sharers_of([booking])[booking.pk], key=lambda one: one.display_name.lower())
+        for person in (joined := [one for one in people if one.pk not in there]):
             _append(booking, person)
         if joined:
             ids = [str(person.pk) for person in joined]
@@ -240,7 +237,7 @@ def control_handed(*, robot: Robot, giver: User, receiver: User, now: datetime) 
         _call_next(booking, now)
 
 
-def control_begins(*, robot: Robot, person: User, until: datetime, now: datetime) -> None:
+def control_begins(*, robot: Robot, person: User, now: datetime) -> None:
     """Note that a person has control in the present slot: it is used, and the turn of this person begins.
 
     Of others, an open turn is interrupted: the teacher, or a supervisor, took over.
@@ -258,7 +255,8 @@ def control_begins(*, robot: Robot, person: User, until: datetime, now: datetime
     if mine is None and member:
         mine = _append(booking, person)
     if mine is not None and mine.state != Turn.State.DRIVING:
-        mine.state, mine.began_at, mine.ends_at = Turn.State.DRIVING, now, until
+        ends_at = min(now + timedelta(seconds=_left_s(mine, booking)), booking.held_until)
+        mine.state, mine.began_at, mine.ends_at = Turn.State.DRIVING, now, ends_at
         mine.save()
 
 
@@ -404,9 +402,13 @@ def _lengthen(turn: Turn, booking: Booking, minutes: int) -> None:
     if turn.ends_at is not None:
         turn.ends_at += timedelta(minutes=minutes)
     else:
-        whole_s = 60 * (booking.turn_min or 0)
-        turn.left_s = (whole_s if turn.left_s is None else turn.left_s) + 60 * minutes
+        turn.left_s = _left_s(turn, booking) + 60 * minutes
     turn.save()
+
+
+def _left_s(turn: Turn, booking: Booking) -> int:
+    """Return how long a turn lasts from its begin."""
+    return 60 * (booking.turn_min or 0) if turn.left_s is None else turn.left_s
 
 
 def _alive(booking: Booking, turn_id: int) -> Turn:

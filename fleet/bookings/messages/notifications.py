@@ -31,6 +31,7 @@ from fleet.accounts.services import erased
 from fleet.base.formats.dates import dated
 from fleet.base.languages import of_person
 from fleet.base.zones import zone_of
+from fleet.bookings.lessons.members import sharers_of
 from fleet.bookings.messages.events import details_of, message_about
 from fleet.bookings.models import Booking, BookingMember, FeedAddress, Notification, State, Turn, Waiting
 
@@ -41,6 +42,7 @@ Words = Callable[[], str]
 # Sent in the transaction that stores a notification; argument: notification. `teleop.push` then pushes it.
 notification_written = Signal()
 
+SOON = timedelta(days=7)  # of later lessons, people read in their calendars that they moved
 AHEAD = timedelta(hours=1)  # how long before its slot a reminder is sent
 AGAIN = timedelta(minutes=5)
 GIVEN_UP = timedelta(days=1)
@@ -123,15 +125,33 @@ def changed_by_another(
     reason: Words = str,
     *,
     gone: bool = False,
+    times: bool = False,
 ) -> None:
     """Notify the owner of a booking that another person, or the console, changed it.
 
-    `what` and `reason` are called in the owner's language and time zone. `gone`: the owner has it no longer.
+    `gone`: the owner has it no longer. `times`: its times changed, or it was cancelled. If it begins soon, the people
+    who share it are notified, too. `what` and `reason` are called in the reader's language and time zone.
     """
-    if actor is not None and actor.pk == booking.person_id:
-        return
-    zone = zone_of(booking.person.time_zone)
-    with override(of_person(booking.person.language)), timezone.override(zone):
+    readers = [booking.person]
+    if times and booking.shared and booking.starts_at < now + SOON:
+        readers += sharers_of([booking])[booking.pk]
+    for reader in readers:
+        if actor is None or actor.pk != reader.pk:
+            _changed(booking, reader, actor, what, now, reason, gone=gone)
+
+
+def _changed(
+    booking: Booking,
+    reader: User,
+    actor: User | None,
+    what: Words,
+    now: datetime,
+    reason: Words,
+    *,
+    gone: bool,
+) -> None:
+    zone = zone_of(reader.time_zone)
+    with override(of_person(reader.language)), timezone.override(zone):
         by = actor.display_name if actor else _("the console")
         subject = _("Your booking of %(robot)s: %(what)s") % {"robot": booking.robot.name, "what": what()}
         lines = [
@@ -140,7 +160,7 @@ def changed_by_another(
             reason(),
         ]
     text = "\n".join(lines).strip()
-    notification_write(to=booking.person, subject=subject, text=text, now=now, about=[booking], gone=gone)
+    notification_write(to=reader, subject=subject, text=text, now=now, about=[booking], gone=gone)
 
 
 def in_words(booking: Booking, zone: ZoneInfo) -> str:

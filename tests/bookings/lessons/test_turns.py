@@ -3,12 +3,16 @@
 import pytest
 
 from fleet.audit.models import Record
+from fleet.bookings.hours.report import report
 from fleet.bookings.lessons import turns
-from fleet.bookings.models import Booking, OutOfService, Waiting
-from fleet.bookings.services import BookingRefused
+from fleet.bookings.models import Booking, Notification, OutOfService, Waiting
+from fleet.bookings.rules import Slot, refusals
+from fleet.bookings.selectors import wish_of
+from fleet.bookings.services import BookingRefused, booking_cancel, booking_move
 from robots.access.enrolment import unenrol
 from teleop.control import line, selectors, services
 from teleop.control.selectors import control_status, lease_of
+from teleop.control.turns import turns_settle
 from teleop.models import EndReason, Lease
 from tests.bookings.lessons.conftest import at, tab
 
@@ -100,9 +104,7 @@ def test_the_teacher_takes_over_and_gives_back(lesson, students, teacher):
     assert lesson.take(ada, 6.5).term_ends_at == at(12.5)  # the six minutes that were left
 
 
-def test_a_supervisor_of_the_robot_takes_over_without_a_reason_but_a_student_does_not(
-    lesson, students, supervisor, operator
-):
+def test_a_supervisor_takes_over_without_a_reason_no_student(lesson, students, supervisor, operator):
     ada, ben, _cem = students
     lesson.take(ada, 0)
     assert lesson.refused(ben, 1, services.lease_take_over, reason="I want to").code in (
@@ -270,3 +272,58 @@ def test_the_line_is_filled_with_everybody_by_name(lesson, students, teacher):
     lesson.join(students[1])
     assert turns.line_fill(booking_id=lesson.lesson.pk, actor=teacher, now=at(-1)) == 2
     assert [name for name, _state in lesson.turns] == ["ben", "ada", "cem"]
+
+
+def test_when_the_teachers_page_closes_the_line_goes_on(lesson, students, teacher):
+    ada, *_others = students
+    lesson.join(ada)
+    lesson.take(teacher, 0)
+    services.lease_expire(robot_id=lesson.robot.pk, now=at(1))  # away
+    assert turns_settle(robot_id=lesson.robot.pk, now=at(1))
+    assert lesson.turn.person == ada
+
+
+def test_a_period_out_of_service_interrupts_a_turn(lesson, students):
+    ada, *_others = students
+    OutOfService.objects.create(robot=lesson.robot, starts_at=at(5), ends_at=at(15), why="battery")
+    assert lesson.take(ada, 0).term_ends_at == at(5)
+    lesson.expire(5)
+    assert lesson.turns == [("ada", "waiting")]
+    assert lesson.settle(15)
+    assert lesson.take(ada, 15).term_ends_at == at(20)
+
+
+def test_of_lessons_that_move_soon_its_people_are_told(lesson, students, teacher):
+    seen = {"booking_id": lesson.lesson.pk, "actor": teacher, "now": at(-60)}
+    booking_move(version=1, slot=Slot(at(60), at(180)), **seen)
+    booking_cancel(version=2, **seen)
+    told = Notification.objects.values_list("person__username", "subject")
+    assert sorted(told) == [
+        (name, f"Your booking of TIAGo 1: {what}")
+        for name in ("ada", "ben", "cem")
+        for what in ("cancelled", "moved")
+    ]
+
+
+@pytest.mark.parametrize(("count", "codes"), [("nobody", []), ("drivers", ["quota_course_day"])])
+def test_lesson_time_counts_for_nobody_or_for_who_drove(count, codes, lesson, students, course):
+    ada, ben, _cem = students
+    course.day_min, course.lessons_count = 60, count
+    course.save()
+    lesson.take(ada, 0)
+    lesson.expire(10)
+    slot = Slot(at(180), at(235))
+    for person, expected in ((ada, codes), (ben, [])):
+        wish = wish_of(robot=lesson.robot, person=person, slot=slot, now=at(121))
+        assert [one.code for one in refusals(wish)] == expected
+
+
+def test_in_the_report_a_lesson_is_its_courses_and_who_drove_has_the_hours(lesson, students, course):
+    lesson.take(students[0], 0)
+    lesson.expire(10)
+    span = {"starts": at(-60), "ends": at(600), "now": at(200)}
+    [row] = report([lesson.robot], (), by="person", **span)
+    assert (row.name, row.bookings, row.booked_h, row.used_h) == ("ada", 0, 0.0, pytest.approx(1 / 6))
+    assert report([lesson.robot], (), by="person", whose="ben", **span) == []
+    [row] = report((), [course], by="course", **span)
+    assert (row.name, row.bookings, row.used_h) == ("HRI 2026", 1, 2.0)

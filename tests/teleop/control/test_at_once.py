@@ -16,6 +16,7 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.bookings.changes.waiting_list import keep_waiting_lists, waiting_join
+from fleet.bookings.lessons.turns import line_hold, turn_call, turn_join, turn_leave, turn_skip
 from fleet.bookings.losses.lost_rights import bookings_free_lost
 from fleet.bookings.models import Booking
 from fleet.bookings.rules import Slot
@@ -29,6 +30,7 @@ from teleop.control.changes import NotStored
 from teleop.control.lease_checks import Tab
 from teleop.control.line import line_join, offer_next
 from teleop.control.selectors import lease_of, line_of
+from teleop.control.turns import turns_settle
 from teleop.models import EndReason
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -52,6 +54,10 @@ class Lab:
         self.course = Course.objects.create(name="HRI", slug="hri", role=Role.OPERATOR, **days)
         self.course.robots.set(self.robots)
         enrol(course=self.course, people=self.people, actor=self.staff)
+        now = timezone.now()
+        slot = Slot(now, now + timedelta(hours=1))
+        sharing: dict[str, Any] = {"lesson_of": self.course, "turn_min": 1}
+        self.lesson = booking_make(robot=self.robots[1], person=self.staff, slot=slot, now=now, **sharing)
 
     def steps(self, chance: random.Random) -> list[Callable[[], object]]:
         """Return the changes that can happen next, of a random robot and a random person."""
@@ -75,7 +81,18 @@ class Lab:
             lambda: unenrol(course=self.course, people=[person], actor=self.staff),
             lambda: enrol(course=self.course, people=[person], actor=self.staff),
             lambda: _rename(person),
+            lambda: turns_settle(robot_id=robot.id, now=now),
         ]
+        if (lesson := Booking.objects.filter(pk=self.lesson.pk, held_until__gt=now).first()) is not None:
+            of: dict[str, Any] = {"booking_id": lesson.pk, "now": now}
+            led: dict[str, Any] = {**of, "actor": self.staff}
+            found += [
+                lambda: turn_join(person=person, **of),
+                lambda: turn_leave(person=person, **of),
+                lambda: turn_call(username=person.username, **led),
+                lambda: line_hold(hold=chance.random() < 0.5, **led),
+                *(lambda one=one: turn_skip(turn_id=one.pk, **led) for one in lesson.turns.all()[:1]),
+            ]
         if (booking := Booking.objects.filter(robot=robot, held_until__gt=now).first()) is not None:
             seen: dict[str, Any] = {
                 "booking_id": booking.pk,
