@@ -46,7 +46,8 @@ def lesson(stack: Stack) -> Iterator[str]:
         booking, until = uuid4(), str(now + timedelta(hours=1))
         database.execute(
             "INSERT INTO bookings_booking (id, robot_id, person_id, course_id, starts_at, ends_at, held_until,"
-            " made_at, state, purpose, version, shared, turn_min) VALUES (?, ?, ?, ?, ?, ?, ?, ?, 'booked', '', 1, 'course', 10)",
+            " made_at, state, purpose, version, shared, turn_min)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?, ?, 'booked', '', 1, 'course', 10)",
             [booking.hex, robot, staff, course, str(now), until, until, str(now)],
         )
         database.commit()
@@ -66,7 +67,7 @@ def test_the_called_student_drives_until_the_teacher_skips(person: Arrive, lesso
     expect(line).to_contain_text("Your turn: take control within")
     student.press("Take control")
     student.until_in_control()
-    expect(line).to_contain_text("Your turn:")
+    expect(line).to_contain_text("Your turn.")
     for width, height in SIZES:
         student.page.set_viewport_size({"width": width, "height": height})
         expect(line).to_be_visible()

@@ -89,7 +89,7 @@ export function lessonWords({ state, lesson }, sinceS) {
   const left = clockText(Math.max((lesson.turn_s ?? 0) - sinceS, 0));
   if (lesson.yours)
     return lesson.driving
-      ? interpolate(gettext("Your turn: %s left"), [left])
+      ? `${gettext("Your turn.")} ${waitingWords(lesson)}`
       : interpolate(gettext("Your turn: take control within %s"), [left]);
   const words = [];
   if (lesson.held) words.push(gettext("The line is held."));
@@ -101,13 +101,12 @@ export function lessonWords({ state, lesson }, sinceS) {
       ),
     );
   if (lesson.place) words.push(interpolate(gettext("Your place in line: %s."), [lesson.place]));
-  else if (lesson.leads)
-    words.push(
-      interpolate(ngettext("%s person waits.", "%s people wait.", lesson.waiting), [
-        lesson.waiting,
-      ]),
-    );
+  else if (lesson.leads) words.push(waitingWords(lesson));
   return words.join(" ");
+}
+
+function waitingWords({ waiting }) {
+  return interpolate(ngettext("%s person waits.", "%s people wait.", waiting), [waiting]);
 }
 
 /** Return whether waiting in line helps: others may take control now, and this person later. */
@@ -133,7 +132,8 @@ function placeWords({ ahead }) {
  * @param {object} control the server's newest `control`
  * @param {number} sinceS seconds since `control` came
  */
-export function slotWords({ state, booked, next_booked: next }, sinceS) {
+export function slotWords({ state, booked, next_booked: next, lesson = null }, sinceS) {
+  if (lesson) return ""; // its line says more
   // In the holder's own slot, the panel already shows above how long control lasts: as long as the slot.
   if (booked && !(booked.mine && state === "yours")) {
     const left = clockText(Math.max(booked.seconds - sinceS, 0));

@@ -28,7 +28,7 @@ describe("the line of a lesson", () => {
     expect(lessonWords({ ...other, lesson: { ...yours, driving: false, turn_s: 60 } }, 0)).toBe(
       "Your turn: take control within 1:00",
     );
-    expect(lessonWords({ ...other, lesson: yours }, 0)).toBe("Your turn: 2:10 left");
+    expect(lessonWords({ ...other, lesson: yours }, 0)).toBe("Your turn. 5 people wait.");
   });
 
   test("tells the teacher how many wait, and that the line is held", () => {
