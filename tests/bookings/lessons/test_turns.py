@@ -318,7 +318,7 @@ def test_lesson_time_counts_for_nobody_or_for_who_drove(count, codes, lesson, st
         assert [one.code for one in refusals(wish)] == expected
 
 
-def test_in_the_report_a_lesson_is_its_courses_and_who_drove_has_the_hours(lesson, students, course):
+def test_the_report_gives_the_hours_to_who_drove(lesson, students, course):
     lesson.take(students[0], 0)
     lesson.expire(10)
     span = {"starts": at(-60), "ends": at(600), "now": at(200)}

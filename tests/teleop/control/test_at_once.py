@@ -86,13 +86,14 @@ class Lab:
         if (lesson := Booking.objects.filter(pk=self.lesson.pk, held_until__gt=now).first()) is not None:
             of: dict[str, Any] = {"booking_id": lesson.pk, "now": now}
             led: dict[str, Any] = {**of, "actor": self.staff}
-            found += [
+            steps: list[Callable[[], object]] = [
                 lambda: turn_join(person=person, **of),
                 lambda: turn_leave(person=person, **of),
                 lambda: turn_call(username=person.username, **led),
                 lambda: line_hold(hold=chance.random() < 0.5, **led),
                 *(lambda one=one: turn_skip(turn_id=one.pk, **led) for one in lesson.turns.all()[:1]),
             ]
+            found.append(chance.choice(steps))
         if (booking := Booking.objects.filter(robot=robot, held_until__gt=now).first()) is not None:
             seen: dict[str, Any] = {
                 "booking_id": booking.pk,
