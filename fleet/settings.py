@@ -151,6 +151,7 @@ CHANNEL_LAYERS: dict[str, dict[str, Any]] = {
 globals().update(environment.email(_env))
 DEFAULT_FROM_EMAIL = _env.text("FLEET_EMAIL_FROM") or "fleet-console@localhost"
 FLEET_WEBHOOK_ALLOW = environment.webhook_allow(_env)
+FLEET_PUSH_ALLOW = environment.webhook_allow(_env, "FLEET_PUSH_ALLOW")
 
 # --- people -----------------------------------------------------------------------------------
 

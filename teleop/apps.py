@@ -9,3 +9,4 @@ class TeleopConfig(AppConfig):
     def ready(self) -> None:
         """Import the modules that connect signal receivers."""
         from teleop.control import signals, turns  # noqa: F401
+        from teleop.push import services  # noqa: F401

@@ -1,4 +1,4 @@
-"""Control sessions, the lease of each robot, shared layouts, and webhooks."""
+"""Control sessions, the lease of each robot, shared layouts, webhooks, and devices that get notifications."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from django.db.models import Q
 from django.db.models.functions import Lower
 from django.utils.translation import gettext_lazy as _
 
+from fleet.accounts.sign_in.devices import device_of
 from fleet.base.names import NameField
+from fleet.bookings.models import Notification
 from robots.registry.models import Robot
 
 
@@ -171,6 +173,54 @@ class WebhookDelivery(models.Model):
 
     def __str__(self) -> str:
         return f"{self.kind} to {self.webhook_id}"
+
+
+class PushKey(models.Model):
+    """The console's key for push services, one row. Made at the first start, encrypted like secrets of webhooks."""
+
+    id = models.PositiveSmallIntegerField(primary_key=True)
+    private = models.TextField()
+
+    def __str__(self) -> str:
+        return "key for push services"
+
+
+class PushSubscription(models.Model):
+    """A browser that gets its person's notifications, at an address of its maker's push service (`teleop.push`)."""
+
+    person = models.ForeignKey(
+        settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="push_subscriptions"
+    )
+    endpoint = models.CharField(max_length=500)
+    digest = models.CharField(max_length=64, unique=True)  # of the endpoint: a browser belongs to one person
+    p256dh = models.CharField(max_length=100)  # the browser's public key
+    auth = models.CharField(max_length=40)  # and its secret: only the browser can read what is sent
+    user_agent = models.CharField(max_length=300, blank=True)
+    made_at = models.DateTimeField()
+    failures = models.PositiveSmallIntegerField(default=0)  # notifications given up since one arrived
+
+    class Meta:
+        ordering = ["made_at"]
+
+    def __str__(self) -> str:
+        return f"device of {self.person}"
+
+    @property
+    def device(self) -> str:
+        """Return the browser and its system in plain words."""
+        return device_of(self.user_agent)
+
+
+class PushDelivery(models.Model):
+    """A notification on its way to a browser."""
+
+    subscription = models.ForeignKey(PushSubscription, on_delete=models.CASCADE, related_name="deliveries")
+    notification = models.ForeignKey(Notification, on_delete=models.CASCADE, related_name="pushes")
+    due_at = models.DateTimeField(db_index=True)  # time of the next attempt; a claim moves it into the future
+    tries = models.PositiveSmallIntegerField(default=0)
+
+    def __str__(self) -> str:
+        return f"{self.notification_id} to {self.subscription_id}"
 
 
 class KeyedRequest(models.Model):

@@ -3,6 +3,7 @@
 from django.urls import path
 
 from teleop import views
+from teleop.push import views as push_views
 from teleop.reports import views as report_views
 from teleop.stop import views as stop_views
 from teleop.webhooks import views as webhook_views
@@ -25,6 +26,8 @@ urlpatterns = [
     path("courses/<slug:slug>/marks.csv", report_views.marks_file, name="course-marks"),
     path("your-data/", report_views.your_data, name="your-data"),
     path("your-data/export/", report_views.your_data_export, name="your-data-export"),
+    path("bookings/devices/", push_views.devices, name="push-devices"),
+    path("bookings/devices/add/", push_views.device_add, name="push-device-add"),
     path("webhooks/", webhook_views.webhooks, name="webhooks"),
     path("webhooks/new/", webhook_views.webhook_new, name="webhook-new"),
     path("webhooks/<uuid:webhook_id>/", webhook_views.webhook, name="webhook"),

@@ -118,6 +118,8 @@ KINDS: dict[str, Kind] = {
     "booking.offer_over": Kind(_("offer of a slot over")),
     "booking.feed": Kind(_("private calendar address made")),
     "booking.feed_end": Kind(_("private calendar address ended")),
+    "push.add": Kind(_("device gets notifications")),
+    "push.remove": Kind(_("device gets no more notifications")),
     "policy.change": Kind(_("booking policy changed")),
     "policy.remove": Kind(_("booking policy removed")),
     "holiday.add": Kind(_("holiday of the lab added")),

@@ -55,6 +55,7 @@ COUNTED = (
     "place.create",
     "place.import",
     "policy.change",
+    "push.add",
     "qualification.grant",
     "robot.out_of_service",
     "stop.clear",

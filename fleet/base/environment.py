@@ -194,22 +194,22 @@ def link_secret(env: Environment) -> str | None:
 
 
 class WebhookAllow(NamedTuple):
-    """Private networks and hosts to which webhooks may send."""
+    """Private networks and hosts to which webhooks, or pushes, may be sent."""
 
     networks: tuple[IPv4Network | IPv6Network, ...] = ()
     hosts: frozenset[str] = frozenset()
 
 
-def webhook_allow(env: Environment) -> WebhookAllow:
+def webhook_allow(env: Environment, variable: str = "FLEET_WEBHOOK_ALLOW") -> WebhookAllow:
     """Return `FLEET_WEBHOOK_ALLOW`: networks and hosts, such as `10.1.0.0/16,ci.lab.example`."""
     networks, hosts = [], set()
-    for name in env.names("FLEET_WEBHOOK_ALLOW"):
+    for name in env.names(variable):
         try:
             networks.append(ip_network(name))
         except ValueError as error:
             if not _HOST.fullmatch(name) or _NUMBERS.fullmatch(name):
                 raise ImproperlyConfigured(
-                    f"FLEET_WEBHOOK_ALLOW contains {name!r}; use networks such as 10.1.0.0/16 and names of hosts."
+                    f"{variable} contains {name!r}; use networks such as 10.1.0.0/16 and names of hosts."
                 ) from error
             hosts.add(name.lower())
     return WebhookAllow(tuple(networks), frozenset(hosts))

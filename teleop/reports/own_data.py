@@ -46,6 +46,7 @@ _ABOUT = {
     "control.take_over": "holder",
     "audit.export": "person",
     "booking.guest": "to",
+    "push.remove": "person",
     "turn.call": "person",
     "turn.miss": "person",
     "turn.skip": "person",

@@ -50,6 +50,7 @@ class Target(NamedTuple):
     port: int
     path: str  # with the query
     host_header: str
+    allow: WebhookAllow
 
 
 class Endpoint(NamedTuple):
@@ -59,11 +60,12 @@ class Endpoint(NamedTuple):
     sockaddr: tuple[Any, ...]
 
 
-def target_of(address: str) -> Target:
+def target_of(address: str, allow: WebhookAllow | None = None) -> Target:
     """Split an address into its parts. The name is not resolved.
 
-    Raises `AddressRefused` for an address that no webhook may have.
+    Raises `AddressRefused` for an address that no webhook may have. `allow`: another list than that of webhooks.
     """
+    allow = settings.FLEET_WEBHOOK_ALLOW if allow is None else allow
     if not _PRINTED.fullmatch(address) or len(address) > LONGEST:
         raise AddressRefused(
             "bad_address",
@@ -79,17 +81,18 @@ def target_of(address: str) -> Target:
     if parts.username is not None or parts.fragment:
         raise AddressRefused("bad_address", _("Leave out the name, the password and the part after #."))
     host = parts.hostname
-    if parts.scheme == "http" and not _may_be_allowed(host):
+    if parts.scheme == "http" and not (host in allow.hosts or allow.networks):
         raise AddressRefused("no_tls", _("Use https. Plain http is only for hosts in FLEET_WEBHOOK_ALLOW."))
     literal = _literal(host)
     if literal is not None:
-        _require_allowed(host, literal, tls=parts.scheme == "https")
+        _require_allowed(host, literal, allow, tls=parts.scheme == "https")
     return Target(
         tls=parts.scheme == "https",
         host=host,
         port=port or (443 if parts.scheme == "https" else 80),
         path=_path_of(parts),
         host_header=parts.netloc,
+        allow=allow,
     )
 
 
@@ -107,7 +110,7 @@ def resolved(target: Target) -> list[Endpoint]:
     endpoints, refused = [], AddressRefused("no_such_host", "")
     for family, _type, _protocol, _name, sockaddr in found:
         try:
-            _require_allowed(target.host, ip_address(sockaddr[0]), tls=target.tls)
+            _require_allowed(target.host, ip_address(sockaddr[0]), target.allow, tls=target.tls)
             endpoints.append(Endpoint(family, sockaddr))
         except AddressRefused as refusal:
             refused = refusal
@@ -137,8 +140,9 @@ def is_public(address: IPv4Address | IPv6Address) -> bool:
     )
 
 
-def _require_allowed(host: str, address: IPv4Address | IPv6Address, *, tls: bool) -> None:
-    allow = _allow()
+def _require_allowed(
+    host: str, address: IPv4Address | IPv6Address, allow: WebhookAllow, *, tls: bool
+) -> None:
     plain = address.ipv4_mapped or address if isinstance(address, IPv6Address) else address
     if host in allow.hosts or any(plain in network for network in allow.networks):
         return
@@ -153,17 +157,6 @@ def _require_allowed(host: str, address: IPv4Address | IPv6Address, *, tls: bool
         )
     if not tls:
         raise AddressRefused("no_tls", _("Use https. Plain http is only for hosts in FLEET_WEBHOOK_ALLOW."))
-
-
-def _may_be_allowed(host: str) -> bool:
-    """Return whether the allow-list contains this host, or could contain its IP address."""
-    allow = _allow()
-    return host in allow.hosts or bool(allow.networks)
-
-
-def _allow() -> WebhookAllow:
-    allow: WebhookAllow = settings.FLEET_WEBHOOK_ALLOW
-    return allow
 
 
 def _literal(host: str) -> IPv4Address | IPv6Address | None:

@@ -1,5 +1,6 @@
 {% autoescape off %}// Without a connection, show the offline page. No other page is kept, because an old state of a robot would mislead.
 const OFFLINE = [{% for file in files %}"{{ file|escapejs }}"{% if not forloop.last %}, {% endif %}{% endfor %}];
+const ICON = "{{ icon|escapejs }}";
 const CACHE = OFFLINE.join(" "); // changed files get a new cache
 {% endautoescape %}
 self.addEventListener("install", (event) => {
@@ -28,4 +29,23 @@ self.addEventListener("fetch", (event) => {
   const file = OFFLINE.includes(new URL(request.url).pathname);
   if (!page && !file) return;
   event.respondWith(fetch(request).catch(() => caches.match(page ? OFFLINE[0] : request.url)));
+});
+
+// A notification of the console, encrypted for this browser.
+self.addEventListener("push", (event) => {
+  const { title, body, path, tag } = event.data.json();
+  const shown = { body, tag, icon: ICON, data: { path } };
+  event.waitUntil(self.registration.showNotification(title, shown));
+});
+
+// Show the page of the notification: an open one, else a new one.
+self.addEventListener("notificationclick", (event) => {
+  event.notification.close();
+  const address = new URL(event.notification.data.path, self.location.origin).href;
+  event.waitUntil(
+    self.clients.matchAll({ type: "window", includeUncontrolled: true }).then((pages) => {
+      const open = pages.find((page) => page.url === address);
+      return open ? open.focus() : self.clients.openWindow(address);
+    }),
+  );
 });

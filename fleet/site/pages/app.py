@@ -56,7 +56,8 @@ def manifest(_request: HttpRequest) -> JsonResponse:
 def service_worker(request: HttpRequest) -> HttpResponse:
     """Send the service worker. Its URL is at the root, because a worker serves only the folder of its URL."""
     files = [reverse("offline"), *map(static, OFFLINE_FILES)]
-    return render(request, "site/service_worker.js", {"files": files}, content_type="text/javascript")
+    context = {"files": files, "icon": static("img/icon-192.png")}
+    return render(request, "site/service_worker.js", context, content_type="text/javascript")
 
 
 @login_not_required

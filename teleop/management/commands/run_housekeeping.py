@@ -38,6 +38,7 @@ from teleop.control import lease_checks, line, services
 from teleop.control.changes import ControlRefused
 from teleop.control.selectors import held_leases
 from teleop.control.turns import turns_settle_all
+from teleop.push.worker import PushWorker
 from teleop.records import camera_audit
 from teleop.reports import session_maps
 from teleop.webhooks.delivery import remove_old_deliveries
@@ -82,7 +83,7 @@ class Command(BaseCommand):
                 pass
             return
         over = end_event(sys.stdin.fileno(), END_S)
-        daily, robots, webhooks = DailyWork(), RobotWatch(), WebhookWorker()
+        daily, robots, webhooks, pushes = DailyWork(), RobotWatch(), WebhookWorker(), PushWorker()
         # A mail server that hangs must not delay the ends of leases, nor a long log in which a person is erased
         post, eraser = ThreadPoolExecutor(max_workers=1), ThreadPoolExecutor(max_workers=1)
         posted: Future[int] | None = None
@@ -111,6 +112,7 @@ class Command(BaseCommand):
                 if erased is None or erased.done():
                     erased = eraser.submit(_erase)
                 webhooks.step()
+                pushes.step()
             except (DatabaseError, AuditUnavailable) as error:
                 log.error("Housekeeping failed and is tried again: %s", error)
             close_old_connections()

@@ -99,6 +99,7 @@ BOUNDED_OTHERWISE = {
         "control.end",
         "account.sign_out",
         "policy.remove",
+        "push.remove",
         "robot.back_in_service",
         "camera.end",
         "turn.go_on",

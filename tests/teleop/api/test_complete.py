@@ -140,6 +140,8 @@ FOR_PEOPLE: dict[str, str] = {
     "your-settings": BROWSER,
     "page-choices": "the arrangement of a person's pages",
     "bookings-news-seen": BROWSER,
+    "push-devices": BROWSER,
+    "push-device-add": BROWSER,
     "password": ACCOUNT,
     "account_email": ACCOUNT,
     "account_confirm_email": ACCOUNT,
