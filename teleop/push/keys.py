@@ -59,7 +59,9 @@ def from_b64(text: str) -> bytes:
 
 def _own_key() -> ec.EllipticCurvePrivateKey:
     """Return the console's key; make it if there is none, or none that can be read."""
-    stored, _new = PushKey.objects.get_or_create(pk=1, defaults={"private": _new_key})
+    stored = PushKey.objects.filter(pk=1).first()
+    if stored is None:
+        stored, _new = PushKey.objects.get_or_create(pk=1, defaults={"private": _new_key()})
     try:
         return _read(stored.private)
     except InvalidToken:
