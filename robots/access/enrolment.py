@@ -64,6 +64,7 @@ class Plan(Struct, frozen=True):
     enrolled: tuple[User, ...] = ()  # are in the course already
     renumbered: tuple[User, ...] = ()  # of these, those whose student number is stored or replaced
     numbers: Mapping[UUID, str] = {}  # student numbers of accounts
+    namesakes: frozenset[str] = frozenset()  # keys of people to enrol whose name somebody in the course has
     wrong: tuple[Wrong, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -133,6 +134,7 @@ def plan_of(
         enrolled=tuple(enrolled),
         renumbered=tuple(renumbered),
         numbers=numbers,
+        namesakes=found.namesakes([*new, *(one.listed for one in undisclosed)]),
         wrong=tuple(wrong),
         notes=people.notes,
     )
@@ -164,6 +166,12 @@ class _Accounts:
         """Return the account of a listed person; None: it must be made."""
         by_address = self._by_address.get(one.email) if one.email else None
         return by_address or self._by_number.get((one.number, words_of(one.name)))
+
+    def namesakes(self, people: Iterable[Listed]) -> frozenset[str]:
+        """Return the keys of those whose name somebody in the course has: perhaps they have joined by themselves."""
+        names = User.objects.filter(pk__in=self.inside).values_list("full_name", flat=True)
+        inside = {words_of(name) for name in names if name}
+        return frozenset(one.key for one in people if words_of(one.name) in inside)
 
     def fault(self, one: Listed, account: User | None) -> str:
         """Return why the list contradicts the course: two people would have one number."""

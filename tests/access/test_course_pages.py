@@ -220,6 +220,14 @@ def test_a_workbook_is_shown_as_it_will_be_stored(signed_in: SignIn, course: Cou
     assert Enrolment.objects.get(number="123456789012").person.full_name == "Ada Lovelace"
 
 
+def test_a_list_asks_about_people_who_have_joined_by_themselves(
+    signed_in: SignIn, course: Course, teacher: User
+) -> None:
+    listed = "Stu Dent <s@example.org>\nDent <d@example.org>"
+    preview = shown(signed_in(teacher).post("/courses/hri-2026/enrol/", {"people": listed}))
+    assert preview.count("the same person?") == 1
+
+
 @pytest.mark.django_db(transaction=True)
 def test_the_page_shows_whom_the_welcome_letter_did_not_reach(
     signed_in: SignIn, course: Course, teacher: User, monkeypatch: pytest.MonkeyPatch
@@ -411,7 +419,7 @@ def test_a_supervisor_cancels_a_booking_of_the_course(
     client = signed_in(teacher)
     page = client.get("/bookings/courses/hri-2026/")
     assert "Stu Dent" in shown(page)
-    address = re.search(r'action="(/bookings/[^"]+)"', page.content.decode())[1]
+    address = re.search(r'action="(/bookings/[0-9a-f-]{36}/)"', page.content.decode())[1]
     client.post(address, {"action": "cancel", "version": "1"})
     assert "The course has no bookings to come." in shown(client.get("/bookings/courses/hri-2026/"))
     assert signed_in(student).get("/bookings/courses/hri-2026/").status_code == 404

@@ -68,6 +68,8 @@ def _rows(people: PeopleList, plan: Plan) -> list[Row]:
         account = by_address.get(one.email) or by_number.get(one.number)
         name, email = (account.display_name, account.email) if account else (one.name, one.email)
         effect = effects.get(one.key, "")
+        if one.key in plan.namesakes:
+            effect = _("new; somebody of this name is in the course: the same person?")
         if account:
             effect = _("in the course already") if account.pk in inside else _("has an account")
             if account.pk in renumbered:
