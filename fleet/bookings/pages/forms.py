@@ -148,9 +148,14 @@ class OptionalLocalEnd(LocalEnd):
 
 
 class SeriesForm(forms.Form):
-    """A weekly series: its first slot, the number of weeks, and days that are left out."""
+    """Weekly series, one for each robot: the first slot, the number of weeks, and days that are left out."""
 
-    robot = forms.ModelChoiceField(Robot.objects.none(), label=_("Robot"), to_field_name="slug")
+    robot = forms.ModelMultipleChoiceField(
+        Robot.objects.none(),
+        label=_("Robots"),
+        to_field_name="slug",
+        widget=forms.CheckboxSelectMultiple,
+    )
     starts_at = LocalTime(label=_("First slot from"))
     ends_at = LocalEnd(label=_("First slot to"))
     weeks = forms.IntegerField(label=_("Weeks"), min_value=1, max_value=MOST_WEEKS, initial=12)
@@ -172,8 +177,7 @@ class SeriesForm(forms.Form):
 
     def __init__(self, *args: Any, robots: Any, courses: Any, overrides: bool, **options: Any) -> None:
         super().__init__(*args, **options)
-        choice = cast(forms.ModelChoiceField, self.fields["robot"])  # type: ignore[type-arg]
-        choice.queryset, choice.empty_label = robots, None
+        cast(forms.ModelChoiceField, self.fields["robot"]).queryset = robots  # type: ignore[type-arg]
         cast(forms.ModelChoiceField, self.fields["course"]).queryset = courses  # type: ignore[type-arg]
         if not overrides:
             del self.fields["override"]

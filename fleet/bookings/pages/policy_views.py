@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from datetime import timedelta
+from typing import Any
 from uuid import UUID
 
 from django.contrib import messages
@@ -24,15 +25,16 @@ from fleet.bookings.changes import policy_changes as policy_services
 from fleet.bookings.changes.series import Week, preview, series_make, weekly
 from fleet.bookings.changes.whole_series import series_to_come
 from fleet.bookings.hours.report import BY, lines, report
-from fleet.bookings.models import OutOfService, Policy
+from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm, SeriesForm, typed_day
 from fleet.bookings.rules import Slot, day_of, from_to
 from fleet.bookings.selectors import policies_of, policy_of
-from robots.access.models import RobotGroup
+from robots.access.models import Course, RobotGroup
 from robots.access.selectors import (
     courses_managed_by,
     manages_robot,
     robots_managed_by,
+    robots_of,
     robots_supervised_by,
     robots_visible_to,
 )
@@ -140,48 +142,75 @@ def out_of_service_end(request: HttpRequest, period_id: UUID) -> HttpResponse:
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def series(request: HttpRequest) -> HttpResponse:
-    """Preview a weekly series with its refusals, then book it."""
+    """Preview weekly series with their refusals, one for each chosen robot; then book them."""
     person, now = person_of(request), timezone.now()
     choice = robots_supervised_by(person)
     if not choice:
         raise PermissionDenied("Weekly series are for supervisors and staff.")
     courses = courses_managed_by(person).filter(archived=False)
     overrides = robots_managed_by(person).exists()
-    form = SeriesForm(request.POST or None, robots=choice, courses=courses, overrides=overrides)
+    form = SeriesForm(
+        request.POST or None,
+        robots=choice,
+        courses=courses,
+        overrides=overrides,
+        initial=_lessons_of(courses.filter(slug=request.GET.get("course", "")).first()),
+    )
     if request.method != "POST" or not form.is_valid():
         return _series_page(request, form, status=400 if form.errors else 200)
     values = form.cleaned_data
-    first = Slot(values["starts_at"], values["ends_at"])
-    slots = weekly(first, values["weeks"], values["without"])
-    override = values.get("override", "")
-    common = {"robot": values["robot"], "person": person, "slots": slots, "now": now}
+    override, robots = values.get("override", ""), list(values["robot"])
+    common: dict[str, Any] = {
+        "person": person,
+        "slots": weekly(Slot(values["starts_at"], values["ends_at"]), values["weeks"], values["without"]),
+        "now": now,
+    }
     if request.POST.get("action") != "book":
-        valid = bool(override) and manages_robot(person, values["robot"])
-        weeks = preview(**common, override=valid, lesson=values["course"] is not None)
-        return _series_page(request, form, weeks=weeks)
-    made, left = series_make(
-        **common,
-        actor=person,
-        purpose=values["purpose"],
-        override=override,
-        course=values["course"],
-        turn_min=values["turn_min"],
-    )
-    text = _("Booked %(made)d slots; %(left)d were left out.") % {"made": len(made), "left": len(left)}
+        common["lesson"] = values["course"] is not None
+        weeks = [
+            (robot, week)
+            for robot in robots
+            for week in preview(
+                **common, robot=robot, override=bool(override) and manages_robot(person, robot)
+            )
+        ]
+        return _series_page(request, form, weeks=weeks, names=len(robots) > 1)
+    common |= {name: values[name] for name in ("purpose", "course", "turn_min")}
+    made: list[Booking] = []
+    left = 0
+    for robot in robots:
+        booked, left_out = series_make(**common, robot=robot, actor=person, override=override)
+        made, left = [*made, *booked], left + len(left_out)
+    text = _("Booked %(made)d slots; %(left)d were left out.") % {"made": len(made), "left": left}
     messages.success(request, text)
-    return redirect("booking-whole-series", series=made[0].series) if made else redirect("booking-series")
+    if len({booking.series for booking in made}) == 1:
+        return redirect("booking-whole-series", series=made[0].series)
+    return redirect("booking-series")
+
+
+def _lessons_of(course: Course | None) -> dict[str, Any]:
+    """Return the initial values of a series of lessons: the course and its robots."""
+    if course is None:
+        return {}
+    return {"course": course.slug, "robot": [one.slug for one in robots_of(course)], "purpose": course.name}
 
 
 def _series_page(
-    request: HttpRequest, form: SeriesForm, weeks: list[Week] | None = None, status: int = 200
+    request: HttpRequest,
+    form: SeriesForm,
+    weeks: list[tuple[Robot, Week]] | None = None,
+    *,
+    names: bool = False,
+    status: int = 200,
 ) -> HttpResponse:
     zone = viewers()
     rows = [
         {
+            "robot": robot.name if names else "",
             "words": from_to(week.slot, zone) if week.slot else f"{week.day:%a %d %b %Y}",
             "refusals": week.refusals,
         }
-        for week in weeks or ()
+        for robot, week in weeks or ()
     ]
     context = {
         "form": form,
