@@ -36,6 +36,7 @@ COUNTED = (
     "booking.hand_ask",
     "booking.make",
     "booking.move",
+    "booking.tasks",
     "booking.undo",
     "booking.wait",
     "control.ask",
@@ -65,6 +66,7 @@ COUNTED = (
     "turn.fill",
     "turn.hold",
     "turn.join",
+    "turn.spread",
 )
 # Kinds that programs, reloads and lists make more often, so each group has bounds of its own.
 # The bound of calls is low: a check reads all calls of the day, and the robot is locked meanwhile.

@@ -88,6 +88,8 @@ class Booking(models.Model):
     )
     # Length of a turn; None: no turns, each member takes the robot when it is free
     turn_min = models.PositiveSmallIntegerField(_("minutes per turn"), null=True, blank=True)
+    # What its members may do in it (`robots.shared.wire.LessonTasks`); None: everything
+    tasks = models.JSONField(null=True, blank=True)
     line_held = models.BooleanField(null=True)  # the teacher holds the line: nobody is called
     series = models.UUIDField(null=True, blank=True)  # the same for all bookings of a weekly series
     overridden = models.BooleanField(null=True)  # booked or moved against the policy, with a recorded reason

@@ -10,13 +10,15 @@ from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
 
-from msgspec import Struct
+import msgspec
+from msgspec import Struct, convert
 
 from fleet.base import rows
 from fleet.bookings.models import OutOfService, Policy, Shared, State
 from fleet.bookings.rules import FAR, LONGEST, Slot, Taken
 from fleet.bookings.selectors import held_slot, why_out
 from robots.registry.models import Robot
+from robots.shared.wire import LessonTasks
 
 AHEAD = timedelta(days=1)
 CALL_S = 90.0  # a called person who does not take control for this time has missed the call
@@ -27,13 +29,13 @@ _DEFAULTS = (timedelta(minutes=Policy().grace_min), Policy().free_time)  # witho
 # Kinds of rows, in their order; the first policy of a robot counts
 _OWN, _OF_GROUP, _OF_ALL, _BOOKING, _OUT = range(5)
 
-_NO_TURN = ", ".join(["NULL"] * 10)  # the columns of a shared booking and its turn
+_NO_TURN = ", ".join(["NULL"] * 11)  # the columns of a shared booking and its turn
 _ROWS = f"""
 SELECT {_BOOKING} AS kind, robot_id, starts_at, held_until, used_at, made_at, b.id, b.person_id,
     COALESCE(NULLIF(u.full_name, ''), u.username) AS name, '' AS note, 0 AS grace_min, TRUE AS free_time,
     b.shared, c.name AS course, b.turn_min, b.line_held,
     t.id AS turn, t.person_id AS turns, COALESCE(NULLIF(d.full_name, ''), d.username) AS driver,
-    t.called_at, t.ends_at AS turn_ends_at, t.left_s
+    t.called_at, t.ends_at AS turn_ends_at, t.left_s, b.tasks
 FROM bookings_booking b JOIN accounts_user u ON u.id = b.person_id
     LEFT JOIN access_course c ON c.id = b.course_id AND b.shared = '{Shared.COURSE.value}'
     LEFT JOIN bookings_turn t ON t.booking_id = b.id AND t.state IN ('called', 'driving')
@@ -94,6 +96,7 @@ class Held(Struct, frozen=True):
     turn_min: int | None = None  # length of a turn; None: no turns
     line_held: bool = False  # nobody is called now
     turn: Called | None = None
+    tasks: LessonTasks | None = None  # what its members may do; None: everything
 
     @property
     def whose(self) -> str:
@@ -192,9 +195,9 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
     }
 
 
-def _sharing(columns: list[Any]) -> tuple[str, str, int | None, bool, Called | None]:
+def _sharing(columns: list[Any]) -> tuple[str, str, int | None, bool, Called | None, LessonTasks | None]:
     """Return the fields of `Held` about a shared booking."""
-    shared, course, turn_min, line_held, key, person, name, called_at, ends_at, left_s = columns
+    shared, course, turn_min, line_held, key, person, name, called_at, ends_at, left_s, tasks = columns
     turn = key and Called(
         key,
         rows.key(person),
@@ -203,7 +206,18 @@ def _sharing(columns: list[Any]) -> tuple[str, str, int | None, bool, Called | N
         ends_at and rows.moment(ends_at),
         60 * (turn_min or 0) if left_s is None else left_s,
     )
-    return shared, course or "", turn_min, bool(line_held), turn or None
+    return shared, course or "", turn_min, bool(line_held), turn or None, tasks_of(tasks)
+
+
+def tasks_of(stored: Any) -> LessonTasks | None:
+    """Return the stored tasks of a lesson as a value: a query by hand reads them as text, a model as JSON."""
+    if stored is None:
+        return None
+    return (
+        msgspec.json.decode(stored, type=LessonTasks)
+        if isinstance(stored, str)
+        else convert(stored, LessonTasks)
+    )
 
 
 class _Times(Struct):

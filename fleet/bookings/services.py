@@ -477,6 +477,7 @@ def _hand_rest(booking: Booking, to: User, actor: User, now: datetime) -> Bookin
         course=booking.course if lesson else course,
         shared=booking.shared,
         turn_min=booking.turn_min,
+        tasks=booking.tasks,
         made_at=now,
     )
     booking.held_until = now
@@ -630,7 +631,7 @@ def _late_to_cancel(booking: Booking, actor: User, now: datetime) -> Refusal | N
 def _reshare(booking: Booking, before: User, *, lesson: bool) -> None:
     """Fit who shares a booking to its new owner. A student's slot is no lesson; a team keeps its former owner."""
     if booking.shared == Shared.COURSE and not lesson:
-        booking.shared, booking.turn_min, booking.line_held = Shared.NO, None, None
+        booking.shared, booking.turn_min, booking.line_held, booking.tasks = Shared.NO, None, None, None
         booking.turns.all().delete()
     booking.members.filter(person=booking.person).delete()
     if booking.shared == Shared.PEOPLE:

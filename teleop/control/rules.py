@@ -17,7 +17,7 @@ from fleet.bookings.schedule import Held, Schedule
 from robots.access.models import Qualification
 from robots.registry.models import Robot, Role
 from robots.shared.sentences import Sentence, say
-from robots.shared.wire import Refusal
+from robots.shared.wire import LessonTasks, Refusal
 from teleop.control.lease_checks import OFFER_S, LeaseState, Waiter, offered
 
 ROLE_LOWERED = Refusal("role_lowered", "Your role on this robot is lower now. Take control again.", "account")
@@ -172,6 +172,27 @@ def require_qualification(subject: Subject) -> Permit | Refusal:
     return Refusal("unqualified", text, "account", {"missing": names})
 
 
+def bound_by(subject: Subject) -> LessonTasks | None:
+    """Return what the present lesson leaves to this person; None: everything.
+
+    It binds its members, but neither its teacher nor supervisors of the robot.
+    """
+    current = subject.schedule.current
+    bound = current is not None and current.id in subject.shares and not subject.supervises
+    return current.tasks if current is not None and bound else None
+
+
+def within_lesson(subject: Subject) -> Permit | Refusal:
+    """Limit the speed of a lesson's members to that of the lesson; refuse those who only watch in it."""
+    tasks, current = bound_by(subject), subject.schedule.current
+    if tasks is None or current is None:
+        return Permit()
+    if tasks.watch:
+        text = say("In this lesson of {name} you watch: the teacher drives.", name=current.whose)
+        return Refusal("only_watching", text, "booking")
+    return Permit(max_share=tasks.max_share)
+
+
 def require_booking(subject: Subject) -> Permit | Refusal:
     """In a slot, permit its owner and who shares it. In unbooked time, permit everybody until the next slot of others.
 
@@ -299,6 +320,7 @@ RULES: tuple[Rule, ...] = (
     require_robot_in_service,
     require_role,
     require_qualification,
+    within_lesson,
     require_booking,
     require_turn,
 )

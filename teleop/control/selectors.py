@@ -23,7 +23,7 @@ from robots.registry.selectors import link_address
 from robots.shared.sentences import Sentence, of_parts
 from robots.shared.wire import Refusal
 from teleop.control.lease_checks import WAITS_S, LeaseState, Tab, Waiter, is_free
-from teleop.control.rules import Subject, out_of_service, permit_for, schedule_for
+from teleop.control.rules import Subject, bound_by, out_of_service, permit_for, schedule_for
 from teleop.control.status import ControlStatus, Rights, RobotEntry, SessionEnd
 from teleop.models import ControlSession, named
 
@@ -194,12 +194,10 @@ def _rights(
     if robot is None or role is None:
         return Rights(True, None, Refusal("no_role", "You have no role on this robot.", "account"))
     shares = sharing.of(user.pk)
-    permit = permit_for(
-        Subject(
-            user, robot, role, schedule, now, tuple(missing), tuple(line), shares, sharing.line, holds=holds
-        )
+    subject = Subject(
+        user, robot, role, schedule, now, tuple(missing), tuple(line), shares, sharing.line, holds=holds
     )
-    return Rights(True, role, permit, shares)
+    return Rights(True, role, permit_for(subject), shares, bound_by(subject))
 
 
 def robot_entry(robot_id: UUID) -> RobotEntry | None:

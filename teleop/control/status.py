@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
 from functools import partial
 from uuid import UUID
@@ -9,9 +10,9 @@ from uuid import UUID
 from django.conf import settings
 from msgspec import Struct
 
-from fleet.bookings.lessons.present import Sharing
+from fleet.bookings.lessons.present import InLine, Sharing
 from fleet.bookings.models import Shared
-from fleet.bookings.schedule import Held, Schedule
+from fleet.bookings.schedule import Called, Held, Schedule
 from robots.registry.models import Role
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Allowed, LinkAddress
@@ -34,6 +35,7 @@ class Rights(Struct, frozen=True):
     role: Role | None
     permit: Permit | wire.Refusal  # to control; or why not
     shares: frozenset[UUID] = frozenset()  # bookings of others in which the person may drive
+    tasks: wire.LessonTasks | None = None  # what the present lesson leaves to the person; None: everything
 
     @property
     def supervises(self) -> bool:
@@ -129,6 +131,7 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
         next_booked=next_booked,
         out_s=out_s,
         lesson=_lesson(status, user, rights),
+        tasks=rights.tasks,
         may_take_back=_may_take_back(status, user, rights, free=free),
     )
     if lease is None or free:
@@ -171,6 +174,28 @@ def booked_slots(
     )
 
 
+def turn_of(held: Held, line: Sequence[InLine], now: datetime) -> wire.FleetTurn | None:
+    """Return whose turn it is in a lesson, and who is next; None: it has no turns, or nobody waits."""
+    turn, first = held.turn, next(iter(line), None)
+    if held.turn_min is None or (turn is None and first is None):
+        return None
+    left_s = _turn_s(turn, now)
+    return wire.FleetTurn(
+        turn.name if turn else None,
+        turn is not None and turn.ends_at is not None,
+        left_s,
+        first.name if first else None,
+    )
+
+
+def _turn_s(turn: Called | None, now: datetime) -> float | None:
+    """Return the seconds until the end of a turn; of a person who is called: to take control."""
+    if turn is None:
+        return None
+    left_s = (turn.ends_at - now).total_seconds() if turn.ends_at else turn.call_left_s(now)
+    return round(max(left_s, 0.0), 1)
+
+
 def _booked(held: Held, user: UUID, seconds: float, shares: frozenset[UUID]) -> wire.Booked:
     mine = held.person == user or (held.id in shares and held.turn_min is None)
     return wire.Booked(held.whose, mine, round(seconds, 1))
@@ -198,9 +223,6 @@ def _lesson(status: ControlStatus, user: UUID, rights: Rights) -> wire.Lesson | 
     if current is None or current.turn_min is None or not (leads or current.id in rights.shares):
         return None
     turn, line = current.turn, status.sharing.line
-    left_s = None
-    if turn is not None:
-        left_s = (turn.ends_at - now).total_seconds() if turn.ends_at else turn.call_left_s(now)
     return wire.Lesson(
         booking=str(current.id),
         name=current.whose,
@@ -209,7 +231,7 @@ def _lesson(status: ControlStatus, user: UUID, rights: Rights) -> wire.Lesson | 
         turn=turn.name if turn else None,
         yours=turn is not None and turn.person == user,
         driving=turn is not None and turn.ends_at is not None,
-        turn_s=None if left_s is None else round(max(left_s, 0.0), 1),
+        turn_s=_turn_s(turn, now),
         place=next((n for n, one in enumerate(line, 1) if one.person == user), None),
         waiting=len(line),
     )
@@ -258,6 +280,7 @@ def change_key(control: wire.Control, status: ControlStatus) -> tuple[object, ..
         control.may_take_over,
         control.may_take_back,
         control.lesson and (control.lesson.place, control.lesson.waiting),
+        control.tasks,
         control.may_clear,
         control.refusal and control.refusal.code,
     )

@@ -29,6 +29,7 @@ from teleop.background.jobs import run_in_background
 from teleop.control.allow_list import ROLES, check_role, required_role
 from teleop.control.changes import database_refusal
 from teleop.control.lease_checks import check_fence
+from teleop.control.lesson_tasks import check_lesson
 from teleop.control.selectors import lease_of
 from teleop.control.status import Rights
 from teleop.live.consumers.message_socket import BUSY
@@ -89,7 +90,11 @@ class TaskSender:
     def _check(self, request: TaskRequest) -> Refusal | None:
         if request.fence is None:
             return None if self._owner.rights.supervises else _NOT_YOURS
-        return check_fence(request.fence, self._owner.fence) or self._check_topic(request)
+        return (
+            check_fence(request.fence, self._owner.fence)
+            or check_lesson(self._owner.rights.tasks, request)
+            or self._check_topic(request)
+        )
 
     def _check_topic(self, request: TaskRequest) -> Refusal | None:
         """Check the request's topic against the allow-list and the person's role."""

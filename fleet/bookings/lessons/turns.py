@@ -42,13 +42,13 @@ ALIVE = (Turn.State.WAITING, *OPEN)
 line_changed = Signal()
 
 _NO_LINE = Refusal("no_line", "This booking has no turns: take the robot when it is free.", "booking")
-_OVER = Refusal("over", "This booking is over.", "booking")
+OVER = Refusal("over", "This booking is over.", "booking")
 NOT_IN_IT = Refusal(
     "not_in_lesson",
     "Only people of this lesson or team take turns in it: ask its teacher, or book another time.",
     "account",
 )
-_NOT_TEACHER = Refusal(
+NOT_TEACHER = Refusal(
     "not_teacher",
     "Only the owner of the booking, a supervisor of its course or robot, or staff may do this: ask them.",
     "account",
@@ -60,7 +60,7 @@ _NO_TURN = Refusal("no_such_turn", "This turn is over, or its person has left th
 
 
 @contextmanager
-def _line(booking_id: UUID, now: datetime, teacher: User | None = None) -> Iterator[Booking]:
+def locked_line(booking_id: UUID, now: datetime, teacher: User | None = None) -> Iterator[Booking]:
     """Lock the robot of a booking with turns. Check that it is not over and, if given, that `teacher` leads it."""
     robot_id = Booking.objects.values_list("robot_id", flat=True).get(pk=booking_id)
     with transaction.atomic():
@@ -69,9 +69,9 @@ def _line(booking_id: UUID, now: datetime, teacher: User | None = None) -> Itera
         booking = Booking.objects.select_related("person", "course").get(pk=booking_id)
         booking.robot = locked
         if teacher is not None and not leads(teacher, booking):
-            raise BookingRefused([_NOT_TEACHER])
+            raise BookingRefused([NOT_TEACHER])
         if booking.state not in (State.BOOKED, State.AWAITING) or booking.held_until <= now:
-            raise BookingRefused([_OVER])
+            raise BookingRefused([OVER])
         if booking.turn_min is None:
             raise BookingRefused([_NO_LINE])
         yield booking
@@ -85,13 +85,13 @@ def leads(person: User, booking: Booking) -> bool:
 
 def turn_join(*, booking_id: UUID, person: User, now: datetime) -> Turn:
     """Join the line. Who is in it already keeps the place. Raises `BookingRefused`."""
-    with _line(booking_id, now) as booking:
+    with locked_line(booking_id, now) as booking:
         if not shares(booking, person):
             raise BookingRefused([NOT_IN_IT])
         found = booking.turns.filter(person=person, state__in=ALIVE).first()
         if found is not None:
             return found
-        if (refusal := _may_not_drive(booking, person, max(now, booking.starts_at))) is not None:
+        if (refusal := may_not_drive(booking, person, max(now, booking.starts_at))) is not None:
             raise BookingRefused([refusal])
         made = _append(booking, person)
         _record("turn.join", made, person)
@@ -100,7 +100,7 @@ def turn_join(*, booking_id: UUID, person: User, now: datetime) -> Turn:
 
 def turn_leave(*, booking_id: UUID, person: User, now: datetime) -> None:
     """Leave the line. The turn of a person who drives, or drove, is done. Raises `BookingRefused`."""
-    with _line(booking_id, now) as booking:
+    with locked_line(booking_id, now) as booking:
         for turn in booking.turns.filter(person=person, state__in=ALIVE):
             drove = turn.state == Turn.State.DRIVING or turn.left_s is not None
             _close(turn, Turn.State.DONE if drove else Turn.State.SKIPPED, now)
@@ -109,7 +109,7 @@ def turn_leave(*, booking_id: UUID, person: User, now: datetime) -> None:
 
 def line_fill(*, booking_id: UUID, actor: User, now: datetime) -> int:
     """Put everybody into the line who had no turn yet, by name. Return how many. Raises `BookingRefused`."""
-    with _line(booking_id, now, actor) as booking:
+    with locked_line(booking_id, now, actor) as booking:
         there = set(booking.turns.values_list("person_id", flat=True))
         people = sorted(sharers_of([booking])[booking.pk], key=lambda one: one.display_name.lower())
         for person in (joined := [one for one in people if one.pk not in there]):
@@ -125,7 +125,7 @@ def turn_call(*, booking_id: UUID, username: str, actor: User, now: datetime) ->
 
     Who drives goes on: skip their turn, or take control back, to change at once. Raises `BookingRefused`.
     """
-    with _line(booking_id, now, actor) as booking:
+    with locked_line(booking_id, now, actor) as booking:
         person = User.objects.filter(username=username, is_active=True).first()
         if person is None or not shares(booking, person):
             raise BookingRefused([NOT_IN_IT])
@@ -143,7 +143,7 @@ def turn_call(*, booking_id: UUID, username: str, actor: User, now: datetime) ->
 
 def turn_skip(*, booking_id: UUID, turn_id: int, actor: User, now: datetime) -> None:
     """End a turn: the next person is called. Control of who drives ends within a second. Raises `BookingRefused`."""
-    with _line(booking_id, now, actor) as booking:
+    with locked_line(booking_id, now, actor) as booking:
         turn = _alive(booking, turn_id)
         drives = turn.state == Turn.State.DRIVING
         _close(turn, Turn.State.DONE if drives else Turn.State.SKIPPED, now)
@@ -152,7 +152,7 @@ def turn_skip(*, booking_id: UUID, turn_id: int, actor: User, now: datetime) -> 
 
 def turn_extend(*, booking_id: UUID, turn_id: int, minutes: int, actor: User, now: datetime) -> None:
     """Make a turn longer. Raises `BookingRefused`."""
-    with _line(booking_id, now, actor) as booking:
+    with locked_line(booking_id, now, actor) as booking:
         _lengthen(_alive(booking, turn_id), booking, minutes)
         _record("turn.extend", _alive(booking, turn_id), actor, minutes=minutes)
 
@@ -162,7 +162,7 @@ def line_hold(*, booking_id: UUID, hold: bool, actor: User, now: datetime) -> No
 
     While the line is held, nobody is called. Who drives waits first in line, with the rest of the turn.
     """
-    with _line(booking_id, now, actor) as booking:
+    with locked_line(booking_id, now, actor) as booking:
         if bool(booking.line_held) == hold:
             return
         Booking.objects.filter(pk=booking.pk).update(line_held=hold or None)
@@ -329,7 +329,7 @@ def _call_next(booking: Booking, now: datetime) -> bool:
         return False
     for turn in booking.turns.filter(state=Turn.State.WAITING).select_related("person"):
         turn.booking = booking
-        if (refusal := _may_not_drive(booking, turn.person, now)) is not None:
+        if (refusal := may_not_drive(booking, turn.person, now)) is not None:
             _close(turn, Turn.State.SKIPPED, now)
             _record("turn.skip", turn, None, why=refusal.code)
             continue
@@ -342,12 +342,15 @@ def _call_next(booking: Booking, now: datetime) -> bool:
     return False
 
 
-def _may_not_drive(booking: Booking, person: User, at: datetime) -> Refusal | None:
+def may_not_drive(booking: Booking, person: User, at: datetime) -> Refusal | None:
     """Return why this person cannot drive in the booking at this moment."""
     robot = booking.robot
     role = role_on(person, robot, at)
     if not shares(booking, person):
         return NOT_IN_IT
+    if booking.tasks and booking.tasks.get("watch") and not leads(person, booking):
+        text = say("In this lesson of {name} you watch: the teacher drives.", name=booking.lesson_of)
+        return Refusal("only_watching", text, "booking")
     if role is None or role < Role.OPERATOR:
         key = "You may not drive {robot} during this time: ask the staff, or your course’s supervisor."
         return Refusal("role_too_low", say(key, robot=robot.name), "account")

@@ -23,6 +23,8 @@ from robots.shared.wire.camera import CameraEntry
 from robots.shared.wire.limbs import Limb, LimbRange
 from robots.shared.wire.state import State
 
+Chosen = Annotated[list[Annotated[str, Meta(min_length=1, max_length=500)]], Meta(max_length=200)]
+
 
 class Hello(Struct, frozen=True, tag_field="t", tag="hello"):
     """First message of a page. `tab` is the tab's own random token: the lease belongs to this token."""
@@ -197,12 +199,22 @@ class Request(Struct, frozen=True):
 ControlState = Literal["free", "yours", "elsewhere", "other", "away"]
 
 
+class FleetTurn(Struct, frozen=True):
+    """Whose turn it is in a lesson, and who is next: for the fleet page and the lab's monitor."""
+
+    person: str | None = None  # is called, or drives
+    driving: bool = False
+    seconds: float | None = None  # until the end of the turn; of a person who is called: to take control
+    next: str | None = None
+
+
 class Booked(Struct, frozen=True):
     """A booking of the robot. `seconds`: until its end if it runs now, else until its start."""
 
     name: str  # of the person
     mine: bool
     seconds: float
+    turn: FleetTurn | None = None  # of a lesson that runs now
 
 
 class Lesson(Struct, frozen=True):
@@ -218,6 +230,16 @@ class Lesson(Struct, frozen=True):
     turn_s: float | None = None  # until the end of the turn; of a person who is called: to take control
     place: int | None = None  # of this person in line, from 1
     waiting: int = 0  # people in line
+
+
+class LessonTasks(Struct, frozen=True):
+    """What the members of a lesson may do in their turn. An empty list: everything that the robot offers."""
+
+    max_share: Share = 1.0  # largest part of the robot's speed limits
+    motions: Chosen = []  # names
+    phrases: Chosen = []  # texts; free texts are refused if there are any
+    places: Chosen = []  # names; other goals are refused if there are any
+    watch: bool = False  # members only watch
 
 
 class Control(Struct, frozen=True, tag_field="t", tag="control"):
@@ -246,6 +268,7 @@ class Control(Struct, frozen=True, tag_field="t", tag="control"):
     # until the robot goes out of service and this person's control ends; None: not soon
     out_s: float | None = None
     lesson: Lesson | None = None  # the shared booking with turns that runs now
+    tasks: LessonTasks | None = None  # what the present lesson leaves to this person; None: everything
 
 
 class FleetCard(Struct, frozen=True):
@@ -264,6 +287,8 @@ class FleetCard(Struct, frozen=True):
 
 class BookingsChanged(Struct, frozen=True, tag_field="t", tag="bookings_changed"):
     """A booking, a policy or an out-of-service period changed: the page reads its data again."""
+
+    turns: bool = False  # only a turn of a lesson, or who has control
 
 
 class NewsItem(Struct, frozen=True):

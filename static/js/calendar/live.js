@@ -3,14 +3,18 @@
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
 
-/** Call `changed` when a booking has changed. @param {string} path of the WebSocket */
-export function listen(path, changed) {
+/**
+ * Call `changed` when a booking has changed.
+ * @param {string} path of the WebSocket
+ * @param {{turns?: boolean}} options `turns`: also when a turn of a lesson has changed
+ */
+export function listen(path, changed, { turns = false } = {}) {
   const socket = new LiveSocket(socketUrl(path));
   const heartbeat = new Heartbeat(socket);
   socket.addEventListener("open", () => heartbeat.begin());
   socket.addEventListener("message", ({ detail }) => {
     heartbeat.receive(detail);
-    if (detail.t === "bookings_changed") changed();
+    if (detail.t === "bookings_changed" && (turns || !detail.turns)) changed();
   });
   socket.connect();
   return {

@@ -89,6 +89,7 @@ class ControlPage {
   #echoes = new DelayEchoes();
   #echoTrips = new RoundTrips();
   #control = null;
+  #told = "null"; // the tasks of a lesson, as panels know them
   #mine = false; // this tab has control by the server's last report; also while the connection is lost
   // The connection was lost while this tab had control, and the server has not reported control since.
   #lostWithControl = false;
@@ -139,7 +140,7 @@ class ControlPage {
       clock: this.#clock,
       steers: () => this.#steers,
     });
-    this.#state.subscribe(this.#options, ["facts"]);
+    this.#state.subscribe(this.#options, ["facts", "tasks"]);
     this.#state.subscribe(this.#statusBar, ["facts"]);
     this.#state.subscribe(this.#turn, ["state", "mayAct"]);
     this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
@@ -361,6 +362,7 @@ class ControlPage {
   #onControl(control) {
     const { fence = null, asking = null } = this.#control ?? {};
     this.#control = control;
+    this.#tellTasks(control.tasks ?? null);
     this.#mine = control.state === "yours";
     this.#panel.control = control;
     const begins = this.#mine && control.fence !== fence;
@@ -378,6 +380,14 @@ class ControlPage {
     this.#lostWithControl &&= ["away", "elsewhere"].includes(control.state);
     this.#follow();
     this.#update();
+  }
+
+  /** What the present lesson leaves to this person; null: everything. */
+  #tellTasks(tasks) {
+    const told = JSON.stringify(tasks);
+    if (told === this.#told) return;
+    this.#told = told;
+    this.#state.tell({ tasks });
   }
 
   /** Enable driving while this tab has control, and only then. */

@@ -52,6 +52,8 @@ export class DrivingOptions extends EventTarget {
   #root;
   #parts;
   #limits = null;
+  #facts = null;
+  #lessonShare = 1; // largest share in the present lesson
   #share = null;
   #listening = new AbortController();
 
@@ -69,10 +71,12 @@ export class DrivingOptions extends EventTarget {
   }
 
   /** @param {object} facts the robot's facts; the chosen share is kept if the new facts still offer it */
-  set facts({ limits, default_share, max_share, holonomic }) {
+  set facts(facts) {
+    const { limits, default_share, max_share, holonomic } = facts;
+    this.#facts = facts;
     this.#limits = limits;
     show(this.#parts.slides, holonomic);
-    const shares = sharesUpTo(max_share);
+    const shares = sharesUpTo(Math.min(max_share, this.#lessonShare));
     const buttons = shares.map((share) => {
       const speed = speedText(share * limits.forward_mps);
       const percent = Math.round(share * 100);
@@ -82,6 +86,12 @@ export class DrivingOptions extends EventTarget {
     });
     this.#parts.shares.replaceChildren(...buttons);
     this.#pick(shares.includes(this.#share) ? this.#share : firstShare(shares, default_share));
+  }
+
+  /** @param {?{max_share: number}} tasks that the present lesson leaves */
+  set tasks(tasks) {
+    this.#lessonShare = tasks?.max_share ?? 1;
+    if (this.#facts) this.facts = this.#facts;
   }
 
   close() {

@@ -1,7 +1,7 @@
 /** A robot's card on the fleet page and on the lab's monitor. */
 
 import { mark, setText, setTextOrHide, show } from "../lib/dom.js";
-import { bookingWords } from "./card_words.js";
+import { bookingWords, turnWords } from "./card_words.js";
 
 /**
  * Show a robot's state, except its stop.
@@ -24,6 +24,8 @@ export function showRobot({ card, own }, shown, robot) {
   mark(own.health, "level", shown.healthLevel);
   setText(own.driver, shown.driver);
   setText(own.booking, bookingWords(robot));
+  setTextOrHide(own.turn, turnWords(robot));
+  mark(own.turn, "called", Boolean(robot.booked?.turn?.person) && !robot.booked.turn.driving);
   setText(own.gate, shown.gate);
   // Of a robot that stays out of service, the console would refuse it.
   if (own.book) show(own.book, !robot.out || robot.free_in_s !== null);

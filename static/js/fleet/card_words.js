@@ -111,6 +111,20 @@ export function bookingWords({
   return gettext("Free");
 }
 
+/** Return whose turn it is in a lesson, and who is next; empty if no lesson with turns runs. Pure. */
+export function turnWords({ booked = null }) {
+  const turn = booked?.turn;
+  if (!turn) return "";
+  const words = [];
+  if (turn.person && turn.driving)
+    words.push(
+      interpolate(gettext("%s drives, %s left"), [turn.person, minutesText(turn.seconds)]),
+    );
+  else if (turn.person) words.push(interpolate(gettext("%s, it is your turn"), [turn.person]));
+  if (turn.next) words.push(interpolate(gettext("next: %s"), [turn.next]));
+  return words.join(" · ");
+}
+
 function freeIn(seconds) {
   return interpolate(gettext("free in %s"), [minutesText(seconds)]);
 }

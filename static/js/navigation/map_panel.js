@@ -4,6 +4,7 @@ import { whyNotNow } from "../control/lease.js";
 import { isSeen } from "../control/status/status_text.js";
 import { dim, make, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { TWO_TAPS_MS } from "../lib/presses.js";
+import { leftOf, limits } from "../tasks/lesson_tasks.js";
 import { NewEnds } from "../tasks/task_ends.js";
 import { MapView } from "./map_view.js";
 import { readMaps, readPicture } from "./places_api.js";
@@ -26,6 +27,7 @@ export class MapPanel {
     "stale",
     "mayAct",
     "fence",
+    "tasks",
     "mapShown",
   ];
   static task = "going";
@@ -38,6 +40,7 @@ export class MapPanel {
     },
   };
   #root;
+  #tasks = null;
   #parts;
   #robot;
   #footprint = [];
@@ -152,6 +155,14 @@ export class MapPanel {
     if (fence === null && IN_CONTROL.includes(this.#mode)) this.#choose(null);
   }
 
+  /** @param {?object} tasks that the present lesson leaves; null: all. With chosen places, no point is a goal */
+  set tasks(tasks) {
+    this.#tasks = tasks;
+    show(this.#parts["map-go"], !limits(tasks, "places"));
+    this.#pick(null);
+    if (!this.#parts.map.hidden) this.#load();
+  }
+
   /** @param {boolean} stale the map shows old data */
   set stale(stale) {
     mark(this.#parts.map, "old", stale);
@@ -210,8 +221,9 @@ export class MapPanel {
   async #load() {
     try {
       const maps = await readMaps(this.#robot);
-      const map = maps.find(({ robots }) => robots.length > 0) ?? null;
-      const earlier = maps.filter((one) => one !== map && one.places.length > 0);
+      const found = maps.find(({ robots }) => robots.length > 0) ?? null;
+      const map = found && { ...found, places: this.#leftOf(found.places) };
+      const earlier = maps.filter((one) => one !== found && one.places.length > 0);
       if (this.#listening.signal.aborted) return;
       setTextOrHide(this.#parts["map-none"], map ? "" : unknownText());
       this.#places.show(map, earlier);
@@ -276,8 +288,12 @@ export class MapPanel {
     return this.#picked !== null && this.#picked.number === undefined;
   }
 
+  #leftOf(places) {
+    return leftOf(this.#tasks, "places", places, ({ name }) => name);
+  }
+
   #ghostAt(point) {
-    if (!point || this.#loaded === null) return null;
+    if (!point || this.#loaded === null || limits(this.#tasks, "places")) return null;
     return { ...point, heading: this.#view.headingTo(point) };
   }
 

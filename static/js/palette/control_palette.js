@@ -14,15 +14,17 @@ import { robots } from "./robots.js";
  * @typedef {object} Driving
  * @property {DOMStringMap} data of the page
  * @property {() => object} offers of the robot
+ * @property {() => ?object} tasks that the present lesson leaves; null: all
  * @property {() => boolean} mayAct whether this tab has control of a robot that reports
  * @property {() => boolean} hasMap
  * @property {(request: object) => Promise<?object>} request as the page's buttons send it
  */
 
 export class ControlPalette {
-  static hears = ["facts", "offers", "mayAct"];
+  static hears = ["facts", "offers", "tasks", "mayAct"];
   #palette;
   #offers = {};
+  #tasks = null;
   #mayAct = false;
   #hasMap = false;
   #listening = new AbortController();
@@ -32,6 +34,7 @@ export class ControlPalette {
     const driving = {
       data: root.dataset,
       offers: () => this.#offers,
+      tasks: () => this.#tasks,
       mayAct: () => this.#mayAct,
       hasMap: () => this.#hasMap,
       request,
@@ -56,6 +59,12 @@ export class ControlPalette {
   /** @param {object} offers of the robot */
   set offers(offers) {
     this.#offers = offers;
+    this.#palette.refresh();
+  }
+
+  /** @param {?object} tasks that the present lesson leaves; null: all */
+  set tasks(tasks) {
+    this.#tasks = tasks;
     this.#palette.refresh();
   }
 

@@ -3,13 +3,15 @@
 import { whyNotNow } from "../control/lease.js";
 import { readMaps } from "../navigation/places_api.js";
 import { goRequest } from "../navigation/requests.js";
+import { leftOf } from "../tasks/lesson_tasks.js";
 
 /** @param {import("./control_palette.js").Driving} driving @returns {Promise<import("./palette.js").Entry[]>} */
-export async function places({ data, hasMap, mayAct, request }) {
+export async function places({ data, tasks, hasMap, mayAct, request }) {
   if (!hasMap()) return [];
   const maps = await readMaps(data.robot);
   const now = maps.find(({ robots }) => robots.length > 0);
-  return (now?.places ?? []).map((place) => ({
+  const left = leftOf(tasks(), "places", now?.places ?? [], ({ name }) => name);
+  return left.map((place) => ({
     name: place.name,
     does: gettext("Place: the robot drives there"),
     why: () => (mayAct() ? "" : whyNotNow()),

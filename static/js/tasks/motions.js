@@ -5,6 +5,7 @@ import { number } from "../formats/numbers.js";
 import { dim, make, makeButton, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
 import { heldOnce } from "../lib/presses.js";
+import { leftOf } from "./lesson_tasks.js";
 import { worded } from "./motion_words.js";
 import { Endings, levelOf } from "./task_ends.js";
 
@@ -41,7 +42,7 @@ export function durationText(seconds) {
 }
 
 export class Motions {
-  static hears = ["offers", "state.motion", "mayAct", "mayCancel", "tab"];
+  static hears = ["offers", "tasks", "state.motion", "mayAct", "mayCancel", "tab"];
   static task = "motion";
   static requests = {
     play: { name: ({ title, motion }) => interpolate(gettext("Play %s"), [title ?? motion]) },
@@ -56,6 +57,8 @@ export class Motions {
   #send;
   #list;
   #buttons = new Map();
+  #offers = null;
+  #tasks = null;
   #titles = new Map(); // by name; kept while the robot is away and offers no motions
   #running = null;
   #ends;
@@ -84,8 +87,10 @@ export class Motions {
   }
 
   /** @param {object} offers of the robot */
-  set offers({ motions: offered = [], motions_text: text = "", uses = {} }) {
-    const motions = worded(offered);
+  set offers(offers) {
+    this.#offers = offers;
+    const { motions: offered = [], motions_text: text = "", uses = {} } = offers;
+    const motions = leftOf(this.#tasks, "motions", worded(offered), ({ name }) => name);
     this.#idle = uses.motions?.refusal?.text ?? "";
     for (const { name, title } of motions) this.#titles.set(name, title || name);
     this.#buttons.clear();
@@ -94,6 +99,12 @@ export class Motions {
     setText(this.#parts["motions-none"], why);
     show(this.#parts["motions-none"], motions.length === 0);
     this.#show();
+  }
+
+  /** @param {?object} tasks that the present lesson leaves; null: all */
+  set tasks(tasks) {
+    this.#tasks = tasks;
+    if (this.#offers) this.offers = this.#offers;
   }
 
   /** @param {{now: ?object, ended: ?object}} motion of the robot */

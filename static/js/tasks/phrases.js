@@ -8,16 +8,19 @@ import { whyNotNow } from "../control/lease.js";
 import { inLanguage, languageName, pageLanguage } from "../formats/languages.js";
 import { make, makeButton, mark, setTextOrHide } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
+import { leftOf } from "./lesson_tasks.js";
 import { muteText } from "./say.js";
 
 export class Phrases {
-  static hears = ["offers", "mayAct", "tab"];
+  static hears = ["offers", "tasks", "mayAct", "tab"];
   #parts;
   #url;
   #list;
   #mayAct = null;
   #mute = "";
   #none = "";
+  #phrases = [];
+  #tasks = null;
 
   /** @param {import("../control/panels/page_panels.js").Page} page */
   constructor({ root, parts, request }) {
@@ -44,6 +47,12 @@ export class Phrases {
     this.#update();
   }
 
+  /** @param {?object} tasks that the present lesson leaves; null: all */
+  set tasks(tasks) {
+    this.#tasks = tasks;
+    this.#show(this.#phrases);
+  }
+
   /** Reads the phrases from the console. */
   async load() {
     const failed = gettext("The phrases could not be read. Load the page again.");
@@ -64,8 +73,10 @@ export class Phrases {
   }
 
   #show(phrases) {
+    this.#phrases = phrases;
     const isOwn = ({ language }) => baseOf(language) === baseOf(pageLanguage());
-    this.#list.items = [...phrases].sort((one, other) => isOwn(other) - isOwn(one));
+    const left = leftOf(this.#tasks, "phrases", phrases, ({ text }) => text);
+    this.#list.items = [...left].sort((one, other) => isOwn(other) - isOwn(one));
     this.#showText(phrases.length ? "" : gettext("There are no phrases for this robot yet."));
   }
 

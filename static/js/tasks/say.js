@@ -5,6 +5,7 @@ import { inLanguage, isolated, languageChoices, languageName } from "../formats/
 import { dim, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
 import { recall, remember } from "../lib/prefs.js";
+import { limits } from "./lesson_tasks.js";
 import { SpeechLine } from "./speech_line.js";
 import { Endings, levelOf } from "./task_ends.js";
 import { shortened } from "./tasks.js";
@@ -60,7 +61,7 @@ export function muteText({ uses = {} }) {
 
 /** The form: text, language, and the number of characters. */
 export class Say {
-  static hears = ["offers", "state.speech", "mayAct"];
+  static hears = ["offers", "tasks", "state.speech", "mayAct"];
   static task = "speech";
   static requests = {
     say: { name: ({ text }) => interpolate(gettext("Say “%s”"), [isolated(shortened(text))]) },
@@ -75,6 +76,8 @@ export class Say {
   #own = [];
   #mayAct = null; // whether this tab has control; null: not known yet
   #mute = ""; // why the robot cannot speak
+  #offers = null;
+  #tasks = null;
   #isSending = false;
   #listening = new AbortController();
 
@@ -104,12 +107,24 @@ export class Say {
   /** @param {object} offers of the robot; the preferred one of its languages is the first */
   set offers(offers) {
     const { languages = [] } = offers;
-    this.#mute = muteText(offers);
-    this.#hint();
+    this.#offers = offers;
+    this.#listen();
     if (languages.join() === this.#own.join()) return;
     this.#own = languages;
     this.#list.items = [];
     this.#showLanguage();
+  }
+
+  /** @param {?object} tasks that the present lesson leaves; null: all */
+  set tasks(tasks) {
+    this.#tasks = tasks;
+    if (this.#offers) this.#listen();
+  }
+
+  #listen() {
+    const only = gettext("In this lesson the robot says only the phrases of the list.");
+    this.#mute = muteText(this.#offers) || (limits(this.#tasks, "phrases") ? only : "");
+    this.#hint();
   }
 
   /** @param {{now: ?object, ended: ?object}} speech of the robot */

@@ -8,13 +8,16 @@ from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from django.utils import timezone
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, convert
 
 from fleet.accounts.tokens.models import Scope
 from fleet.bookings.lessons import turns
 from fleet.bookings.lessons.members import shares
 from fleet.bookings.lessons.standings import standings
+from fleet.bookings.lessons.tasks import lesson_tasks_set
+from fleet.bookings.lessons.together import at_once, line_spread
 from fleet.bookings.services import BookingRefused
+from robots.shared.wire import LessonTasks
 from teleop.api.v1.bookings import BookingsBase, Username
 from teleop.api.v1.framework.operation import operation, reads
 from teleop.api.v1.framework.parameters import Time
@@ -36,6 +39,19 @@ class TurnEntry(Struct, frozen=True):
     ends_at: Time | None
 
 
+class TasksEntry(LessonTasks, frozen=True, forbid_unknown_fields=True):
+    """What the members of a lesson may do in their turn; not you, if you lead it. An empty list: everything."""
+
+
+class TasksRequest(TasksEntry, frozen=True, forbid_unknown_fields=True):
+    """What the members of a lesson may do in their turn. Fields that are left out limit nothing.
+
+    `whole_series`: also in all later dates of its weekly series.
+    """
+
+    whole_series: bool = False
+
+
 class LessonEntry(Struct, frozen=True):
     """A shared booking with turns. `line`: who is called or drives first, then who waits."""
 
@@ -49,6 +65,8 @@ class LessonEntry(Struct, frozen=True):
     held: bool  # nobody is called now
     leads: bool  # you may call, skip, extend, fill and hold
     line: list[TurnEntry]
+    tasks: TasksEntry
+    at_once: list[UUID]  # the lessons of the course on all robots at this time, this one too
 
 
 class CallNextRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -99,6 +117,8 @@ class LessonBase(BookingsBase):
             held=bool(booking.line_held),
             leads=leads,
             line=line,
+            tasks=convert(booking.tasks or {}, TasksEntry),
+            at_once=[one.pk for one in at_once(booking)],
         )
 
     def step(self, booking_id: UUID, step: Callable[..., Any], **facts: Any) -> LessonEntry:
@@ -140,6 +160,23 @@ class FillView(LessonBase):
     def post(self, booking_id: UUID) -> LessonEntry:
         """Those who had no turn yet, by name. For who leads the lesson."""
         return self.step(booking_id, turns.line_fill, actor=self.person)
+
+
+class SpreadView(LessonBase):
+    @_line("lesson_spread", "Spread the students over the robots of a lesson")
+    def post(self, booking_id: UUID) -> LessonEntry:
+        """Evenly over the lines of `at_once`: who waits, and who had no turn yet. For who leads the lesson."""
+        return self.step(booking_id, line_spread, actor=self.person)
+
+
+class TasksView(LessonBase):
+    @_line("lesson_tasks", "Choose the tasks of a lesson", keyed=False)
+    def put(self, booking_id: UUID, body: TasksRequest) -> LessonEntry:
+        """Counts at once, for who drives, too; tasks that the lesson leaves out are refused with
+        `not_in_lesson_tasks`. For who leads the lesson."""
+        tasks = LessonTasks(**{name: getattr(body, name) for name in LessonTasks.__struct_fields__})
+        facts: dict[str, Any] = {"tasks": tasks, "whole_series": body.whole_series}
+        return self.step(booking_id, lesson_tasks_set, actor=self.person, **facts)
 
 
 class HoldView(LessonBase):

@@ -133,6 +133,8 @@ urlpatterns = [
     path("bookings/<uuid:booking_id>/lesson/line", lessons.JoinView.as_view()),
     path("bookings/<uuid:booking_id>/lesson/call", lessons.CallView.as_view()),
     path("bookings/<uuid:booking_id>/lesson/everybody", lessons.FillView.as_view()),
+    path("bookings/<uuid:booking_id>/lesson/spread", lessons.SpreadView.as_view()),
+    path("bookings/<uuid:booking_id>/lesson/tasks", lessons.TasksView.as_view()),
     path("bookings/<uuid:booking_id>/lesson/hold", lessons.HoldView.as_view()),
     path("bookings/<uuid:booking_id>/lesson/turns/<int:turn_id>", lessons.TurnView.as_view()),
     path("waiting", bookings.WaitingView.as_view()),

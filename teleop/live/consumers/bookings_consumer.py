@@ -1,4 +1,4 @@
-"""The WebSocket of the calendar: a hint whenever a booking, a policy, a holiday or an out-of-service period changed.
+"""The WebSocket of calendars and lessons: a hint whenever a booking, a policy, a holiday or a turn changed.
 
 The hint contains no details: the page then reads the bookings again that its person may see. The audit log
 contains the changes of all processes. One reader checks it for all calendars of this web process.
@@ -22,6 +22,7 @@ log = logging.getLogger(__name__)
 
 CHECK_S = 0.4
 KINDS = ("booking.", "policy.", "holiday.", "robot.out_of_service", "robot.back_in_service")
+TURNS = ("turn.", "control.take", "control.hand_over", "control.end")  # also "control.take_over"
 
 
 class BookingsConsumer(MessageSocket):
@@ -74,13 +75,16 @@ class _Reader:
                 log.warning("Calendars get no hints of changes now: %s", error)
             else:
                 read_to = lines[-1].pk if lines else read_to
-                if any(line.kind.startswith(KINDS) for line in lines):
+                kinds = [line.kind for line in lines]
+                if any(kind.startswith(KINDS) for kind in kinds):
                     await self._tell()
+                elif any(kind.startswith(TURNS) for kind in kinds):
+                    await self._tell(turns=True)
             await asyncio.sleep(CHECK_S)
 
-    async def _tell(self) -> None:
+    async def _tell(self, *, turns: bool = False) -> None:
         for listener in list(self._listeners):
-            await listener.send_message(wire.BookingsChanged())
+            await listener.send_message(wire.BookingsChanged(turns))
 
 
 _reader = _Reader()

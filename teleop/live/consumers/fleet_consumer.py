@@ -16,6 +16,7 @@ from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
+from fleet.bookings.lessons.present import InLine, line_of_turns
 from fleet.bookings.schedule import Schedule, schedules_of
 from robots.access.selectors import robots_visible_to, roles_of
 from robots.link.client import BridgeLink, Listener, links
@@ -29,7 +30,7 @@ from teleop.background.jobs import run_in_background
 from teleop.control.changes import database_refusal
 from teleop.control.rules import out_now, out_of_service
 from teleop.control.selectors import SIGNED_OUT, SignIn
-from teleop.control.status import booked_slots
+from teleop.control.status import booked_slots, turn_of
 from teleop.live.consumers.message_socket import BUSY, CloseCode, MessageSocket
 from teleop.records.refusals import RefusedRequest
 from teleop.stop.emergency_stop import StopButton, clear
@@ -61,6 +62,7 @@ class VisibleRobot(Struct, frozen=True):
     link: LinkAddress
     may_clear: bool
     schedule: Schedule  # its bookings
+    line: tuple[InLine, ...]  # of the lesson that runs now
     user: UUID  # the page's person
 
 
@@ -213,6 +215,8 @@ class FleetConsumer(MessageSocket, Listener):
         state = link.state if known else None
         now = timezone.now()
         booked, next_booked = booked_slots(robot.schedule, robot.user, now)
+        if booked and robot.schedule.current:
+            booked = structs.replace(booked, turn=turn_of(robot.schedule.current, robot.line, now))
         free_from = robot.schedule.free_from(now) if robot.enabled else None
         free_in_s = None if free_from is None else round((free_from - now).total_seconds(), 1)
         return FleetCard(
@@ -293,6 +297,11 @@ def _person(person: SignIn) -> User:
     return User.objects.get(pk=person[0])
 
 
+def _line_of(schedule: Schedule) -> tuple[InLine, ...]:
+    current = schedule.current
+    return line_of_turns(current.id) if current is not None and current.turn_min else ()
+
+
 def _visible_to(person: SignIn) -> Iterable[VisibleRobot] | None:
     """Return the robots that this sign-in may see; None if it ended."""
     user = signed_in([person]).get(person)
@@ -312,6 +321,7 @@ def _visible_to(person: SignIn) -> Iterable[VisibleRobot] | None:
             link_address(robot),
             may_clear=roles.get(robot.id, Role.OBSERVER) >= Role.SUPERVISOR,
             schedule=schedules[robot.id],
+            line=_line_of(schedules[robot.id]),
             user=user.id,
         )
         for robot in robots

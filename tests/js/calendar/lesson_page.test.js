@@ -1,26 +1,78 @@
-import { expect, test } from "vitest";
-import { replaced } from "../../../static/js/calendar/lesson_page.js";
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { LessonPage } from "../../../static/js/calendar/lesson_page.js";
+import { FakeSocket, made } from "../fake_socket.js";
 
-function made(html) {
-  const part = document.createElement("div");
-  part.innerHTML = html;
-  return part;
-}
+const stop = '<form data-stop action="/robots/one/stop/"><button>Stop</button></form>';
+const turn = (id, name) => `<form action="/l/"><input name="turn" value="${id}"><p>${name}</p>
+  <button name="action" value="skip">Skip</button></form>`;
+const pageOf = (lines) => `<main data-socket="/ws/bookings/"><p data-part="news" hidden></p>
+  <div data-part="live">${stop}<span data-left="65"></span>${lines}</div></main>`;
 
-test("the newest line replaces the shown one, and the focus stays on its button", () => {
-  const shown = made("<p>Ada drives</p><button>Skip Ada</button><button>Skip Ben</button>");
-  document.body.append(shown);
-  shown.lastChild.focus();
-  const newest = made("<p>Ben is called</p><button>Skip Ben</button>");
-  expect(replaced(shown, newest)).toBe(true);
-  expect(shown.textContent).toBe("Ben is calledSkip Ben");
-  expect(document.activeElement.textContent).toBe("Skip Ben");
-});
+describe("the page of a lesson", () => {
+  let page;
+  let answers;
+  const live = () => document.querySelector("[data-part=live]");
+  const answer = (html) => ({
+    ok: true,
+    url: "/l/",
+    headers: new Headers({ "Content-Type": "text/html" }),
+    text: async () => html,
+  });
+  const changed = async (turns = true) => {
+    made[0].says(JSON.stringify({ t: "bookings_changed", turns }));
+    await vi.advanceTimersByTimeAsync(600);
+  };
 
-test("nothing moves while nothing changed", () => {
-  const shown = made("<button>Skip Ada</button>");
-  const [button] = shown.children;
-  expect(replaced(shown, made("<button>Skip Ada</button>"))).toBe(false);
-  expect(replaced(shown, null)).toBe(false);
-  expect(shown.firstChild).toBe(button);
+  beforeEach(() => {
+    vi.useFakeTimers();
+    vi.stubGlobal("WebSocket", FakeSocket);
+    FakeSocket.begin();
+    answers = [];
+    vi.stubGlobal(
+      "fetch",
+      vi.fn(async () => answers.shift() ?? null),
+    );
+    document.body.innerHTML = pageOf(turn(1, "Ada") + turn(2, "Ben"));
+    page = new LessonPage(document.querySelector("main"), "/l/");
+    made[0].opens();
+  });
+  afterEach(() => {
+    page.close();
+    vi.unstubAllGlobals();
+    vi.useRealTimers();
+  });
+
+  it("follows the line by hints, and keeps the focus and the stop's button", async () => {
+    const held = live().querySelector("[data-stop]");
+    live().querySelector('[value="2"] ~ button').focus();
+    answers = [answer(pageOf(turn(2, "Ben drives")))];
+    await changed();
+    expect(live().textContent).toContain("Ben drives");
+    expect(live().querySelector("[data-stop]")).toBe(held);
+    expect(document.activeElement.closest("form").textContent).toContain("Ben drives");
+  });
+
+  it("counts the time that is left", () => {
+    expect(live().querySelector("[data-left]").textContent).toBe("1:05");
+    vi.advanceTimersByTime(3000);
+    expect(live().querySelector("[data-left]").textContent).toBe("1:02");
+  });
+
+  it("takes no press on a button that has just moved under the finger", async () => {
+    answers = [answer(pageOf(turn(2, "Ben")))];
+    made[0].says(JSON.stringify({ t: "bookings_changed", turns: true }));
+    await vi.advanceTimersByTimeAsync(10);
+    live().querySelector("[name=action]").click();
+    expect(fetch).toHaveBeenCalledTimes(1);
+    await vi.advanceTimersByTimeAsync(600);
+    answers = [answer(pageOf(""))];
+    live().querySelector("[name=action]").click();
+    expect(fetch).toHaveBeenCalledTimes(2);
+  });
+
+  it("says that the server does not answer", async () => {
+    await changed();
+    expect(document.querySelector("[data-part=news]").hidden).toBe(false);
+    expect(live().textContent).toContain("Ada");
+  });
 });

@@ -7,6 +7,7 @@ const NAMES = [
   "doing",
   "alarm",
   "why",
+  "turn",
   "battery",
   "health",
   "driver",

@@ -77,6 +77,8 @@ FORMS: dict[str, tuple[tuple[str, str], ...]] = {
         ("delete", f"{BOOKING}/lesson/line"),
         ("post", f"{BOOKING}/lesson/call"),
         ("post", f"{BOOKING}/lesson/everybody"),
+        ("post", f"{BOOKING}/lesson/spread"),
+        ("put", f"{BOOKING}/lesson/tasks"),
         ("post", f"{BOOKING}/lesson/hold"),
         ("delete", f"{BOOKING}/lesson/hold"),
         ("post", f"{BOOKING}/lesson/turns/{{turn_id}}"),

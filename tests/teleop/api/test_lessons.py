@@ -10,6 +10,7 @@ from fleet.bookings.lessons import turns
 from fleet.bookings.messages.ical import address_make, feed_of
 from fleet.bookings.models import Booking
 from robots.access.models import Course, Enrolment
+from robots.registry.models import Phrase
 
 HTML = {"headers": {"Accept": "text/html"}}
 
@@ -74,6 +75,31 @@ def test_a_line_by_programs(lesson, program, stranger, second_operator, supervis
     assert program(operator, "read", "book")("GET", address).data["code"] == "not_in_lesson"
 
 
+def test_tasks_of_a_lesson_by_a_program_and_by_the_page(
+    lesson, program, stranger, supervisor, signed_in, robot
+):
+    address = f"/bookings/{lesson}/lesson"
+    teacher = program(supervisor, "read", "book")
+    tasks = {"max_share": 0.4, "motions": ["wave"], "phrases": [], "places": [], "watch": False}
+    answer = teacher("PUT", f"{address}/tasks", {"max_share": 0.4, "motions": ["wave"]}).data
+    assert (answer["tasks"], answer["at_once"]) == (tasks, [lesson])
+    refused = teacher("PUT", f"{address}/tasks", {"max_share": 1.5})
+    assert refused.status_code == 400
+    student = program(stranger, "read", "book")
+    assert student("PUT", f"{address}/tasks", {}).data["code"] == "not_teacher"
+    assert student("GET", address).data["tasks"] == tasks
+    page = signed_in(stranger).get(f"{address}/").content.decode()
+    assert "up to 40 % of the speed" in page
+    assert "Largest speed" not in page
+    Phrase.objects.create(robot=robot, text="Hello.", language="en-GB")
+    teachers = signed_in(supervisor)
+    assert 'value="wave" checked' in teachers.get(f"{address}/").content.decode()
+    teachers.post(f"{address}/", {"action": "tasks", "share": "60", "phrases": ["Hello."], "watch": "yes"})
+    chosen = teacher("GET", address).data["tasks"]
+    assert chosen == tasks | {"max_share": 0.6, "motions": [], "phrases": ["Hello."], "watch": True}
+    assert teachers.post(f"{address}/", {"action": "tasks", "share": "900"}).status_code == 404
+
+
 def test_who_shares_a_lesson_sees_it_as_theirs(lesson, program, stranger, operator, signed_in):
     [entry] = program(stranger, "read", "book")("GET", "/bookings?person=me").data["bookings"]
     assert (entry["shared_with_you"], entry["yours"], entry["may_change"]) == (True, False, False)
@@ -102,7 +128,7 @@ def test_the_page_of_a_line(lesson, signed_in, stranger, supervisor, operator, s
     assert "Join the line" in student.get(address).content.decode()
     student.post(address, {"action": "join"})
     page = student.get(address).content.decode()
-    assert "It is your turn." in page
+    assert "Your turn: TIAGo 1" in page
     assert "Put everybody" not in page
     assert student.post(address, {"action": "hold"}).status_code == 409
     assert student.post(address, {"action": "nonsense"}).status_code == 404
@@ -110,12 +136,12 @@ def test_the_page_of_a_line(lesson, signed_in, stranger, supervisor, operator, s
     turn = Booking.objects.get().turns.get(person=second_operator)
     assert teacher.post(address, {"action": "extend", "turn": turn.pk}).status_code == 302
     turn.refresh_from_db()
-    assert turn.left_s == 15 * 60
+    assert turn.left_s == 12 * 60
     teacher.post(address, {"action": "skip", "turn": Booking.objects.get().turns.get(person=stranger).pk})
     turn.refresh_from_db()
     assert turn.state == "called"
     teacher.post(address, {"action": "hold"})
-    assert "holds the line" in teacher.get(address).content.decode()
+    assert "The teacher drives" in teacher.get(address).content.decode()
     teacher.post(address, {"action": "go_on"})
     assert signed_in(operator).get(address).status_code == 403
 

@@ -343,6 +343,13 @@ TABLE: dict[str, Row] = {
     "lesson_leave": Row(BOOK, "/bookings/{team}/lesson/line", LED),
     "lesson_call": Row(BOOK, "/bookings/{team}/lesson/call", TAUGHT, {"username": "{turns}"}),
     "lesson_fill": Row(BOOK, "/bookings/{team}/lesson/everybody", TAUGHT),
+    "lesson_spread": Row(BOOK, "/bookings/{team}/lesson/spread", TAUGHT),
+    "lesson_tasks": Row(
+        BOOK,
+        "/bookings/{team}/lesson/tasks",
+        tuple(line.replace("200", "no_lesson") for line in TAUGHT),
+        {"max_share": 0.5},
+    ),
     "lesson_take_back": Row(BOOK, "/bookings/{team}/lesson/hold", TAUGHT),
     "lesson_give_back": Row(BOOK, "/bookings/{team}/lesson/hold", TAUGHT),
     "lesson_extend": Row(BOOK, "/bookings/{team}/lesson/turns/{turn}", TAUGHT, {"minutes": 5}),

@@ -11,7 +11,7 @@ function fieldOf(state, name) {
 /**
  * Names: `state.motion` and so on, for each field of the robot's state (see `fieldOf`); `state`, `view`; a message
  * of the console by its `t`, such as `offers`; and of the page: `facts` of the robot, `stale` (the view may be
- * out of date), `role` of the person, `fence` of this tab's control, `mayAct` (this tab has control; null: not
+ * out of date), `role` of the person, `tasks` that a lesson leaves to the person (null: all), `fence` of this tab's control, `mayAct` (this tab has control; null: not
  * known yet), `mayCancel` (so may supervisors without control), `tab`, `cells` (contents of the own layout),
  * `sceneShown`, `mapShown` and `plotShown`, `plotted` (the new content of a plot's cell). Calls of panels, too: see `PagePanels`.
  *
