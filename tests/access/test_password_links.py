@@ -58,6 +58,8 @@ def test_a_supervisor_prints_the_links_of_all_who_have_none(
     signed_in: SignIn, teacher: User, student: User, course: Course, ada: User
 ) -> None:
     newcomer("bob", course)
+    by_single_sign_on = newcomer("cy", course)
+    User.objects.filter(pk=by_single_sign_on.pk).update(last_login=timezone.now())
     client = signed_in(teacher)
     assert "Links to set a password: 2 people" in client.get("/courses/hri-2026/").text
     sheet = client.post("/courses/hri-2026/links/")

@@ -356,7 +356,10 @@ def _course_page(
             {"person": one.person, "number": one.number, "held": held.get(one.person_id, ())}
             for one in enrolments
         ],
-        "waiting": sum(one.person.is_active and not one.person.has_usable_password() for one in enrolments),
+        "waiting": sum(
+            one.person.is_active and not (one.person.has_usable_password() or one.person.last_login)
+            for one in enrolments
+        ),
         "refused": sum(one.person.email_refused_at is not None for one in enrolments),
         "qualifications": qualifications,
         "others": _managed(request).filter(archived=False).exclude(pk=found.pk),

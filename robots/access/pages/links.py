@@ -41,6 +41,8 @@ def course_links(request: HttpRequest, slug: str) -> HttpResponse:
     people = User.objects.filter(enrolments__course=course, is_active=True)
     if chosen := request.POST.getlist("person"):
         people = people.filter(pk__in=[key for key in chosen if _is_key(key)])
+    else:  # who signs in without a password, such as by single sign-on, needs none
+        people = people.filter(last_login=None)
     waiting = [one for one in people.order_by("full_name", "username") if not one.has_usable_password()]
     if not waiting:
         messages.info(request, _("All of them have a password. Staff can show a link for a forgotten one."))
