@@ -289,7 +289,7 @@ def booking_make(
             starts_at=slot.starts_at,
             ends_at=slot.ends_at,
             held_until=slot.ends_at,
-            state=state_for(actor, robot, course),
+            state=state_for(actor, robot, lesson_of or course),
             purpose=purpose,
             series=series,
             course=lesson_of or course,
@@ -299,7 +299,12 @@ def booking_make(
             overridden=bool(override) or None,
         )
         BookingMember.objects.bulk_create(BookingMember(booking=booking, person=one) for one in team)
-        record_booking("booking.make", booking, actor, outcome=booking.state, text=override)
+        people = {"team": [str(one.pk) for one in team]} if team else {}
+        turns = {"turn_min": turn_min} if turn_min is not None else {}
+        facts_of = {**({"shared": booking.shared} if booking.shared else {}), **people, **turns}
+        record_booking(
+            "booking.make", booking, actor, outcome=booking.state, text=override, parameters=facts_of
+        )
     return booking
 
 
@@ -329,7 +334,10 @@ def booking_move(
         override = _valid_reason(override, actor, robot)
         free_unused(robot, slot, now, but=booking)
         quotas_locked(robot, booking.person, slot)
-        lesson = _is_lesson_of(booking.person, booking)
+        lesson = booking.shared == Shared.COURSE
+        if "robot" in before and booking.shared == Shared.PEOPLE:
+            team = [one.person for one in booking.members.select_related("person")]
+            require_shareable(robot, booking.person, team, booking.turn_min, slot.starts_at, lesson=False)
         old = Slot(booking.starts_at, booking.ends_at)
         late = _late_to_cancel(booking, actor, now)
         gives_up = "robot" in before or not old.within(slot)

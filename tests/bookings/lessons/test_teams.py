@@ -3,9 +3,16 @@
 import pytest
 
 from fleet.audit.models import Record
-from fleet.bookings.models import Booking, BookingMember
+from fleet.bookings.models import Booking, BookingMember, Policy
 from fleet.bookings.rules import Slot
-from fleet.bookings.services import BookingRefused, booking_hand, booking_make, team_named
+from fleet.bookings.services import (
+    BookingRefused,
+    booking_hand,
+    booking_make,
+    booking_move,
+    robots_locked,
+    team_named,
+)
 from robots.access.services import role_set
 from robots.registry.models import Role
 from teleop.control import line, services
@@ -103,3 +110,17 @@ def test_a_team_whose_booking_is_handed_on_keeps_its_former_owner(robot, operato
     booking = Booking.objects.get()
     assert booking.person == second_operator
     assert [one.person for one in booking.members.all()] == [operator]
+
+
+def test_a_lesson_needs_no_approval_of_its_teacher(robot, course, teacher):
+    Policy.objects.create(robot=robot, needs_approval=True)
+    assert book(robot, teacher, lesson_of=course, turn_min=10).state == "booked"
+
+
+def test_a_team_moves_only_to_a_robot_that_all_may_drive(robot, other_robot, operator, second_operator):
+    booking = book(robot, operator, team=[second_operator])
+    role_set(robot=other_robot, user=operator, role=Role.OPERATOR, actor=None)
+    seen = {"booking_id": booking.pk, "version": 1, "actor": operator, "now": at(-60)}
+    with pytest.raises(BookingRefused) as caught, robots_locked([robot.pk, other_robot.pk], at(-60)):
+        booking_move(slot=Slot(at(0), at(60)), robot=other_robot, **seen)
+    assert caught.value.refusal.code == "may_not_drive"
