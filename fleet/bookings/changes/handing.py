@@ -40,6 +40,7 @@ from robots.shared.wire import Refusal
 OPEN_FOR = timedelta(days=1)
 LEAST = timedelta(minutes=10)  # also for a slot that begins before, or runs
 MOST_COLLEAGUES = 500
+KEPT = timedelta(days=30)
 
 _OVER = Refusal("offer_over", "This offer is over. Look at the calendar for another time.", "booking")
 _OPEN = Q(outcome="", version=F("booking__version"))
@@ -139,6 +140,11 @@ def hand_offers_lapse(now: datetime) -> None:
         with transaction.atomic():
             if HandOffer.objects.filter(pk=offer.pk, outcome="").update(outcome=HandOffer.Outcome.LAPSED):
                 _tell(offer.by, offer.booking, lambda: _("nobody accepted it in time"), now)
+
+
+def remove_old_offers(now: datetime) -> None:
+    """Remove offers after `KEPT`. The log has their records."""
+    HandOffer.objects.filter(until__lt=now - KEPT).delete()
 
 
 def offers_to(person: User, now: datetime) -> QuerySet[HandOffer]:

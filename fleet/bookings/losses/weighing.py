@@ -89,8 +89,9 @@ def weigh(
             weighed.done = False
         elif weighed.losses and seen:
             weighed.losses = _closed_ended(weighed.losses, now, stay=seen.closed_stay)
-            weighed.change = _kept(weighed.losses, found, rows_between(before, rows_now()), last)
-            letters.write_losses(weighed.losses, actor, now)
+            if weighed.losses:
+                weighed.change = _kept(weighed.losses, found, rows_between(before, rows_now()), last)
+                letters.write_losses(weighed.losses, actor, now)
     return weighed
 
 

@@ -26,7 +26,7 @@ from fleet.accounts.tokens.services import remove_expired_tokens
 from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
 from fleet.bookings.changes import waiting_list as waiting
-from fleet.bookings.changes.handing import hand_offers_lapse
+from fleet.bookings.changes.handing import hand_offers_lapse, remove_old_offers
 from fleet.bookings.losses import lost_rights
 from fleet.bookings.losses.weighing import remove_old_changes
 from fleet.bookings.messages import moments, notifications
@@ -196,6 +196,7 @@ def daily_steps() -> Iterator[None]:
     remove_old_answers(now)
     remove_old_cancelled(now)
     remove_old_changes(now)
+    remove_old_offers(now)
     yield from retention.remove_expired(now)
     if not retention.clock_is_doubted(now.date()):
         waiting.forget_past(now)

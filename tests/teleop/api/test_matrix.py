@@ -429,7 +429,7 @@ TABLE: dict[str, Row] = {
     "registry_read": Row(MANAGE, "/registry/{robot}", staff_only("200")),
     "registry_change": Row(
         MANAGE,
-        "/registry/{robot}",
+        "/registry/{robot}?confirm=yes",
         staff_only("changed"),
         {"enabled": False},
         version=True,
@@ -453,14 +453,18 @@ TABLE: dict[str, Row] = {
     # policies, out of service, series
     "policies_list": Row(READ, "/policies", everywhere("200")),
     "policies_read_common": Row(READ, "/policies/all", everywhere("200")),
-    "policies_set_common": Row(MANAGE, "/policies/all", staff_only("changed"), RULES, version=True),
+    "policies_set_common": Row(
+        MANAGE, "/policies/all?confirm=yes", staff_only("changed"), RULES, version=True
+    ),
     "policies_read_robot": Row(READ, "/policies/robots/{robot}", seen("200")),
     "policies_set_robot": Row(
-        MANAGE, "/policies/robots/{robot}", robot_managed("changed"), RULES, version=True
+        MANAGE, "/policies/robots/{robot}?confirm=yes", robot_managed("changed"), RULES, version=True
     ),
     "policies_remove_robot": Row(MANAGE, "/policies/robots/{robot}?confirm=yes", robot_managed("204")),
     "policies_read_group": Row(READ, "/policies/groups/{group}", staff_only("200")),
-    "policies_set_group": Row(MANAGE, "/policies/groups/{group}", staff_only("changed"), RULES, version=True),
+    "policies_set_group": Row(
+        MANAGE, "/policies/groups/{group}?confirm=yes", staff_only("changed"), RULES, version=True
+    ),
     "policies_remove_group": Row(MANAGE, "/policies/groups/{group}?confirm=yes", staff_only("204")),
     "changes_list": Row(MANAGE, "/changes", everywhere("200")),
     "changes_undo": Row(
@@ -506,7 +510,9 @@ TABLE: dict[str, Row] = {
     "courses_make": Row(
         MANAGE, "/courses", staff_only("201"), {"name": "New", "robots": ["{robot}"], **TERM}
     ),
-    "courses_change": Row(MANAGE, "/courses/{course}", staff_only("changed"), {"name": "New"}, version=True),
+    "courses_change": Row(
+        MANAGE, "/courses/{course}?confirm=yes", staff_only("changed"), {"name": "New"}, version=True
+    ),
     "courses_welcome": Row(MANAGE, "/courses/{course}/welcome", managed("200"), {"people": None}),
     "invitations_list": Row(MANAGE, "/courses/{course}/invitations", managed("200")),
     "invitations_make": Row(
@@ -518,7 +524,7 @@ TABLE: dict[str, Row] = {
     "groups_make": Row(MANAGE, "/robot-groups", staff_only("201"), {"name": "New", "robots": ["{robot}"]}),
     "groups_read": Row(MANAGE, "/robot-groups/{group}", staff_only("200")),
     "groups_change": Row(
-        MANAGE, "/robot-groups/{group}", staff_only("changed"), {"name": "New"}, version=True
+        MANAGE, "/robot-groups/{group}?confirm=yes", staff_only("changed"), {"name": "New"}, version=True
     ),
     "groups_delete": Row(MANAGE, "/robot-groups/{group}?confirm=yes", staff_only("204")),
     "groups_role_set": Row(
@@ -531,7 +537,7 @@ TABLE: dict[str, Row] = {
     ),
     "qualifications_read": Row(MANAGE, "/qualifications/induction", staff_only("200")),
     "qualifications_change": Row(
-        MANAGE, "/qualifications/induction", staff_only("changed"), {"name": "New"}, version=True
+        MANAGE, "/qualifications/induction?confirm=yes", staff_only("changed"), {"name": "New"}, version=True
     ),
     "qualifications_delete": Row(MANAGE, "/qualifications/induction", staff_only("204")),
     # tokens: one's own, a student's, a stranger's

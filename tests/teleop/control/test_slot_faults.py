@@ -13,6 +13,7 @@ from robots.access.selectors import lab_date
 from robots.shared import wire
 from teleop.background.database import in_database
 from teleop.live.grant_renewal import GRANT_S
+from tests.bookings.losses.support import confirm
 from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -54,12 +55,12 @@ def student_slot(robot, stranger, slot):
 
 
 def archive(staff, _other_robot):
-    staff.post(reverse("course-archive", args=["hri"]), {"archived": "1"})
+    confirm(staff, staff.post(reverse("course-archive", args=["hri"]), {"archived": "1"}))
 
 
 def move_the_robot(staff, other_robot):
     entry = {"entry": "the-tiagos", "the-tiagos-name": "The TIAGos", "the-tiagos-robots": [other_robot.pk]}
-    staff.post(reverse("robot-groups"), entry)
+    confirm(staff, staff.post(reverse("robot-groups"), entry))
 
 
 @pytest.mark.parametrize("change", [archive, move_the_robot])

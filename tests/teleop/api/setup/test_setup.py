@@ -109,6 +109,40 @@ def test_a_robot_is_taken_out_of_service_and_back(
     assert {"robot.out_of_service", "robot.back_in_service"} <= kinds_of(supervisor)
 
 
+def test_a_change_that_takes_time_is_confirmed_and_undone(
+    program: Program, supervisor: User, operator: User, robot: Robot
+) -> None:
+    starts = timezone.now().replace(hour=12) + timedelta(days=1)
+    times = {"starts_at": starts.isoformat(), "ends_at": (starts + timedelta(hours=1)).isoformat()}
+    student, ask = program(operator), program(supervisor)
+    booked = student("POST", "/bookings", {"robot": robot.slug, **times}).data["id"]
+    path = f"/policies/robots/{robot.slug}"
+    read = ask("GET", path)
+    closed = {**read.data["rules"], "opening": {"sun": [["01:00", "01:05"]]}}
+
+    def put(query: str = "", rules: dict[str, Any] = closed) -> Any:
+        return ask("PUT", f"{path}{query}", rules, If_Match=ask("GET", path)["ETag"])
+
+    def stage() -> str:
+        return str(student("GET", f"/bookings/{booked}").data["stage"])
+
+    refused = put()
+    assert (refused.status_code, refused.data["code"]) == (409, "takes_time")
+    assert [(one["username"], one["how"]) for one in refused.data["losses"]] == [("operator", "closed")]
+    assert not ask("GET", path).data["own"]
+    assert (put("?confirm=keep_closed").status_code, stage()) == (200, "booked")
+    assert ask("GET", "/changes").data["changes"] == []  # it took nothing
+    assert put(rules=read.data["rules"]).status_code == 200
+    assert (put("?confirm=yes").status_code, stage()) == (200, "cancelled")
+    [change] = ask("GET", "/changes").data["changes"]
+    assert (change["undoable"], [one["booking"] for one in change["losses"]]) == (True, [booked])
+    assert program(operator)("POST", f"/changes/{change['id']}/undo").status_code == 404
+    undone = ask("POST", f"/changes/{change['id']}/undo")
+    assert (undone.data["back"], undone.data["lost"], stage()) == ([booked], [], "booked")
+    again = ask("POST", f"/changes/{change['id']}/undo")
+    assert (again.status_code, again.data["code"]) == (409, "undone")
+
+
 def test_a_weekly_series_is_previewed_and_booked(
     program: Program, supervisor: User, operator: User, robot: Robot
 ) -> None:
