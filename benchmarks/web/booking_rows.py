@@ -16,15 +16,19 @@ from django.utils import timezone
 
 from benchmarks.harness import quantile
 from fleet.accounts.models import User
-from fleet.bookings.models import Booking
+from fleet.accounts.tokens.models import Scope
+from fleet.accounts.tokens.services import token_make
+from fleet.bookings.models import Booking, Shared
 from fleet.bookings.schedule import Schedule, schedule_of
-from robots.access.selectors import role_on
+from robots.access.models import Course, Enrolment
+from robots.access.selectors import lab_date, role_on
 from robots.registry.models import Robot, RobotProfile, RobotRole, Role
 from teleop.control.rules import Subject, permit_for
 
 ROBOTS = 10
 REPEATS = 300
 HOUR = timedelta(hours=1)
+DAY = timedelta(days=1)
 
 
 def fill(rows: int) -> list[Robot]:
@@ -102,6 +106,35 @@ def students(count: int, password: str) -> None:
     User.objects.bulk_create(
         User(username=f"student-{number}", password=first.password) for number in range(count)
     )
+
+
+def lesson(count: int) -> None:
+    """Store a lesson that runs now, for these students; print its id and a token of each."""
+    robot, now = Robot.objects.get(slug="row-0"), timezone.now()
+    teacher, people = User.objects.get(username="staff"), User.objects.filter(username__startswith="student-")
+    today = lab_date(now)
+    course = Course.objects.create(name="Line", slug="line", starts_on=today, ends_on=today + 30 * DAY)
+    course.robots.add(robot)
+    Enrolment.objects.bulk_create(Enrolment(course=course, person=person) for person in people[:count])
+    robot.bookings.filter(held_until__gt=now - HOUR, starts_at__lt=now + HOUR).delete()
+    booking = Booking.objects.create(
+        robot=robot,
+        person=teacher,
+        course=course,
+        shared=Shared.COURSE,
+        turn_min=5,
+        starts_at=now - timedelta(minutes=1),
+        ends_at=now + HOUR,
+        held_until=now + HOUR,
+        made_at=now,
+    )
+    tokens = [
+        token_make(
+            user=person, name="line", scopes=[Scope.READ, Scope.BOOK], expires_at=now + DAY, actor=person
+        )[1]
+        for person in people[:count]
+    ]
+    print(json.dumps({"booking": str(booking.pk), "tokens": tokens}))
 
 
 def p95_ms(step: Callable[[], object]) -> float:

@@ -35,6 +35,8 @@ ENROL_S = 5.0
 PASSWORD = "a password of the whole class"  # noqa: S105 - of invented people
 SIGN_IN_S = 10.0
 STOP_MS = 200.0
+LINE = 40
+CALLED_S = 3.0
 TURNS = 4  # of driving with bookings, and as many without
 DRIVING_TIMES = 1.1  # bookings should add no delay; the margin is for the noise between turns
 
@@ -75,6 +77,8 @@ def _measure_on(stack: Stack, name: str) -> list[Figure]:
     staff = sign_in(stack, "staff")
     quiet_s = [stop_s(stack, staff) for _ in range(20)]
     signed = class_signs_in(stack, CLIENTS, PASSWORD, staff)
+    progress(f"{name}: a line of {LINE} ...")
+    line = _line(stack)
     answers = [answer for race in races for answer in race]
     won = sum(answer.status == 200 for answer in answers)
     strange = [answer.status for answer in answers if answer.status not in (200, 409)]
@@ -93,6 +97,10 @@ def _measure_on(stack: Stack, name: str) -> list[Figure]:
             "",
             0.0,
         ),
+        Figure(f"{name}: a line of {LINE}, all join at once: p95", _p95_ms(line.joined), "ms", RACE_P95_MS),
+        Figure(f"{name}: a line of {LINE}: all read it at once: p95", _p95_ms(line.read), "ms", RACE_P95_MS),
+        Figure(f"{name}: people of the line without a place of their own", float(line.lost), "", 0.0),
+        Figure(f"{name}: until the first of the line is called", line.called_s, "s", CALLED_S),
         Figure(f"{name}: Stop all meanwhile: p95", 1000.0 * quantile(signed.stops_s, 0.95), "ms", STOP_MS),
         Figure(f"{name}: Stop all before: p95", 1000.0 * quantile(quiet_s, 0.95), "ms"),
         Figure(
@@ -163,6 +171,46 @@ def _race(stack: Stack, cookie: str, number: int) -> list[_Answer]:
     return answers
 
 
+class _Line(NamedTuple):
+    """Answers of forty people who join a lesson's line at once, then read it at once."""
+
+    joined: list[_Answer]
+    read: list[_Answer]
+    lost: int  # people without a turn in the line
+    called_s: float  # from the last who joined until somebody is called
+
+
+def _line(stack: Stack) -> _Line:
+    made = json.loads(_stored(stack, f"lesson({LINE})"))
+    address = f"/api/v1/bookings/{made['booking']}/lesson"
+    joined = _at_once(stack, made["tokens"], "POST", f"{address}/line")
+    began_s = time.perf_counter()
+    while True:
+        line = json.loads(_ask(stack, "", "GET", address, token=made["tokens"][0]).body)["line"]
+        if any(turn["state"] == "called" for turn in line):
+            break
+        time.sleep(0.05)
+    called_s = time.perf_counter() - began_s
+    read = _at_once(stack, made["tokens"], "GET", address)
+    return _Line(joined, read, LINE - len({turn["id"] for turn in line}), called_s)
+
+
+def _at_once(stack: Stack, tokens: list[str], method: str, path: str) -> list[_Answer]:
+    answers: list[_Answer] = []
+    ready = threading.Barrier(len(tokens))
+
+    def one(token: str) -> None:
+        ready.wait()
+        answers.append(_ask(stack, "", method, path, "" if method == "POST" else None, token=token))
+
+    threads = [threading.Thread(target=one, args=(token,)) for token in tokens]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return answers
+
+
 def _enrol(stack: Stack) -> float:
     """Make a course with new people by the form. Return the seconds that it took after the preview."""
     cookie = sign_in(stack, "staff")
@@ -185,14 +233,18 @@ def _enrol(stack: Stack) -> float:
     return made.took_ms / 1000.0
 
 
-def _ask(stack: Stack, cookie: str, method: str, path: str, body: str | None = None) -> _Answer:
+def _ask(
+    stack: Stack, cookie: str, method: str, path: str, body: str | None = None, *, token: str = ""
+) -> _Answer:
     connection = http.client.HTTPConnection("127.0.0.1", stack.port, timeout=60.0)
     headers = {
         "Cookie": cookie,
         "Origin": stack.url,
         "Accept": "text/html" if method == "GET" else "application/json",
     }
-    if body is not None:
+    if token:
+        headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
+    elif body is not None:
         headers["Content-Type"] = "application/x-www-form-urlencoded"
     began_s = time.perf_counter()
     connection.request(method, path, body, headers)
