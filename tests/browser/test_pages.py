@@ -21,6 +21,7 @@ PAGES = [
     "/bookings/",
     "/bookings/new/",
     "/bookings/mine/",
+    "/bookings/devices/",
     "/bookings/policies/",
     "/bookings/policies/all/",
     "/bookings/series/",

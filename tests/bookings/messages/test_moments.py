@@ -3,8 +3,9 @@
 from datetime import UTC, datetime, timedelta
 
 import pytest
+from django.db.models import QuerySet
 
-from fleet.bookings.messages import notifications
+from fleet.bookings.messages import moments, notifications
 from fleet.bookings.messages.moments import write_moments
 from fleet.bookings.models import Booking, Notification
 from fleet.bookings.rules import Slot
@@ -77,3 +78,12 @@ def test_a_slot_that_ended_says_what_is_next(robot, operator, second_operator):
     assert written()[0][2] == f"Next, at 10:00: {second_operator.display_name}."
     write_moments(at(70))
     assert not Notification.objects.exists()  # too late to be news
+
+
+def test_two_processes_write_a_moment_once(robot, operator, monkeypatch):
+    book(robot, operator, 0, 60)
+    write_moments(at(-4))
+    monkeypatch.setattr(QuerySet, "exists", lambda _self: False)  # both looked before either wrote
+    monkeypatch.setattr(moments, "_untold", lambda booking, key: [(operator, f"{key} {operator.pk}")])
+    write_moments(at(-4))
+    assert Notification.objects.count() == 1
