@@ -64,7 +64,9 @@ export class LessonPage {
     if (performance.now() - this.#movedMs < TWO_TAPS_MS) return; // the finger was on another button
     const body = new FormData(form, event.submitter);
     event.submitter?.setAttribute("aria-disabled", "true");
-    const answer = await fetch(form.action, { method: "POST", body }).catch(() => null);
+    const answer = await fetch(form.getAttribute("action"), { method: "POST", body }).catch(
+      () => null,
+    );
     const isWhole = answer?.ok && answer.url !== this.#url; // of another robot of the lesson
     await (isWhole ? this.#read() : this.#show(answer, true));
   }

@@ -68,6 +68,7 @@ describe("the page of a lesson", () => {
     answers = [answer(pageOf(""))];
     live().querySelector("[name=action]").click();
     expect(fetch).toHaveBeenCalledTimes(2);
+    expect(fetch.mock.lastCall[0]).toBe("/l/"); // not the button, which has the name "action"
   });
 
   it("says that the server does not answer", async () => {
