@@ -119,11 +119,12 @@ export class LessonPage {
     const answer = await readJson(field.dataset.motions, "").catch(() => null);
     const chosen = new Set([...field.querySelectorAll("input")].map(({ value }) => value));
     const offered = worded(answer?.motions ?? []).filter(({ name }) => !chosen.has(name));
-    field.append(
+    this.#parts["motion-ticks"].append(
       ...offered.map(({ name, title }) => {
         const box = make("input");
         Object.assign(box, { type: "checkbox", name: "motions", value: name });
-        return make("label", { className: "check", children: [title || name, box] });
+        const text = make("span", { text: title || name });
+        return make("label", { className: "tick", children: [box, text] });
       }),
     );
     if (answer?.motions?.length) show(this.#parts["motions-none"], false);
