@@ -33,6 +33,14 @@ describe("the list of motions", () => {
     expect(rows).toEqual(["demo", "PlayWaveA hand3.2 s", "PlayBow", "tuck", "PlayHome"]);
   });
 
+  it("shows only what a lesson leaves", () => {
+    motions.tasks = { motions: ["wave"] };
+    expect(button("Wave")).toBeDefined();
+    expect(button("Bow")).toBeUndefined();
+    motions.tasks = null;
+    expect(button("Bow")).toBeDefined();
+  });
+
   it("plays what is pressed, and cancels it in the same place", () => {
     motions.mayAct = motions.mayCancel = true;
     button("Wave").click();

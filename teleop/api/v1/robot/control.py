@@ -211,20 +211,29 @@ class VelocityView(ProgramView):
         robot = self.robot(slug)
         connection = self.connected(robot)
         fence = connection.fence or 0
-        seconds = async_to_sync(connection.drive)(_velocity(robot, body), body.seconds)
+        seconds = async_to_sync(connection.drive)(_velocity(robot, body, _share(connection.control)), body.seconds)
         return Driven(round(seconds, 3), fence)
 
 
-def _velocity(robot: Robot, asked: VelocityRequest) -> Velocity:
-    """Return the stick position that the bridge reads as this velocity. Raises `Problem`: too fast."""
+def _share(control: Control | None) -> float:
+    """Return the part of the robot's speed limits that the present lesson leaves."""
+    return control.tasks.max_share if control is not None and control.tasks is not None else 1.0
+
+
+def _velocity(robot: Robot, asked: VelocityRequest, share: float = 1.0) -> Velocity:
+    """Return the stick position that the bridge reads as this velocity. Raises `Problem`: too fast.
+
+    `share`: the largest part of the robot's limits, if the robot's own part is not smaller.
+    """
     facts = robot_facts(robot)
+    share = min(share, facts.max_share)
     limits: Limits = facts.limits
-    forward = limits.forward_mps * facts.max_share
+    forward = limits.forward_mps * share
     parts: dict[str, Any] = {}
     for name, value, most in (
         ("x", asked.forward_mps, forward if asked.forward_mps >= 0.0 else min(forward, limits.reverse_mps)),
-        ("y", asked.left_mps, limits.lateral_mps * facts.max_share),
-        ("w", asked.turn_radps, limits.turn_radps * facts.max_share),
+        ("y", asked.left_mps, limits.lateral_mps * share),
+        ("w", asked.turn_radps, limits.turn_radps * share),
     ):
         if abs(value) > most + 1e-9:
             text = say(
@@ -237,7 +246,7 @@ def _velocity(robot: Robot, asked: VelocityRequest) -> Velocity:
         parts[name] = value / most if most > 0.0 else 0.0
     if asked.forward_mps < 0.0 and facts.reverse_steering == "car":
         parts["w"] = -parts["w"]
-    return Velocity(**parts, share=facts.max_share)
+    return Velocity(**parts, share=share)
 
 
 def _entry(control: Control | None) -> ControlEntry:

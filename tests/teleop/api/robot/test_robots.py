@@ -66,6 +66,15 @@ def test_the_bridge_reads_the_velocity_that_was_asked_for(robot, forward_mps, sh
     assert read == pytest.approx((forward_mps, 0.0, 0.1))
 
 
+def test_a_lesson_lowers_the_velocity_that_a_program_may_ask_for(robot):
+    sent = _velocity(robot, VelocityRequest(forward_mps=0.1), 0.3)
+    drive = wire.Drive(1, 1, 0.0, sent.x, sent.w, sent.y, share=sent.share)
+    limits = robot_config.of(robot).gate.limits
+    assert velocity_of(drive, limits, 0.3, "turn").vx == pytest.approx(0.1)
+    with pytest.raises(Problem, match="takes at most"):
+        _velocity(robot, VelocityRequest(forward_mps=0.31 * limits.forward_mps), 0.3)
+
+
 def test_no_velocity_backwards_is_beyond_the_robots_limit(robot):
     robot.max_share = 0.5
     _velocity(robot, VelocityRequest(forward_mps=-0.2))
