@@ -211,7 +211,9 @@ class VelocityView(ProgramView):
         robot = self.robot(slug)
         connection = self.connected(robot)
         fence = connection.fence or 0
-        seconds = async_to_sync(connection.drive)(_velocity(robot, body, _share(connection.control)), body.seconds)
+        seconds = async_to_sync(connection.drive)(
+            _velocity(robot, body, _share(connection.control)), body.seconds
+        )
         return Driven(round(seconds, 3), fence)
 
 
