@@ -123,7 +123,7 @@ class Schedule(Struct, frozen=True):
         moment = self.out.slot.ends_at if self.out else now
         busy = [one.slot for one in (self.current, *self.next, self.out_next) if one is not None]
         for slot in sorted(busy, key=lambda one: one.starts_at):
-            if slot.starts_at < moment + GAP:
+            if slot.starts_at - GAP < moment:  # `moment` may be `FAR`: nothing can be added to it
                 moment = max(moment, slot.ends_at)
         return moment if moment < now + AHEAD else None
 
