@@ -1,20 +1,23 @@
-"""A teacher's whole term by pages only, without a mail server."""
+"""A teacher's whole term by pages only, without a mail server: as many actions as docs/teacher.md says."""
 
 import csv
 import io
 import re
 from datetime import timedelta
+from pathlib import Path
 
 import pytest
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.test import Client
 from django.utils import timezone
 
-from fleet.bookings.models import Booking, State
+from fleet.bookings.models import Booking, State, Turn
 from robots.access.models import Course
 from tests.term.walker import Walker
 
 pytestmark = pytest.mark.django_db
+DOCS = Path(__file__).parents[2] / "docs"
+ROW = re.compile(r"^\| [^|]+ \| (\d+) \| (?:no|\d[^|]*) \| (?:no|\d[^|]*) \|$", re.M)
 REGISTRY = "Matrícula;Apellidos, Nombre;Correo\n" + "".join(
     f"u{n:03};Apellido{n}, Ana{n};ana{n}@example.org\n" for n in range(40)
 )
@@ -74,6 +77,18 @@ def test_a_term_takes_the_actions_that_the_docs_say(teacher, robot, other_robot,
     student = a_student(links[0])
     assert "HRI" in student.go("/bookings/mine/").text
 
+    teacher.task("turns")
+    teacher.open("My bookings")
+    teacher.open("Line of turns")
+    teacher.press("Spread the students over 2 robots")
+    assert [one.turns.count() for one in lessons().order_by("starts_at")[:2]] == [20, 20]
+
+    teacher.task("ill")
+    teacher.open("My bookings")
+    teacher.open("Line of turns")
+    teacher.press("Skip")
+    assert Turn.objects.filter(state=Turn.State.SKIPPED).count() == 1
+
     teacher.task("holiday")
     teacher.open("Bookings")
     teacher.open("Policies")
@@ -122,6 +137,10 @@ def test_a_term_takes_the_actions_that_the_docs_say(teacher, robot, other_robot,
     teacher.open("HRI")
     teacher.press("Open again")
     assert lessons().count() == 4
+
+    for guide in ("teacher.md", "es/teacher.md"):
+        told = [int(actions) for actions in ROW.findall((DOCS / guide).read_text())]
+        assert told == list(teacher.actions.values())
 
 
 def a_student(link):

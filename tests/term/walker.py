@@ -128,9 +128,9 @@ class Walker:
         return self
 
     def open(self, name: str) -> None:
-        """Open the first link with this name."""
+        """Open the first link whose name begins so."""
         self.actions[self._task] += 1
-        found = [href for text, href in self.page.links if text == name and href]
+        found = [href for text, href in self.page.links if text.startswith(name) and href]
         assert found, f"{self._task}: no link {name} on {self.url}"
         self.go(urljoin(self.url, found[0]))
 
