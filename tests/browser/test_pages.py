@@ -189,6 +189,7 @@ def test_axe_accepts_a_course_its_booking_and_its_drive(person: Arrive) -> None:
             "/bookings/",
             "/bookings/new/",
             "/bookings/mine/",
+            "/bookings/changes/",
             "/today/",
             booking,
             session,

@@ -1,4 +1,4 @@
-"""Changes of several bookings: series, waiting list, policies, lost rights.
+"""Changes of several bookings: series, waiting list, policies, holidays, hand-overs.
 
 For single changes: `services`.
 """

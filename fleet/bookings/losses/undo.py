@@ -21,9 +21,17 @@ from fleet.bookings.losses import letters
 from fleet.bookings.losses.collecting import FIELDS, Actor, How, collected
 from fleet.bookings.losses.lost_rights import may_still_be_used
 from fleet.bookings.losses.rows import Row, put_back
-from fleet.bookings.models import Booking, Change, State
+from fleet.bookings.models import Booking, Change
 from fleet.bookings.rules import Slot
-from fleet.bookings.selectors import held_between
+from fleet.bookings.selectors import (
+    OPEN,
+    Stage,
+    grace_of,
+    held_between,
+    held_slot,
+    policy_of,
+    stage_of,
+)
 from fleet.bookings.services import BookingRefused, free_unused, record_booking, robot_locked, save_booking
 from robots.access.models import Course
 from robots.access.signals import course_opened, publish_access_changed
@@ -117,22 +125,33 @@ def _give_back(change: Change, actor: Actor, now: datetime) -> Undone:
     return done
 
 
-def _restored(booking: Booking, loss: dict[str, Any], actor: Actor, now: datetime) -> bool:
-    """Make a booking as it was before a change, unless it changed since, is over, or its time is taken."""
-    columns: dict[str, Any] = {name: booking._meta.get_field(name) for name in FIELDS}
-    before = {name: column.to_python(loss["before"][name]) for name, column in columns.items()}
-    ends = before["held_until"]
+def is_free(booking: Booking, loss: dict[str, Any], now: datetime) -> bool:
+    """Return whether the time that a change took from a booking is free, and the booking as the change left it."""
+    ends = _before(booking, loss)["held_until"]
     if booking.version != loss["version"] or ends <= now:
         return False
+    grace, rest = grace_of(policy_of(booking.robot)), Slot(max(booking.held_until, now), ends)
+    others = held_between([booking.robot], rest.starts_at, rest.ends_at).exclude(pk=booking.pk)
+    return not any(held_slot(one, grace, now).overlaps(rest) for one in others)
+
+
+def _before(booking: Booking, loss: dict[str, Any]) -> dict[str, Any]:
+    columns: dict[str, Any] = {name: booking._meta.get_field(name) for name in FIELDS}
+    return {name: column.to_python(loss["before"][name]) for name, column in columns.items()}
+
+
+def _restored(booking: Booking, loss: dict[str, Any], actor: Actor, now: datetime) -> bool:
+    """Make a booking as it was before a change, unless it changed since, is over, or its time is taken."""
+    before = _before(booking, loss)
     try:
-        with robot_locked(booking.robot_id, now):
-            rest = Slot(max(booking.held_until, now), ends)
-            free_unused(booking.robot, rest, now, but=booking)
-            if held_between([booking.robot], rest.starts_at, rest.ends_at).exclude(pk=booking.pk).exists():
+        with robot_locked(booking.robot_id, now) as robot:
+            if not is_free(booking, loss, now):
                 return False
+            free_unused(robot, Slot(max(booking.held_until, now), before["held_until"]), now, but=booking)
             for name, value in before.items():
                 setattr(booking, name, value)
-            if booking.state == State.OFFERED or not may_still_be_used(booking, now):
+            stage = stage_of(booking, grace_of(policy_of(robot)), now)
+            if stage not in OPEN or stage is Stage.OFFERED or not may_still_be_used(booking, now):
                 return False
             save_booking(booking)
             record_booking("booking.restore", booking, actor)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import Any
 from uuid import UUID
 
@@ -21,7 +22,7 @@ from fleet.base.time_takers import may_take_time
 from fleet.base.zones import viewers
 from fleet.bookings.losses.collecting import How
 from fleet.bookings.losses.door import Namer, stay_lost
-from fleet.bookings.losses.undo import changes_of, undo, undo_refused
+from fleet.bookings.losses.undo import changes_of, is_free, undo, undo_refused
 from fleet.bookings.models import Booking, Change
 
 LISTED = 50
@@ -48,12 +49,12 @@ def changes(request: HttpRequest) -> HttpResponse:
 @require_safe
 def change(request: HttpRequest, change_id: UUID) -> HttpResponse:
     """Show whom a change affected, and the button to undo it."""
-    found = get_object_or_404(changes_of(person_of(request)), pk=change_id)
+    found, now = get_object_or_404(changes_of(person_of(request)), pk=change_id), timezone.now()
     context = {
         "change": found,
         "title": title_of(found),
-        "rows": _rows(found, Namer(person_of(request))),
-        "refusal": undo_refused(found, timezone.now()),
+        "rows": _rows(found, Namer(person_of(request)), now),
+        "refusal": undo_refused(found, now),
         "zone": viewers().key,
     }
     return render(request, "bookings/losses/change.html", context)
@@ -86,13 +87,17 @@ def title_of(found: Change) -> str:
     return f"{label}: {found.about}" if found.about else label
 
 
-def _rows(found: Change, names: Namer) -> list[dict[str, Any]]:
-    bookings = Booking.objects.select_related("person", "robot").in_bulk(
-        [one["booking"] for one in found.losses]
-    )
+def _rows(found: Change, names: Namer, now: datetime) -> list[dict[str, Any]]:
+    keys, undoable = [one["booking"] for one in found.losses], undo_refused(found, now) is None
+    bookings = Booking.objects.select_related("person", "robot").in_bulk(keys)
     keyed = {str(key): booking for key, booking in bookings.items()}
     rows = [
-        {"person": booking.person.display_name, "words": names(booking), "how": How(one["how"]).label}
+        {
+            "person": booking.person.display_name,
+            "words": names(booking),
+            "how": How(one["how"]).label,
+            "gone": undoable and one["how"] != How.USELESS and not is_free(booking, one, now),
+        }
         for one in found.losses
         if (booking := keyed.get(one["booking"])) is not None
     ]

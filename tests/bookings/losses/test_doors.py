@@ -199,6 +199,7 @@ def test_what_others_booked_meanwhile_stays_theirs(door, course, robot, operator
     confirm(door, asked)
     RobotRole.objects.update_or_create(user=second_operator, robot=robot, defaults={"role": Role.OPERATOR})
     theirs = book(robot, second_operator)
+    assert door.get(reverse("change", args=[Change.objects.get().pk])).text.count("cannot come back") == 1
     undone = door.post(reverse("change-undo", args=[Change.objects.get().pk]), follow=True)
     assert [state_of(one) for one in (booking, other, theirs)] == [
         State.CANCELLED,

@@ -12,6 +12,7 @@ from playwright.sync_api import Browser, expect
 
 from script.stack.stack import Account, Stack
 from tests.browser.people import Person
+from tests.browser.test_pages import axe_accepts_everywhere
 
 Arrive = Callable[..., Person]
 ROBOT = "TIAGo Two"
@@ -31,7 +32,8 @@ def student(stack: Stack, browser: Browser) -> Iterator[Person]:
 @pytest.fixture
 def course(person: Arrive, student: Person, induction: str) -> Iterator[str]:
     """A course on ROBOT from a CSV file with the student. It is archived after the test."""
-    page, name = person("staff").page, f"Course {uuid4().hex[:6]}"
+    staff, name = person("staff"), f"Course {uuid4().hex[:6]}"
+    page = staff.page
     page.goto(f"{student.stack.url}/courses/new/")
     page.get_by_label("Name", exact=True).fill(name)
     page.get_by_label("Last day").fill(f"{TOMORROW + timedelta(days=9):%Y-%m-%d}")
@@ -48,6 +50,7 @@ def course(person: Arrive, student: Person, induction: str) -> Iterator[str]:
     page.get_by_role("button", name="Archive").click()
     expect(page.get_by_role("heading", name="This takes time from 1 person")).to_be_visible()
     expect(page.locator(".losses")).to_contain_text("Stu Dent")
+    axe_accepts_everywhere(staff, "who loses time")
     page.get_by_role("button", name="Do it").click()
     expect(page.get_by_text("it gives nobody a role")).to_be_visible()
 
