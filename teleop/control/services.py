@@ -65,13 +65,14 @@ def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, n
         robot, user = robot_locked(robot_id), _user(user_id)
         before = lease_of(robot_id)
         line = _line_if_free(before, robot_id, now)
+        lapsed = lease_checks.lapse_reason(before, now) if before is not None else None
+        if before is not None and lapsed:  # first: it ends the turn by which the same person might drive on
+            _end_session(before, EndReason(lapsed), robot, None, now)
         role, permit = _permit(user=user, robot=robot, now=now, line=line)
         _require(permit.take_over_only)
         _require(lease_checks.check_take(before, user=user_id, tab=tab, now=now))
-        if before is not None:
-            lapsed = lease_checks.lapse_reason(before, now)
-            reason = EndReason(lapsed) if lapsed else EndReason.MOVED
-            _end_session(before, reason, robot, None if lapsed else user, now)
+        if before is not None and not lapsed:
+            _end_session(before, EndReason.MOVED, robot, user, now)
         taken = _assign(robot, user, tab, role, permit, before, highest_fence, now)
         _record("control.take", taken, robot, user)
     return taken

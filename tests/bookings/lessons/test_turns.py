@@ -52,6 +52,19 @@ def test_turns_go_by_the_line_and_end_by_themselves(lesson, students, teacher):
     assert Booking.objects.count() == 1
 
 
+@pytest.mark.parametrize("minute", [10.001, 9.9])  # the turn is over; the page is back after its lease ended
+def test_nobody_drives_on_by_taking_control_before_the_end_is_stored(lesson, students, minute):
+    ada, ben, _cem = students
+    lesson.join(ada, ben)
+    lesson.settle(0)
+    lesson.take(ada, 0)
+    Lease.objects.update(seen_at=at(9.5))
+    assert lesson.refused(ada, minute).code == "not_your_turn"
+    services.lease_expire(robot_id=lesson.robot.pk, now=at(minute))
+    lesson.settle(minute)
+    assert lesson.turns == [("ada", "done"), ("ben", "called")]
+
+
 def test_strangers_are_told_until_when_and_by_which_course(lesson, operator, supervisor):
     refusal = lesson.refused(operator, 1)
     assert (refusal.code, refusal.figures["holder"]) == ("booked", "HRI 2026")
