@@ -21,6 +21,7 @@ class Standing(Struct, frozen=True):
     begins_in_min: int | None  # about; None: called or driving
     ends_at: datetime | None  # of the person who drives
     called_at: datetime | None
+    in_time: bool = True  # about; it begins before the slot ends
 
 
 def standings(booking: Booking, now: datetime) -> list[Standing]:
@@ -34,7 +35,16 @@ def standings(booking: Booking, now: datetime) -> list[Standing]:
         place += waits
         minutes = round(wait / timedelta(minutes=1)) if waits else None
         found.append(
-            Standing(turn.pk, turn.person, turn.state, place or None, minutes, turn.ends_at, turn.called_at)
+            Standing(
+                turn.pk,
+                turn.person,
+                turn.state,
+                place or None,
+                minutes,
+                turn.ends_at,
+                turn.called_at,
+                now + wait < booking.held_until,
+            )
         )
         wait += _lasts(turn, booking, now)
     return found

@@ -185,6 +185,8 @@ def series(request: HttpRequest) -> HttpResponse:
     messages.success(request, text)
     if len({booking.series for booking in made}) == 1:
         return redirect("booking-whole-series", series=made[0].series)
+    if made and values["course"]:
+        return redirect("bookings-course", slug=values["course"].slug)
     return redirect("booking-series")
 
 

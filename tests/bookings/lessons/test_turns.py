@@ -5,6 +5,7 @@ import pytest
 from fleet.audit.models import Record
 from fleet.bookings.hours.report import report
 from fleet.bookings.lessons import turns
+from fleet.bookings.lessons.standings import standings
 from fleet.bookings.models import Booking, Notification, OutOfService, Waiting
 from fleet.bookings.rules import Slot, refusals
 from fleet.bookings.selectors import wish_of
@@ -63,6 +64,11 @@ def test_nobody_drives_on_by_taking_control_before_the_end_is_stored(lesson, stu
     services.lease_expire(robot_id=lesson.robot.pk, now=at(minute))
     lesson.settle(minute)
     assert lesson.turns == [("ada", "done"), ("ben", "called")]
+
+
+def test_the_line_says_who_has_no_time_left_in_the_lesson(lesson, students):
+    lesson.join(*students[:3], minute=105)
+    assert [one.in_time for one in standings(lesson.lesson, at(105))] == [True, True, False]
 
 
 def test_strangers_are_told_until_when_and_by_which_course(lesson, operator, supervisor):
