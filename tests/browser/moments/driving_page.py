@@ -64,6 +64,7 @@ class DrivingPage:
         page.route_web_socket(re.compile("/ws/robots/[^/]+/$"), self._control)
         page.route_web_socket(re.compile("/ws/robots/[^/]+/topics/$"), self._topics)
         page.route_web_socket(re.compile("/ws/robots/[^/]+/camera/$"), self._camera)
+        page.route_web_socket(re.compile("/ws/news/$"), lambda _silent: None)
 
     def show(self, moment: Moment) -> None:
         """Open the page, and bring it to a moment."""
