@@ -42,7 +42,10 @@ export class LessonPage {
     this.#changes = listen(root.dataset.socket, read, { turns: true });
     this.#timers = [setInterval(read, FRESH_MS), setInterval(() => this.#tick(), TICK_MS)];
     this.#tick();
-    if (this.#parts.motions) this.#offerMotions(this.#parts.motions);
+    const { motions } = this.#parts;
+    const tasks = motions?.closest("details");
+    if (tasks?.open) this.#offerMotions(motions);
+    else tasks?.addEventListener("toggle", () => this.#offerMotions(motions), { once: true });
   }
 
   close() {

@@ -76,4 +76,23 @@ describe("the page of a lesson", () => {
     expect(document.querySelector("[data-part=news]").hidden).toBe(false);
     expect(live().textContent).toContain("Ada");
   });
+
+  it("offers the robot's motions beside those that are chosen, when they are looked at", async () => {
+    page.close();
+    document.body.innerHTML += `<details><div data-part="motions" data-motions="/m/">
+      <div data-part="motion-ticks"><label><input name="motions" value="wave" checked></label></div>
+      <p data-part="motions-none"></p></div></details>`;
+    page = new LessonPage(document.body, "/l/");
+    expect(fetch).not.toHaveBeenCalled();
+    const json = async () => ({ motions: [{ name: "wave" }, { name: "bow", title: "Bow" }] });
+    answers = [{ ok: true, json }];
+    document.querySelector("details").dispatchEvent(new Event("toggle"));
+    await vi.advanceTimersByTimeAsync(1);
+    const boxes = [...document.querySelectorAll("[name=motions]")];
+    expect(boxes.map(({ value, checked }) => [value, checked])).toEqual([
+      ["wave", true],
+      ["bow", false],
+    ]);
+    expect(document.querySelector("[data-part=motions-none]").hidden).toBe(true);
+  });
 });

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { bookingWords, cardOf, doingText } from "../../../static/js/fleet/card_words.js";
+import { bookingWords, cardOf, doingText, turnWords } from "../../../static/js/fleet/card_words.js";
 import { FleetPage } from "../../../static/js/fleet/fleet_page.js";
 import { FakeSocket, made } from "../fake_socket.js";
 
@@ -167,6 +167,18 @@ describe("a card's booking", () => {
     ["somebody follows later", { booked, next_booked: next(3600) }, "Anna, 20 min left, then free"],
   ])("says who has the robot, and when it is free: %s", (_when, robot, words) => {
     expect(bookingWords(robot)).toBe(words);
+  });
+
+  it.each([
+    [
+      { person: "Ada", driving: true, seconds: 250, next: "Ben" },
+      "Ada drives, 5 min left · next: Ben",
+    ],
+    [{ person: "Ada", driving: false, seconds: 80, next: null }, "Ada, it is your turn"],
+    [{ person: null, driving: false, seconds: null, next: "Ben" }, "next: Ben"],
+    [null, ""],
+  ])("says whose turn it is in a lesson", (turn, words) => {
+    expect(turnWords({ booked: { turn } })).toBe(words);
   });
 });
 

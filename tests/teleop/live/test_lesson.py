@@ -1,6 +1,7 @@
 """A lesson on the pages of its people: the line, the call, the turn's end, and the teacher's hand."""
 
 from datetime import timedelta
+from functools import partial
 
 import pytest
 from django.utils import timezone
@@ -11,6 +12,7 @@ from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
 from robots.access.models import Course, Enrolment
 from teleop.background.database import in_database
+from tests.teleop.support import Page
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -82,3 +84,24 @@ async def test_a_turn_ends_by_itself_and_the_next_is_called(lesson, open_page):
     ended = await first.hears("notice", code="slot")
     assert ended["text"] == "Your turn is over."
     await until(second, lambda control: control["lesson"]["yours"])
+
+
+async def test_other_pages_hear_of_a_turn_and_name_who_is_called(
+    lesson, operator, second_operator, browsers, websocket_headers, bridge
+):
+    calendar = await Page(websocket_headers(browsers["observer"]), "/ws/bookings/").open()
+    fleet = await Page(websocket_headers(browsers["observer"]), "/ws/fleet/").open()
+    for _ in range(2):  # when it opens, and when the console begins to check
+        await calendar.hears("bookings_changed")
+    for person in (operator, second_operator):
+        await in_database(partial(turns.turn_join, booking_id=lesson.pk, person=person, now=timezone.now()))
+    await calendar.hears("bookings_changed", turns=True)
+    turn = None
+    while turn is None or turn["next"] is None:
+        [card] = (await fleet.hears("fleet"))["robots"].values()
+        await fleet.say("ack")
+        turn = card["booked"]["turn"]
+    assert (turn["person"], turn["driving"], turn["next"]) == ("Olga Operator", False, "Olaf Operator")
+    assert 80 < turn["seconds"] <= 90
+    for page in (calendar, fleet):
+        await page.close()
