@@ -15,6 +15,7 @@ from msgspec import Struct
 from fleet.accounts.models import User
 from fleet.bookings.models import Holiday, OutOfService, Policy
 from robots.access.models import Course, Enrolment, GroupRole, Qualification, QualificationGrant, RobotGroup
+from robots.access.selectors import courses_managed_by, demanded_in, robots_managed_by
 from robots.registry.models import Robot, RobotRole
 
 Rows = dict[Any, dict[str, Any]]  # by primary key
@@ -111,6 +112,35 @@ _NAMED: dict[type[models.Model], str] = {
     RobotGroup: "robotgroup_id",
     Robot: "robot_id",
     Holiday: "holiday_id",
+}
+
+
+def may_change(person: User, rows: list[Row]) -> bool:
+    """Return whether a person may change all these rows now: staff any, supervisors those of their own."""
+    if person.is_staff:
+        return True
+    courses = list(courses_managed_by(person))
+    allowed = {
+        "robot_id": set(robots_managed_by(person).values_list("pk", flat=True)),
+        "course_id": {one.pk for one in courses},
+        "qualification_id": {one.pk for course in courses for one in demanded_in(course)},
+    }
+    for row in rows:
+        model, column = _BY_LABEL[row.table], _SUPERVISED.get(row.table)
+        values = (row.before or {}) | (row.after or {})
+        if column and column not in values:  # of a changed row, only what changed is kept
+            values = model._default_manager.filter(pk=row.key).values(column).first() or {}
+        if column is None or _value(model, column, values.get(column)) not in allowed[column]:
+            return False
+    return True
+
+
+# The tables that supervisors change, and the column with the robot, course or qualification that they need a right on.
+_SUPERVISED = {
+    Enrolment._meta.label: "course_id",
+    QualificationGrant._meta.label: "qualification_id",
+    Policy._meta.label: "robot_id",
+    OutOfService._meta.label: "robot_id",
 }
 
 

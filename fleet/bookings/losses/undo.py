@@ -20,7 +20,7 @@ from fleet.audit.services import record
 from fleet.bookings.losses import letters
 from fleet.bookings.losses.collecting import FIELDS, Actor, How, collected
 from fleet.bookings.losses.lost_rights import may_still_be_used
-from fleet.bookings.losses.rows import Row, put_back
+from fleet.bookings.losses.rows import Row, may_change, put_back
 from fleet.bookings.models import Booking, Change
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import (
@@ -45,6 +45,9 @@ _TOO_LATE = Refusal(
     "too_late_to_undo", "A change can be undone for a day. Change it back on its own page.", "booking"
 )
 _FOR_GOOD = Refusal("for_good", "A person who was erased stays erased.", "booking")
+_RIGHT_LOST = Refusal(
+    "permission_denied", "You may not change these entries any more: ask the staff to undo it.", "account"
+)
 
 
 class UndoRefused(NotDone):
@@ -65,13 +68,18 @@ def changes_of(person: User) -> QuerySet[Change]:
     return found if person.is_staff else found.filter(actor=person)
 
 
-def undo_refused(change: Change, now: datetime) -> Refusal | None:
-    """Return why a change cannot be undone; None: it can."""
+def undo_refused(change: Change, now: datetime, actor: User) -> Refusal | None:
+    """Return why this person cannot undo a change; None: they can.
+
+    It takes the right to change the entries now, not only when the change was made.
+    """
     if change.undone_at is not None:
         return _UNDONE
     if not change.rows or _erased(change):
         return _FOR_GOOD
-    return _TOO_LATE if now - change.made_at > UNDO_FOR else None
+    if now - change.made_at > UNDO_FOR:
+        return _TOO_LATE
+    return None if may_change(actor, convert(change.rows, list[Row])) else _RIGHT_LOST
 
 
 def _erased(change: Change) -> bool:
@@ -86,7 +94,7 @@ def undo(*, change_id: UUID, actor: User, now: datetime) -> Undone:
     """Undo a change: entries, then the bookings that are still free. Raises `UndoRefused`."""
     list(Robot.objects.select_for_update(no_key=True).order_by("pk").values_list("pk"))
     change = Change.objects.select_for_update(of=("self",)).get(pk=change_id)
-    if (refusal := undo_refused(change, now)) is not None:
+    if (refusal := undo_refused(change, now, actor)) is not None:
         raise UndoRefused(refusal)
     entries = put_back(convert(change.rows, list[Row]))
     done = _give_back(change, actor, now)

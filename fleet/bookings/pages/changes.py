@@ -32,15 +32,15 @@ LISTED = 50
 @require_safe
 def changes(request: HttpRequest) -> HttpResponse:
     """List the latest changes that took time from people: one's own, for staff all."""
-    now = timezone.now()
+    person, now = person_of(request), timezone.now()
     rows = [
         {
             "change": one,
             "title": title_of(one),
             "count": len(one.losses),
-            "undoable": not undo_refused(one, now),
+            "undoable": not undo_refused(one, now, person),
         }
-        for one in changes_of(person_of(request))[:LISTED]
+        for one in changes_of(person)[:LISTED]
     ]
     return render(request, "bookings/losses/changes.html", {"rows": rows})
 
@@ -49,12 +49,14 @@ def changes(request: HttpRequest) -> HttpResponse:
 @require_safe
 def change(request: HttpRequest, change_id: UUID) -> HttpResponse:
     """Show whom a change affected, and the button to undo it."""
-    found, now = get_object_or_404(changes_of(person_of(request)), pk=change_id), timezone.now()
+    person, now = person_of(request), timezone.now()
+    found = get_object_or_404(changes_of(person), pk=change_id)
+    refusal = undo_refused(found, now, person)
     context = {
         "change": found,
         "title": title_of(found),
-        "rows": _rows(found, Namer(person_of(request)), now),
-        "refusal": undo_refused(found, now),
+        "rows": _rows(found, Namer(person), now, undoable=refusal is None),
+        "refusal": refusal,
         "zone": viewers().key,
     }
     return render(request, "bookings/losses/change.html", context)
@@ -65,7 +67,7 @@ def change(request: HttpRequest, change_id: UUID) -> HttpResponse:
 def change_undo(request: HttpRequest, change_id: UUID) -> HttpResponse:
     """Undo a change, and say what came back."""
     found = get_object_or_404(changes_of(person_of(request)), pk=change_id)
-    if (refusal := undo_refused(found, timezone.now())) is not None:
+    if (refusal := undo_refused(found, timezone.now(), person_of(request))) is not None:
         messages.error(request, in_words(refusal.text))
         return redirect("change", change_id)
     done = undo(change_id=found.pk, actor=person_of(request), now=timezone.now())
@@ -87,8 +89,8 @@ def title_of(found: Change) -> str:
     return f"{label}: {found.about}" if found.about else label
 
 
-def _rows(found: Change, names: Namer, now: datetime) -> list[dict[str, Any]]:
-    keys, undoable = [one["booking"] for one in found.losses], undo_refused(found, now) is None
+def _rows(found: Change, names: Namer, now: datetime, *, undoable: bool) -> list[dict[str, Any]]:
+    keys = [one["booking"] for one in found.losses]
     bookings = Booking.objects.select_related("person", "robot").in_bulk(keys)
     keyed = {str(key): booking for key, booking in bookings.items()}
     rows = [

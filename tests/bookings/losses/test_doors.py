@@ -9,6 +9,7 @@ from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
 
+from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.bookings.models import WEEKDAYS, Booking, Change, Notification, OutOfService, Policy, State
 from fleet.bookings.rules import Slot
@@ -129,6 +130,34 @@ def test_a_door_asks_by_name_before_it_takes_time_and_undoes_it(door, course, ro
     assert Record.objects.filter(kind="booking.undo").count() == 1
     # and the right is really back
     assert door.post(address, form).status_code == 409
+
+
+def test_only_who_may_still_change_the_entries_undoes_it(door, staff, course, robot, operator, stranger):
+    course.supervisors.add(stranger)
+    booking = book(robot, operator)
+    teacher = Client()
+    teacher.force_login(stranger)
+    address, form = unenrol(course, operator)
+    confirm(teacher, teacher.post(address, form))
+    page = reverse("change", args=[Change.objects.get().pk])
+    undo = reverse("change-undo", args=[Change.objects.get().pk])
+
+    course.supervisors.remove(stranger)
+    teacher.post(undo)
+    assert state_of(booking) is State.CANCELLED
+    assert not course.enrolments.exists()
+    assert undo not in teacher.get(page).text
+
+    course.supervisors.add(stranger)
+    assert undo in teacher.get(page).text
+    teacher.post(undo)
+    assert state_of(booking) is State.BOOKED
+
+    confirm(door, door.post(*close_account(operator)))
+    User.objects.filter(pk=staff.pk).update(is_staff=False)
+    door.post(reverse("change-undo", args=[Change.objects.latest("made_at").pk]))
+    operator.refresh_from_db()
+    assert not operator.is_active
 
 
 def take_role(robot, role, **_):

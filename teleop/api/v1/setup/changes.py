@@ -9,6 +9,7 @@ from django.http import Http404
 from django.utils import timezone
 from msgspec import Struct
 
+from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
 from fleet.bookings.losses.undo import changes_of, undo, undo_refused
 from fleet.bookings.models import Booking, Change
@@ -70,7 +71,7 @@ class ChangesView(ChangesBase):
     def get(self) -> ChangeList:
         """Your own; for staff all."""
         found = [one for one in changes_of(self.person)[:LISTED] if self.serves(_robots(one))]
-        return ChangeList([_entry(one) for one in found])
+        return ChangeList([_entry(one, self.person) for one in found])
 
 
 class UndoView(ChangesBase):
@@ -89,9 +90,9 @@ def _robots(change: Change) -> list[Robot]:
     return list(Robot.objects.filter(pk__in=Booking.objects.filter(pk__in=keys).values("robot")))
 
 
-def _entry(change: Change) -> ChangeEntry:
+def _entry(change: Change, person: User) -> ChangeEntry:
     losses = [LostBooking(UUID(one["booking"]), one["how"]) for one in change.losses]
     by = change.actor.display_name if change.actor else None
-    undoable = undo_refused(change, timezone.now()) is None
+    undoable = undo_refused(change, timezone.now(), person) is None
     about = (change.pk, change.kind, change.about, by, change.made_at)
     return ChangeEntry(*about, losses, change.undone_at, undoable)
