@@ -20,7 +20,7 @@ from django.db import close_old_connections
 from django.http import FileResponse
 
 from fleet.site.sign_in_queue import AT_ONCE as SIGN_INS_AT_ONCE
-from fleet.site.sign_in_queue import SignInQueue
+from fleet.site.sign_in_queue import SignInQueue, queued
 from robots.shared.processes.scheduling import ask_for_stop_priority
 from teleop.api.v1.framework.long_poll import LongPoll
 
@@ -113,8 +113,11 @@ class PagesHandler(OneThreadHandler):
         await super().__call__(scope, receive, send)
 
     async def _answer(self, environ: dict[str, Any], send: Any) -> None:
-        async with self._sign_ins.turn(environ):
+        if not queued(environ):
             await super()._answer(environ, send)
+            return
+        async with self._sign_ins.turn(environ):
+            await _to_the_end(asyncio.ensure_future(super()._answer(environ, send)))
 
     @asynccontextmanager
     async def _place(self) -> AsyncIterator[None]:
@@ -136,6 +139,14 @@ async def _body(receive: Any) -> bytes | None:
         if not event.get("more_body"):
             return b"".join(parts)
     return None
+
+
+async def _to_the_end(work: asyncio.Future[None]) -> None:
+    """Wait for work, even if the client leaves: its thread goes on, so the next may not begin yet."""
+    try:
+        await asyncio.shield(work)
+    finally:
+        await asyncio.gather(work, return_exceptions=True)
 
 
 async def _left(receive: Any) -> None:

@@ -32,7 +32,7 @@ class SignInQueue:
     @asynccontextmanager
     async def turn(self, environ: dict[str, Any]) -> AsyncIterator[None]:
         """Context: wait for the turn of a request with a password; other requests have theirs at once."""
-        if environ["REQUEST_METHOD"] != "POST" or not environ["PATH_INFO"].startswith(QUEUED):
+        if not queued(environ):
             yield
             return
         key = object()
@@ -53,6 +53,11 @@ class SignInQueue:
         mine = _ticket(scope["query_string"].decode("latin-1"))
         ahead = tickets.index(mine) if mine and mine in tickets else None
         return json.dumps({"ahead": ahead, "waiting": len(tickets)}).encode()
+
+
+def queued(environ: dict[str, Any]) -> bool:
+    """Return whether a request checks or sets a password."""
+    return environ["REQUEST_METHOD"] == "POST" and environ["PATH_INFO"].startswith(QUEUED)
 
 
 def _ticket(query: str) -> str:

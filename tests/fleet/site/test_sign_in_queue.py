@@ -2,7 +2,10 @@
 
 import asyncio
 import json
+import threading
+from contextlib import suppress
 
+from fleet.site.handler import PagesHandler
 from fleet.site.sign_in_queue import AT_ONCE, PLACE, SignInQueue
 
 
@@ -55,3 +58,37 @@ async def test_a_network_with_many_requests_delays_only_itself():
     end.set()
     await asyncio.gather(*flood, student)
     assert order.index("student") <= AT_ONCE + 1
+
+
+async def test_who_leaves_keeps_the_turn_until_the_thread_is_free(monkeypatch):
+    """Else a stranger who asks and leaves would occupy every thread, and no page would be answered."""
+    handler, go, begun = PagesHandler(), threading.Event(), []
+
+    def respond(environ):
+        begun.append(environ)
+        assert go.wait(10)
+        raise RuntimeError
+
+    async def one():
+        events = iter([{"type": "http.request"}, {"type": "http.disconnect"}])
+
+        async def receive():
+            event = next(events)
+            if event["type"] == "http.disconnect":
+                await asyncio.sleep(0.02)
+            return event
+
+        scope = {"method": "POST", "path": "/accounts/sign-in/", "query_string": b"", "headers": []}
+        with suppress(RuntimeError):
+            await handler({**scope, "scheme": "http", "http_version": "1.1"}, receive, None)
+
+    monkeypatch.setattr(handler, "_respond", respond)
+    people = []
+    for _wave in range(3):
+        people += [asyncio.ensure_future(one()) for _ in range(AT_ONCE)]
+        await asyncio.sleep(0.1)
+    assert len(begun) == AT_ONCE
+    go.set()
+    await asyncio.gather(*people)
+    async with handler._sign_ins.turn(sign_in()):
+        pass  # all turns are over
