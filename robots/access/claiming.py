@@ -8,12 +8,14 @@ course (`untouched`). An account with a password signs in; one with more rights 
 from __future__ import annotations
 
 from django.core.cache import cache
+from django.db.models import Q
+from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.accounts.sign_in import throttle
 from fleet.audit.services import record
 from robots.access.enrolment import EnrolmentRefused, words_of
-from robots.access.models import Course, Invitation
+from robots.access.models import Course, Invitation, QualificationGrant
 from robots.access.password_links import codes_of, untouched
 from robots.shared.wire import Refusal
 
@@ -56,7 +58,11 @@ def claim(*, invitation: Invitation, typed: str, address: str) -> str:
             raise EnrolmentRefused(_NOBODY)
     if person.has_usable_password() or person.last_login:
         raise EnrolmentRefused(_SIGN_IN)
-    if not untouched([person], {course.pk}):
+    granted = Q(expires_at=None) | Q(expires_at__gt=timezone.now())
+    if (
+        not untouched([person], {course.pk})
+        or QualificationGrant.objects.filter(granted, person=person).exists()
+    ):
         raise EnrolmentRefused(_OWN_LINK)
     if cache.add(f"claimed-{person.pk}", True, RECORDED_S):
         parameters = {"course": course.slug, "people": [str(person.pk)], "invitation": str(invitation.pk)}

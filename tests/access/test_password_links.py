@@ -18,9 +18,10 @@ from fleet.accounts.models import User
 from fleet.accounts.sign_in import throttle
 from fleet.audit.models import Record
 from robots.access.enrolment import enrol_list, invitation_make
-from robots.access.models import Course, Enrolment, PasswordLink
+from robots.access.models import Course, Enrolment, PasswordLink, Qualification
 from robots.access.password_links import codes_of, link_of, may_see, untouched
 from robots.access.people_lists.reading import read_people
+from robots.access.services import qualification_grant
 from robots.registry.models import Robot, RobotRole, Role
 from tests.conftest import PASSWORD
 
@@ -236,6 +237,13 @@ def test_an_invitation_gives_no_account_with_more_rights(
         CHANGES[what](ada, robot=robot, other=other_course)
     answer = Client().post(join, {"known_as": "ada@example.org"})
     assert answer.status_code == 409
+    assert not PasswordLink.objects.exists()
+
+
+def test_an_invitation_gives_no_account_with_a_qualification(join: str, staff: User, ada: User) -> None:
+    exam = Qualification.objects.create(name="Exam", slug="exam")
+    qualification_grant(qualification=exam, people=[ada], expires_at=None, actor=staff)
+    assert Client().post(join, {"known_as": "ada@example.org"}).status_code == 409
     assert not PasswordLink.objects.exists()
 
 
