@@ -16,7 +16,7 @@ from teleop.models import PushDelivery, PushSubscription
 from teleop.push.encryption import encrypted_push
 from teleop.push.keys import from_b64, signature_for
 from teleop.push.services import address, device_remove
-from teleop.webhooks.addresses import AddressRefused
+from teleop.webhooks.addresses import UNKNOWN_HOST, AddressRefused
 from teleop.webhooks.post import post
 
 log = logging.getLogger(__name__)
@@ -57,11 +57,11 @@ def _deliver(delivery: PushDelivery, now: datetime) -> None:
         return
     try:
         status = _send(device, notification, left)
-    except AddressRefused as refused:
-        log.warning("A device is removed: %s", refused.refusal.text)
-        device_remove(device, actor=None, why="bad_push_service")
-        return
     except NotDone as failed:
+        if isinstance(failed, AddressRefused) and failed.refusal.code != UNKNOWN_HOST:
+            log.warning("A device is removed: %s", failed.refusal.text)
+            device_remove(device, actor=None, why="bad_push_service")
+            return
         log.info("A push is tried again: %s", failed.refusal.text)
         status = 503
     if 200 <= status < 300:

@@ -19,6 +19,7 @@ from fleet.base.environment import WebhookAllow
 from robots.shared.wire import NotDone, Refusal
 
 LONGEST = 500  # characters
+UNKNOWN_HOST = "no_such_host"  # also while the name server cannot be reached
 _PRINTED = re.compile(r"[\x21-\x7e]+")
 _NAT64 = ip_network("64:ff9b::/96")
 # These networks are not global either, but not every Python version that we support knows this.
@@ -105,9 +106,9 @@ def resolved(target: Target) -> list[Endpoint]:
         found = socket.getaddrinfo(target.host, target.port, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError):
         raise AddressRefused(
-            "no_such_host", _("The name %(host)s has no address.") % {"host": target.host}
+            UNKNOWN_HOST, _("The name %(host)s has no address.") % {"host": target.host}
         ) from None
-    endpoints, refused = [], AddressRefused("no_such_host", "")
+    endpoints, refused = [], AddressRefused(UNKNOWN_HOST, "")
     for family, _type, _protocol, _name, sockaddr in found:
         try:
             _require_allowed(target.host, ip_address(sockaddr[0]), target.allow, tls=target.tls)

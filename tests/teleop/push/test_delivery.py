@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from base64 import urlsafe_b64decode
 from datetime import timedelta
@@ -123,6 +124,19 @@ def test_a_device_to_which_nothing_arrives_is_removed(operator, device, service,
         told(operator)
         send(operator)
         assert PushSubscription.objects.exists() is left
+
+
+def test_a_device_stays_while_no_name_can_be_resolved(operator, device, monkeypatch):
+    def unreachable(*_args, **_options):
+        raise socket.gaierror
+
+    monkeypatch.setattr(socket, "getaddrinfo", unreachable)
+    told(operator)
+    send(operator)
+    assert PushDelivery.objects.get().tries == 1
+    monkeypatch.undo()
+    send(operator)
+    assert not PushDelivery.objects.exists()
 
 
 @pytest.mark.parametrize("address", ["10.0.0.7", "127.0.0.1", "::1"])
