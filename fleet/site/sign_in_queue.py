@@ -57,7 +57,8 @@ class SignInQueue:
 
 def queued(environ: dict[str, Any]) -> bool:
     """Return whether a request checks or sets a password."""
-    return environ["REQUEST_METHOD"] == "POST" and environ["PATH_INFO"].startswith(QUEUED)
+    path: str = environ["PATH_INFO"]
+    return environ["REQUEST_METHOD"] == "POST" and path.startswith(QUEUED)
 
 
 def _ticket(query: str) -> str:

@@ -120,7 +120,7 @@ def may_change(person: User, rows: list[Row]) -> bool:
     if person.is_staff:
         return True
     courses = list(courses_managed_by(person))
-    allowed = {
+    allowed: dict[str, set[Any]] = {
         "robot_id": set(robots_managed_by(person).values_list("pk", flat=True)),
         "course_id": {one.pk for one in courses},
         "qualification_id": {one.pk for course in courses for one in demanded_in(course)},
