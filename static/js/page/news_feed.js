@@ -5,7 +5,8 @@
 
 import { CLOSED_FOR_GOOD, LiveSocket, socketUrl } from "../connection/socket.js";
 
-const PING_MS = 20_000; // a proxy ends connections that are silent for a minute
+// A proxy ends connections that are silent for a minute. Without an answer until the next ping, the page connects again.
+const PING_MS = 20_000;
 const HIDDEN_MS = 30_000;
 const FIRST_MS = 1000; // the page itself comes first; and a class that opens it at once comes in a row
 const JITTER_MS = 2000;
@@ -16,6 +17,7 @@ export class NewsFeed {
   #show;
   #socket = null;
   #ping = null;
+  #answers = true; // since the last ping, or the beginning
   #turn = null; // the timer of the next opening or ending
   #listening = new AbortController();
 
@@ -49,15 +51,26 @@ export class NewsFeed {
   #open() {
     if (this.#socket || document.hidden) return;
     const socket = new LiveSocket(this.#url, LONGEST_MS);
+    socket.addEventListener("open", () => {
+      this.#answers = true;
+    });
     socket.addEventListener("message", ({ detail }) => {
+      this.#answers = true;
       if (detail.t === "news") this.#show(detail.items);
     });
     socket.addEventListener("down", ({ detail }) => {
       if (CLOSED_FOR_GOOD.has(detail.code)) this.close();
     });
     this.#socket = socket;
-    this.#ping = setInterval(() => socket.send({ t: "ping", sent_ms: performance.now() }), PING_MS);
+    this.#ping = setInterval(() => this.#beat(), PING_MS);
     socket.connect();
+  }
+
+  #beat() {
+    if (!this.#socket.open) return;
+    if (!this.#answers) return this.#socket.reset();
+    this.#answers = false;
+    this.#socket.send({ t: "ping", sent_ms: performance.now() });
   }
 
   #end() {

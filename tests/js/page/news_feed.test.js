@@ -65,6 +65,16 @@ test("a console that does not answer is asked ever more rarely", () => {
   expect(made.length).toBeLessThan(25);
 });
 
+test("a connection that answers no ping is made again", () => {
+  begin();
+  vi.advanceTimersByTime(20_001);
+  made[0].says('{"t": "pong", "sent_ms": 1}');
+  vi.advanceTimersByTime(20_000);
+  expect(made.length).toBe(1);
+  vi.advanceTimersByTime(21_000);
+  expect(made.length).toBe(2);
+});
+
 test("a page whose person signed out asks no more", () => {
   begin();
   made[0].close(4401);
