@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from datetime import datetime
 from functools import partial
 from typing import Any
@@ -24,7 +24,7 @@ from fleet.bookings.messages.notifications import changed_by_another
 from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.rules import FAR
 from fleet.bookings.selectors import SWITCHED_OFF, held_between, why_out
-from fleet.bookings.services import changed, robot_locked, settling
+from fleet.bookings.services import changed, robot_locked, robots_locked, settling
 from robots.access.models import RobotGroup
 from robots.registry.models import Robot
 from robots.registry.services import named
@@ -153,13 +153,7 @@ def _tell(robot: Robot) -> None:
 
 @contextmanager
 def _robots_locked(robot: Robot | None, group: RobotGroup | None, now: datetime) -> Iterator[None]:
-    """Lock a robot, the robots of a group, or all robots: a change of their policy may free time, or take it.
-
-    They are locked in one order, so that no two changes wait for each other.
-    """
+    """Lock a robot, the robots of a group, or all robots: a change of their policy may free time, or take it."""
     robots = [robot] if robot else list(group.robots.all() if group else Robot.objects.all())
-    with ExitStack() as locks:
-        for key in sorted(one.pk for one in robots):
-            locks.enter_context(robot_locked(key, now))
-        locks.enter_context(hours_watched(robots, now))
+    with robots_locked([one.pk for one in robots], now), hours_watched(robots, now):
         yield
