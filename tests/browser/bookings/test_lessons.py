@@ -52,7 +52,14 @@ def lesson(stack: Stack) -> Iterator[str]:
         )
         database.commit()
         yield str(booking)
-        for table in ("bookings_turn", "bookings_booking", "access_enrolment", "access_course_robots"):
+        # Its letters, too: they would stand on the next test's pages.
+        for table in (
+            "bookings_turn",
+            "bookings_letter",
+            "bookings_booking",
+            "access_enrolment",
+            "access_course_robots",
+        ):
             database.execute(f"DELETE FROM {table}")
         database.execute("DELETE FROM access_course WHERE id = ?", [course])
         database.commit()
