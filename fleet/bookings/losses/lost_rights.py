@@ -77,14 +77,16 @@ def _doubtful(upcoming: QuerySet[Booking], now: datetime) -> list[Booking]:
 
 def _free_if_lost(seen: Booking, now: datetime) -> bool:
     """Free a booking if its person lost the right to it, or free the part after the qualification expires."""
-    if may_still_be_used(seen, now):
+    if _keeps(seen, wish := _wish_for(seen, now)):
         return False
     try:
         with robot_locked(seen.robot_id, now):
             booking = Booking.objects.select_related(*_READ).get(pk=seen.pk)
-            if booking.version != seen.version or may_still_be_used(booking, now):
+            if booking.version != seen.version:
                 return False
-            wish = _wish_for(booking, now)
+            # Who collects has locked all robots before: what was read is still so. Other robots wait meanwhile.
+            if collected() is None and _keeps(booking, wish := _wish_for(booking, now)):
+                return False
             if (why := right_lost(booking, wish)) is not None:
                 _end(booking, why, now)
             else:
@@ -102,7 +104,10 @@ def _wish_for(booking: Booking, now: datetime) -> Wish:
 
 def may_still_be_used(booking: Booking, now: datetime) -> bool:
     """Return whether the person of a booking has the right to it, for all of its time."""
-    wish = _wish_for(booking, now)
+    return _keeps(booking, _wish_for(booking, now))
+
+
+def _keeps(booking: Booking, wish: Wish) -> bool:
     ends = wish.qualified_until
     return right_lost(booking, wish) is None and (ends is None or ends >= booking.held_until)
 
