@@ -23,6 +23,7 @@ from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.wire import LinkStop, Refusal, Refused, Stopped
 
 STOP_S = 2.0  # a stop that is not confirmed after this time is pending
+NUMBERED_S = 0.1  # a bridge that runs answers within milliseconds
 LONGEST_TEXT = 200  # characters of names and reasons, as in wire.ShortText
 
 SILENT = Refusal("bridge_silent", "The robot’s bridge did not answer in time.", "robot")
@@ -44,25 +45,32 @@ async def reach(address: LinkAddress, stop: LinkStop) -> Stopped | Refusal:
 async def first_answer(ways: Sequence[Answer], within_s: float) -> Stopped | Refusal:
     """Return the first confirmation, or else a refusal. Without either, raise LinkRefused with the last way's reason.
 
-    Put the quickest way first: the start of each way delays the ways after it.
+    Put the quickest way first: the start of each way delays the ways after it. A confirmation of the watchdog, which
+    does not number stops, waits up to `NUMBERED_S` for that of the bridge: by its number the stop is cleared.
     """
     loop = asyncio.get_running_loop()
     end_s = loop.time() + within_s
     tasks = [loop.create_task(way) for way in ways]
     left = set(tasks)
     refusal: Refusal | None = None
+    unnumbered: Stopped | None = None
     try:
         while left and (remaining_s := end_s - loop.time()) > 0:
             done, left = await asyncio.wait(left, timeout=remaining_s, return_when="FIRST_COMPLETED")
             for task in done:
                 answer = None if task.exception() else task.result()
-                if isinstance(answer, Stopped):
+                if isinstance(answer, Stopped) and answer.stop.number:
                     return answer
-                refusal = answer or refusal
+                if isinstance(answer, Stopped):
+                    unnumbered, end_s = answer, min(end_s, loop.time() + NUMBERED_S)
+                else:
+                    refusal = answer or refusal
     finally:
         for task in left:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+    if unnumbered is not None:
+        return unnumbered
     if refusal is not None:
         return refusal
     error = None if tasks[-1].cancelled() else tasks[-1].exception()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import threading
 import time
@@ -14,7 +15,7 @@ import pytest
 
 from robots.link import stop_delivery
 from robots.link.connections import LinkRefused
-from robots.link.stop_delivery import reach, stop_message, wait_for
+from robots.link.stop_delivery import first_answer, reach, stop_message, wait_for
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import LinkAddress
 
@@ -116,3 +117,25 @@ def test_a_refusal_by_the_watchdog_is_passed_on(path: Path, closing: ExitStack) 
 def test_names_and_reasons_of_any_length_are_sent() -> None:
     stop = stop_message(ROBOT, "n" * 1000, "r" * 1000)
     assert wire.link_request(wire.encode(stop)) == stop
+
+
+async def test_the_answer_has_the_bridges_number() -> None:
+    numbered = wire.Stopped(wire.StopState("stopping", number=7))
+    asked = asyncio.Event()
+
+    async def watchdog() -> wire.Stopped:
+        asked.set()
+        return wire.Stopped(wire.StopState("stopping"))
+
+    async def bridge() -> wire.Stopped:
+        await asked.wait()
+        await asyncio.sleep(0)
+        return numbered
+
+    async def silent() -> wire.Stopped:
+        await asyncio.Event().wait()
+        raise AssertionError
+
+    assert await first_answer([bridge(), watchdog()], 5.0) is numbered
+    unnumbered = await first_answer([watchdog(), silent()], 60.0)  # soon: not after 60 s
+    assert isinstance(unnumbered, wire.Stopped)
