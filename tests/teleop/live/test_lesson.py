@@ -97,7 +97,7 @@ async def test_other_pages_hear_of_a_turn_and_name_who_is_called(
         await in_database(partial(turns.turn_join, booking_id=lesson.pk, person=person, now=timezone.now()))
     await calendar.hears("bookings_changed", turns=True)
     turn = None
-    while turn is None or turn["next"] is None:
+    while turn is None or None in (turn["person"], turn["next"]):
         [card] = (await fleet.hears("fleet"))["robots"].values()
         await fleet.say("ack")
         turn = card["booked"]["turn"]
