@@ -208,7 +208,7 @@ _GROUPS: tuple[tuple[str | Promise, tuple[str, ...]], ...] = (
     (_("Bookings"), ("booking", "turn", "policy", "holiday")),
     (_("Robots, phrases and places"), ("robot", "profile", "phrase", "place", "map", "layout", "allowance")),
     (_("Rights and courses"), ("role", "group", "course", "qualification", "rule")),
-    (_("Accounts"), ("account", "token", "setup")),
+    (_("Accounts"), ("account", "token", "push", "setup")),
     (_("Log and webhooks"), ("audit", "webhook")),
 )
 

@@ -13,6 +13,7 @@ import logging
 import time
 from collections import defaultdict
 from collections.abc import Collection, Mapping
+from concurrent.futures import Future
 from contextlib import suppress
 from datetime import timedelta
 from uuid import UUID
@@ -23,7 +24,7 @@ from django.utils import timezone
 from robots.link.client import BridgeLink, Listener, links
 from robots.shared.processes.durations import Durations
 from robots.shared.wire import Ended, GoPath, Offers, Refresh, Refusal, Refused
-from teleop.background.database import in_database
+from teleop.background.database import in_database, in_database_background
 from teleop.control import lease_checks, line
 from teleop.control.changes import ControlRefused
 from teleop.control.lease_checks import Phase
@@ -102,6 +103,7 @@ class RobotHub(Listener):
         self.views = ViewFeed()
         self.topics = TopicFeed(self._subscribe_topics)
         self.members: dict[str, Member] = {}
+        self._storing: Future[None] | None = None  # the times of the pages
         self.link_is_up = asyncio.Event()
         self._refreshed_s = float("-inf")
         self.confirmed_s = time.monotonic()  # monotonic time when the holder's rights were last read
@@ -249,6 +251,11 @@ class RobotHub(Listener):
     def _read_again(self, people: Collection[SignIn], sessions: list[UUID]) -> ControlStatus:
         return control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
 
+    def _store_seen_later(self) -> None:
+        """Store it in the background: rights are read meanwhile, also while somebody keeps the database locked."""
+        if self._storing is None or self._storing.done():
+            self._storing = in_database_background(self._store_seen)
+
     def _store_seen(self) -> None:
         """Store when the holder's page last sent a message, and which pages of waiting people are open.
 
@@ -294,7 +301,7 @@ class RobotHub(Listener):
             return
         await self._read_status([member.person for member in self.members.values()], registry=True)
         if any(member.held_session or member.waits for member in self.members.values()):
-            await in_database(self._store_seen)
+            self._store_seen_later()
 
     async def _read_who_sees(self, people: Collection[SignIn]) -> None:
         """Read whether these people may still see the robot. Nobody has control, so the rest is read at a full read."""

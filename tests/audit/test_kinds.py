@@ -46,6 +46,7 @@ INDIRECT = {
     ("teleop/stop/presses.py", "record.kind"): set(),
     ("teleop/layouts/services.py", "kind"): set(),
     ("teleop/webhooks/services.py", "kind"): set(),
+    ("teleop/push/services.py", "kind"): set(),
     ("teleop/live/service_calls.py", "begun.kind"): set(),
 }
 

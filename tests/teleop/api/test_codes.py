@@ -50,6 +50,7 @@ WITH_THEIR_OPERATIONS = {
     *("too_many", "more_than_own", "other_robots", "paused", "name_taken", "password_needed"),
     "bad_description",
     "other_process",
+    "mail_off",
     *("takes_time", "preview"),
 }
 OF_THE_LIBRARY = {"method_not_allowed", "not_acceptable", "unsupported_media_type"}

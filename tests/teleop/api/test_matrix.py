@@ -470,7 +470,10 @@ TABLE: dict[str, Row] = {
     "changes_undo": Row(
         MANAGE,
         "/changes/{change}/undo?confirm=yes",
-        (everywhere("200")[0], *[everywhere(*["not_found"] * 4, "200")[0]] * 2),
+        (
+            everywhere(*["permission_denied"] * 4, "200")[0],  # it closes an account
+            *[everywhere(*["not_found"] * 4, "200")[0]] * 2,
+        ),
     ),
     "out_of_service_list": Row(READ, "/out-of-service", everywhere("200")),
     "out_of_service_add": Row(

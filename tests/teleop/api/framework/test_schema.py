@@ -58,6 +58,7 @@ AWAY = {
     "events",
     "map_read",  # needs a bridge
     "cameras_picture",
+    "lesson_tasks",  # the booking of the table is of a team
     "map_picture",
     "description_read",
     "mesh_read",
