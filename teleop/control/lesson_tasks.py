@@ -28,6 +28,8 @@ def _left_out(tasks: LessonTasks, request: TaskRequest) -> str | Sentence | None
     match request:
         case wire.Play(motion=motion) if tasks.motions and motion not in tasks.motions:
             return motion
+        case wire.MoveLimb() if tasks.motions:  # a motion without a name
+            return say("This movement")
         case wire.Say(text=text) if tasks.phrases and text.strip() not in tasks.phrases:
             return say("This text")
         case wire.Go(place=place) if tasks.places and key_of(place) not in map(key_of, tasks.places):

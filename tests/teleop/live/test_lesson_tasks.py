@@ -18,6 +18,7 @@ LEFT_OUT = [
     ("go", {"x": 1.0, "y": 2.0, "heading": 0.0}),
     ("go", {"x": 0.0, "y": 0.0, "heading": 0.0, "place": "Balcony"}),
     ("publish", {"topic": "/play_motion/goal", "type": "std_msgs/String"}),
+    ("move_limb", {"limb": "gripper", "to_m": 0.02}),
 ]
 LEFT = [
     ("play", {"motion": "wave"}),
