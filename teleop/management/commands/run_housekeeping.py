@@ -77,7 +77,7 @@ class Command(BaseCommand):
             lost_rights.bookings_free_lost(None, timezone.now())
             restore_unbegun(timezone.now())
             store_no_shows(timezone.now())
-            _erase()
+            _erase_all()
             hand_offers_lapse(timezone.now())
             for _ in daily_steps():
                 pass
@@ -121,12 +121,17 @@ class Command(BaseCommand):
 def _erase() -> None:
     """Erase people in a separate thread."""
     try:
+        _erase_all()
+    finally:
+        close_old_connections()
+
+
+def _erase_all() -> None:
+    try:
         while erase_next(timezone.now()):
             pass
     except (DatabaseError, AuditUnavailable) as error:
         log.error("People are not erased now: %s", error)
-    finally:
-        close_old_connections()
 
 
 def _send_notifications() -> int:

@@ -33,7 +33,13 @@ SHARED = {
     *("webhooks_change", "webhooks_delete", "webhooks_test", "webhooks_again"),
 }
 EVERYWHERE = {"stop_all": "200"}  # of the token's robots
-OF_ALL_ROBOTS = {"tokens_end", "own_data_export", "changes_undo"}  # the matrix ends a token that is not bound
+OF_ALL_ROBOTS = {
+    "tokens_end",
+    "own_data_export",
+    "changes_undo",
+    "holidays_add",
+    "holidays_remove",
+}  # the matrix ends a token that is not bound
 
 
 @pytest.fixture
