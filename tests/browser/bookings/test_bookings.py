@@ -268,6 +268,9 @@ def test_a_phone_shows_the_hours_of_the_day_first(
     operator = person("operator", width=width, height=height, touch=True)
     operator.open("/bookings/")
     expect(operator.part("calendar").get_by_text("TIAGo One")).to_be_visible()
+    for notice in operator.page.get_by_role("button", name="Seen").all():  # of the tests before
+        notice.click()
+    expect(operator.page.get_by_role("button", name="Seen")).to_have_count(0)
     expect(operator.page.locator(".ec-now-indicator").first).to_be_in_viewport()
     seen = operator.page.evaluate(
         """() => {
