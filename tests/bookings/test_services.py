@@ -435,7 +435,7 @@ def test_the_next_free_time_is_behind_a_chain_of_bookings(minutes, free_after):
     assert schedule.free_from(now) == expected
 
 
-def test_a_booked_robot_that_is_out_until_further_notice_has_no_free_time(robot, operator):
+def test_a_booked_robot_that_is_out_for_good_has_no_free_time(robot, operator):
     book(robot, operator)
     OutOfService.objects.create(robot=robot, starts_at=NOW, why="repair")
     assert schedule_of(robot, NOW).free_from(NOW) is None

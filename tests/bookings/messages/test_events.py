@@ -93,7 +93,7 @@ def test_a_booking_that_is_handed_on_leaves_its_giver(olga, second_operator, boo
     assert sorted(methods) == [("olaf@example.org", "REQUEST"), ("olga@example.org", "CANCEL")]
 
 
-def test_a_reminder_has_the_event_without_a_link_that_nobody_can_follow(olga, booking, mailoutbox, settings):
+def test_a_reminder_has_the_event_but_no_link_without_an_address(olga, booking, mailoutbox, settings):
     settings.FLEET_ORIGINS = []
     settings.FLEET_TLS = False
     notifications.write_reminders(NOW + timedelta(hours=29.5))
