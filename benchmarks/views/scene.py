@@ -137,7 +137,7 @@ async def measure_driving(stack: Stack) -> list[Figure]:
 
 @dataclass
 class Met:
-    """What a drive met beside one view of the page."""
+    """The interruptions of a drive beside one view of the page."""
 
     seconds: float = 0.0
     held_back: Counter[str] = field(default_factory=Counter)  # why the stick had to rest, by code

@@ -46,7 +46,7 @@ class State(models.TextChoices):
 
 
 class Shared(models.TextChoices):
-    """Who may drive in a booking beside its owner. Whatever hands control passes through, it stays the owner's."""
+    """The people who may drive in a booking beside its owner. In all hands it stays the owner's."""
 
     NO = "", _("one person")
     COURSE = "course", _("a course")  # a lesson: the people enrolled in the booking's course
@@ -88,7 +88,7 @@ class Booking(models.Model):
     )
     # Length of a turn; None: no turns, each member takes the robot when it is free
     turn_min = models.PositiveSmallIntegerField(_("minutes per turn"), null=True, blank=True)
-    # What its members may do in it (`robots.shared.wire.LessonTasks`); None: everything
+    # The tasks that it leaves to its members (`robots.shared.wire.LessonTasks`); None: everything
     tasks = models.JSONField(null=True, blank=True)
     line_held = models.BooleanField(null=True)  # the teacher holds the line: nobody is called
     series = models.UUIDField(null=True, blank=True)  # the same for all bookings of a weekly series
@@ -400,7 +400,7 @@ class Notification(models.Model):
     calendar = models.JSONField(null=True)
     path = models.CharField(max_length=200, blank=True, default="", db_default="")  # of the page to open
     until = models.DateTimeField(null=True, blank=True)
-    # What it is about, so that several processes write it once; None: written with the change
+    # Its subject, so that several processes write it once; None: written with the change
     key = models.CharField(max_length=120, null=True, blank=True, unique=True)
     made_at = models.DateTimeField()
     claimed_at = models.DateTimeField(null=True, blank=True)  # when a process last began to send it

@@ -110,7 +110,7 @@ def _forget(*, user: User, **_options: Any) -> None:
 
 @receiver(user_logged_out)
 def _signed_out(*, request: HttpRequest | None, user: User | None, **_options: Any) -> None:
-    """Who signs out on a browser gets no more notifications there: somebody else may use it next."""
+    """A person who signs out on a browser gets no more notifications there: somebody else may use it next."""
     session = getattr(request, "session", None)
     if user is None or session is None or (device := session.get(IN_SESSION)) is None:
         return

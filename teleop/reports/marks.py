@@ -1,4 +1,4 @@
-"""What each person of a course did in it, for marks: one line for everybody who is enrolled, also without any drive.
+"""The use of the robots in a course, for marks: one line for everybody who is enrolled, also without any drive.
 
 Read from control sessions, bookings and the records of drives. A minute in control counts for the course in its
 bookings (a lesson, or a booking by the course), and in free time on its robots between its two dates. Minutes in

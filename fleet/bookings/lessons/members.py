@@ -1,4 +1,4 @@
-"""Who shares a booking."""
+"""The people who share a booking."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class InLine(Struct, frozen=True):
 
 
 class Sharing(Struct, frozen=True):
-    """Who shares the bookings of a schedule, and the line of the present one."""
+    """The people who share the bookings of a schedule, and the line of the present one."""
 
     shares: dict[UUID, frozenset[UUID]] = {}  # by person: bookings of others in which they may drive
     line: tuple[InLine, ...] = ()

@@ -1,4 +1,4 @@
-"""What the members of a lesson may do in it: its speed, motions, phrases and places, or only watch."""
+"""The tasks that a lesson leaves to its members: its speed, motions, phrases and places, or only watch."""
 
 from __future__ import annotations
 

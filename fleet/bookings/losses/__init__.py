@@ -1,1 +1,1 @@
-"""What a change takes from people: who loses which booking, shown before it is done; letters; undo for a day."""
+"""The losses by a change: who loses which booking, shown before it is done; letters; undo for a day."""

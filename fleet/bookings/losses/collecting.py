@@ -23,7 +23,7 @@ from fleet.bookings.models import Booking
 
 
 class How(TextChoices):
-    """What happens to a booking."""
+    """The effect of a change on a booking."""
 
     CANCELLED = "cancelled", _("cancelled")
     ENDED = "ended", _("ended")

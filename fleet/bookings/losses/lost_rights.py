@@ -84,7 +84,7 @@ def _free_if_lost(seen: Booking, now: datetime) -> bool:
             booking = Booking.objects.select_related(*_READ).get(pk=seen.pk)
             if booking.version != seen.version:
                 return False
-            # Who collects has locked all robots before: what was read is still so. Other robots wait meanwhile.
+            # The collector has locked all robots before: the read facts are still true. Other robots wait meanwhile.
             if collected() is None and _keeps(booking, wish := _wish_for(booking, now)):
                 return False
             if (why := right_lost(booking, wish)) is not None:

@@ -55,7 +55,7 @@ class UndoRefused(NotDone):
 
 
 class Undone(Struct):
-    """What came back, what stays lost, and how many entries somebody changed since."""
+    """The bookings that came back and that stay lost, and how many entries somebody changed since."""
 
     back: list[Booking]
     lost: list[Booking]

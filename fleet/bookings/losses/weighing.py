@@ -37,7 +37,7 @@ KEPT = timedelta(days=400)  # an archived course may be opened again
 
 
 class Seen(Struct, frozen=True):
-    """What somebody has seen and confirmed: the digest of the losses; None: all of them, whatever they are."""
+    """The losses that somebody has seen and confirmed: their digest; None: all of them, whatever they are."""
 
     digest: str | None
     closed_stay: bool = False  # bookings outside of new opening hours stay

@@ -30,7 +30,7 @@ _LONGEST_MIN = round(LONGEST.total_seconds() / 60)
 
 
 class SeriesChangeForm(forms.Form):
-    """What becomes of the dates to come from a day on. Fields that are left empty change nothing."""
+    """New facts for the dates to come from a day on. Fields that are left empty change nothing."""
 
     since = forms.DateField(label=_("From this day on"), widget=forms.DateInput({"type": "date"}, "%Y-%m-%d"))
     weekday = forms.TypedChoiceField(

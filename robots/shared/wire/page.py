@@ -233,7 +233,7 @@ class Lesson(Struct, frozen=True):
 
 
 class LessonTasks(Struct, frozen=True):
-    """What the members of a lesson may do in their turn. An empty list: everything that the robot offers."""
+    """The tasks that a lesson leaves to its members in their turn. An empty list: everything that the robot offers."""
 
     max_share: Share = 1.0  # largest part of the robot's speed limits
     motions: Chosen = []  # names

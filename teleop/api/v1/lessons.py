@@ -40,11 +40,11 @@ class TurnEntry(Struct, frozen=True):
 
 
 class TasksEntry(LessonTasks, frozen=True, forbid_unknown_fields=True):
-    """What the members of a lesson may do in their turn; not you, if you lead it. An empty list: everything."""
+    """The tasks that a lesson leaves to its members; it does not bind its leaders. An empty list: everything."""
 
 
 class TasksRequest(TasksEntry, frozen=True, forbid_unknown_fields=True):
-    """What the members of a lesson may do in their turn. Fields that are left out limit nothing.
+    """The tasks that a lesson leaves to its members in their turn. Fields that are left out limit nothing.
 
     `whole_series`: also in all later dates of its weekly series.
     """
@@ -143,7 +143,7 @@ class JoinView(LessonBase):
 
     @_line("lesson_leave", "Leave the line of a lesson", keyed=False)
     def delete(self, booking_id: UUID) -> LessonEntry:
-        """Who drives, ends their turn."""
+        """Of a person who drives, the turn ends."""
         return self.step(booking_id, turns.turn_leave, person=self.person)
 
 
@@ -182,7 +182,7 @@ class TasksView(LessonBase):
 class HoldView(LessonBase):
     @_line("lesson_take_back", "Take the robot back from the line")
     def post(self, booking_id: UUID) -> LessonEntry:
-        """Who drives loses control within a second and waits first in line, with the rest of the turn; nobody is
+        """The driver loses control within a second and waits first in line, with the rest of the turn; nobody is
         called. For who leads the lesson."""
         return self.step(booking_id, turns.line_hold, hold=True, actor=self.person)
 
@@ -195,7 +195,7 @@ class HoldView(LessonBase):
 class TurnView(LessonBase):
     @_line("lesson_skip", "Skip a turn", keyed=False)
     def delete(self, booking_id: UUID, turn_id: int) -> LessonEntry:
-        """Who drives in it loses control within a second; the next is called. For who leads the lesson."""
+        """The driver loses control within a second; the next person is called. For leaders of the lesson."""
         return self.step(booking_id, turns.turn_skip, turn_id=_bounded(turn_id), actor=self.person)
 
     @_line("lesson_extend", "Extend a turn")

@@ -21,7 +21,7 @@ from teleop.api.v1.framework.problems import Problem, ProblemDetails
 
 
 class Confirm(Enum):
-    """What a client says about losses."""
+    """The answer of a client about losses."""
 
     YES = "yes"
     KEEP_CLOSED = "keep_closed"

@@ -48,7 +48,7 @@ class ChangeList(Struct, frozen=True):
 
 
 class UndoneEntry(Struct, frozen=True):
-    """What came back, and what did not: it is over, taken by others, or changed since."""
+    """The bookings that came back, and those that did not: they are over, taken by others, or changed since."""
 
     back: list[UUID]
     lost: list[UUID]

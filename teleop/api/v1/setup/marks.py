@@ -1,4 +1,4 @@
-"""What the people of a course did in it, for programs that give marks."""
+"""The use of the robots by the people of a course, for programs that give marks."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ class SeriesAnswer(Struct, frozen=True):
 
 
 class SeriesChange(Struct, frozen=True, forbid_unknown_fields=True):
-    """What becomes of the dates to come; fields that are left out stay. `preview`: move none.
+    """New facts for the dates to come; fields that are left out stay. `preview`: move none.
 
     Weekday and time of day are those of the lab's zone. Each date stays in its week.
     """
