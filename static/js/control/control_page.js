@@ -529,9 +529,9 @@ class ControlPage {
       this.#isStale = Boolean(silence);
       mark(document.body, "stale", this.#isStale);
       this.#state.tell({ stale: this.#isStale });
-      this.#panel.stale = this.#isStale;
       this.#tellRights();
     }
+    this.#panel.silent = silence?.who ?? "";
     mark(this.#root, "cut", !this.#socket.open || this.#contact.isLost(now));
     const reason = this.#statusBar.show({
       outdated: this.#outdated,

@@ -24,7 +24,7 @@ export class ControlPanel extends EventTarget {
   #parts;
   #control = UNKNOWN;
   #receivedMs = 0;
-  #stale = false;
+  #silent = "";
   #warned = { atS: Infinity, ending: "" };
   #timer;
   #takeOver;
@@ -55,9 +55,10 @@ export class ControlPanel extends EventTarget {
     this.#showRequests(this.#control.requests);
   }
 
-  /** @param {boolean} stale the page has no news of the robot */
-  set stale(stale) {
-    this.#stale = stale;
+  /** @param {string} who the part of the way to the robot that does not answer (`silenceOf`); empty: none */
+  set silent(who) {
+    if (who === this.#silent) return;
+    this.#silent = who;
     this.#count();
   }
 
@@ -76,7 +77,7 @@ export class ControlPanel extends EventTarget {
       this.#control,
       resumable,
       offered,
-      this.#stale,
+      this.#silent,
     );
     const yours = this.#control.state === "yours";
     const { who, why, lease } = this.#parts;

@@ -24,10 +24,10 @@ export function minutesText(seconds) {
   return `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min`;
 }
 
-/** Return the reason why a button does nothing now: the robot is silent, or the person has no control. */
+/** Return the reason why a button does nothing now: the robot or the way to it is silent, or the person has no control. */
 export function whyNotNow() {
   return "stale" in document.body.dataset
-    ? gettext("The robot does not answer: nothing can be asked of it now.")
+    ? gettext("No contact: nothing can be asked of the robot now.")
     : gettext("Take control first.");
 }
 

@@ -11,7 +11,7 @@ function endText({ outcome, text }) {
     return gettext("The stick took over: the drive to the place has ended.");
   if (outcome === "cancelled") return gettext("The drive to the place was cancelled.");
   if (outcome === "held_back")
-    return gettext("Stopped on its way: something is there, or it cannot see enough");
+    return gettext("Stopped on its way: something is there, or its sensors see too little");
   if (outcome === "no_progress") return gettext("Stopped on its way: it did not move any more");
   return interpolate(gettext("The drive has ended: %s"), [text]);
 }

@@ -15,11 +15,11 @@ function holder(control) {
  * @param {object} control the server's newest `control`
  * @param {number | null} resumableS seconds until a holder whose page is gone loses control
  * @param {number | null} offerS seconds for which a free robot is offered to this person
- * @param {boolean} stale the page has no news of the robot
+ * @param {string} silent the part of the way to the robot that does not answer (`silenceOf`); empty: none
  * @returns {{headline: string, reason: string, actions: string[]}}
  *   actions: take, take_back, take_over, renew, release, ask, ask_cancel; the first is the most likely one
  */
-export function controlWords(control, resumableS = null, offerS = null, stale = false) {
+export function controlWords(control, resumableS = null, offerS = null, silent = "") {
   const reason = control.refusal?.text ?? "";
   const force = control.may_take_back ? ["take_back"] : control.may_take_over ? ["take_over"] : [];
   const asks = (control.asking ?? null) !== null || isInLesson(control.lesson);
@@ -47,9 +47,9 @@ export function controlWords(control, resumableS = null, offerS = null, stale = 
       };
     case "yours":
       return {
-        headline: stale ? gettext("No contact: you cannot drive") : gettext("You have control"),
+        headline: silent ? gettext("No contact: you cannot drive") : gettext("You have control"),
         reason: "",
-        actions: ["renew", "release"],
+        actions: silent === "console" ? ["release"] : ["renew", "release"], // an end is always asked for
       };
     case "elsewhere":
       return {

@@ -33,10 +33,11 @@ describe("the offered control actions", () => {
     expect(controlWords({ ...CONTROL, state: "yours" }).actions).toEqual(["renew", "release"]);
   });
 
-  it("are the same without news of the robot, but the words do not promise that you can drive", () => {
-    const stale = controlWords({ ...CONTROL, state: "yours" }, null, null, true);
-    expect(stale.headline).toBe("No contact: you cannot drive");
-    expect(stale.actions).toEqual(["renew", "release"]);
+  it("without news of the robot, are those that work, and the words do not promise that you can drive", () => {
+    const silent = (who) => controlWords({ ...CONTROL, state: "yours" }, null, null, who);
+    expect(silent("robot").headline).toBe("No contact: you cannot drive");
+    expect(silent("robot").actions).toEqual(["renew", "release"]);
+    expect(silent("console").actions).toEqual(["release"]); // nobody would answer "More time"
   });
 
   it("count the seconds until a vanished holder loses it", () => {
