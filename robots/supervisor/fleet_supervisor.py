@@ -27,6 +27,7 @@ from robots.registry.selectors import bridge_config, require_link_settings, sock
 from robots.registry.services import bridge_status_set
 from robots.shared.configuration.watchdog_config import watchdog_config
 from robots.shared.processes import last_words
+from robots.shared.processes.restarts import RestartBudget
 from robots.shared.processes.shutdown import exit_within
 from robots.shared.sentences import Sentence, reason_of, say
 from robots.supervisor.process_keeper import (
@@ -34,7 +35,6 @@ from robots.supervisor.process_keeper import (
     NEXT_START,
     Keeper,
     Program,
-    RestartBudget,
 )
 from robots.supervisor.ros_environment import WrapperMissing, ros_environment
 

@@ -11,18 +11,14 @@ All times are arguments: seconds of one monotonic clock.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import logging
-import os
 import signal
 import subprocess
-import time
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import IO
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from robots.registry.models import BridgeStatus
+from robots.shared.processes.restarts import RestartBudget
 from robots.shared.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED
 from robots.shared.sentences import Sentence, catalogued, say
 
@@ -36,69 +32,6 @@ TERMINATE_S = 3.0  # after the life line was closed
 KILL_S = 4.5
 NAME_LOST_S = 2.0  # pause after a lost name; not the program's fault, so the budget does not count it
 NEXT_START = catalogued("{why}; next start in {wait:g} s")
-LOCK = "fleet.lock"  # in the run directory; the supervisor holds it
-LOCK_TRIES = 5  # `supervised` may hold the lock for a moment
-LOCK_TRY_S = 0.02
-
-
-class AlreadySupervised(Exception):
-    """Another supervisor holds the lock; the text is the id of its process."""
-
-
-@contextlib.contextmanager
-def only_instance(path: Path) -> Iterator[None]:
-    """Context: hold the lock file. Raises `AlreadySupervised`. The lock ends with the process at the latest."""
-    with path.open("a+") as lock:
-        if not _acquired(lock):
-            lock.seek(0)
-            raise AlreadySupervised(lock.read().strip())
-        lock.truncate(0)
-        lock.write(str(os.getpid()))
-        lock.flush()
-        yield
-
-
-def _acquired(lock: IO[str]) -> bool:
-    for _ in range(LOCK_TRIES):
-        with contextlib.suppress(BlockingIOError):
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return True
-        time.sleep(LOCK_TRY_S)
-    return False
-
-
-def supervised(path: Path) -> bool:
-    """Return whether a running supervisor holds this lock file. A file that a crashed one left does not count."""
-    try:
-        with path.open() as lock:
-            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except FileNotFoundError:
-        return False
-    except BlockingIOError:
-        return True
-    return False
-
-
-@dataclass
-class RestartBudget:
-    """Pauses before a program that ended is started again, in seconds."""
-
-    first_s: float = 0.5
-    longest_s: float = 8.0
-    falls: int = 6
-    window_s: float = 60.0
-    rest_s: float = 60.0
-    _fallen_at: list[float] = field(default_factory=list)
-
-    def wait_s(self, now_s: float) -> float:
-        """Return the pause (s) after an end at `now_s`.
-
-        The pause doubles each time; it is `rest_s` after more than `falls` ends within `window_s`.
-        """
-        self._fallen_at = [at for at in self._fallen_at if now_s - at < self.window_s] + [now_s]
-        if len(self._fallen_at) > self.falls:
-            return self.rest_s
-        return float(min(self.first_s * 2 ** (len(self._fallen_at) - 1), self.longest_s))
 
 
 @dataclass(frozen=True)

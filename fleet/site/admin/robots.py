@@ -32,8 +32,8 @@ from robots.access.services import role_set
 from robots.registry import services, shipped_profiles
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.registry.selectors import free_slug, last_editor
+from robots.shared.processes.one_supervisor import LOCK, supervised
 from robots.shared.sentences import of_parts
-from robots.supervisor.process_keeper import LOCK, supervised
 
 
 class ReadableJSON(json.JSONEncoder):

@@ -14,8 +14,8 @@ from fleet.audit.models import Record
 from fleet.site.admin.robots import ReadableJSON
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.registry.services import bridge_status_set, profile_save, robot_save
+from robots.shared.processes.one_supervisor import LOCK, only_instance
 from robots.shared.sentences import say
-from robots.supervisor.process_keeper import LOCK, only_instance
 
 
 @pytest.fixture

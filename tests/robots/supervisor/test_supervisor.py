@@ -15,6 +15,8 @@ import pytest
 
 from robots.registry.models import BridgeStatus
 from robots.shared.processes import last_words
+from robots.shared.processes.one_supervisor import AlreadySupervised, only_instance, supervised
+from robots.shared.processes.restarts import RestartBudget
 from robots.shared.processes.shutdown import EXIT_NAME_LOST, EXIT_NOT_JOINED
 from robots.shared.sentences import Sentence, say
 from robots.supervisor.fleet_supervisor import eager
@@ -22,12 +24,8 @@ from robots.supervisor.process_keeper import (
     KILL_S,
     STEADY_S,
     TERMINATE_S,
-    AlreadySupervised,
     Keeper,
     Program,
-    RestartBudget,
-    only_instance,
-    supervised,
 )
 from tests.processes import until
 from tests.robots.support import STUBBORN, FakePrograms

@@ -9,8 +9,8 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 
 from robots.link.stop_courier import courier
 from robots.registry.models import Robot
+from robots.shared.processes.one_supervisor import LOCK, AlreadySupervised, only_instance
 from robots.supervisor.fleet_supervisor import Fleet, Stopping, supervise, wait_shortly
-from robots.supervisor.process_keeper import LOCK, AlreadySupervised, only_instance
 
 
 class Command(BaseCommand):
