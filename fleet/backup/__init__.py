@@ -1,0 +1,1 @@
+"""Backups: one archive of the console, its way back, and the check that it can come back."""
