@@ -7,6 +7,7 @@ the memory caches, of the process that answers pages. `fleet.site.sign_in_queue`
 from __future__ import annotations
 
 import os
+import selectors
 import subprocess
 import sys
 from pathlib import Path
@@ -19,10 +20,11 @@ from django.contrib.auth.hashers import BCryptSHA256PasswordHasher
 
 PROCESSES = min(4, os.cpu_count() or 1)
 PROGRAM = Path(__file__).with_name("hash_process.py")
+ANSWER_S = 30.0  # a hundred times a hash: its priority is the lowest, and others may use every core
 
 
 class HashProcess:
-    """A process that hashes; it starts at the first use, and again if it has ended."""
+    """A process that hashes; it starts at the first use, and again if it has ended or does not answer."""
 
     def __init__(self) -> None:
         self._running: subprocess.Popen[bytes] | None = None
@@ -30,16 +32,18 @@ class HashProcess:
     def hash(self, text: bytes, salt: bytes) -> bytes:
         """Return the hash of a text without spaces."""
         line = b"%s %s\n" % (text, salt)
-        for running in (self._running, None):
-            answer = self._ask(running or self._start(), line)
-            if answer:
+        for _attempt in range(2):
+            self._running = self._running or self._start()
+            if answer := self._ask(self._running, line):
                 return answer
+            self._running.kill()  # also one that is stopped: else it would keep its place for ever
+            self._running.communicate()
+            self._running = None
         raise RuntimeError("The process that hashes passwords does not answer.")
 
     def _start(self) -> subprocess.Popen[bytes]:
         pipe = subprocess.PIPE
-        self._running = subprocess.Popen([sys.executable, str(PROGRAM)], stdin=pipe, stdout=pipe)  # noqa: S603
-        return self._running
+        return subprocess.Popen([sys.executable, str(PROGRAM)], stdin=pipe, stdout=pipe)  # noqa: S603
 
     def _ask(self, running: subprocess.Popen[bytes], line: bytes) -> bytes:
         asks: IO[bytes] = running.stdin  # type: ignore[assignment]  # both are pipes
@@ -47,9 +51,16 @@ class HashProcess:
         try:
             asks.write(line)
             asks.flush()
-            return answers.readline().strip()
+            return answers.readline().strip() if _readable(answers) else b""
         except OSError:  # the process was killed
             return b""
+
+
+def _readable(answers: IO[bytes]) -> bool:
+    """Return whether an answer comes in time."""
+    with selectors.DefaultSelector() as selector:
+        selector.register(answers, selectors.EVENT_READ)
+        return bool(selector.select(ANSWER_S))
 
 
 _free: LifoQueue[HashProcess] = LifoQueue()  # the last one used is awake
