@@ -19,8 +19,9 @@ from django.core.wsgi import get_wsgi_application
 from django.db import close_old_connections
 from django.http import FileResponse
 
-from fleet.site.sign_in_queue import AT_ONCE as SIGN_INS_AT_ONCE
-from fleet.site.sign_in_queue import SignInQueue, queued
+from fleet.site import sign_in_queue
+from fleet.site.pages.unavailable import TOO_MANY_SIGN_INS
+from fleet.site.sign_in_queue import QueueFull, SignInQueue, queued
 from robots.shared.processes.scheduling import ask_for_stop_priority
 from teleop.api.v1.framework.long_poll import LongPoll
 
@@ -94,9 +95,8 @@ class PagesHandler(OneThreadHandler):
 
     AT_ONCE = 8
     SLOW_S = 0.25
-    THREADS = (
-        20 + SIGN_INS_AT_ONCE + AT_ONCE
-    )  # even if sign-ins and robots keep many busy, pages have `AT_ONCE`
+    # Even if sign-ins and robots keep many busy, pages have `AT_ONCE`
+    THREADS = 20 + sign_in_queue.AT_ONCE + sign_in_queue.OWN_AT_ONCE + AT_ONCE
 
     def __init__(self) -> None:
         super().__init__()
@@ -116,8 +116,11 @@ class PagesHandler(OneThreadHandler):
         if not queued(environ):
             await super()._answer(environ, send)
             return
-        async with self._sign_ins.turn(environ):
-            await _to_the_end(asyncio.ensure_future(super()._answer(environ, send)))
+        try:
+            async with self._sign_ins.turn(environ):
+                await _to_the_end(asyncio.ensure_future(super()._answer(environ, send)))
+        except QueueFull:
+            await super()._answer({**environ, TOO_MANY_SIGN_INS: "1"}, send)
 
     @asynccontextmanager
     async def _place(self) -> AsyncIterator[None]:

@@ -1,6 +1,6 @@
 """Answer with 503 if the database is locked, full or does not answer: a page for people, JSON for scripts.
 
-Also with 429 if a person makes too many changes.
+Also with 429 if a person makes too many changes, and with 503 if too many people sign in.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from robots.shared.wire import Refusal
 logger = logging.getLogger(__name__)
 
 RETRY_AFTER_S = 5
+TOO_MANY_SIGN_INS = "fleet.too_many_sign_ins"  # set in a request by the queue of sign-ins
+_TOO_MANY = Refusal("busy", say("Many people sign in at this moment. Try again in a moment."), "limits")
 
 
 class UnavailableInWords:
@@ -31,7 +33,9 @@ class UnavailableInWords:
         self._get_response = get_response
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:
-        """Return the response unchanged; `process_exception` handles errors."""
+        """Refuse what the queue of sign-ins refused; `process_exception` handles errors of others."""
+        if TOO_MANY_SIGN_INS in request.META:
+            return _response(request, _TOO_MANY, 503, RETRY_AFTER_S)
         return self._get_response(request)
 
     def process_exception(self, request: HttpRequest, error: Exception) -> HttpResponse | None:

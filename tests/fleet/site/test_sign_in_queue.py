@@ -5,8 +5,19 @@ import json
 import threading
 from contextlib import suppress
 
+import pytest
+
 from fleet.site.handler import PagesHandler
-from fleet.site.sign_in_queue import AT_ONCE, PLACE, SignInQueue
+from fleet.site.pages.unavailable import RETRY_AFTER_S
+from fleet.site.sign_in_queue import (
+    AT_ONCE,
+    MOST_OF_NETWORK,
+    MOST_WAITING,
+    OWN_AT_ONCE,
+    PLACE,
+    QueueFull,
+    SignInQueue,
+)
 
 
 def sign_in(ticket="", address="10.0.0.1", path="/accounts/sign-in/", method="POST"):
@@ -58,6 +69,68 @@ async def test_a_network_with_many_requests_delays_only_itself():
     end.set()
     await asyncio.gather(*flood, student)
     assert order.index("student") <= AT_ONCE + 1
+
+
+async def waiting(queue, number, address, **request):
+    """Let this many requests of an address wait."""
+
+    async def one():
+        async with queue.turn(sign_in(address=address, **request)):
+            await asyncio.Event().wait()
+
+    tasks = [asyncio.ensure_future(one()) for _ in range(number)]
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    return tasks
+
+
+async def test_the_queue_is_bounded_for_a_network_and_for_all():
+    queue = SignInQueue()
+    tasks = await waiting(queue, AT_ONCE + MOST_OF_NETWORK, "10.0.0.1")
+    with pytest.raises(QueueFull):
+        await queue.turn(sign_in(address="10.0.0.1")).__aenter__()
+    tasks += await waiting(queue, MOST_WAITING - MOST_OF_NETWORK, "10.0.0.2")
+    with pytest.raises(QueueFull):
+        await queue.turn(sign_in(address="10.0.0.3")).__aenter__()
+    async with queue.turn(sign_in(address="10.0.0.1", path="/accounts/password/")):
+        pass  # a signed-in person waits behind no stranger
+    tasks += await waiting(queue, OWN_AT_ONCE + 1, "10.0.0.4", path="/accounts/again/")
+    assert place(queue, "1") == {"ahead": None, "waiting": MOST_WAITING}
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
+    async with queue.turn(sign_in()):
+        pass
+
+
+@pytest.mark.parametrize("path", ["/accounts/password/forgotten/", "/accounts/password/new/1-2/"])
+async def test_strangers_have_no_turns_of_signed_in_people(path):
+    queue = SignInQueue()
+    tasks = await waiting(queue, AT_ONCE, "10.0.0.1")
+    tasks += await waiting(queue, 1, "10.0.0.1", path=path)
+    assert place(queue, "1")["waiting"] == 1
+    for task in tasks:
+        task.cancel()
+
+
+@pytest.mark.django_db
+async def test_a_full_queue_says_so_with_code_and_time(monkeypatch):
+    monkeypatch.setattr("fleet.site.sign_in_queue.MOST_WAITING", 0)
+    for accept, words in (("text/html", "Many people sign in"), ("application/json", '"code": "busy"')):
+        events, sent = [{"type": "http.request"}], []
+
+        async def receive(events=events):
+            return events.pop() if events else await asyncio.Event().wait()
+
+        async def send(event, sent=sent):
+            sent.append(event)
+
+        headers = [(b"accept", accept.encode()), (b"host", b"testserver")]
+        scope = {"method": "POST", "path": "/accounts/sign-in/", "query_string": b"", "headers": headers}
+        await PagesHandler()({**scope, "scheme": "http", "http_version": "1.1"}, receive, send)
+        assert sent[0]["status"] == 503
+        assert (b"Retry-After", b"%d" % RETRY_AFTER_S) in sent[0]["headers"]
+        assert words in sent[1]["body"].decode()
 
 
 async def test_who_leaves_keeps_the_turn_until_the_thread_is_free(monkeypatch):
