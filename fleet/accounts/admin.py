@@ -26,7 +26,7 @@ from django.utils.translation import gettext_lazy as _
 from django.utils.translation import gettext_noop
 
 from fleet.accounts import services
-from fleet.accounts.models import SignIn, User
+from fleet.accounts.models import Erasure, SignIn, User
 from fleet.accounts.requests import person_of
 from fleet.accounts.sign_in import second_factor
 from fleet.audit.admin import ReadOnly
@@ -136,7 +136,13 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
     def save_model(self, request: HttpRequest, obj: User, form: ModelForm[User], change: bool) -> None:
         """Save a new or changed account. The record names the signed-in person as the actor."""
         obj.changed_by = person_of(request)
+        was_to_be_erased = Erasure.objects.filter(person=obj).exists()
         super().save_model(request, obj, form, change)
+        if was_to_be_erased and not Erasure.objects.filter(person=obj).exists():
+            text = _(
+                "The account is open again, and its person is not erased. Bookings that ended stay ended."
+            )
+            self.message_user(request, text, messages.SUCCESS)
 
     def user_change_password(self, request: HttpRequest, id: str, form_url: str = "") -> HttpResponse:
         """Change a person's password: their sign-ins and tokens end.

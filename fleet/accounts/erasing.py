@@ -1,7 +1,7 @@
 """Erase people who were chosen on a page: their accounts close at once, housekeeping erases them soon after.
 
 What still happens may contain the name: the end of control, and refusals, which are collected for 10 s before they
-are recorded. After `WAIT` it is on record and can be erased, too.
+are recorded. After `WAIT` it is on record and can be erased, too. Who opens an account again before cancels that.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ import uuid
 from typing import Any
 
 from django.contrib.sessions.models import Session
-from django.db import models
+from django.db import models, transaction
 from django.db.models.functions import Lower
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
@@ -65,9 +65,16 @@ class User(RecordedUser):
         require_names(self, before)
 
     def save(self, **options: Any) -> None:
-        """Save the account. The e-mail address is stored in lower case, because addresses are compared so."""
+        """Save the account. The e-mail address is stored in lower case, because addresses are compared so.
+
+        An account that is opened again is not erased.
+        """
         self.email = self.email.lower()
-        super().save(**options)
+        fields = options.get("update_fields")
+        with transaction.atomic():
+            super().save(**options)
+            if self.is_active and (fields is None or "is_active" in fields):
+                Erasure.objects.filter(person=self, claimed_at=None).delete()
 
     @property
     def display_name(self) -> str:
@@ -139,7 +146,7 @@ class SignInAttempt(models.Model):
 
 
 class Erasure(models.Model):
-    """A person who will be erased for good. The account is closed; see `erasing`."""
+    """A person who will be erased for good, unless the closed account is opened again before; see `erasing`."""
 
     person = models.OneToOneField(User, on_delete=models.CASCADE, related_name="erasure")
     asked_by = models.ForeignKey(User, on_delete=models.CASCADE, related_name="+")

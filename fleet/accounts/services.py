@@ -190,7 +190,7 @@ def account_erase(*, user: User, actor: User | SystemAccount) -> Record:
     nobody = {"username": f"erased-{user.pk}", "full_name": pseudonym(str(user.pk)), "email": ""}
 
     def forget() -> None:
-        account.update(**nobody)
+        account.update(**nobody, is_active=False)  # staff may have opened it meanwhile
         erased.send(sender=User, user=user)
 
     return erase(

@@ -13,8 +13,8 @@ from asgiref.sync import async_to_sync
 from django.test import Client
 from django.utils import timezone
 
-from fleet.accounts.erasing import WAIT, erase_next
-from fleet.accounts.models import User
+from fleet.accounts.erasing import AGAIN, WAIT, erase_next, erasures_ask
+from fleet.accounts.models import Erasure, User
 from fleet.audit.models import Record
 from fleet.audit.services import record
 from fleet.bookings.models import Booking, State
@@ -63,6 +63,24 @@ def test_people_are_erased_after_a_look_at_their_bookings(
     assert User.objects.filter(username__startswith="erased-").count() == 2
     erased = Record.objects.filter(kind="audit.erase")
     assert {one.actor_id for one in erased} == {str(staff.pk)}
+
+
+@pytest.mark.parametrize("claimed", [False, True])
+def test_an_account_that_is_opened_again_is_not_erased(
+    claimed: bool, signed_in: SignIn, staff: User, operator: User
+) -> None:
+    erasures_ask(people=[operator], actor=staff, now=timezone.now())
+    if claimed:  # too late: a process erases the person now
+        Erasure.objects.update(claimed_at=timezone.now())
+    User.objects.get(pk=operator.pk).save(update_fields=["full_name"])
+    assert Erasure.objects.exists()
+    opened = {"username": "operator", "full_name": "Olga", "email": "", "is_active": "on"}
+    page = signed_in(staff).post(f"{PEOPLE}{operator.pk}/change/", opened, follow=True)
+    assert ("is not erased" in page.text) is not claimed
+    later = timezone.now() + WAIT + AGAIN
+    assert erase_next(later) is claimed
+    operator.refresh_from_db()
+    assert (operator.username == "operator", operator.is_active) == (not claimed, not claimed)
 
 
 def content(answer: Any) -> str:
