@@ -43,12 +43,15 @@ def during(request: HttpRequest) -> Iterator[None]:
 
 
 def usual_origin() -> str:
-    """Return the origin of the running request; without one, that of the settings; blank if they do not tell it.
+    """Return the origin of the running request; without one, `settled_origin`."""
+    return public_origin(request) if (request := _request.get()) is not None else settled_origin()
+
+
+def settled_origin() -> str:
+    """Return the origin by the settings alone, as letters without a request name it; blank if they do not tell it.
 
     Plain http has a port, which only a request knows.
     """
-    if (request := _request.get()) is not None:
-        return public_origin(request)
     if (origin := _of_settings()) or not settings.FLEET_TLS:
         return origin
     reachable = [host for host in _hosts() if not _is_loopback(host)]

@@ -277,9 +277,13 @@ class PasswordLink(models.Model):
     )
     digest = models.CharField(max_length=64, unique=True)  # SHA-256 of the link's code
     sealed = models.TextField()  # the code, encrypted, so that the same link can be shown again
-    mark = models.CharField(max_length=16)  # of the account's password: a later password ends the link
-    # Others than staff have seen the link: it ends when the account gets more than enrolments
-    seen = models.BooleanField(default=False)
+    mark = models.CharField(max_length=16)  # of password and last sign-in: later ones end the link
+    # When others saw the link of an account that nobody had used: it ends when the account gains anything later
+    seen_at = models.DateTimeField(null=True, blank=True)
+    # Who alone saw it; None: several people, or whoever opened an invitation
+    seen_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL, null=True, blank=True, on_delete=models.SET_NULL, related_name="+"
+    )
     expires_at = models.DateTimeField()
 
     def __str__(self) -> str:

@@ -9,6 +9,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
+from allauth.mfa.models import Authenticator
 from django.core import mail
 from django.test import Client
 from django.utils import timezone
@@ -17,8 +18,8 @@ from fleet.accounts.mail import off
 from fleet.accounts.models import User
 from fleet.accounts.sign_in import throttle
 from fleet.audit.models import Record
-from robots.access.enrolment import enrol_list, invitation_make
-from robots.access.models import Course, Enrolment, PasswordLink, Qualification
+from robots.access.enrolment import enrol, enrol_list, invitation_make
+from robots.access.models import Course, Enrolment, PasswordLink, Qualification, QualificationGrant
 from robots.access.password_links import codes_of, link_of, may_see, untouched
 from robots.access.people_lists.reading import read_people
 from robots.access.services import qualification_grant
@@ -68,7 +69,7 @@ def test_a_supervisor_prints_the_links_of_all_who_have_none(
     assert sheet.text.count("<svg") >= 2 and "Ada" in sheet.text and student.full_name not in sheet.text
     assert "no-store" in sheet["Cache-Control"]
     assert codes_in(client.post("/courses/hri-2026/links/", {"person": [str(ada.pk)]})) == [first]
-    assert Client().post(f"/welcome/{first}/", FORM).url == "/accounts/sign-in/"
+    assert Client().post(f"/welcome/{first}/", FORM).url == "/"
     assert Client().login(username="ada", password=PASSWORD)
     assert Client().post(f"/welcome/{first}/", FORM).status_code == 410
     assert codes_in(client.post("/courses/hri-2026/links/")) == [second]
@@ -90,9 +91,8 @@ def test_new_links_end_the_old_ones(signed_in: SignIn, teacher: User, course: Co
 def test_staff_show_a_link_for_a_forgotten_password(
     signed_in: SignIn, staff: User, operator: User, supervisor: User, robot: Robot
 ) -> None:
-    client = signed_in(staff)
+    client, theirs = signed_in(staff), signed_in(operator)
     [code] = codes_in(client.post(f"/people/{operator.pk}/link/"))
-    theirs = signed_in(operator)
     new = {"new_password1": "another long walk", "new_password2": "another long walk"}
     assert Client().post(f"/welcome/{code}/", new).status_code == 302
     assert theirs.get("/access/").status_code == 401  # signed out
@@ -159,6 +159,94 @@ def test_a_supervisor_gets_no_rights_of_another_course(
     assert may_see(teacher, [newcomer("mallory")]) == set()  # in no course of theirs
 
 
+def _qualification(person: User, by: User) -> None:
+    exam, _made = Qualification.objects.get_or_create(name="Exam", slug="exam")
+    qualification_grant(qualification=exam, people=[person], expires_at=None, actor=by)
+
+
+GAINS: dict[str, Callable[..., Any]] = {
+    "an enrolment": lambda person, staff, other, **_: enrol(course=other, people=[person], actor=staff),
+    "a qualification": lambda person, staff, **_: _qualification(person, staff),
+    "a supervisor's role": lambda person, robot, **_: _role(person, robot),
+}
+
+
+@pytest.mark.parametrize("what", GAINS)
+@pytest.mark.parametrize("viewer", ["teacher", "staff", "whoever opens the invitation"])
+def test_a_seen_link_ends_when_its_account_gains_by_other_hands(
+    what: str,
+    viewer: str,
+    signed_in: SignIn,
+    teacher: User,
+    course: Course,
+    other_course: Course,
+    robot: Robot,
+    join: str,
+    ada: User,
+) -> None:
+    chief = User.objects.create_user("chief", is_staff=True)
+    if viewer == "whoever opens the invitation":
+        sheet = Client().post(join, {"known_as": "ada@example.org"}, follow=True)
+        code = sheet.redirect_chain[-1][0].split("/")[2]
+    else:
+        client = signed_in(teacher if viewer == "teacher" else User.objects.create_user("s", is_staff=True))
+        [code] = codes_in(client.post(f"/people/{ada.pk}/link/"))
+    unseen = codes_of([newcomer("eve", course)])
+    assert link_of(code).person == ada
+    for person in User.objects.filter(pk__in=[ada.pk, *unseen]):
+        GAINS[what](person, staff=chief, other=other_course, robot=robot)
+    assert link_of(code) is None
+    assert Client().post(f"/welcome/{code}/", FORM).status_code == 410
+    assert all(link_of(one) for one in unseen.values())  # e-mailed: nobody else has it
+    [new] = codes_in(signed_in(chief).post(f"/people/{ada.pk}/link/"))
+    assert new != code and link_of(new).person == ada
+
+
+def test_own_hands_do_not_end_a_link_until_another_has_seen_it(
+    signed_in: SignIn, staff: User, teacher: User, ada: User
+) -> None:
+    [code] = codes_in(signed_in(teacher).post(f"/people/{ada.pk}/link/"))
+    _qualification(ada, teacher)
+    assert codes_in(signed_in(teacher).post(f"/people/{ada.pk}/link/")) == [code]
+    assert codes_in(signed_in(staff).post(f"/people/{ada.pk}/link/")) == [code]
+    assert link_of(code).person == ada
+    QualificationGrant.objects.all().delete()
+    _qualification(ada, teacher)
+    assert link_of(code) is None
+
+
+def test_a_sign_in_ends_every_link(ada: User) -> None:
+    code = codes_of([ada])[ada.pk]
+    Client().force_login(ada)
+    assert link_of(code) is None
+
+
+# --- signed in at once ----------------------------------------------------------------------------
+
+
+def test_who_sets_a_password_by_a_link_is_signed_in(ada: User) -> None:
+    client = Client()
+    client.get("/")
+    answer = client.post(f"/welcome/{codes_of([ada])[ada.pk]}/", FORM, follow=True)
+    assert "Your user name is ada" in answer.text and answer.wsgi_request.user == ada
+    assert Record.objects.filter(kind="account.sign_in", actor_id=str(ada.pk)).count() == 1
+    assert ada.sign_ins.count() == 1
+
+
+def test_a_second_factor_is_asked_for_after_a_link(ada: User, staff: User) -> None:
+    Authenticator.objects.create(user=ada, type=Authenticator.Type.TOTP, data={"secret": "x"})
+    client = Client()
+    answer = client.post(f"/welcome/{codes_of([ada])[ada.pk]}/", FORM)
+    assert "second-factor" in answer.url and client.get("/access/").status_code == 401
+
+
+def test_a_link_signs_nobody_else_out(signed_in: SignIn, teacher: User, ada: User) -> None:
+    client = signed_in(teacher)
+    assert client.post(f"/welcome/{codes_of([ada])[ada.pk]}/", FORM).url == "/"
+    assert client.get("/access/").wsgi_request.user == teacher
+    assert Client().login(username="ada", password=PASSWORD)
+
+
 # --- no mail server -------------------------------------------------------------------------------
 
 
@@ -196,6 +284,10 @@ def test_staff_test_the_mail_server(
 
     monkeypatch.setattr(mail.backends.locmem.EmailBackend, "send_messages", refuse)
     assert "refused by mail.example.org" in client.post("/mail/", {"to": "me@example.org"}).text
+    assert "letters that no page sends have no links" in client.get("/mail/").text
+    settings.FLEET_ORIGINS = ["https://fleet.example:8443"]
+    page = client.get("/mail/").text
+    assert "https://fleet.example:8443" in page and "have no links" not in page
     outcomes = Record.objects.filter(kind="account.email_test").order_by("pk")
     assert [one.outcome for one in outcomes] == ["sent", "failed"]
     assert signed_in(teacher).get("/mail/").status_code == 403
@@ -218,7 +310,8 @@ def test_an_invitation_finds_the_person_of_the_list(typed: str, join: str, cours
     assert 'name="known_as"' in client.get(join).text
     page = client.post(join, {"known_as": typed}, follow=True)
     assert "Welcome, Ada" in page.text
-    assert client.post(page.redirect_chain[-1][0], FORM).url == "/accounts/sign-in/"
+    assert client.post(page.redirect_chain[-1][0], FORM).url == "/"
+    assert client.get("/access/").status_code == 200  # signed in
     assert Client().login(username="ada", password=PASSWORD)
     assert User.objects.filter(full_name="Ada").count() == 1
     shown = Record.objects.get(kind="account.link")

@@ -13,6 +13,7 @@ from django.views.decorators.http import require_http_methods
 from fleet.accounts.mail.off import is_off
 from fleet.accounts.mail.trial import trial
 from fleet.accounts.requests import staff_of
+from fleet.base.origin import settled_origin
 
 
 class TrialForm(forms.Form):
@@ -29,6 +30,7 @@ def mail(request: HttpRequest) -> HttpResponse:
         "form": form,
         "server": f"{settings.EMAIL_HOST}:{settings.EMAIL_PORT}",
         "sender": settings.DEFAULT_FROM_EMAIL,
+        "origin": settled_origin(),
     }
     if form.is_valid() and not is_off():
         context |= {"to": form.cleaned_data["to"], "fault": trial(to=form.cleaned_data["to"], actor=staff)}

@@ -40,7 +40,7 @@ def join(request: HttpRequest, code: str) -> HttpResponse:
     signed_in = isinstance(request.user, User)
     known = None if signed_in else _known_in(request, invitation)
     if known is not None and "device" in request.POST:
-        return _sign_in(request, known)
+        return _sign_in(request, known, "known_device")
     if known is not None and request.method != "POST" and "new" not in request.GET:
         return _join_page(request, invitation, known=known)
     if not signed_in and "known_as" in request.POST:
@@ -64,9 +64,9 @@ def _known_in(request: HttpRequest, invitation: Invitation) -> User | None:
     return person if inside else None
 
 
-def _sign_in(request: HttpRequest, person: User) -> HttpResponse:
-    """Sign in the person whose own device this is, without the password; a second factor is asked for."""
-    record_authentication(request, person, method="known_device")
+def _sign_in(request: HttpRequest, person: User, method: str) -> HttpResponse:
+    """Sign in a person who needs not type a password now; a second factor is asked for."""
+    record_authentication(request, person, method=method)
     with transaction.atomic():
         answer: HttpResponse = perform_login(request, person, redirect_url=reverse("fleet"))
     return answer
@@ -97,9 +97,8 @@ def _join(request: HttpRequest, invitation: Invitation, form: JoinForm) -> HttpR
     with transaction.atomic():
         person.save()
         invitation_accept(invitation=invitation, person=person, now=now)
-    text = _("You are in the course %s. Sign in with your new account.")
-    messages.success(request, text % invitation.course.name)
-    return redirect("sign-in")
+    messages.success(request, _("You are in the course %s.") % invitation.course.name)
+    return _sign_in(request, person, "password")
 
 
 def _join_page(
@@ -119,7 +118,7 @@ def _join_page(
 @login_not_required
 @require_http_methods(["GET", "HEAD", "POST"])
 def welcome(request: HttpRequest, code: str) -> HttpResponse:
-    """Set the password of an account, by the person's link."""
+    """Set the password of an account, by the person's link, and sign the person in."""
     link = password_links.link_of(code)
     if link is None:
         return render(request, "access/joining/welcome.html", status=410)
@@ -132,9 +131,10 @@ def welcome(request: HttpRequest, code: str) -> HttpResponse:
     person.set_password(form.cleaned_data["new_password1"])
     if not password_links.password_set(link, person):
         return render(request, "access/joining/welcome.html", status=410)
-    text = _("Your password is set. Sign in with the user name %s.")
-    messages.success(request, text % person.username)
-    return redirect("sign-in")
+    messages.success(request, _("Your password is set. Your user name is %s.") % person.username)
+    if isinstance(request.user, User) and request.user != person:
+        return redirect("fleet")  # somebody else's browser: they stay signed in
+    return _sign_in(request, person, "password")
 
 
 def _welcome_page(request: HttpRequest, form: SetPasswordForm[User], status: int) -> HttpResponse:
