@@ -96,17 +96,28 @@ class RecordBody(NamedTuple):
     parameters: dict[str, Any]
     text: str = ""
     private: dict[str, Any] = {}
+    outcome: str = ""
 
 
 def record_all(
-    kind: str, several: Sequence[RecordBody], *, actor: AbstractUser | SystemAccount | None
+    kind: str,
+    several: Sequence[RecordBody],
+    *,
+    actor: AbstractUser | SystemAccount | None,
+    robot_id: uuid.UUID | None = None,
+    robot_name: str = "",
 ) -> None:
-    """Append records of one kind and one actor, without robot, in this order.
+    """Append records of one kind, one actor and one robot, or without robot, in this order.
 
     Raises the same errors as `record`.
     """
     people = {_id_of(actor): actor} if actor else {}
-    new = [_new(kind, body, actor_id=_id_of(actor) if actor else None) for body in several]
+    common = {
+        "actor_id": _id_of(actor) if actor else None,
+        "robot_id": robot_id,
+        "robot_name": _short(robot_name),
+    }
+    new = [_new(kind, body, outcome=_short(body.outcome), **common) for body in several]
     for record_, _ in new:
         _copy_from_request(record_, None, None)
     with _as_audit_unavailable(), transaction.atomic(savepoint=False):

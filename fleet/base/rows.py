@@ -31,6 +31,13 @@ def read(query: str, values: Sequence[object]) -> list[tuple[Any, ...]]:
     return found
 
 
+def write_all(query: str, several: Sequence[Sequence[object]]) -> None:
+    """Run a query that writes, once for each of these rows of values."""
+    if several:
+        with connection.cursor() as cursor:
+            cursor.executemany(query, [[_stored(value) for value in values] for values in several])
+
+
 def models(kind: type[M], query: str, values: Sequence[object]) -> list[M]:
     """Return models for the rows of a query.
 

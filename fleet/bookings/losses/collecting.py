@@ -20,6 +20,7 @@ from fleet.accounts.models import User
 from fleet.audit.command_line import SystemAccount
 from fleet.bookings.messages.notifications import Words, changed_by_another
 from fleet.bookings.models import Booking
+from fleet.bookings.services import TIMES
 
 
 class How(TextChoices):
@@ -36,7 +37,6 @@ class How(TextChoices):
 
 
 Actor = User | SystemAccount
-FIELDS = ("state", "ends_at", "held_until", "offer_until")
 
 
 class Loss(Struct):
@@ -44,7 +44,7 @@ class Loss(Struct):
 
     booking: Booking
     how: How
-    before: dict[str, Any]  # `FIELDS` before the change
+    before: dict[str, Any]  # `TIMES` before the change
     why: Words = str  # in the language that is active when it is called
 
 
@@ -101,4 +101,4 @@ def lost(
 
 def kept_of(booking: Booking) -> dict[str, Any]:
     """Return the fields of a booking that a loss may change."""
-    return {name: getattr(booking, name) for name in FIELDS}
+    return {name: getattr(booking, name) for name in TIMES}

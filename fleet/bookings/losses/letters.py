@@ -63,7 +63,7 @@ def _write(lines: list[Line], actor: Actor, now: datetime, of_many: Callable[[in
             subject = _subject(theirs, of_many)
             text = [*(_in_words(line, zone) for line in theirs), _("Changed by %(name)s.") % {"name": by}]
         about = [line.booking for line in theirs]
-        notification_write(to=person, subject=subject, text="\n".join(text), now=now, about=about)
+        notification_write(to=person, subject=subject, text="\n".join(text), now=now, about=about, later=True)
 
 
 def _subject(lines: list[Line], of_many: Callable[[int], str]) -> str:

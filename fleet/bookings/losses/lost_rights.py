@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from datetime import datetime
 from functools import partial
 from typing import Any
@@ -21,20 +21,18 @@ from fleet.accounts.services import erased
 from fleet.audit.errors import AuditUnavailable
 from fleet.base.formats.sentences import words_of
 from fleet.bookings.losses.collecting import Actor, How, collected, kept_of, lost
+from fleet.bookings.losses.rights import Wanted, wishes_of
 from fleet.bookings.models import Booking, Shared, State
 from fleet.bookings.rules import Slot, Wish, lost_right, qualified
-from fleet.bookings.selectors import wish_of
-from fleet.bookings.services import BookingRefused, record_booking, robot_locked, save_booking
-from robots.access.selectors import lab_date, lacking, robots_of, roles_on
+from fleet.bookings.services import BookingRefused, record_bookings, robots_locked, save_times
+from robots.access.selectors import lab_date, robots_of
 from robots.access.signals import access_changed, access_changing, publish_access_changed
-from robots.registry.models import Robot, Role
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 
 log = logging.getLogger(__name__)
 
 _RIGHTS = ("is_active", "is_staff")
-_READ = ("person", "robot", "course")
 LESSONS = Q(shared=Shared.COURSE)
 _COURSE_OVER = Refusal("course_over", "This course is over.", "booking")
 _CLOSED = Refusal("account_inactive", "This account is closed; ask the staff.", "account")
@@ -47,64 +45,48 @@ def bookings_free_lost(people: Collection[UUID] | None, now: datetime) -> int:
     the booking is shortened.
 
     A booking that was made against the policy, with a reason, stays while its person has an account: control will be
-    refused if the person still has no right then. With None, only bookings of people who may not drive the robot now
-    are checked. The lessons of an archived course are freed, whoever gives them.
+    refused if the person still has no right then. The lessons of an archived course are freed, whoever gives them.
     """
     held = Booking.objects.filter(
         state__in=(State.BOOKED, State.AWAITING, State.OFFERED), held_until__gt=now
     ).filter(held_until__gt=F("starts_at"))
-    upcoming = held.exclude(overridden=True, person__is_active=True)
-    if people is not None:
-        upcoming = upcoming.filter(person_id__in=people)
-    found = _doubtful(upcoming, now) if people is None else list(upcoming.select_related(*_READ))
-    lessons = held.filter(LESSONS, course__archived=True).select_related(*_READ)
-    return sum(_free_if_lost(one, now) for one in {one.pk: one for one in [*found, *lessons]}.values())
+    theirs = Q() if people is None else Q(person__in=people)
+    upcoming = theirs & ~Q(overridden=True, person__is_active=True)
+    held = held.filter(upcoming | (LESSONS & Q(course__archived=True)))
+    if not (seen := _lost(held, now)):
+        return 0
+    with robots_locked({one.robot_id for one, _wish in seen}, now):  # meanwhile others may have changed them
+        found = _lost(held.filter(pk__in=[one.pk for one, _wish in seen]), now)
+        ended = [(one, why) for one, wish in found if (why := right_lost(one, wish)) is not None]
+        free(ended, now)
+        gone = {one.pk for one, _why in ended}
+        _shorten([(one, wish) for one, wish in found if one.pk not in gone], now)
+    return len(found)
 
 
-def _doubtful(upcoming: QuerySet[Booking], now: datetime) -> list[Booking]:
-    """Return the bookings of people who may not drive the robot now, with three queries for each robot."""
-    found: list[Booking] = []
-    for robot in Robot.objects.filter(pk__in=upcoming.values("robot")):
-        bookings = list(upcoming.filter(robot=robot).select_related(*_READ))
-        users = {booking.person_id: booking.person for booking in bookings}
-        roles, missing = roles_on(robot.id, users.values()), lacking(robot, users.values(), now)
-        able = {
-            user for user in users if roles.get(user, Role.OBSERVER) >= Role.OPERATOR and user not in missing
-        }
-        found += [booking for booking in bookings if booking.person_id not in able]
-    return found
+def _lost(held: QuerySet[Booking], now: datetime) -> list[tuple[Booking, Wish]]:
+    """Return which of these bookings their people may not use any more, or only a part of them."""
+    found = list(held.select_related("person", "robot", "course"))
+    return [
+        (one, wish) for one, wish in zip(found, _wishes(found, now), strict=True) if not _keeps(one, wish)
+    ]
 
 
-def _free_if_lost(seen: Booking, now: datetime) -> bool:
-    """Free a booking if its person lost the right to it, or free the part after the qualification expires."""
-    if _keeps(seen, wish := _wish_for(seen, now)):
-        return False
-    try:
-        with robot_locked(seen.robot_id, now):
-            booking = Booking.objects.select_related(*_READ).get(pk=seen.pk)
-            if booking.version != seen.version:
-                return False
-            # The collector has locked all robots before: the read facts are still true. Other robots wait meanwhile.
-            if collected() is None and _keeps(booking, wish := _wish_for(booking, now)):
-                return False
-            if (why := right_lost(booking, wish)) is not None:
-                _end(booking, why, now)
-            else:
-                _shorten(booking, wish, now)
-    except BookingRefused:
-        return False
-    return True
+def _wishes(bookings: Collection[Booking], now: datetime) -> list[Wish]:
+    wanted = [
+        Wanted(
+            one.person,
+            one.robot,
+            Slot(now, now) if now > one.starts_at else Slot(one.starts_at, one.ends_at),
+        )
+        for one in bookings
+    ]
+    return wishes_of(wanted, now)
 
 
-def _wish_for(booking: Booking, now: datetime) -> Wish:
-    runs = now > booking.starts_at
-    slot = Slot(now, now) if runs else Slot(booking.starts_at, booking.ends_at)
-    return wish_of(robot=booking.robot, person=booking.person, slot=slot, now=now, moved=booking)
-
-
-def may_still_be_used(booking: Booking, now: datetime) -> bool:
-    """Return whether the person of a booking has the right to it, for all of its time."""
-    return _keeps(booking, _wish_for(booking, now))
+def still_usable(bookings: Collection[Booking], now: datetime) -> set[UUID]:
+    """Return the keys of the bookings to which their people have the right, for all of their time."""
+    return {one.pk for one, wish in zip(bookings, _wishes(bookings, now), strict=True) if _keeps(one, wish)}
 
 
 def _keeps(booking: Booking, wish: Wish) -> bool:
@@ -126,7 +108,7 @@ def lessons_astray(now: datetime) -> dict[UUID, tuple[Booking, Refusal]]:
     lessons = Booking.objects.filter(LESSONS, state=State.BOOKED, starts_at__gt=now, course__archived=False)
     robots: dict[int, set[UUID]] = {}
     found = {}
-    for booking in lessons.filter(held_until__gt=F("starts_at")).select_related(*_READ):
+    for booking in lessons.filter(held_until__gt=F("starts_at")).select_related("person", "robot", "course"):
         course, day = booking.course, lab_date(booking.starts_at)
         if course is None:
             continue
@@ -140,40 +122,49 @@ def lessons_astray(now: datetime) -> dict[UUID, tuple[Booking, Refusal]]:
     return found
 
 
-def free_lesson(booking: Booking, why: Refusal, now: datetime) -> None:
-    """Cancel a lesson to come."""
-    with robot_locked(booking.robot_id, now):
-        _end(booking, why, now)
+def free_lessons(found: Collection[tuple[Booking, Refusal]], now: datetime) -> None:
+    """Cancel lessons to come."""
+    with robots_locked({one.robot_id for one, _why in found}, now):
+        free(found, now)
 
 
-def _end(booking: Booking, why: Refusal, now: datetime) -> None:
-    before = kept_of(booking)
-    how = store_end(booking, why.code, now)
-    lost(booking, how, now, before=before, why=partial(words_of, why))
+def free(found: Collection[tuple[Booking, Refusal]], now: datetime) -> None:
+    """Cancel bookings, or end those that run, each for its reason. The caller has locked their robots."""
+    before = [kept_of(one) for one, _why in found]
+    ends = store_ends([(one, why.code) for one, why in found], now)
+    for (booking, why), kept, how in zip(found, before, ends, strict=True):
+        lost(booking, how, now, before=kept, why=partial(words_of, why))
 
 
-def store_end(booking: Booking, code: str, now: datetime) -> How:
-    """Cancel a booking, or end the one that runs. The caller has locked the robot."""
-    begun = now > booking.starts_at
-    booking.state, booking.offer_until = State.FINISHED if begun else State.CANCELLED, None
-    booking.held_until = now if begun else booking.starts_at
-    save_booking(booking)
-    record_booking("booking.cancel", booking, _actor(), outcome=booking.state, parameters={"why": code})
-    return How.ENDED if begun else How.CANCELLED
+def store_ends(found: Sequence[tuple[Booking, str]], now: datetime) -> list[How]:
+    """Store and record that bookings end, each with the code of its reason. The caller has locked their robots."""
+    ends: list[How] = []
+    for booking, _code in found:
+        begun = now > booking.starts_at
+        booking.state, booking.offer_until = State.FINISHED if begun else State.CANCELLED, None
+        booking.held_until = now if begun else booking.starts_at
+        ends.append(How.ENDED if begun else How.CANCELLED)
+    save_times([one for one, _code in found])
+    facts = [(one, {"outcome": one.state, "parameters": {"why": code}}) for one, code in found]
+    record_bookings("booking.cancel", facts, _actor())
+    return ends
 
 
-def _shorten(booking: Booking, wish: Wish, now: datetime) -> None:
-    if wish.qualified_until is None:
-        return
-    kept, before = (
-        kept_of(booking),
-        {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()},
-    )
-    why = qualified(structs.replace(wish, slot=Slot(booking.starts_at, booking.ends_at)))
-    booking.ends_at = booking.held_until = wish.qualified_until
-    save_booking(booking)
-    record_booking("booking.move", booking, _actor(), parameters={"before": before, "why": "unqualified"})
-    lost(booking, How.SHORTENED, now, before=kept, why=partial(words_of, why) if why else str)
+def _shorten(found: Collection[tuple[Booking, Wish]], now: datetime) -> None:
+    """Shorten bookings to the end of the qualification."""
+    losses, facts = [], []
+    for booking, wish in found:
+        if wish.qualified_until is None:
+            continue
+        times = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
+        why = qualified(structs.replace(wish, slot=Slot(booking.starts_at, booking.ends_at)))
+        losses.append((booking, kept_of(booking), partial(words_of, why) if why else str))
+        facts.append((booking, {"parameters": {"before": times, "why": "unqualified"}}))
+        booking.ends_at = booking.held_until = wish.qualified_until
+    save_times([booking for booking, _facts in facts])
+    record_bookings("booking.move", facts, _actor())
+    for booking, kept, words in losses:
+        lost(booking, How.SHORTENED, now, before=kept, why=words)
 
 
 def _actor() -> Actor | None:
@@ -192,7 +183,7 @@ def _access_changing(*, people: frozenset[UUID] | None, **_options: Any) -> None
 def _access_changed(*, people: frozenset[UUID] | None, **_options: Any) -> None:
     try:
         bookings_free_lost(people, timezone.now())
-    except (AuditUnavailable, DatabaseError) as error:  # the change itself is stored
+    except (AuditUnavailable, BookingRefused, DatabaseError) as error:  # the change itself is stored
         log.error(
             "Bookings of people who lost a right were not freed; housekeeping looks within minutes: %s", error
         )

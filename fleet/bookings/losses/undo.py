@@ -6,6 +6,8 @@ another way.
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Collection
 from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
@@ -18,8 +20,8 @@ from msgspec import Struct, convert
 from fleet.accounts.models import Erasure, User
 from fleet.audit.services import record
 from fleet.bookings.losses import letters
-from fleet.bookings.losses.collecting import FIELDS, Actor, How, collected
-from fleet.bookings.losses.lost_rights import may_still_be_used
+from fleet.bookings.losses.collecting import Actor, How, collected
+from fleet.bookings.losses.lost_rights import still_usable
 from fleet.bookings.losses.rows import Row, may_change, put_back
 from fleet.bookings.models import Booking, Change
 from fleet.bookings.rules import Slot
@@ -29,16 +31,18 @@ from fleet.bookings.selectors import (
     grace_of,
     held_between,
     held_slot,
-    policy_of,
+    policies_of,
     stage_of,
 )
-from fleet.bookings.services import BookingRefused, free_unused, record_booking, robot_locked, save_booking
+from fleet.bookings.services import TIMES, free_unused, record_bookings, robots_locked, save_times
 from robots.access.models import Course
 from robots.access.signals import course_opened, publish_access_changed
 from robots.registry.models import Robot
 from robots.shared.wire import NotDone, Refusal
 
 UNDO_FOR = timedelta(days=1)
+
+Pair = tuple[Booking, dict[str, Any]]  # a booking, and what is kept about its loss
 
 _UNDONE = Refusal("undone", "This change is undone already.", "booking")
 _TOO_LATE = Refusal(
@@ -116,15 +120,10 @@ def _course_opened(*, course: Course, **_options: Any) -> None:
 
 
 def _give_back(change: Change, actor: Actor, now: datetime) -> Undone:
-    done = Undone([], [])
-    for loss in change.losses:
-        booking = (
-            Booking.objects.select_related("person", "robot", "course").filter(pk=loss["booking"]).first()
-        )
-        if booking is None:
-            continue
-        back = loss["how"] == How.USELESS or _restored(booking, loss, actor, now)
-        (done.back if back else done.lost).append(booking)
+    keys = [loss["booking"] for loss in change.losses]
+    robots = set(Booking.objects.filter(pk__in=keys).values_list("robot", flat=True))
+    with robots_locked(robots, now):
+        done = _restored(pairs_of(change), actor, now)
     change.undone_at, change.undone_by = now, actor if isinstance(actor, User) else None
     change.save(update_fields=["undone_at", "undone_by"])
     facts = {"change": str(change.pk), "kind": change.kind, "back": len(done.back), "lost": len(done.lost)}
@@ -133,36 +132,57 @@ def _give_back(change: Change, actor: Actor, now: datetime) -> Undone:
     return done
 
 
-def is_free(booking: Booking, loss: dict[str, Any], now: datetime) -> bool:
-    """Return whether the time that a change took from a booking is free, and the booking as the change left it."""
-    ends = _before(booking, loss)["held_until"]
-    if booking.version != loss["version"] or ends <= now:
-        return False
-    grace, rest = grace_of(policy_of(booking.robot)), Slot(max(booking.held_until, now), ends)
-    others = held_between([booking.robot], rest.starts_at, rest.ends_at).exclude(pk=booking.pk)
-    return not any(held_slot(one, grace, now).overlaps(rest) for one in others)
+def pairs_of(change: Change) -> list[Pair]:
+    """Return the bookings of which a change took something, each with what is kept about its loss."""
+    read = Booking.objects.select_related("person", "robot", "course")
+    found = read.in_bulk([loss["booking"] for loss in change.losses])
+    pairs = [(found.get(UUID(loss["booking"])), loss) for loss in change.losses]
+    return [(booking, loss) for booking, loss in pairs if booking is not None]
+
+
+def free_again(pairs: Collection[Pair], now: datetime) -> dict[UUID, Slot]:
+    """Return the bookings that are as a change left them, and whose time it took is free: by key, with this time."""
+    robots = {booking.robot_id: booking.robot for booking, _loss in pairs}
+    times = [_before(booking, loss)["held_until"] for booking, loss in pairs]
+    policies = policies_of(robots.values())
+    held: dict[UUID, list[tuple[UUID, Slot]]] = defaultdict(list)
+    for one in held_between(robots.values(), now, max([now, *times])):
+        held[one.robot_id].append((one.pk, held_slot(one, grace_of(policies[one.robot_id]), now)))
+    found = {}
+    for (booking, loss), ends in zip(pairs, times, strict=True):
+        rest = Slot(max(booking.held_until, now), ends)
+        same = booking.version == loss["version"] and ends > now
+        others = (slot for key, slot in held[booking.robot_id] if key != booking.pk)
+        if same and not any(slot.overlaps(rest) for slot in others):
+            found[booking.pk] = rest
+    return found
 
 
 def _before(booking: Booking, loss: dict[str, Any]) -> dict[str, Any]:
-    columns: dict[str, Any] = {name: booking._meta.get_field(name) for name in FIELDS}
+    columns: dict[str, Any] = {name: booking._meta.get_field(name) for name in TIMES}
     return {name: column.to_python(loss["before"][name]) for name, column in columns.items()}
 
 
-def _restored(booking: Booking, loss: dict[str, Any], actor: Actor, now: datetime) -> bool:
-    """Make a booking as it was before a change, unless it changed since, is over, or its time is taken."""
-    before = _before(booking, loss)
-    try:
-        with robot_locked(booking.robot_id, now) as robot:
-            if not is_free(booking, loss, now):
-                return False
-            free_unused(robot, Slot(max(booking.held_until, now), before["held_until"]), now, but=booking)
-            for name, value in before.items():
-                setattr(booking, name, value)
-            stage = stage_of(booking, grace_of(policy_of(robot)), now)
-            if stage not in OPEN or stage is Stage.OFFERED or not may_still_be_used(booking, now):
-                return False
-            save_booking(booking)
-            record_booking("booking.restore", booking, actor)
-    except BookingRefused:
-        return False
-    return True
+def _restored(pairs: list[Pair], actor: Actor, now: datetime) -> Undone:
+    """Make bookings as they were before a change, unless they changed since, are over, or their time is taken."""
+    stay = [booking for booking, loss in pairs if loss["how"] == How.USELESS]
+    taken = [pair for pair in pairs if pair[1]["how"] != How.USELESS]
+    free = free_again(taken, now)
+    for booking, loss in taken:
+        for name, value in _before(booking, loss).items() if booking.pk in free else ():
+            setattr(booking, name, value)
+    usable = still_usable([booking for booking, _loss in taken if booking.pk in free], now)
+    policies = policies_of({booking.robot_id: booking.robot for booking, _loss in taken}.values())
+    begun = Booking.objects.filter(robot__in=policies, starts_at__lte=now, held_until__gt=now, used_at=None)
+    unused = set(begun.values_list("robot", flat=True))
+    back: list[Booking] = []
+    gone: list[Booking] = []
+    for booking, _loss in taken:
+        stage = stage_of(booking, grace_of(policies[booking.robot_id]), now)
+        returns = booking.pk in usable and stage in OPEN and stage is not Stage.OFFERED
+        (back if returns else gone).append(booking)
+        if returns and booking.robot_id in unused:
+            free_unused(booking.robot, free[booking.pk], now, but=booking)
+    save_times(back)
+    record_bookings("booking.restore", [(booking, {}) for booking in back], actor)
+    return Undone([*stay, *back], gone)

@@ -22,7 +22,7 @@ from fleet.audit.models import Record
 from fleet.base.formats.sentences import words_of
 from fleet.bookings.losses import letters
 from fleet.bookings.losses.collecting import Actor, Collected, How, Loss, collected, collecting, kept_of, lost
-from fleet.bookings.losses.lost_rights import bookings_free_lost, free_lesson, lessons_astray, store_end
+from fleet.bookings.losses.lost_rights import bookings_free_lost, free_lessons, lessons_astray, store_ends
 from fleet.bookings.losses.rows import Row, rows_between, rows_now, subjects
 from fleet.bookings.models import Booking, Change, Policy, State
 from fleet.bookings.rules import FAR, Slot, Wish, closed
@@ -79,9 +79,7 @@ def weigh(
             weighed = Weighed(make(), True)
             if found.people != set():
                 bookings_free_lost(found.people, now)
-                for key, (lesson, why) in lessons_astray(now).items():
-                    if key not in astray:
-                        free_lesson(lesson, why, now)
+                free_lessons([one for key, one in lessons_astray(now).items() if key not in astray], now)
         weighed.losses = sorted(found.losses, key=lambda one: one.booking.starts_at)
         weighed.came_back, weighed.stay_lost = found.came_back, found.stay_lost
         if only_try or (weighed.losses and not _is_seen(weighed, seen)):
@@ -163,9 +161,9 @@ def _closed_ended(losses: list[Loss], now: datetime, *, stay: bool) -> list[Loss
     """Cancel the bookings outside of the new opening hours; if they stay, leave them out."""
     if stay:
         return [one for one in losses if one.how is not How.CLOSED]
-    for loss in losses:
-        if loss.how is How.CLOSED:
-            loss.how = store_end(loss.booking, "closed", now)
+    shut = [one for one in losses if one.how is How.CLOSED]
+    for loss, how in zip(shut, store_ends([(one.booking, "closed") for one in shut], now), strict=True):
+        loss.how = how
     return losses
 
 

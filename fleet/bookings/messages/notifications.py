@@ -13,6 +13,7 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from datetime import datetime, timedelta
 from email.mime.text import MIMEText
+from functools import partial
 from typing import Any
 from uuid import UUID
 from zoneinfo import ZoneInfo
@@ -54,20 +55,42 @@ KEPT = timedelta(days=30)
 
 
 def notification_write(
-    *, to: User, subject: str, text: str, now: datetime, about: Iterable[Booking] = (), gone: bool = False
+    *,
+    to: User,
+    subject: str,
+    text: str,
+    now: datetime,
+    about: Iterable[Booking] = (),
+    gone: bool = False,
+    later: bool = False,
 ) -> None:
     """Store a notification, in the caller's transaction.
 
     Without an e-mail address, it is only shown on pages. `about`: its e-mail has room, purpose and link of these
     bookings, and messages for the person's calendar program. `gone`: the person has them no longer.
+    `later`: these follow after the commit, because others wait for the caller's locks; until then it is not sent.
     """
     notification = Notification(person=to, subject=subject[:200], text=text, made_at=now)
-    if to.email:
-        bookings = list(about)
-        with override(of_person(to.language)):
-            notification.details = "\n\n".join(filter(None, map(details_of, bookings)))
-            notification.calendar = [message_about(one, to, now, gone=gone) for one in bookings]
+    enclose = partial(_enclose, notification, list(about), gone=gone)
+    if to.email and later:
+        notification.claimed_at = now
+        transaction.on_commit(partial(_enclosed_later, notification, enclose), robust=True)
+    elif to.email:
+        enclose()
     _store(notification)
+
+
+def _enclose(notification: Notification, bookings: list[Booking], *, gone: bool) -> None:
+    to, now = notification.person, notification.made_at
+    with override(of_person(to.language)):
+        notification.details = "\n\n".join(filter(None, map(details_of, bookings)))
+        notification.calendar = [message_about(one, to, now, gone=gone) for one in bookings]
+
+
+def _enclosed_later(notification: Notification, enclose: Callable[[], None]) -> None:
+    enclose()
+    notification.claimed_at = None
+    notification.save(update_fields=["details", "calendar", "claimed_at"])
 
 
 def passing_write(

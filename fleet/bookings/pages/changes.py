@@ -22,8 +22,8 @@ from fleet.base.time_takers import may_take_time
 from fleet.base.zones import viewers
 from fleet.bookings.losses.collecting import How
 from fleet.bookings.losses.door import Namer, stay_lost
-from fleet.bookings.losses.undo import changes_of, is_free, undo, undo_refused
-from fleet.bookings.models import Booking, Change
+from fleet.bookings.losses.undo import changes_of, free_again, pairs_of, undo, undo_refused
+from fleet.bookings.models import Change
 
 LISTED = 50
 
@@ -90,17 +90,15 @@ def title_of(found: Change) -> str:
 
 
 def _rows(found: Change, names: Namer, now: datetime, *, undoable: bool) -> list[dict[str, Any]]:
-    keys = [one["booking"] for one in found.losses]
-    bookings = Booking.objects.select_related("person", "robot").in_bulk(keys)
-    keyed = {str(key): booking for key, booking in bookings.items()}
+    pairs = pairs_of(found)
+    free = free_again(pairs, now) if undoable else {}
     rows = [
         {
             "person": booking.person.display_name,
             "words": names(booking),
-            "how": How(one["how"]).label,
-            "gone": undoable and one["how"] != How.USELESS and not is_free(booking, one, now),
+            "how": How(loss["how"]).label,
+            "gone": undoable and loss["how"] != How.USELESS and booking.pk not in free,
         }
-        for one in found.losses
-        if (booking := keyed.get(one["booking"])) is not None
+        for booking, loss in pairs
     ]
     return sorted(rows, key=lambda row: row["person"].lower())
