@@ -123,12 +123,17 @@ def visible_to(user: User) -> tuple[set[UUID] | None, Role | None]:
 
 def visible_to_each(users: Collection[User]) -> dict[UUID, set[UUID] | None]:
     """Return, for each of these people, the keys of the robots that they may see (None: all). Makes one query."""
+    return {user: None if held is None else set(held) for user, held in roles_of_each(users).items()}
+
+
+def roles_of_each(users: Collection[User]) -> dict[UUID, dict[UUID, Role] | None]:
+    """Return, for each of these people, their roles by robot (None: staff, on all robots). Makes one query."""
     active = [user for user in users if user.is_active]
-    seen: dict[UUID, set[UUID] | None] = {user.id: None if user.is_staff else set() for user in active}
+    roles: dict[UUID, dict[UUID, Role] | None] = {user.id: None if user.is_staff else {} for user in active}
     for one in _given([user.id for user in active if not user.is_staff], None):
-        if (keys := seen[one.person]) is not None:
-            keys.add(one.robot)
-    return seen
+        if (held := roles[one.person]) is not None:
+            held[one.robot] = max(one.role, held.get(one.robot, one.role))
+    return roles
 
 
 def robots_bookable_by(user: User) -> QuerySet[Robot]:

@@ -1,8 +1,8 @@
 """Every message between browser, web process and bridge, split by sender and subject.
 
 Units are SI unless a name says otherwise; angles are radians; base frame: x forward, y left (REP 103). Joystick axes
-run from -1 to 1. The modules: `page`, `tasks`, `limbs`, `navigation`, `state`, `health`, `topics`, `camera`, `link`;
-`base` has the shared parts; `codec` and `decoders` decode and validate. An invalid message raises `WireError`
+run from -1 to 1. The modules: `page`, `fleet`, `tasks`, `limbs`, `navigation`, `state`, `health`, `topics`, `camera`,
+`link`; `base` has the shared parts; `codec` and `decoders` decode and validate. An invalid message raises `WireError`
 with the `Refusal` to answer.
 
 The bridge encodes a view (`View`) once, and the web process forwards the bytes without decoding them. On the link,
@@ -14,6 +14,7 @@ from robots.shared.wire.base import *
 from robots.shared.wire.camera import *
 from robots.shared.wire.codec import *
 from robots.shared.wire.decoders import *
+from robots.shared.wire.fleet import *
 from robots.shared.wire.health import *
 from robots.shared.wire.limbs import *
 from robots.shared.wire.link import *

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from robots.shared.wire import link, page
+from robots.shared.wire import fleet, link, page
 from robots.shared.wire.base import Accepted, Ack, BridgeGone, Notice, Ping, Pong, Refused
 from robots.shared.wire.camera import CameraMessage, CameraPong, CameraRequest, Cameras, CameraState
 from robots.shared.wire.codec import MessageDecoder
@@ -40,7 +40,7 @@ BrowserReport = (
 )
 TopicsReport = TopicAnswer | Sample | BridgeGone | Notice | Pong
 CameraReport = Cameras | CameraState | CameraPong | BridgeGone | Notice | Refused
-FleetReport = page.Fleet | page.Beat | Refused | Pong
+FleetReport = fleet.Fleet | fleet.Beat | Refused | Pong
 BookingsReport = page.BookingsChanged | Refused | Pong
 NewsReport = page.News | Refused | Pong
 LinkReport = (

@@ -10,7 +10,6 @@ from robots.shared.wire.base import (
     Axis,
     Fence,
     Milliseconds,
-    PendingStop,
     Refusal,
     ReverseSteering,
     Role,
@@ -20,8 +19,8 @@ from robots.shared.wire.base import (
     Worded,
 )
 from robots.shared.wire.camera import CameraEntry
+from robots.shared.wire.fleet import Booked
 from robots.shared.wire.limbs import Limb, LimbRange
-from robots.shared.wire.state import State
 
 Chosen = Annotated[list[Annotated[str, Meta(min_length=1, max_length=500)]], Meta(max_length=200)]
 
@@ -199,24 +198,6 @@ class Request(Struct, frozen=True):
 ControlState = Literal["free", "yours", "elsewhere", "other", "away"]
 
 
-class FleetTurn(Struct, frozen=True):
-    """Whose turn it is in a lesson, and who is next: for the fleet page and the lab's monitor."""
-
-    person: str | None = None  # is called, or drives
-    driving: bool = False
-    seconds: float | None = None  # until the end of the turn; of a person who is called: to take control
-    next: str | None = None
-
-
-class Booked(Struct, frozen=True):
-    """A booking of the robot. `seconds`: until its end if it runs now, else until its start."""
-
-    name: str  # of the person
-    mine: bool
-    seconds: float
-    turn: FleetTurn | None = None  # of a lesson that runs now
-
-
 class Lesson(Struct, frozen=True):
     """The shared booking that runs now, as its people and those who lead it see its line of turns."""
 
@@ -271,20 +252,6 @@ class Control(Struct, frozen=True, tag_field="t", tag="control"):
     tasks: LessonTasks | None = None  # what the present lesson leaves to this person; None: everything
 
 
-class FleetCard(Struct, frozen=True):
-    """One robot on the fleet page. `state` None: not known, and `refusal` has the reason."""
-
-    state: State | None
-    refusal: Refusal | None = None
-    seen_at: float | None = None  # as in `BridgeGone`
-    may_clear: bool = False  # this person may clear its stop from here
-    pending: PendingStop | None = None  # as `stop` in `BridgeGone`; also sent while the state is known
-    booked: Booked | None = None  # the present booking
-    next_booked: Booked | None = None  # the next booking within a day
-    free_in_s: float | None = None  # until its next free time; None: not within a day
-    out: Refusal | None = None  # why nobody can book it now: it is out of service
-
-
 class BookingsChanged(Struct, frozen=True, tag_field="t", tag="bookings_changed"):
     """A booking, a policy or an out-of-service period changed: the page reads its data again."""
 
@@ -305,13 +272,3 @@ class News(Struct, frozen=True, tag_field="t", tag="news"):
     """The newest notifications of this page's person, newest first. Sent when the page opens, and on change."""
 
     items: list[NewsItem]
-
-
-class Beat(Struct, frozen=True, tag_field="t", tag="beat"):
-    """Nothing changed: the console still watches the robots. Sent while `fleet` has no news."""
-
-
-class Fleet(Struct, frozen=True, tag_field="t", tag="fleet"):
-    """The robots that this person may see, by slug. Sent about once a second and on change."""
-
-    robots: dict[str, FleetCard]

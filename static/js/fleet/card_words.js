@@ -55,7 +55,7 @@ export function cardOf({
   const { stop } = state;
   const latched = stop.state !== "clear";
   const silent = latched && state.stands === null;
-  const unknown = isSeen(state) && !silent ? "" : unknownText(seenAt(state));
+  const unknown = isSeen(state) && !silent ? "" : unknownText(seenByConsole ?? seenAt(state));
   const alarm = movesTitle(state);
   const standstill = alarm
     ? ""

@@ -1,4 +1,7 @@
-/** Whether the console still tells about the robots. It says something five times a second, if only `beat`. */
+/**
+ * What the console tells about the robots: first all, then those that changed. It says something five times a second,
+ * if only `beat`.
+ */
 
 import { connectionFact } from "../control/status/status_text.js";
 import { mark, setText } from "../lib/dom.js";
@@ -7,6 +10,7 @@ const STALE_MS = 500;
 const LOOK_MS = 100;
 
 export class ConsoleNews {
+  robots = {}; // by slug, as told last
   #socket;
   #connection;
   #follow;
@@ -42,8 +46,9 @@ export class ConsoleNews {
     this.#look();
   }
 
-  #hear({ t }) {
+  #hear({ t, robots, changed = false }) {
     if (t !== "fleet" && t !== "beat") return;
+    if (robots) this.robots = changed ? { ...this.robots, ...robots } : robots;
     this.#heardMs = performance.now();
     this.#look();
   }

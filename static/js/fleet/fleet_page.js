@@ -23,7 +23,6 @@ export class FleetPage {
   #news;
   #words;
   #receivedMs = -Infinity; // time of this connection's last report about the robots
-  #robots = {};
   #thumbnails;
   #stops = [];
   #clear = null;
@@ -50,7 +49,7 @@ export class FleetPage {
         // If a robot has no link, the server's answer names the robots that it did not reach.
         answered: (sinceMs) =>
           this.#receivedMs > sinceMs &&
-          Object.values(this.#robots).every(({ state }) => state?.stop.state !== "clear"),
+          Object.values(this.#news.robots).every(({ state }) => state?.stop.state !== "clear"),
         arrived: () => this.#words.showText(gettext("Stopped.")),
         showText: (text) => this.#words.showText(text),
         fail: (text, robots) => this.#failed(text, robots),
@@ -87,7 +86,7 @@ export class FleetPage {
         send: () => this.#send({ t: "stop", slug }),
         answered: (sinceMs) =>
           this.#receivedMs > sinceMs &&
-          (this.#robots[slug]?.state?.stop.state ?? "clear") !== "clear",
+          (this.#news.robots[slug]?.state?.stop.state ?? "clear") !== "clear",
         showText: (text) => {
           this.#stopSays(own, text);
           this.#words.forget(slug);
@@ -152,9 +151,9 @@ export class FleetPage {
     else if (message.t === "refused") this.#refused(message.refusal);
     if (message.t !== "fleet") return;
     this.#receivedMs = performance.now();
-    this.#followRegistry(Object.keys(message.robots));
-    this.#robots = message.robots;
-    if (this.#clear) this.#clear.robots = message.robots;
+    const { robots } = this.#news;
+    this.#followRegistry(Object.keys(robots));
+    if (this.#clear) this.#clear.robots = robots;
     for (const [slug, robot] of Object.entries(message.robots)) this.#show(slug, robot);
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
   }

@@ -95,7 +95,7 @@ export class PlanPage {
   #rows = new Map(); // by robot: its entry in a list
   #maps = new Map(); // by the map's name in the API
   #mapOf = new Map(); // name of its map, by robot
-  #robots = null; // null: nothing was heard yet
+  #isTold = false; // the console has said something about the robots
   #news;
   #timer;
 
@@ -106,14 +106,14 @@ export class PlanPage {
       this.#rows.set(row.dataset.robot, { row, own: parts(row), ...linkIn(row) });
     this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
     this.#heartbeat = new Heartbeat(this.#socket);
+    this.#news = new ConsoleNews(this.#socket, this.#parts.connection, (isStale) => {
+      for (const { row } of this.#rows.values()) mark(row, "stale", isStale);
+      mark(this.#parts.maps, "stale", isStale);
+    });
     this.#socket.addEventListener("message", ({ detail }) => this.#receive(detail));
     this.#socket.addEventListener("open", () => this.#heartbeat.begin());
     this.#socket.addEventListener("down", ({ detail }) => {
       if (detail.code === SIGNED_OUT) location.reload(); // the server shows the sign-in page
-    });
-    this.#news = new ConsoleNews(this.#socket, this.#parts.connection, (isStale) => {
-      for (const { row } of this.#rows.values()) mark(row, "stale", isStale);
-      mark(this.#parts.maps, "stale", isStale);
     });
     this.#timer = setInterval(() => this.#loadMaps(), MAPS_MS);
     this.#loadMaps();
@@ -157,15 +157,16 @@ export class PlanPage {
   #receive(message) {
     this.#heartbeat.receive(message);
     if (message.t !== "fleet") return;
-    this.#robots = message.robots;
+    this.#isTold = true;
     this.#show();
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
   }
 
   #show() {
     const drawn = new Map([...this.#maps.values()].map((map) => [map, []]));
-    if (this.#robots)
-      for (const [slug, held] of this.#rows) this.#showRobot(held, this.#robots[slug], slug, drawn);
+    if (this.#isTold)
+      for (const [slug, held] of this.#rows)
+        this.#showRobot(held, this.#news.robots[slug], slug, drawn);
     for (const [map, robots] of drawn) map.robots = robots;
     show(
       this.#parts.rest,

@@ -1,6 +1,6 @@
 /** Texts about where a robot is on the fleet map. Pure. */
 
-import { isSeen, seenAt, unknownText } from "../control/status/status_text.js";
+import { isSeen, unknownText } from "../control/status/status_text.js";
 import { number } from "../formats/numbers.js";
 
 const THERE_M = 0.5;
@@ -11,9 +11,9 @@ const NEAR_M = 2;
  * @param {?object} map of the robot
  * @param {object} robot as sent
  */
-export function whyNowhere(map, { state, refusal }) {
+export function whyNowhere(map, { state, refusal, seen_at: seenAt = null }) {
   if (!state) return refusal?.text ?? gettext("It sends no data.");
-  if (!isSeen(state)) return interpolate(gettext("Position: %s"), [unknownText(seenAt(state))]);
+  if (!isSeen(state)) return interpolate(gettext("Position: %s"), [unknownText(seenAt)]);
   if (!map)
     return gettext("The server has no map of it yet: it reads the map while somebody has control.");
   if (!state.location) return gettext("It does not know where it is on its map.");

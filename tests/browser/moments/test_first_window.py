@@ -32,8 +32,8 @@ SHOTS = os.environ.get("MOMENT_SHOTS")
 
 DRIVEN = wire.FleetCard(
     msgspec.structs.replace(READY, holder="Wilhelmina Konstantinopoulou", verdict=WALL),
-    booked=wire.page.Booked("Wilhelmina Konstantinopoulou", mine=False, seconds=2700.0),
-    next_booked=wire.page.Booked("Cleo Student", mine=False, seconds=2700.0),
+    booked=wire.Booked("Wilhelmina Konstantinopoulou", mine=False, seconds=2700.0),
+    next_booked=wire.Booked("Cleo Student", mine=False, seconds=2700.0),
     free_in_s=6300.0,
 )
 CARDS = (

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 from playwright.sync_api import Page
 
-from robots.shared.wire.page import Booked
+from robots.shared.wire import Booked
 from tests.browser.moments.driving_page import DrivingPage
 from tests.browser.moments.scenes import MINE, MOMENTS, Moment
 from tests.browser.people import MADE_UP_LANGUAGE

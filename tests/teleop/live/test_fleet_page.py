@@ -16,8 +16,9 @@ from robots.link import client as robots_link
 from robots.registry.models import Robot, RobotRole
 from robots.shared import wire
 from teleop.background.database import in_database
-from teleop.live.consumers import fleet_consumer
 from teleop.live.consumers.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode
+from teleop.live.consumers import fleet_consumer
+from teleop.live.fleet import board, cards
 from tests.teleop.support import IDLE, FakeBridge, Page
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -47,12 +48,17 @@ async def other_bridge(other_robot):
 
 
 async def shows(page, fits):
-    """Acknowledge updates until one fits; return it."""
+    """Acknowledge updates until all robots, as the page shows them then, fit; return them."""
     while True:
-        robots = (await page.hears("fleet"))["robots"]
+        missed = [message for message in page.inbox if message["t"] == "fleet"]
+        page.inbox = [message for message in page.inbox if message["t"] != "fleet"]
+        update = (
+            missed[0] if missed else await page.hears("fleet")
+        )  # at most one waits for its acknowledgement
+        page.robots = {**(page.robots if update["changed"] else {}), **update["robots"]}
         await page.say("ack")
-        if fits(robots):
-            return robots
+        if fits(page.robots):
+            return page.robots
 
 
 async def test_page_has_a_card_for_each_visible_robot(open_fleet, robot, other_robot):
@@ -105,23 +111,53 @@ async def test_change_is_shown_at_once(open_fleet, robot, bridge):
 
 
 async def test_fault_in_reading_or_sending_ends_no_page(open_fleet, robot, bridge, monkeypatch):
-    monkeypatch.setattr(fleet_consumer, "RIGHTS_S", 0.05)
+    monkeypatch.setattr(board, "RIGHTS_S", 0.05)
     page = await open_fleet("observer")
     await shows(page, lambda robots: robots[robot.slug]["state"])
-    looked, shown = threading.Semaphore(0), threading.Semaphore(0)
+    looked, made, shown = (threading.Semaphore(0) for _ in range(3))
 
     def fails(fault):
         fault.release()
         raise RuntimeError("a fault of ours")
 
     with monkeypatch.context() as broken:
-        broken.setattr(fleet_consumer, "_visible_to", lambda _person: fails(looked))
-        broken.setattr(fleet_consumer.FleetConsumer, "_card", lambda _self, _slug: fails(shown))
-        await page.say("ack")
-        for fault in (looked, looked, shown):
+        broken.setattr(board, "sights_of", lambda *_: fails(looked))
+        broken.setattr(cards, "fleet_state", lambda _state: fails(made))
+        for fault in (looked, looked, made):
             assert await asyncio.to_thread(fault.acquire, timeout=5)
-    bridge.say(wire.Status(msgspec.structs.replace(IDLE, holder="Olga Operator")))
+    with monkeypatch.context() as broken:
+        broken.setattr(cards.RobotCard, "encoded", lambda *_: fails(shown))
+        bridge.say(wire.Status(msgspec.structs.replace(IDLE, holder="Olga Operator")))
+        assert await asyncio.to_thread(shown.acquire, timeout=5)
     await shows(page, lambda robots: robots[robot.slug]["state"]["holder"])
+
+
+async def test_only_what_changed_is_sent(open_fleet, robot, bridge, other_robot, other_bridge, monkeypatch):
+    monkeypatch.setattr(robots_link, "SILENT_S", 60.0)
+    monkeypatch.setattr(fleet_consumer, "SLOW_S", 0.2)
+    page = await open_fleet("staff")
+    slugs = {robot.slug, other_robot.slug}
+    await shows(page, lambda robots: all(robots[slug]["state"] for slug in slugs))
+    at_rest = msgspec.structs.replace(IDLE, battery_percent=70.2, unseen_s=0.1)
+    bridge.say(wire.Status(at_rest))
+    await shows(page, lambda robots: robots[robot.slug]["state"]["battery_percent"] == 70)
+    noise = msgspec.structs.replace(
+        at_rest,
+        odometry=wire.Odometry(5.0, 5.0, 1.0, 0.001, 0.0, -0.001),
+        battery_percent=69.8,
+        unseen_s=0.3,
+        sensors=[wire.Sensor("/scan", "scan", True, 0.05)],
+    )
+    bridge.say(wire.Status(noise))
+    for _ in range(4):
+        await page.hears("beat")
+    assert all(message["t"] == "beat" for message in page.inbox), page.inbox
+    other_bridge.say(wire.Status(msgspec.structs.replace(IDLE, holder="Olga Operator")))
+    update = await page.hears("fleet")
+    assert (list(update["robots"]), update["changed"]) == ([other_robot.slug], True)
+    await page.say("ack")
+    bridge.say(wire.Status(msgspec.structs.replace(noise, unseen_s=0.5)))
+    assert (await page.hears("fleet"))["robots"][robot.slug]["state"]["unseen_s"] == 0.5
 
 
 async def test_next_update_waits_for_the_acknowledgement(open_fleet, bridge):
@@ -156,13 +192,12 @@ async def test_stop_all_names_each_robot_that_was_not_stopped(open_fleet, robot,
         )
     )
     page = await open_fleet("staff")
-    await page.hears("fleet")
+    await shows(page, lambda _: True)
     await page.say("stop_all")
     await bridge.hears(wire.LinkStop)
     refused = [(await page.hears("refused", of="stop"))["refusal"] for _ in range(2)]
     assert {refusal["figures"]["slug"] for refusal in refused} == {other_robot.slug, third.slug}
     assert {refusal["code"] for refusal in refused} == {"pending"}
-    await page.say("ack")
     robots = await shows(
         page, lambda robots: robots[third.slug]["pending"] and robots[other_robot.slug]["pending"]
     )
@@ -248,14 +283,28 @@ async def test_card_of_a_robot_out_of_reach_shows_its_last_contact(open_fleet, b
     assert robots[robot.slug]["seen_at"] == pytest.approx(time.time() - 90, abs=10)
 
 
-async def test_pages_of_one_sign_in_share_what_they_read(open_fleet, monkeypatch):
-    """So hundreds of pages of one account leave the database's threads to drivers and stops."""
-    read, visible_to = [], fleet_consumer._visible_to
-    monkeypatch.setattr(
-        fleet_consumer, "_visible_to", lambda person: read.append(person) or visible_to(person)
-    )
-    monkeypatch.setattr(fleet_consumer, "SHARED_S", 60.0)
-    pages = await asyncio.gather(*(open_fleet("stranger") for _ in range(20)))
-    for page in pages:
-        assert await shows(page, lambda _: True) == {}
-    assert len(read) == 1
+async def test_pages_that_open_together_share_what_they_read(open_fleet, monkeypatch):
+    """So hundreds of pages leave the database's threads to drivers and stops."""
+    people = ["stranger", "staff"] * 10
+    read, sights_of = [], board.sights_of
+
+    def read_slowly(asked, stored):
+        read.append(asked)
+        while len(board.board.pages) < len(people):
+            time.sleep(0.01)
+        return sights_of(asked, stored)
+
+    monkeypatch.setattr(board, "sights_of", read_slowly)
+    monkeypatch.setattr(board, "RIGHTS_S", 60.0)
+    for page in await asyncio.gather(*map(open_fleet, people)):
+        await shows(page, lambda _: True)
+    assert list(map(len, read)) == [1, 2]
+
+
+async def test_card_of_each_person_has_their_own_rights(open_fleet, robot, bridge):
+    pages = {who: await open_fleet(who) for who in ("operator", "supervisor", "staff")}
+    may_clear = {
+        who: (await shows(page, lambda robots: robots[robot.slug]["state"]))[robot.slug]["may_clear"]
+        for who, page in pages.items()
+    }
+    assert may_clear == {"operator": False, "supervisor": True, "staff": True}

@@ -1,0 +1,143 @@
+"""All fleet pages of this web process: one reader of rights and one card of each robot, for all of them."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from abc import abstractmethod
+from collections.abc import Collection
+from typing import Protocol
+from uuid import UUID
+
+from django.db import DatabaseError
+
+from robots.registry.stored_robots import StoredRobots
+from teleop.background.database import in_database
+from teleop.background.jobs import run_in_background
+from teleop.control.selectors import SignIn
+from teleop.live.fleet.cards import RobotCard
+from teleop.live.fleet.sights import FleetRobot, Sight, sights_of
+
+log = logging.getLogger(__name__)
+
+RIGHTS_S = 2.0
+LOOK_S = 0.2  # between two looks at what changes by time alone
+
+
+class FleetPage(Protocol):
+    """A page of the board."""
+
+    person: SignIn
+
+    @property
+    @abstractmethod
+    def cards(self) -> Collection[RobotCard]:
+        """Return the cards that it shows."""
+
+    @abstractmethod
+    async def follow(self, sight: Sight | None) -> None:
+        """Follow what its person may see now; None: the sign-in ended."""
+
+    @abstractmethod
+    def card_changed(self, urgent: bool) -> None:
+        """Note that a card is new, perhaps one that it does not show."""
+
+
+class Board:
+    """Works while a page is open."""
+
+    def __init__(self) -> None:
+        self.pages: set[FleetPage] = set()
+        self._cards: dict[UUID, RobotCard] = {}
+        self._unused: set[RobotCard] = set()
+        self._stored = StoredRobots()
+        self._asked: set[SignIn] = set()
+        self._next_read: asyncio.Task[dict[SignIn, Sight]] | None = None
+        self._reading: asyncio.Lock | None = None
+        self._loops: list[asyncio.Task[None]] = []
+
+    async def join(self, page: FleetPage) -> None:
+        """Add a page; it follows its first sight before this returns."""
+        if not self.pages:
+            self._reading, self._next_read, self._asked = asyncio.Lock(), None, set()
+            self._loops = [run_in_background(self._keep_reading()), run_in_background(self._keep_looking())]
+        self.pages.add(page)
+        await page.follow((await self._sights({page.person})).get(page.person))
+
+    def leave(self, page: FleetPage) -> None:
+        """Remove a page."""
+        self.pages.discard(page)
+        if not self.pages:
+            for loop in self._loops:
+                loop.cancel()
+            self._drop(set(self._cards.values()))
+
+    def card(self, robot: UUID) -> RobotCard:
+        """Return the card of a robot that somebody may see."""
+        return self._cards[robot]
+
+    # --- reading -----------------------------------------------------------------------------------
+
+    async def _sights(self, people: Collection[SignIn]) -> dict[SignIn, Sight]:
+        """Read what these sign-ins may see. All that ask before a read begins share it."""
+        self._asked.update(people)
+        if self._next_read is None:
+            self._next_read = asyncio.create_task(self._read())
+        # Others wait for it, too, if this page is closed.
+        return await asyncio.shield(self._next_read)
+
+    async def _read(self) -> dict[SignIn, Sight]:
+        assert self._reading is not None  # noqa: S101 - a page is open
+        async with self._reading:
+            people, self._asked, self._next_read = self._asked, set(), None
+            robots, sights = await in_database(sights_of, people, self._stored)
+        for robot in robots:
+            self._show(robot)
+        return sights
+
+    def _show(self, robot: FleetRobot) -> None:
+        if robot.id in self._cards:
+            self._cards[robot.id].follow(robot)
+        else:
+            self._cards[robot.id] = RobotCard(robot, self._card_changed)
+
+    async def _keep_reading(self) -> None:
+        while True:
+            await asyncio.sleep(RIGHTS_S)
+            pages = list(self.pages)
+            try:
+                sights = await self._sights({page.person for page in pages})
+                for page in pages:
+                    await page.follow(sights.get(page.person))
+            except DatabaseError as error:
+                log.warning("The robots of the fleet pages could not be read: %s", error)
+            except Exception:
+                log.exception("Reading the robots of the fleet pages failed.")
+            else:
+                self._drop_unused()
+
+    def _drop_unused(self) -> None:
+        """Drop the cards that no page has shown for a whole round: a page that opens now has not followed yet."""
+        unused = set(self._cards.values()) - {card for page in self.pages for card in page.cards}
+        self._drop(unused & self._unused)
+        self._unused = unused
+
+    def _drop(self, cards: Collection[RobotCard]) -> None:
+        for card in cards:
+            del self._cards[card.robot.id]
+            card.close()
+
+    # --- cards -------------------------------------------------------------------------------------
+
+    async def _keep_looking(self) -> None:
+        while True:
+            await asyncio.sleep(LOOK_S)
+            for card in list(self._cards.values()):
+                card.look()
+
+    def _card_changed(self, urgent: bool) -> None:
+        for page in self.pages:
+            page.card_changed(urgent)
+
+
+board = Board()
