@@ -25,6 +25,7 @@ from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import BridgeStatus, Robot
 from robots.registry.selectors import bridge_config, require_link_settings, socket_path
 from robots.registry.services import bridge_status_set
+from robots.registry.stored_robots import StoredRobots
 from robots.shared.configuration.watchdog_config import watchdog_config
 from robots.shared.processes import last_words
 from robots.shared.processes.restarts import RestartBudget
@@ -103,6 +104,8 @@ class Fleet:
         self._watchdog = watchdog
         self._keepers: dict[UUID, Keeper] = {}
         self._watchdogs: dict[UUID, Keeper] = {}
+        self._stored = StoredRobots()
+        self._settled: set[UUID] = set()  # robots whose entry, as stored now, is applied
         self._reported: dict[UUID, Report] = {}
         self._unsaved: dict[UUID, Report] = {}
         self._database_well = True
@@ -140,9 +143,11 @@ class Fleet:
 
     def _poll(self) -> None:
         try:
-            mine = [robot for robot in Robot.objects.select_related("profile") if self._is_mine(robot)]
+            if self._stored.read():
+                self._settled.clear()
+            mine = [robot for robot in self._stored.robots if self._is_mine(robot)]
             for robot in mine:
-                self._update(robot)  # reads the allow-list from the database
+                self._update(robot)
         except DatabaseError as error:
             self._database_failed(error)
             return
@@ -155,15 +160,20 @@ class Fleet:
         return robot.slug in self._only if self._only else not robot.bridge_address
 
     def _update(self, robot: Robot) -> None:
+        """Apply the robot's entry, unless that is done; it reads the allow-list from the database."""
+        if robot.id in self._settled:
+            return
         keeper = self._keepers.get(robot.id) or self._keeper(robot)
         if not robot.enabled:
             self._end_robot(robot.id)
             self._report(robot.id, State.DISABLED, "", None)
+            self._settled.add(robot.id)
             return
         try:
             require_link_settings(robot)
             config = bridge_config(robot)
             if config.digest() == keeper.digest:
+                self._settled.add(robot.id)
                 return
             environment = ros_environment(config, settings.FLEET_RUN_DIR)
         except (Problems, WrapperMissing) as error:
@@ -186,9 +196,11 @@ class Fleet:
             path = os.pathsep.join(filter(None, [str(settings.BASE_DIR), environment.get("PYTHONPATH")]))
             arguments = [sys.executable, *self._watchdog, argument]
             watchdog.want(Program(arguments, {**environment, "PYTHONPATH": path}, watched.digest()))
+        self._settled.add(robot.id)
 
     def _end_robot(self, robot_id: UUID) -> None:
         """Run neither bridge nor watchdog from now on."""
+        self._settled.discard(robot_id)
         self._keepers[robot_id].want(None)
         self._watchdogs[robot_id].want(None)
 

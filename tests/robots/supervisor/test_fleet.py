@@ -13,8 +13,10 @@ from unittest import mock
 import pytest
 from django.db import OperationalError, connection
 from django.test import override_settings
+from django.test.utils import CaptureQueriesContext
 
 from robots.link.connections import why_down
+from robots.registry import stored_robots
 from robots.registry.models import Allowance, BridgeStatus, Robot
 from robots.registry.selectors import link_address
 from robots.supervisor.fleet_supervisor import Fleet, wait_shortly
@@ -61,6 +63,20 @@ def supervised(programs: FakePrograms, robot: Robot, other_robot: Robot) -> Iter
 def test_every_robot_gets_a_bridge_the_fleet_a_housekeeper(supervised: Supervised) -> None:
     for name in ("tiago-1", "tiago-2", "run_housekeeping"):
         supervised.until_started(name, 1)
+
+
+def test_a_poll_without_a_change_makes_one_query(supervised: Supervised, robot: Robot) -> None:
+    supervised.until_started("tiago-1", 1)
+    supervised.until(lambda: supervised.state(robot) == State.RUNNING, "the bridge runs")
+    with CaptureQueriesContext(connection) as queries:
+        supervised.fleet._poll()
+    assert len(queries) == 1
+
+
+def test_an_edit_of_the_allow_list_restarts_the_bridge(supervised: Supervised, robot: Robot) -> None:
+    supervised.until_started("tiago-1", 1)
+    Allowance.objects.create(robot=robot, what="publish", name="/lamp", type="std_msgs/Bool")
+    supervised.until_started("tiago-1", 2)
 
 
 def test_an_edit_restarts_only_its_bridge_within_3_s(supervised: Supervised, robot: Robot) -> None:
@@ -154,18 +170,20 @@ def test_a_falling_bridge_is_shown_with_its_reason(supervised: Supervised, robot
     assert "ended by itself with code 7" in BridgeStatus.objects.get(robot=robot).detail
 
 
-@pytest.mark.parametrize("query", [(Robot.objects, "select_related"), (Allowance.objects, "filter")])
+@pytest.mark.parametrize(
+    "query", [(stored_robots.rows, "read"), (Robot.objects, "select_related"), (Allowance.objects, "filter")]
+)
 def test_a_silent_database_leaves_the_fleet_unchanged(
     supervised: Supervised, robot: Robot, query: tuple[object, str], caplog: pytest.LogCaptureFixture
 ) -> None:
     supervised.until_started("tiago-1", 1)
+    robot.drive_topic = "/phone_vel"
+    robot.save()
     broken = mock.patch.object(*query, side_effect=OperationalError("disk I/O error"))
     with broken as asked, mock.patch("robots.supervisor.fleet_supervisor.connection"):
         supervised.until(lambda: asked.call_count >= 2, "two polls")
     assert caplog.text.count("The database does not answer, the fleet stays as it is") == 1
     assert supervised.programs.lines().count("end tiago-1") == 0
-    robot.drive_topic = "/phone_vel"
-    robot.save()
     supervised.until_started("tiago-1", 2)
 
 

@@ -16,8 +16,8 @@ from robots.link import client as robots_link
 from robots.registry.models import Robot, RobotRole
 from robots.shared import wire
 from teleop.background.database import in_database
-from teleop.live.consumers.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode
 from teleop.live.consumers import fleet_consumer
+from teleop.live.consumers.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode
 from teleop.live.fleet import board, cards
 from tests.teleop.support import IDLE, FakeBridge, Page
 
