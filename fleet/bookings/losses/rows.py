@@ -1,15 +1,16 @@
 """The rows that a change touches: as they were before, so that it can be undone.
 
-All tables that give or take rights and times are read before and after a change. A lab has some thousand such rows,
+All tables that give or take rights and times are read without and with a change. A lab has some thousand such rows,
 and such changes are rare; no service needs to know how to undo what it does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-from django.db import DatabaseError, models, transaction
+from django.db import DatabaseError, connection, models, transaction
 from msgspec import Struct
 
 from fleet.accounts.models import User
@@ -18,7 +19,10 @@ from robots.access.models import Course, Enrolment, GroupRole, Qualification, Qu
 from robots.access.selectors import courses_managed_by, demanded_in, robots_managed_by
 from robots.registry.models import Robot, RobotRole
 
+LOOKS = 5  # at what others change while a change is made
+
 Rows = dict[Any, dict[str, Any]]  # by primary key
+Tables = dict[type[models.Model], Rows]
 
 # Rows come after those that they refer to.
 _WHOLE: tuple[type[models.Model], ...] = (
@@ -55,17 +59,40 @@ class Row(Struct):
     after: dict[str, Any] | None
 
 
-def rows_now() -> dict[type[models.Model], Rows]:
-    """Return all rows that a change may touch."""
+def rows_before() -> Tables | None:
+    """Return the rows that a change may touch; None where others write meanwhile: see `rows_changed`."""
+    return _rows_now() if connection.vendor == "sqlite" else None
+
+
+def rows_changed(before: Tables | None) -> list[Row]:
+    """Return the rows that this transaction has changed, and nobody else.
+
+    Where others write meanwhile, another connection shows their rows without those of this transaction. What
+    they commit between these two looks would count as changed here, so both see the same only if nothing moved.
+    """
+    after = _rows_now()
+    for _ in range(0 if before is not None else LOOKS):
+        with ThreadPoolExecutor(1) as beside:
+            before = beside.submit(_rows_committed).result()
+        seen, after = after, _rows_now()
+        if seen == after:
+            break
+    return [row for model in _COLUMNS for row in _differing(model, (before or {})[model], after[model])]
+
+
+def _rows_now() -> Tables:
     return {
         model: {row["pk"]: row for row in model._default_manager.values("pk", *columns)}
         for model, columns in _COLUMNS.items()
     }
 
 
-def rows_between(before: dict[type[models.Model], Rows], after: dict[type[models.Model], Rows]) -> list[Row]:
-    """Return the rows that differ."""
-    return [row for model in _COLUMNS for row in _differing(model, before[model], after[model])]
+def _rows_committed() -> Tables:
+    """Return the rows as everybody else sees them. Runs in a thread, which has a connection of its own."""
+    try:
+        return _rows_now()
+    finally:
+        connection.close()
 
 
 def _differing(model: type[models.Model], before: Rows, after: Rows) -> Iterator[Row]:

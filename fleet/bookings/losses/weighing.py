@@ -23,7 +23,7 @@ from fleet.base.formats.sentences import words_of
 from fleet.bookings.losses import letters
 from fleet.bookings.losses.collecting import Actor, Collected, How, Loss, collected, collecting, kept_of, lost
 from fleet.bookings.losses.lost_rights import bookings_free_lost, free_lessons, lessons_astray, store_ends
-from fleet.bookings.losses.rows import Row, rows_between, rows_now, subjects
+from fleet.bookings.losses.rows import Row, rows_before, rows_changed, subjects
 from fleet.bookings.models import Booking, Change, Policy, State
 from fleet.bookings.rules import FAR, Slot, Wish, closed
 from fleet.bookings.selectors import held_between, wish_of
@@ -70,7 +70,7 @@ def weigh(
     now = timezone.now()
     with transaction.atomic(), collecting(actor, now) as found:
         robots = list(Robot.objects.select_for_update(no_key=True, of=("self",)).order_by("pk"))
-        before = rows_now() if seen else {}
+        before = rows_before() if seen else None
         last = Record.objects.order_by("-pk").values_list("pk", flat=True).first() or 0
         astray = lessons_astray(now)
         # Another group of a robot may have other hours; policies and holidays look themselves.
@@ -88,7 +88,7 @@ def weigh(
         elif weighed.losses and seen:
             weighed.losses = _closed_ended(weighed.losses, now, stay=seen.closed_stay)
             if weighed.losses:
-                weighed.change = _kept(weighed.losses, found, rows_between(before, rows_now()), last)
+                weighed.change = _kept(weighed.losses, found, rows_changed(before), last)
                 letters.write_losses(weighed.losses, actor, now)
     return weighed
 

@@ -1,6 +1,7 @@
 """A change that takes time is made with few queries, however many bookings it takes: others wait for its lock."""
 
 from datetime import timedelta
+from threading import Thread
 
 import pytest
 from django.db import connection
@@ -12,9 +13,12 @@ from django.utils import timezone
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.bookings.losses.rights import Wanted, wishes_of
+from fleet.bookings.losses.undo import undo
+from fleet.bookings.losses.weighing import Seen, weigh
 from fleet.bookings.models import Booking, Change, Notification, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import wish_of
+from robots.access.enrolment import unenrol
 from robots.access.models import Course, Enrolment, Qualification, QualificationGrant
 from robots.registry.models import RobotRole, Role
 from tests.bookings.losses.support import confirm
@@ -115,3 +119,29 @@ def test_the_rights_of_many_are_those_of_each(
             getattr(alone, name) if name != "role_until" or alone.role is None else wish.role_until
             for name in names
         ]
+
+
+def test_what_others_change_meanwhile_is_no_part_of_it(course, robot, operator, stranger, staff):
+    if connection.vendor == "sqlite":
+        pytest.skip("others wait there until the change is committed")
+    booked(course, robot, 1)
+    [student] = Enrolment.objects.all()
+    RobotRole.objects.all().delete()
+    theirs = RobotRole.objects.create(user=stranger, robot=robot, role=Role.OPERATOR)
+
+    def of_others():
+        RobotRole.objects.create(user=operator, robot=robot, role=Role.OPERATOR)
+        theirs.delete()
+        connection.close()
+
+    def take():
+        unenrol(course=course, people=[student.person], actor=staff)
+        other = Thread(target=of_others)
+        other.start()
+        other.join()
+
+    made = weigh(take, actor=staff, seen=Seen(None))
+    assert [row["table"] for row in made.change.rows] == [Enrolment._meta.label]
+    undo(change_id=made.change.pk, actor=staff, now=timezone.now())
+    assert Enrolment.objects.filter(pk=student.pk).exists()
+    assert list(RobotRole.objects.values_list("user", flat=True)) == [operator.pk]

@@ -14,6 +14,7 @@ from tests.script.servers import postgresql
 ROOT = Path(__file__).parents[3]
 TESTS = [
     "tests/accounts/test_erase_person.py",
+    "tests/bookings/losses/test_under_the_lock.py",
     "tests/fleet/test_migration.py",
     "tests/robots/places/test_places.py",
     "tests/robots/supervisor/test_faults.py",
