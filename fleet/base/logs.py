@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
+import sys
+from typing import TextIO
 
 # Secrets by the text before them: in addresses (also mistyped ones, which are not found), of programs and webhooks, in
 # headers and queries.
@@ -12,6 +15,14 @@ _SECRETS = re.compile(
     r"|\bfleet_(?=[\w-]{30})|\bwhsec_|\bBearer |\b(?:fleet_session\w*|\w*csrf\w*|token|code|key|state|ticket)=)"
     r"([^\s/?&;\"'<>]{5,})"
 )
+# Level -> priority of syslog.
+_PRIORITIES = (
+    (logging.CRITICAL, 2),
+    (logging.ERROR, 3),
+    (logging.WARNING, 4),
+    (logging.INFO, 6),
+    (logging.NOTSET, 7),
+)
 _KEPT = 4  # characters of a secret, by which an administrator recognises it
 
 
@@ -19,7 +30,26 @@ class Redacted(logging.Formatter):
     """Writes lines, also tracebacks, in which secrets are cut to their first characters."""
 
     def format(self, record: logging.LogRecord) -> str:
-        return redacted(super().format(record))
+        return for_journal(redacted(super().format(record)), record.levelno, sys.stderr)
+
+
+def for_journal(text: str, level: int, stream: TextIO) -> str:
+    """Put the priority before each line if the stream leads to systemd's journal; else return the text as it is."""
+    if not _is_journal(stream):
+        return text
+    prefix = f"<{next(priority for least, priority in _PRIORITIES if level >= least)}>"
+    return "\n".join(prefix + line for line in text.splitlines())
+
+
+def _is_journal(stream: TextIO) -> bool:
+    """Return whether systemd's JOURNAL_STREAM names the stream: a child's output may lead elsewhere."""
+    if not (named := os.environ.get("JOURNAL_STREAM")):
+        return False
+    try:
+        facts = os.fstat(stream.fileno())
+    except (OSError, ValueError):
+        return False
+    return named == f"{facts.st_dev}:{facts.st_ino}"
 
 
 def redacted(text: str) -> str:

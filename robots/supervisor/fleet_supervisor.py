@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from urllib.parse import urlsplit
 from uuid import UUID
 
 import msgspec
@@ -97,9 +98,18 @@ class Fleet:
     """The robots of this supervisor, each with the keepers of its bridge and of its watchdog."""
 
     def __init__(
-        self, only: frozenset[str], manage: Path | None = None, watchdog: Sequence[str] = WATCHDOG
+        self,
+        only: frozenset[str],
+        manage: Path | None = None,
+        watchdog: Sequence[str] = WATCHDOG,
+        *,
+        host: str = "",
     ) -> None:
         self._only = only
+        self._host = host.lower()
+        self._keeps_house = (
+            not only and not host
+        )  # else another supervisor has the other robots and the housekeeping
         self._manage = manage or settings.BASE_DIR / "manage.py"
         self._watchdog = watchdog
         self._keepers: dict[UUID, Keeper] = {}
@@ -111,7 +121,7 @@ class Fleet:
         self._database_well = True
         self._poll_at_s = 0.0
         self._housekeeping = Keeper("Housekeeping", lambda *_: None)
-        if not only:  # with names, another supervisor runs the other robots and the housekeeping
+        if self._keeps_house:
             self._housekeeping.want(self._program([HOUSEKEEPING], dict(os.environ), HOUSEKEEPING))
 
     def step(self, now_s: float) -> None:
@@ -156,8 +166,13 @@ class Fleet:
             self._end_robot(robot_id)
 
     def _is_mine(self, robot: Robot) -> bool:
-        """Return whether the command line names the robot; without names, whether its bridge runs on this computer."""
-        return robot.slug in self._only if self._only else not robot.bridge_address
+        """Return whether the command line names the robot or its bridge's host.
+
+        Without names: whether its bridge has no address, and so runs on the console's computer.
+        """
+        if self._only:
+            return robot.slug in self._only
+        return (urlsplit(robot.bridge_address).hostname or "") == self._host
 
     def _update(self, robot: Robot) -> None:
         """Apply the robot's entry, unless that is done; it reads the allow-list from the database."""

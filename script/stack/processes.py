@@ -8,6 +8,7 @@ signal).
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import select
 import signal
@@ -22,6 +23,7 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+from fleet.base.logs import for_journal
 from script.stack.places import REPOSITORY
 
 LAST_LINES = 15
@@ -52,10 +54,10 @@ def ended_by_signals() -> Iterator[None]:
     yield
 
 
-def say(text: str) -> None:
-    """Print to the terminal. If the terminal is closed, do nothing."""
+def say(text: str, level: int = logging.INFO) -> None:
+    """Print to the terminal, or with this level to the journal. If the terminal is closed, do nothing."""
     try:
-        print(text, flush=True)
+        print(for_journal(text, level, sys.stdout), flush=True)
     except OSError:
         return
 
@@ -156,15 +158,18 @@ def end_all(children: Iterable[Child], *, patience_s: float = 8.0) -> None:
         child.kill_group()
 
 
-def wait_for_any_end(children: Sequence[Child]) -> Child:
-    """Wait until one of these has ended, and return it. An exception of a signal handler ends the wait."""
+def wait_for_any_end(children: Sequence[Child], timeout_s: float | None = None) -> Child | None:
+    """Wait until one of these has ended, and return it; return None after `timeout_s`.
+
+    An exception of a signal handler ends the wait.
+    """
     poll = select.poll()
     by_fd = {os.pidfd_open(child.pid): child for child in children}
     try:
         for fd in by_fd:
             poll.register(fd, select.POLLIN)
-        [(fd, _), *_] = poll.poll()
-        return by_fd[fd]
+        ended = poll.poll(None if timeout_s is None else timeout_s * 1000)
+        return by_fd[ended[0][0]] if ended else None
     finally:
         for fd in by_fd:
             os.close(fd)

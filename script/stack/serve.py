@@ -1,4 +1,7 @@
-"""script/serve: the console for real robots. Settings come from environment variables; see docs/deployment.md."""
+"""script/serve: the console for real robots, or one of its roles. Settings come from environment variables.
+
+docs/deployment.md has the roles.
+"""
 
 from __future__ import annotations
 
@@ -9,21 +12,25 @@ import socket
 import ssl
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from django.core.exceptions import ImproperlyConfigured
 
 from fleet.base.environment import Environment
+from robots.shared.processes.one_supervisor import LOCK, supervised
+from script.service.keeping import Kept, keep
+from script.service.readiness import answers, run_directory, tell_systemd
 from script.stack.places import REPOSITORY
-from script.stack.processes import Child, ChildDied, Ended, end_all, ended_by_signals, say, wait_for_any_end
+from script.stack.processes import ChildDied, Ended, ended_by_signals, say
 from script.stack.stack import Certificate, StartError, daphne, tls_endpoint
 
-# collectstatic runs first, because the check needs its result.
-PREPARATION = (
-    ["collectstatic", "--no-input", "-v", "0"],
-    ["check", "--deploy"],
-    ["migrate", "--no-input", "-v", "0"],  # without a line for each, so that the address stays in sight
+# The processes of each role.
+ROLES = {"console": ("supervisor", "web"), "web": ("web",), "bridges": ("supervisor",)}
+BRIDGE_HOST = "FLEET_BRIDGE_HOST"
+OTHER_SCHEMA = (
+    "The database does not have the schema of this version. Update the computer of the console first: its script/serve "
+    "migrates the database. Without such a computer: script/serve web --migrate."
 )
 
 
@@ -47,6 +54,14 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
     """Parse the command line."""
     parser = argparse.ArgumentParser(prog="script/serve", description="The console for real robots.")
     parser.add_argument(
+        "role",
+        nargs="?",
+        default="console",
+        choices=ROLES,
+        help="console: all (default); web: one of several web processes; bridges: the bridges of FLEET_BRIDGE_HOST",
+    )
+    parser.add_argument("--migrate", action="store_true", help="role web: migrate the database, too")
+    parser.add_argument(
         "--bind", default="127.0.0.1", help="address to serve on (default: this machine only)"
     )
     parser.add_argument("--port", type=int, default=8000)
@@ -59,6 +74,8 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--private-key", type=Path)
     parser.add_argument("--authority", type=Path, help="the chain above the certificate")
     asked = parser.parse_args(words)
+    if asked.role == "bridges" and asked != parser.parse_args(["bridges"]):
+        parser.error("the role bridges takes no options: its settings are in the environment")
     if bool(asked.certificate) != bool(asked.private_key):
         parser.error("--certificate and --private-key go together")
     if asked.behind_proxy and (asked.certificate or not is_loopback(asked.bind)):
@@ -77,30 +94,59 @@ def is_loopback(address: str) -> bool:
 
 
 def serve(asked: argparse.Namespace) -> int:
-    """Run the console until a signal comes or a process dies. Check the settings before anything starts."""
-    require_matching_tls(asked, Environment(os.environ))
-    require_certificate(asked)
-    require_free_port(asked)
-    for command in PREPARATION:
+    """Run the role until a signal comes. Check the settings before anything starts."""
+    env = Environment(os.environ)
+    names = ROLES[asked.role]
+    if "web" in names:
+        require_matching_tls(asked, env)
+        require_certificate(asked)
+        require_free_port(asked)
+    commands = {"supervisor": supervisor_command(asked, env), "web": web_command(asked)}
+    for command in preparation(asked):
         done = subprocess.run([sys.executable, "manage.py", *command], check=False)  # noqa: S603
         if done.returncode:
+            if "--check" in command:
+                print(OTHER_SCHEMA, file=sys.stderr)
             return done.returncode
-    children = []
-    try:
-        for name, line in (
-            ("supervisor", [sys.executable, "manage.py", "run_fleet"]),
-            ("web", web_command(asked)),
-        ):
-            children.append(Child(name, line, env=os.environ))
-        say(f"Serving on {asked.bind}:{asked.port}. Ctrl-C or SIGTERM ends it.")
-        introduce(asked)
-        raise ChildDied(wait_for_any_end(children))
-    finally:
-        end_all(children)
+    keep([Kept(name, commands[name]) for name in names], lambda: ready(asked, env), lambda: introduce(asked))
+
+
+def preparation(asked: argparse.Namespace) -> Iterator[list[str]]:
+    """Yield the commands of manage.py before the start. Only a console migrates unasked: others share its database."""
+    if asked.role == "bridges":
+        yield ["check"]
+    else:
+        yield ["collectstatic", "--no-input", "-v", "0"]  # first, because the check needs its result
+        yield ["check", "--deploy"]
+    if asked.role == "console" or asked.migrate:
+        yield [
+            "migrate",
+            "--no-input",
+            "-v",
+            "0",
+        ]  # without a line for each, so that the address stays in sight
+    else:
+        yield ["migrate", "--check", "-v", "0"]
+
+
+def ready(asked: argparse.Namespace, env: Environment) -> bool:
+    """Return whether the processes of the role do their work."""
+    names = ROLES[asked.role]
+    return ("supervisor" not in names or supervised(run_directory() / LOCK)) and (
+        "web" not in names or answers(asked.bind, asked.port, host_names(env)[0], tls=bool(asked.certificate))
+    )
 
 
 def introduce(asked: argparse.Namespace) -> None:
-    """Print the address of the first-run page and its one-time code, while nobody has an account."""
+    """Say that the role is ready; while nobody has an account, also the first-run page and its one-time code."""
+    if asked.role == "bridges":
+        status = f"The supervisor runs the bridges of {os.environ[BRIDGE_HOST]}."
+    else:
+        status = f"Serving on {asked.bind}:{asked.port}."
+    say(f"{status} Ctrl-C or SIGTERM ends it.")
+    tell_systemd(status)
+    if asked.role == "bridges":
+        return
     made = subprocess.run(
         [sys.executable, "manage.py", "setup_code"], check=False, stdout=subprocess.PIPE, text=True
     )
@@ -111,12 +157,17 @@ def introduce(asked: argparse.Namespace) -> None:
 
 def setup_address(asked: argparse.Namespace) -> str:
     """Return the address of the first-run page, with a host name that the console accepts."""
-    names = Environment(os.environ).names("FLEET_HOSTS") or ["localhost"]
+    names = host_names(Environment(os.environ))
     near = [name for name in names if name in ("localhost", "127.0.0.1")]
     host = near[0] if near and is_loopback(asked.bind) and not asked.behind_proxy else names[0]
     if asked.behind_proxy:
         return f"https://{host}/setup/"
     return f"http{'s' if asked.certificate else ''}://{host}:{asked.port}/setup/"
+
+
+def host_names(env: Environment) -> list[str]:
+    """Return the names under which the console is reached."""
+    return env.names("FLEET_HOSTS") or ["localhost"]
 
 
 def require_matching_tls(asked: argparse.Namespace, env: Environment) -> None:
@@ -153,6 +204,15 @@ def require_free_port(asked: argparse.Namespace) -> None:
         socket.create_server((asked.bind, asked.port), family=family).close()
     except OSError as error:
         raise StartError(f"Cannot listen on {asked.bind}, port {asked.port}: {error.strerror}.") from error
+
+
+def supervisor_command(asked: argparse.Namespace, env: Environment) -> list[str]:
+    """Return the command of the fleet supervisor: on a bridge host, for the robots with that bridge address."""
+    command = [sys.executable, "manage.py", "run_fleet"]
+    if asked.role != "bridges":
+        return command
+    why = "It is the name of this computer in the robots' bridge addresses, such as arm.lab.example."
+    return [*command, "--host", env.required(BRIDGE_HOST, why)]
 
 
 def web_command(asked: argparse.Namespace) -> list[str]:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import io
 import logging
+import os
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from django.test import Client
 from django.urls import reverse
 
 from fleet.accounts.models import User
+from fleet.base.logs import for_journal
 from fleet.help import views
 
 pytestmark = pytest.mark.django_db
@@ -114,3 +117,13 @@ def test_a_strangers_form_has_few_fields(client: Client, form: dict[str, str]) -
     assert (answer.status_code, "more than 100 fields" in answer.content.decode()) == (400, True)
     scripts = client.post(reverse("account_login"), sent, **form, headers={"accept": "application/json"})
     assert scripts.json()["code"] == "too_many_fields"
+
+
+def test_lines_for_the_journal_have_their_priority(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with (tmp_path / "journal").open("w") as stream:
+        facts = os.fstat(stream.fileno())
+        monkeypatch.setenv("JOURNAL_STREAM", f"{facts.st_dev}:{facts.st_ino}")
+        assert for_journal("one\ntwo", logging.ERROR, stream) == "<3>one\n<3>two"
+        assert for_journal("said", logging.INFO, stream) == "<6>said"
+    with (tmp_path / "file").open("w") as elsewhere:
+        assert for_journal("said", logging.INFO, elsewhere) == "said"

@@ -30,6 +30,7 @@ from tests.script.support import ENDED_S, Family, drive_forward, listens
 READY_S = 120.0
 EDIT_S = 3.0  # s, the time in docs/robots.md
 ROBOT = "tiago-42"
+WEB, BRIDGE = "fleet.server --verbosity", "run_bridge"  # words of command lines
 CHECKED = f"/robots/{ROBOT}/check/"
 STAFF = Account("first", "staff", "a long walk on the beach")
 
@@ -250,11 +251,11 @@ def test_a_robot_is_added_driven_stopped_edited_and_cleaned_up(served: Served, m
         )
         asyncio.run(drive_stop_edit(served, cookie))
 
+        lose_the_web_process(served, first)
+        lose_the_supervisor(served, first)
         family = Family(first.pid)
-        assert len(family) >= 5  # serve, supervisor, bridge, housekeeping, web process
-        os.kill(family.named("fleet.server --verbosity"), signal.SIGKILL)
-        assert first.wait(ENDED_S) == 1
-        assert "web was ended by SIGKILL" in served.log.read_text()
+        first.send_signal(signal.SIGTERM)
+        assert first.wait(ENDED_S) == 0
         assert_nothing_left(served, family)
     finally:
         first.kill()
@@ -294,6 +295,28 @@ def set_up(served: Served, master_uri: str) -> None:
     checks, page = submit(robots, name="TIAGo 42", profile="PAL TIAGo", master_uri=master_uri)
     assert checks == f"{robots}{ROBOT}/"
     assert f"The ROS master at {master_uri} answers." in page
+
+
+def lose_the_web_process(served: Served, console: subprocess.Popen[bytes]) -> None:
+    """Kill the web process: it comes back, and the bridge stays."""
+    family = Family(console.pid)
+    assert len(family) >= 5  # serve, supervisor, bridge, housekeeping, web process
+    os.kill(family.named(WEB), signal.SIGKILL)
+    until(
+        lambda: "web was ended by SIGKILL; it is started again" in served.log.read_text(), "the log", READY_S
+    )
+    until(lambda: listens(served.port), "the web process is back", READY_S)
+    assert Family(console.pid).named(BRIDGE) == family.named(BRIDGE)
+
+
+def lose_the_supervisor(served: Served, console: subprocess.Popen[bytes]) -> None:
+    """Kill the supervisor: it comes back with its bridges, and the web process stays."""
+    family = Family(console.pid)
+    os.kill(family.named("run_fleet"), signal.SIGKILL)
+    said = "supervisor was ended by SIGKILL; it is started again"
+    until(lambda: said in served.log.read_text(), "the log", READY_S)
+    until(lambda: BRIDGE in str(Family(console.pid).commands.values()), "a bridge is back", READY_S)
+    assert Family(console.pid).named(WEB) == family.named(WEB)
 
 
 def assert_nothing_left(served: Served, family: Family) -> None:

@@ -209,6 +209,21 @@ def test_a_remote_bridge_is_left_to_its_own_host(supervised: Supervised, other_r
     assert not BridgeStatus.objects.filter(robot=other_robot).exists()  # its status is also not written
 
 
+@override_settings(
+    FLEET_LINK_CERT="bridge.pem", FLEET_LINK_KEY="bridge.key", FLEET_LINK_SECRET="of both sides"
+)
+def test_a_bridge_host_runs_the_robots_of_its_name(programs: FakePrograms, other_robot: Robot) -> None:
+    Robot.objects.filter(pk=other_robot.pk).update(bridge_address=ELSEWHERE)
+    fleet = Fleet(frozenset(), programs.script, QUIET, host="Other-Host")
+    try:
+        until(lambda: (fleet.step(time.monotonic()), programs.pids("tiago-2"))[1], "its bridge")
+        assert {line.split()[1] for line in programs.lines()} == {
+            "tiago-2"
+        }  # no other robot, no housekeeping
+    finally:
+        fleet.end_programs()
+
+
 @override_settings(FLEET_LINK_CERT="bridge.pem", FLEET_LINK_KEY=None, FLEET_LINK_SECRET=None)
 def test_a_network_bridge_names_its_missing_settings(programs: FakePrograms, other_robot: Robot) -> None:
     Robot.objects.filter(pk=other_robot.pk).update(bridge_address=ELSEWHERE)

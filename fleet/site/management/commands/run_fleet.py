@@ -1,4 +1,4 @@
-"""``manage.py run_fleet [SLUG ...]``: run the fleet supervisor until a signal ends it."""
+"""``manage.py run_fleet [SLUG ... | --host NAME]``: run the fleet supervisor until a signal ends it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from robots.link.stop_courier import courier
 from robots.registry.models import Robot
 from robots.shared.processes.one_supervisor import LOCK, AlreadySupervised, only_instance
+from robots.shared.processes.shutdown import EXIT_ALREADY_RUNNING
 from robots.supervisor.fleet_supervisor import Fleet, Stopping, supervise, wait_shortly
 
 
@@ -19,6 +20,11 @@ class Command(BaseCommand):
     def add_arguments(self, parser: CommandParser) -> None:
         parser.add_argument(
             "slugs", nargs="*", metavar="SLUG", help="only these robots, for one of several hosts"
+        )
+        parser.add_argument(
+            "--host",
+            default="",
+            help="only the robots whose bridge address has this host, and no housekeeping",
         )
 
     def handle(self, *args: Any, **options: Any) -> None:
@@ -31,6 +37,8 @@ class Command(BaseCommand):
         try:
             with only_instance(settings.FLEET_RUN_DIR / LOCK):
                 courier().start(stays=True)
-                supervise(Fleet(only), stopping)
+                supervise(Fleet(only, host=options["host"]), stopping)
         except AlreadySupervised as other:
-            raise CommandError(f"A supervisor is running already (process {other}).") from other
+            raise CommandError(
+                f"A supervisor is running already (process {other}).", returncode=EXIT_ALREADY_RUNNING
+            ) from other
