@@ -4,7 +4,7 @@ from django.contrib import admin
 from django.urls import include, path
 from django.views.generic import RedirectView
 
-from fleet.site.pages import app, mail, people, setup, views
+from fleet.site.pages import app, bridge_hosts, mail, people, setup, views
 from teleop.api.metrics import MetricsView
 
 admin.site.site_title = admin.site.site_header = "Fleet console"
@@ -25,6 +25,7 @@ urlpatterns = [
     path("livez", views.livez),
     path("metrics", MetricsView.as_view()),
     path("cookies/", views.cookies, name="cookies"),
+    path("bridge-hosts/join/", bridge_hosts.join, name="bridge-host-join"),
     path("mail/", mail.mail, name="mail"),
     path("people/export/", people.people_export, name="people-export"),
     path("people/erase/", people.people_erase, name="people-erase"),

@@ -12,6 +12,7 @@ from websockets.asyncio.client import connect, unix_connect
 from websockets.exceptions import ConnectionClosed
 from websockets.sync import client as sync_client
 
+from robots.link.authority import authority_pem
 from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.processes import last_words
 from robots.shared.sentences import say
@@ -77,8 +78,11 @@ def _headers(address: LinkAddress) -> dict[str, str]:
 
 
 def _tls(address: LinkAddress) -> ssl.SSLContext:
-    """Return a context that trusts the fleet's certificate authority if one is set, else the system's authorities."""
-    return ssl.create_default_context(cafile=address.authority)
+    """Return a context that trusts FLEET_LINK_CA; without it the console's link authority and the system's."""
+    context = ssl.create_default_context(cafile=address.authority)
+    if address.authority is None:
+        context.load_verify_locations(cadata=authority_pem())
+    return context
 
 
 def down(address: LinkAddress) -> Refusal:

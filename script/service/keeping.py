@@ -10,7 +10,7 @@ from typing import NoReturn
 
 from robots.shared.processes.restarts import RestartBudget
 from robots.shared.processes.shutdown import EXIT_ALREADY_RUNNING
-from script.stack.processes import Child, ChildDied, end_all, say, wait_for_any_end
+from script.stack.processes import Child, ChildDied, end_all, ended_within, say
 
 READY_STEP_S = 0.1
 
@@ -56,7 +56,7 @@ def keep(processes: Sequence[Kept], ready: Callable[[], bool], introduce: Callab
                 introduced = True
                 introduce()
             by_child = {each.child: each for each in processes if each.child}
-            ended = wait_for_any_end(list(by_child), _patience_s(processes) if introduced else READY_STEP_S)
+            ended = ended_within(list(by_child), _patience_s(processes) if introduced else READY_STEP_S)
             if ended is None:
                 continue
             if not introduced or ended.process.poll() == EXIT_ALREADY_RUNNING:

@@ -158,11 +158,15 @@ def end_all(children: Iterable[Child], *, patience_s: float = 8.0) -> None:
         child.kill_group()
 
 
-def wait_for_any_end(children: Sequence[Child], timeout_s: float | None = None) -> Child | None:
-    """Wait until one of these has ended, and return it; return None after `timeout_s`.
+def wait_for_any_end(children: Sequence[Child]) -> Child:
+    """Wait until one of these has ended, and return it. An exception of a signal handler ends the wait."""
+    while True:
+        if ended := ended_within(children, None):
+            return ended
 
-    An exception of a signal handler ends the wait.
-    """
+
+def ended_within(children: Sequence[Child], timeout_s: float | None) -> Child | None:
+    """Wait as `wait_for_any_end` does, at most `timeout_s`; return None if all still run."""
     poll = select.poll()
     by_fd = {os.pidfd_open(child.pid): child for child in children}
     try:

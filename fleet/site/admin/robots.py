@@ -30,6 +30,7 @@ from fleet.base.time_takers import may_take_time
 from fleet.site.admin.robot_entries import AllowanceInline, SpokenFormSet, list_link, save_entries
 from robots.access.services import role_set
 from robots.registry import services, shipped_profiles
+from robots.registry.bridge_hosts import free_addresses
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.registry.selectors import free_slug, last_editor
 from robots.shared.processes.one_supervisor import LOCK, supervised
@@ -113,6 +114,8 @@ class RobotForm(FreshForm):
             self.fields["master_uri"].widget.attrs["placeholder"] = "http://tiago-42c:11311"
         if "advertised_address" in self.fields:
             self.fields["advertised_address"].widget.attrs["placeholder"] = "10.68.0.2"
+        if "bridge_address" in self.fields and (free := free_addresses()):
+            self.fields["bridge_address"].help_text += " " + gettext("Free: %s") % ", ".join(free)
 
     def clean_slug(self) -> str:
         """Return the typed slug; if it is empty, a slug made from the name that no other robot has."""

@@ -1,6 +1,6 @@
 """The registry: profiles, robots, roles, phrases, allow-lists, and the state of bridges."""
 
-from robots.registry.models.bridges import BridgePulse, BridgeStatus, RobotDescription, RobotMap
+from robots.registry.models.bridges import BridgeHost, BridgePulse, BridgeStatus, RobotDescription, RobotMap
 from robots.registry.models.entries import (
     Allowance,
     OfProfileOrRobot,
@@ -19,6 +19,7 @@ from robots.registry.models.registry import (
 
 __all__ = [
     "Allowance",
+    "BridgeHost",
     "BridgePulse",
     "BridgeStatus",
     "OfProfileOrRobot",

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from django.core.exceptions import ValidationError
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
+from fleet.base.formats.sentences import in_words
+from robots.registry.configuration import addresses
+from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models.registry import Robot
+
+FIRST_PORT = 7443  # of a bridge on another computer; the next robot there has the next port
 
 
 class BridgeStatus(models.Model):
@@ -81,3 +87,34 @@ class BridgePulse(models.Model):
 
     def __str__(self) -> str:
         return f"{self.robot}: {self.at}"
+
+
+class BridgeHost(models.Model):
+    """Another computer that runs bridges. It joins with a code that works once and for a short time."""
+
+    name = models.CharField(
+        _("name or address"),
+        max_length=200,
+        unique=True,
+        help_text=_("Under which this console reaches the computer, such as arm.lab.example or 10.68.0.3."),
+    )
+    code_digest = models.CharField(max_length=64, blank=True, editable=False)  # blank: no code is open
+    code_until = models.DateTimeField(null=True, editable=False)
+    joined_at = models.DateTimeField(_("joined"), null=True, editable=False)
+    certificate_until = models.DateTimeField(_("certificate until"), null=True, editable=False)
+
+    class Meta:
+        ordering = ["name"]
+        verbose_name = _("bridge host")
+        verbose_name_plural = _("bridge hosts")
+
+    def __str__(self) -> str:
+        return self.name
+
+    def clean(self) -> None:
+        """Raise `ValidationError` if no bridge address can have this host."""
+        self.name = self.name.lower()
+        try:
+            addresses.check_bridge_address(f"wss://{self.name}:{FIRST_PORT}")
+        except Problems as problems:
+            raise ValidationError({"name": [*map(in_words, problems.lines)]}) from problems
