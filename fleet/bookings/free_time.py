@@ -12,8 +12,8 @@ from msgspec import structs
 from fleet.accounts.models import User
 from fleet.base.zones import zone_of
 from fleet.bookings.rules import MOST_DAYS, Slot, Wish, day_of, next_opening, refusals, week_of
-from fleet.bookings.selectors import WEEK, days_of, wish_of
-from robots.access.role_rows import OWN, given
+from fleet.bookings.selectors import WEEK, Asker, days_of, facts_of, wish_of
+from robots.access.role_rows import OWN
 from robots.access.selectors import lab_date
 from robots.registry.models import Robot
 from robots.shared.wire import Refusal
@@ -29,15 +29,22 @@ FOR_THE_DAY = {"role_too_low", "holiday", "too_short", "too_long", "quota_common
 def free_on_any(
     robots: Iterable[Robot], person: User, minutes: float, *, after: datetime, now: datetime, most: int
 ) -> list[tuple[Robot, Slot]]:
-    """Return the next slots of this length on any of these robots that no rule refuses, earliest first."""
+    """Return the next slots of this length on any of these robots that no rule refuses, earliest first.
+
+    The number of queries does not depend on the number of robots, unless a search leads to a later week.
+    """
+    robots, slot = list(robots), Slot(after, after + timedelta(minutes=minutes))
+    if after - now > timedelta(days=MOST_DAYS):
+        return []
+    asker, facts = Asker(person, robots), facts_of(robots, slot)
     asked: dict[str, Any] = {"minutes": minutes, "after": after, "person": person, "now": now, "most": most}
     found: list[tuple[Robot, Slot]] = []
     for robot in robots:
         # A later start than the last of these would be left out.
         until = found[-1][1].starts_at if len(found) == most else None
-        found = sorted(
-            [*found, *free_slots(robot=robot, until=until, **asked)], key=lambda one: one[1].starts_at
-        )[:most]
+        wish = wish_of(robot=robot, person=person, slot=slot, now=now, facts=facts[robot.id], asker=asker)
+        more = free_slots(robot=robot, until=until, wish=wish, asker=asker, **asked)
+        found = sorted([*found, *more], key=lambda one: one[1].starts_at)[:most]
     return found
 
 
@@ -51,6 +58,7 @@ def free_slots(
     most: int = ALTERNATIVES,
     until: datetime | None = None,
     wish: Wish | None = None,
+    asker: Asker | None = None,
     **asked: Any,
 ) -> list[tuple[Robot, Slot]]:
     """Return the next slots of this length that no rule refuses, earliest first.
@@ -64,13 +72,14 @@ def free_slots(
     if after - now > timedelta(days=MOST_DAYS):
         return []
     length = timedelta(minutes=minutes)
-    ask = partial(wish_of, robot=robot, person=person, now=now, **asked)
+    asker = asker or Asker(person, [robot])
+    ask = partial(wish_of, robot=robot, person=person, now=now, asker=asker, **asked)
     known = wish or ask(slot=Slot(after, after + length))
     known_until = after + WEEK  # as far as `known.busy` is read
     until = min(until or _search_end(after), _search_end(after))
     begun = days_of(known.slot)
     facts = {begun: known}
-    sources = cache(lambda day: frozenset(given([person.pk], [robot.pk], day)))  # sources of a day's roles
+    sources = cache(lambda day: frozenset(asker.given(robot, day)))  # of a day's roles
     found: list[tuple[Robot, Slot]] = []
     starts = _rounded_up(max(after, now))
     while starts < until and len(found) < most:

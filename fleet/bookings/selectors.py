@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from datetime import UTC, date, datetime, timedelta
 from enum import Enum
-from functools import cache
+from functools import cache, partial
 from typing import Protocol
 from uuid import UUID
 
@@ -21,8 +21,8 @@ from fleet.bookings.lessons.members import shared_with
 from fleet.bookings.models import Booking, Holiday, OutOfService, Policy, Shared, State
 from fleet.bookings.rules import COURSE_QUOTAS, FAR, LONGEST, Quota, Slot, Taken, Wish
 from robots.access.models import DRIVERS, Course, RobotGroup
-from robots.access.role_rows import OWN, demanded
-from robots.access.selectors import given_on, lab_date, missing_qualifications, qualified_until, role_on
+from robots.access.role_rows import OWN, Given, demanded_by, given
+from robots.access.selectors import lab_date, missing_qualifications, qualified_until, role_on
 from robots.registry.models import Robot, Role
 
 NOT_YET = (State.AWAITING, State.OFFERED)  # they hold a slot, but do not allow control
@@ -37,10 +37,11 @@ WHERE b.person_id = %s AND b.starts_at > %s AND b.held_until > b.starts_at
 ORDER BY b.starts_at
 """
 _TAKEN = """
-SELECT b.id, CAST(b.starts_at AS text), CAST(b.held_until AS text), CAST(b.used_at AS text), b.person_id,
+SELECT b.robot_id, b.id, CAST(b.starts_at AS text), CAST(b.held_until AS text), CAST(b.used_at AS text), b.person_id,
     CASE WHEN b.shared = 'course' THEN c.name ELSE COALESCE(NULLIF(p.full_name, ''), p.username) END
 FROM bookings_booking b JOIN accounts_user p ON p.id = b.person_id LEFT JOIN access_course c ON c.id = b.course_id
-WHERE b.robot_id = %s AND b.starts_at > %s AND b.starts_at < %s AND b.held_until > %s AND b.held_until > b.starts_at
+WHERE b.robot_id IN ({robots}) AND b.starts_at > %s AND b.starts_at < %s AND b.held_until > %s
+    AND b.held_until > b.starts_at
 ORDER BY b.starts_at
 """
 
@@ -183,11 +184,19 @@ def bookings_of(person: User) -> QuerySet[Booking]:
 
 def out_between(robot: Robot, starts: datetime, ends: datetime) -> list[Taken]:
     """Return a robot's out-of-service periods between two moments. For a disabled robot: one without end."""
-    if not robot.enabled:
-        return [Taken(Slot(starts, FAR), str(SWITCHED_OFF))]
+    return _out([robot], starts, ends)[robot.id]
+
+
+def _out(robots: Collection[Robot], starts: datetime, ends: datetime) -> dict[UUID, list[Taken]]:
+    """Return `out_between` of each robot, by one query."""
+    out = {one.id: [] if one.enabled else [Taken(Slot(starts, FAR), str(SWITCHED_OFF))] for one in robots}
+    enabled = [one.id for one in robots if one.enabled]
     open_ended = Q(ends_at=None) | Q(ends_at__gt=starts)
-    periods = OutOfService.objects.filter(open_ended, robot=robot, starts_at__lt=ends)
-    return [Taken(Slot(one.starts_at, one.ends_at or FAR), why_out(one)) for one in periods]
+    for one in (
+        OutOfService.objects.filter(open_ended, robot__in=enabled, starts_at__lt=ends) if enabled else ()
+    ):
+        out[one.robot_id].append(Taken(Slot(one.starts_at, one.ends_at or FAR), why_out(one)))
+    return out
 
 
 def why_out(period: OutOfService) -> str:
@@ -220,24 +229,33 @@ class RobotFacts(Struct, frozen=True):
 
 def robot_facts(robot: Robot, slot: Slot) -> RobotFacts:
     """Read a robot's facts for a slot. Five queries."""
+    return facts_of([robot], slot)[robot.id]
+
+
+def facts_of(robots: Collection[Robot], slot: Slot) -> dict[UUID, RobotFacts]:
+    """Read `robot_facts` of each robot. Five queries for all."""
+    keys = [robot.id for robot in robots]
     week = _week_from(slot)
-    return RobotFacts(
-        policy_of(robot),
-        tuple(_held(robot, week)),
-        tuple(out_between(robot, week.starts_at, week.ends_at)),
-        frozenset(demanded(robot.id)),
-        tuple(Holiday.objects.filter(last_day__gte=_before(slot.starts_at, timedelta(days=1)).date())),
-    )
+    policies, held, demands = policies_of(robots), _held(keys, week), demanded_by(keys)
+    out = _out(robots, week.starts_at, week.ends_at)
+    holidays = tuple(Holiday.objects.filter(last_day__gte=_before(slot.starts_at, timedelta(days=1)).date()))
+    return {
+        key: RobotFacts(policies[key], tuple(held[key]), tuple(out[key]), frozenset(demands[key]), holidays)
+        for key in keys
+    }
 
 
-def _held(robot: Robot, time: Slot) -> Iterator[_Held]:
-    """Return the robot's bookings that hold some of this time."""
-    asked = (robot.id, _before(time.starts_at, LONGEST), time.ends_at, time.starts_at)
+def _held(robots: Collection[UUID], time: Slot) -> dict[UUID, list[_Held]]:
+    """Return, by robot, the bookings that hold some of this time."""
+    held: dict[UUID, list[_Held]] = {robot: [] for robot in robots}
+    query = _TAKEN.format(robots=rows.marks(robots))
+    asked = (*robots, _before(time.starts_at, LONGEST), time.ends_at, time.starts_at)
     # The end of one booking is often the start of the next: parse it only once
-    moment, person_key = cache(rows.moment), cache(rows.key)
-    for key, starts_at, held_until, used_at, person, name in rows.read(_TAKEN, asked):
+    moment, read_key = cache(rows.moment), cache(rows.key)
+    for robot, key, starts_at, held_until, used_at, person, name in rows.read(query, asked) if robots else ():
         times = moment(starts_at), moment(held_until), used_at and moment(used_at)
-        yield _Held(rows.key(key), *times, person_key(person), name)
+        held[read_key(robot)].append(_Held(rows.key(key), *times, read_key(person), name))
+    return held
 
 
 def _week_from(slot: Slot) -> Slot:
@@ -256,19 +274,22 @@ def wish_of(
     course: Course | None = None,
     lesson: bool = False,
     facts: RobotFacts | None = None,
+    asker: Asker | None = None,
 ) -> Wish:
     """Return the wish with the facts that the rules check.
 
     `moved`: the booking that the wish replaces. `course`: the chosen course, if several courses let the
     person drive the robot; without it, the slot counts for the first course whose quotas allow it. `lesson`:
     the slot is a lesson of a course. `facts`: the robot's facts for this slot, if they were read before.
+    `asker`: what is known of the person.
     """
+    asker = asker or Asker(person, [robot])
     facts = facts or robot_facts(robot, slot)
     policy, out = facts.policy, facts.out
     starts = slot.starts_at
     taken = _taken(facts, now, but=moved, of=person.pk)
-    own = _own_rows(policy, person, slot, now, moved)
-    role, courses = _role_and_courses(person, robot, starts)
+    own = [one for one in asker.own(_far_back(policy, slot, now)) if moved is None or one.id != moved.pk]
+    role, courses = asker.role_and_courses(robot, starts)
     first_day, last_day = days_of(slot)
     if first_day != last_day:  # a course may end before the slot does
         role = min((role, role_on(person, robot, slot.ends_at - timedelta.resolution)), key=_rank)
@@ -292,11 +313,11 @@ def wish_of(
         out=tuple(one for one in out if one.slot.overlaps(slot)),
         busy=tuple(sorted((*taken, *out), key=lambda one: one.slot.starts_at)),
     )
-    return _counted(wish, courses, person, moved, course)
+    return _counted(wish, courses, asker, moved, course)
 
 
 def _counted(
-    wish: Wish, courses: list[Course], person: User, moved: Booking | None, chosen: Course | None
+    wish: Wish, courses: list[Course], asker: Asker, moved: Booking | None, chosen: Course | None
 ) -> Wish:
     """Return the wish with the course for which it counts, and its quota.
 
@@ -307,9 +328,7 @@ def _counted(
     stays = chosen or (moved.course if moved is not None else None)
     first: Wish | None = None
     for course in [stays] if stays in courses and stays is not None else courses:
-        counted = structs.replace(
-            wish, course=course, quota=_quota_of(course, person, wish.slot, wish.now, moved)
-        )
+        counted = structs.replace(wish, course=course, quota=asker.quota(course, wish.slot, wish.now, moved))
         if all(rule(counted) is None for rule in COURSE_QUOTAS):
             return counted
         first = first or counted
@@ -335,21 +354,59 @@ def _role_until(person: User, robot: Robot, at: datetime, now: datetime) -> date
 
 def courses_for(robot: Robot, person: User, at: datetime) -> list[Course]:
     """Return the courses for which a booking may count; none if the person may drive without a course."""
-    return _role_and_courses(person, robot, at)[1]
+    return Asker(person, [robot]).role_and_courses(robot, at)[1]
 
 
-def _role_and_courses(person: User, robot: Robot, at: datetime) -> tuple[Role | None, list[Course]]:
-    """Return the person's role, and the courses for which a booking may count (not those they supervise)."""
-    if person.is_staff or not person.is_active:
-        return role_on(person, robot, at), []
-    found = given_on(person, robot, at)
-    role = max((one.role for one in found), default=None)
-    enrolled = {one.course for one in found if one.course != OWN and one.role is Role.OPERATOR}
-    alone = any(one.course == OWN and one.role >= Role.OPERATOR for one in found)
-    return role, list(Course.objects.filter(pk__in=enrolled)) if enrolled and not alone else []
+class Asker:
+    """A person who wants time on one of some robots. What is the same for several wishes is read once."""
+
+    def __init__(self, person: User, robots: Collection[Robot]) -> None:
+        self.person = person
+        self._robots = [robot.id for robot in robots]
+        self._given: dict[date, list[Given]] = {}
+        self._own: tuple[datetime, list[_Own]] | None = None
+        self.courses = cache(lambda keys: list(Course.objects.filter(pk__in=keys)))
+        self.quota = cache(partial(_quota_of, person))
+
+    def given(self, robot: Robot, day: date) -> list[Given]:
+        """Return the sources of the person's role on the robot on a day."""
+        if day not in self._given:
+            self._given[day] = given([self.person.pk], self._robots, day)
+        return [one for one in self._given[day] if one.robot == robot.id]
+
+    def role_and_courses(self, robot: Robot, at: datetime) -> tuple[Role | None, list[Course]]:
+        """Return the person's role, and the courses for which a booking may count (not those they supervise)."""
+        if self.person.is_staff or not self.person.is_active:
+            return role_on(self.person, robot, at), []
+        found = self.given(robot, lab_date(at))
+        role = max((one.role for one in found), default=None)
+        enrolled = frozenset(one.course for one in found if one.course != OWN and one.role is Role.OPERATOR)
+        alone = any(one.course == OWN and one.role >= Role.OPERATOR for one in found)
+        return role, self.courses(enrolled) if enrolled and not alone else []
+
+    def own(self, since: datetime) -> list[_Own]:
+        """Return the person's bookings that begin later than `since`, or more of them."""
+        if self._own is None or since < self._own[0]:
+            found = rows.read(_OWN, (self.person.pk, since))
+            self._own = (
+                since,
+                [
+                    _Own(
+                        rows.key(key),
+                        rows.moment(starts_at),
+                        rows.moment(held_until),
+                        used_at and rows.moment(used_at),
+                        rows.key(robot),
+                        name,
+                        bool(lesson),
+                    )
+                    for key, starts_at, held_until, used_at, robot, name, lesson in found
+                ],
+            )
+        return self._own[1]
 
 
-def _quota_of(course: Course, person: User, slot: Slot, now: datetime, moved: Booking | None) -> Quota:
+def _quota_of(person: User, course: Course, slot: Slot, now: datetime, moved: Booking | None) -> Quota:
     of_course = Booking.objects.filter(
         course=course,
         starts_at__gt=_before(min(now, slot.starts_at), WEEK + LONGEST),
@@ -373,17 +430,11 @@ def _quota_of(course: Course, person: User, slot: Slot, now: datetime, moved: Bo
     )
 
 
-def _own_rows(policy: Policy, person: User, slot: Slot, now: datetime, moved: Booking | None) -> list[_Own]:
-    """Return the person's bookings, as far back as the policy's rules need them."""
-    quotas = policy.day_min or policy.week_min or policy.at_once or policy.gap_min
-    first = _before(
-        min(now, slot.starts_at) if quotas else slot.starts_at, WEEK + LONGEST if quotas else LONGEST
-    )
-    found = []
-    for key, starts_at, held_until, used_at, robot, name, lesson in rows.read(_OWN, (person.pk, first)):
-        times = rows.moment(starts_at), rows.moment(held_until), used_at and rows.moment(used_at)
-        found.append(_Own(rows.key(key), *times, rows.key(robot), name, bool(lesson)))
-    return [one for one in found if moved is None or one.id != moved.pk]
+def _far_back(policy: Policy, slot: Slot, now: datetime) -> datetime:
+    """Return the moment since which the policy's rules need the person's bookings."""
+    if policy.day_min or policy.week_min or policy.at_once or policy.gap_min:
+        return _before(min(now, slot.starts_at), WEEK + LONGEST)
+    return _before(slot.starts_at, LONGEST)
 
 
 def _on_other_robots(own: list[_Own], robot: Robot, now: datetime) -> tuple[Taken, ...]:

@@ -43,11 +43,11 @@ WHERE user_id IN ({people}) AND {on_robots}
 """
 
 _DEMANDED = """
-SELECT qualification_id FROM access_qualification_robots WHERE robot_id = %s
+SELECT robot_id, qualification_id FROM access_qualification_robots WHERE robot_id IN ({robots})
 UNION
-SELECT qualification_id
+SELECT gr.robot_id, qualification_id
 FROM access_qualification_groups qg JOIN access_robotgroup_robots gr ON gr.robotgroup_id = qg.robotgroup_id
-WHERE gr.robot_id = %s
+WHERE gr.robot_id IN ({robots})
 """
 
 
@@ -76,6 +76,16 @@ def given(
     ]
 
 
-def demanded(robot: UUID) -> list[int]:
+def demanded(robot: UUID) -> set[int]:
     """Return the keys of the qualifications that the robot or one of its groups demands. Makes one query."""
-    return [key for (key,) in rows.read(_DEMANDED, [robot, robot])]
+    return demanded_by([robot])[robot]
+
+
+def demanded_by(robots: Collection[UUID]) -> dict[UUID, set[int]]:
+    """Return `demanded` of each robot. Makes one query."""
+    keys: dict[UUID, set[int]] = {robot: set() for robot in robots}
+    for robot, key in (
+        rows.read(_DEMANDED.format(robots=rows.marks(robots)), [*robots, *robots]) if robots else ()
+    ):
+        keys[rows.key(robot)].add(key)
+    return keys

@@ -78,11 +78,6 @@ def supervises(user: User, robot: Robot) -> bool:
     return role is not None and role >= Role.SUPERVISOR
 
 
-def given_on(user: User, robot: Robot, at: datetime) -> list[Given]:
-    """Return every source of a role of `user` on `robot` at `at`; staff need none."""
-    return _given([user.id], [robot.id], at)
-
-
 def manages_robot(user: User, robot: Robot) -> bool:
     """Return whether `user` is staff, or a supervisor of the robot or its groups; not only by a course."""
     return robots_managed_by(user).filter(pk=robot.pk).exists()
@@ -208,11 +203,15 @@ def demanded_in(course: Course) -> QuerySet[Qualification]:
     return Qualification.objects.filter(Q(robots__in=robots) | Q(groups__robots__in=robots)).distinct()
 
 
-def grants_in(course: Course, now: datetime) -> dict[UUID, list[QualificationGrant]]:
-    """Return, by person, the valid grants of qualifications that the course's robots demand."""
+def grants_in(
+    course: Course, now: datetime, people: Collection[UUID] | None = None
+) -> dict[UUID, list[QualificationGrant]]:
+    """Return, by person, the valid grants of qualifications that its robots demand (None: of all its people)."""
     valid = QualificationGrant.objects.filter(Q(expires_at=None) | Q(expires_at__gt=now)).filter(
         qualification__in=demanded_in(course), person__enrolments__course=course
     )
+    if people is not None:
+        valid = valid.filter(person__in=people)
     held: dict[UUID, list[QualificationGrant]] = {}
     for grant in valid.select_related("qualification"):
         held.setdefault(grant.person_id, []).append(grant)

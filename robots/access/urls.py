@@ -14,6 +14,7 @@ urlpatterns = [
     path("tokens/new/", tokens.token_new, name="token-new"),
     path("tokens/<uuid:token_id>/end/", tokens.token_remove, name="token-end"),
     path("robot-groups/", entries.groups, name="robot-groups"),
+    path("robot-groups/<slug:slug>/people/", entries.group_people, name="robot-group-people"),
     path("sign-in-rules/", sign_in_rules, name="sign-in-rules"),
     path("qualifications/", entries.qualifications, name="qualifications"),
     path("courses/", courses.courses, name="courses"),

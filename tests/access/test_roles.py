@@ -188,7 +188,7 @@ def test_a_role_on_a_group_counts_on_each_of_its_robots(
     assert manages_robot(student, robot) and not manages_robot(student, other_robot)
     group.robots.add(other_robot)
     assert role_on(student, other_robot) is Role.SUPERVISOR
-    assert student.display_name in client.get("/robot-groups/").content.decode()
+    assert student.display_name in client.get("/robot-groups/tiagos/people/").content.decode()
     client.post("/robot-groups/", give)
     assert role_on(student, robot) is None
     changes = Record.objects.filter(kind="role.change").order_by("pk").values_list("parameters", flat=True)

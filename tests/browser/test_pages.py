@@ -29,6 +29,7 @@ PAGES = [
     "/courses/",
     "/courses/new/",
     "/robot-groups/",
+    "/robot-groups/tiagos/people/",
     "/qualifications/",
     "/webhooks/",
     "/webhooks/new/",

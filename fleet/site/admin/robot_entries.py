@@ -38,7 +38,7 @@ def save_entries(formset: Any, actor: User) -> None:
         services.entry_delete(entry=entry, actor=actor)
 
 
-MOST_ROWS = 100
+MOST_ROWS = 50
 
 
 class SpokenFormSet(BaseInlineFormSet):  # type: ignore[type-arg]  # not subscriptable at run time

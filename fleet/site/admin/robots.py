@@ -64,13 +64,42 @@ ENDED = {BridgeStatus.State.DISABLED, BridgeStatus.State.STOPPED}  # true also w
 
 
 class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscriptable at run time
-    """Roles of people on this robot."""
+    """Roles of people on this robot. A row shows its person: an input would ask the database for each name."""
+
+    model = RobotRole
+    formset = SpokenFormSet
+    extra = 0
+    fields = ["user", "role"]
+    readonly_fields = ["user"]
+    verbose_name_plural = _("people (staff may do everything without an entry)")
+
+    def get_queryset(self, request: HttpRequest) -> QuerySet[RobotRole]:
+        """Return the roles with their people."""
+        return super().get_queryset(request).select_related("user", "robot__profile")
+
+    def has_add_permission(self, request: HttpRequest, obj: Robot | None) -> bool:  # type: ignore[override]
+        """Return False: `NewRoleInline` adds."""
+        return False
+
+
+class NewRoleInline(admin.TabularInline):  # type: ignore[type-arg]
+    """Rows for new roles on this robot."""
 
     model = RobotRole
     formset = SpokenFormSet
     extra = 0
     autocomplete_fields = ["user"]
-    verbose_name_plural = _("people (staff may do everything without an entry)")
+    verbose_name_plural = _("new people")
+
+    def has_view_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        """Return False: `RoleInline` shows the others."""
+        return False
+
+    def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        return False
+
+    def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        return False
 
 
 class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
@@ -146,7 +175,7 @@ class RobotAdmin(RecordedAdmin):
     form = RobotForm
     formfield_overrides = READABLE
     actions = ["copy_robots", "export_robots", "delete_robots"]
-    inlines = [RoleInline, AllowanceInline]
+    inlines = [RoleInline, NewRoleInline, AllowanceInline]
     fieldsets = [
         (
             None,
@@ -190,6 +219,10 @@ class RobotAdmin(RecordedAdmin):
             },
         ),
     ]
+
+    def get_inlines(self, request: HttpRequest, obj: Robot | None) -> list[Any]:
+        """A new robot has no roles yet."""
+        return self.inlines[0 if obj else 1 :]
 
     @admin.action(description=_("Copy: the same settings, disabled"))
     def copy_robots(self, request: HttpRequest, queryset: QuerySet[Robot]) -> None:

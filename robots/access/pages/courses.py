@@ -8,8 +8,9 @@ from uuid import UUID
 
 import segno
 from django.contrib import messages
+from django.contrib.auth.hashers import UNUSABLE_PASSWORD_PREFIX
 from django.core.exceptions import PermissionDenied
-from django.db.models import Count
+from django.db.models import Count, Q
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
@@ -23,6 +24,7 @@ from fleet.accounts.mail.off import is_off
 from fleet.accounts.requests import person_of, staff_of
 from fleet.base.formats.sentences import localised
 from fleet.base.origin import public_origin, public_url
+from fleet.base.paging import page_of
 from fleet.base.time_takers import may_take_time
 from robots.access import enrolment, services, welcome
 from robots.access.models import Course, Invitation
@@ -44,6 +46,10 @@ from robots.access.selectors import (
     robots_of,
 )
 
+SEARCHED = ("person__full_name", "person__username", "person__email", "number")
+_WAITING = Q(  # for a first password
+    person__is_active=True, person__last_login=None, person__password__startswith=UNUSABLE_PASSWORD_PREFIX
+)
 _STAFF_ONLY = "Only staff make and change courses."
 
 
@@ -347,20 +353,21 @@ def _course_page(
 ) -> HttpResponse:
     now = timezone.now()
     qualifications = demanded_in(found)
-    held = grants_in(found, now)
-    enrolments = found.enrolments.select_related("person").order_by("person__full_name", "person__username")
+    enrolled = found.enrolments.select_related("person").order_by("person__full_name", "person__username")
+    page = page_of(request, enrolled, *SEARCHED)
+    held = grants_in(found, now, [one.person_id for one in page])
     context = {
         "course": found,
         "robots": robots_of(found),
+        "page": page,
         "people": [
-            {"person": one.person, "number": one.number, "held": held.get(one.person_id, ())}
-            for one in enrolments
+            {"person": one.person, "number": one.number, "held": held.get(one.person_id, ())} for one in page
         ],
-        "waiting": sum(
-            one.person.is_active and not (one.person.has_usable_password() or one.person.last_login)
-            for one in enrolments
+        **enrolled.aggregate(
+            enrolled=Count("pk"),
+            waiting=Count("pk", filter=_WAITING),
+            refused=Count("pk", filter=Q(person__email_refused_at__isnull=False)),
         ),
-        "refused": sum(one.person.email_refused_at is not None for one in enrolments),
         "qualifications": qualifications,
         "others": _managed(request).filter(archived=False).exclude(pk=found.pk),
         "action": ActionForm(course=found, qualifications=qualifications),

@@ -6,20 +6,23 @@ from collections.abc import Callable
 from typing import Any
 
 from django.contrib import messages
+from django.db.models import Count
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
-from django.views.decorators.http import require_http_methods
+from django.views.decorators.http import require_http_methods, require_safe
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import staff_of
+from fleet.base.paging import page_of
 from fleet.base.time_takers import may_take_time
 from robots.access import services
 from robots.access.models import Qualification, RobotGroup
 from robots.access.pages.forms import GroupForm, QualificationForm
 from robots.registry.models import Role
 
+_STAFF_ONLY = "Only staff change robot groups and qualifications."
 ROLES = [value for value in Role.values if value != Role.STAFF.value]  # the roles that can be given
 
 
@@ -54,6 +57,17 @@ def qualifications(request: HttpRequest) -> HttpResponse:
     return _entries(request, QualificationForm, "qualifications", save, delete)
 
 
+@never_cache
+@require_safe
+def group_people(request: HttpRequest, slug: str) -> HttpResponse:
+    """List the people with a role on a group's robots, with forms to give and take away roles."""
+    staff_of(request, _STAFF_ONLY)
+    group = get_object_or_404(RobotGroup, slug=slug)
+    roles = group.roles.select_related("user")
+    page = page_of(request, roles, "user__full_name", "user__username")
+    return render(request, "access/group_people.html", {"group": group, "page": page, "roles": ROLES})
+
+
 def _give(request: HttpRequest, group: RobotGroup, staff: User) -> None:
     """Give a person a role on the group's robots, or take the role away."""
     name, role = request.POST.get("username", "").strip(), request.POST.get("role", "")
@@ -82,7 +96,7 @@ def _entries(
     delete: Callable[[Any, User], None],
 ) -> HttpResponse:
     """Show a form for each entry and an empty form for a new entry. The prefix of an entry's form is its slug."""
-    staff = staff_of(request, "Only staff change robot groups and qualifications.")
+    staff = staff_of(request, _STAFF_ONLY)
     model: type[RobotGroup] | type[Qualification] = form_class._meta.model
     posted = None
     if request.method == "POST":
@@ -90,7 +104,7 @@ def _entries(
         entry = get_object_or_404(model, slug=slug) if slug else model()
         if slug and isinstance(entry, RobotGroup) and request.POST.get("action") == "role":
             _give(request, entry, staff)
-            return redirect(page)
+            return redirect("robot-group-people", slug)
         if slug and request.POST.get("action") == "delete":
             delete(entry, staff)
             messages.success(request, _("%s is deleted.") % entry)
@@ -100,10 +114,13 @@ def _entries(
             save(posted, staff)
             messages.success(request, _("%s is saved.") % entry)
             return redirect(page)
+    entries = model.objects.all()
+    if model is RobotGroup:
+        entries = entries.annotate(people=Count("roles"))
     forms = [
         posted if posted and posted.instance.pk == entry.pk else form_class(instance=entry, prefix=entry.slug)
-        for entry in model.objects.all()
+        for entry in entries
     ]
     new = posted if posted and posted.instance.pk is None else form_class(prefix="new")
-    context = {"forms": forms, "new": new, "page": page, "groups": model is RobotGroup, "roles": ROLES}
+    context = {"forms": forms, "new": new, "page": page, "groups": model is RobotGroup}
     return render(request, "access/entries.html", context, status=400 if posted else 200)

@@ -137,7 +137,8 @@ def test_roles_change_hands_and_go_through_the_robots_page(
     admin: Client, robot: Robot, operator: User, stranger: User
 ) -> None:
     url = reverse("admin:robots_robot_change", args=[robot.pk])
-    assert admin.post(url, filled(admin, url, **{"roles-0-user": stranger.pk})).status_code == 302
+    new = {"roles-2-TOTAL_FORMS": 1, "roles-2-0-user": stranger.pk, "roles-2-0-role": "operator"}
+    assert admin.post(url, filled(admin, url, **new, **{"roles-0-DELETE": "on"})).status_code == 302
     assert list(RobotRole.objects.values_list("user__username", "role")) == [("stranger", "operator")]
     assert admin.post(url, filled(admin, url, **{"roles-0-DELETE": "on"})).status_code == 302
     assert not RobotRole.objects.exists()
