@@ -18,6 +18,8 @@ CAUSES = [
     ("readonly", "read_only", say("the database is read-only")),
     ("read-only", "read_only", say("the database is read-only")),
     ("no such table", "no_table", say("a table is missing: run manage.py migrate")),
+    # of `fleet.base.schema`
+    ("migrations", "other_release", say("the database belongs to another release; /healthz says what to do")),
 ]
 
 

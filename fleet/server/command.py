@@ -15,6 +15,7 @@ from daphne.cli import CommandLineInterface
 from twisted.internet import reactor, task
 from twisted.internet.endpoints import serverFromString
 
+from fleet.base import schema
 from fleet.server import guard, limits
 from fleet.server.front import Front
 from fleet.server.pages.client import Pages
@@ -46,6 +47,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         _least, most = resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))  # each connection is a file
         if self.keeper is not None:
+            schema.begin("web process")
             self.front.pages = Pages(self.keeper.path)
             self.front.programs = os.fsencode(self.keeper.programs)
             self.keeper.programs.unlink(missing_ok=True)

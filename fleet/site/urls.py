@@ -23,6 +23,7 @@ urlpatterns = [
     path("healthz", views.healthz, name="healthz"),
     path("readyz", views.healthz),
     path("livez", views.livez),
+    path("about/", views.about, name="about"),
     path("metrics", MetricsView.as_view()),
     path("cookies/", views.cookies, name="cookies"),
     path("bridge-hosts/join/", bridge_hosts.join, name="bridge-host-join"),

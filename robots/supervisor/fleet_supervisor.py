@@ -21,6 +21,7 @@ from django.conf import settings
 from django.db import DatabaseError, connection
 
 from fleet.audit.errors import AuditUnavailable
+from fleet.base.version import release
 from robots.records.faults import record_bridge
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import BridgeStatus, Robot
@@ -210,7 +211,8 @@ class Fleet:
             argument = msgspec.json.encode(watched).decode()
             path = os.pathsep.join(filter(None, [str(settings.BASE_DIR), environment.get("PYTHONPATH")]))
             arguments = [sys.executable, *self._watchdog, argument]
-            watchdog.want(Program(arguments, {**environment, "PYTHONPATH": path}, watched.digest()))
+            own = {"PYTHONPATH": path, "FLEET_RELEASE": release()}
+            watchdog.want(Program(arguments, {**environment, **own}, watched.digest()))
         self._settled.add(robot.id)
 
     def _end_robot(self, robot_id: UUID) -> None:

@@ -12,13 +12,14 @@ from itertools import chain
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiParameter
-from prometheus_client import CollectorRegistry, Histogram, disable_created_metrics
+from prometheus_client import CollectorRegistry, Histogram, Info, disable_created_metrics
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
 from prometheus_client.registry import Collector
 
 from fleet.accounts.tokens.models import Scope
 from fleet.audit.models import Record
+from fleet.base.version import commit, version
 from fleet.bookings.models import Waiting
 from robots.link.connections import LinkRefused
 from robots.link.state_reader import figures_once
@@ -174,6 +175,8 @@ class MetricsView(ApiView):
         found = _own
         if OWN not in self.request.query_params:
             found = CollectorRegistry(auto_describe=False)
+            build = Info("fleet_build", "The release of the console.", registry=found)
+            build.info({"version": version(), "commit": commit()})
             found.register(RobotCollector())
             found.register(
                 WebCollector(self.request.get_host(), self.request.headers.get("Authorization", ""))

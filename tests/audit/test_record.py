@@ -262,6 +262,7 @@ def test_a_full_disk_is_a_refusal_in_words():
         ("attempt to write a readonly database", "audit_read_only"),
         ("cannot execute INSERT in a read-only transaction", "audit_read_only"),
         ("no such table: audit_record", "audit_no_table"),
+        ("The database lacks 2 migrations.", "audit_other_release"),
         ("connection refused", "audit_unreachable"),
     ],
 )

@@ -55,6 +55,7 @@ PAGES = [
     "/admin/robots/phrase/import/",
     "/robots/tiago-2/report/",
     "/your-data/",
+    "/about/",
     "/privacy/",
     "/admin/audit/record/",
     "/admin/audit/speechrecord/",

@@ -1,4 +1,4 @@
-"""Filters of templates."""
+"""Filters and tags of templates."""
 
 from typing import Any
 
@@ -7,9 +7,11 @@ from django.template import defaultfilters
 
 from fleet.base.formats.dates import in_language
 from fleet.base.formats.sentences import words_of
+from fleet.base.version import release
 
 register = template.Library()
 register.filter("words", words_of)
+register.simple_tag(release, name="release")
 
 
 @register.filter(expects_localtime=True, is_safe=False)

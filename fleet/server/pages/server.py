@@ -17,6 +17,8 @@ from types import FrameType
 
 import uvicorn
 
+from fleet.base import schema
+from fleet.base.version import log_start
 from robots.shared.processes.scheduling import forbid_real_time
 from robots.shared.processes.shutdown import SIGNALS, exit_within
 
@@ -87,6 +89,8 @@ def main() -> None:
         target=_end_with, args=(asked.life_line, asked.socket, server), name="life line", daemon=True
     ).start()
     server.config.load()  # before anybody can connect
+    log_start("pages process")
+    schema.guard()  # it answers that the database is refused, and /healthz says so
     server.run([_listening(asked.socket)])
     asked.socket.unlink(missing_ok=True)  # the life line may have ended before the socket was made
     for number in SIGNALS:  # a second signal must not kill threads that still write records

@@ -1,8 +1,7 @@
-"""Pages that belong to no app: errors, admin sign-in, cookies, privacy, health."""
+"""Pages that belong to no app: errors, admin sign-in, about, cookies, privacy, health."""
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 from django.conf import settings
@@ -10,7 +9,6 @@ from django.contrib.auth.decorators import login_not_required
 from django.contrib.auth.views import redirect_to_login
 from django.core.exceptions import DisallowedHost, PermissionDenied, TooManyFieldsSent
 from django.db import DatabaseError, connection
-from django.db.migrations.executor import MigrationExecutor
 from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.http.response import HttpResponseBase
 from django.shortcuts import redirect, render
@@ -27,7 +25,8 @@ from fleet.accounts.middleware import TooManyFields
 from fleet.accounts.requests import wants_json
 from fleet.accounts.sign_in import known_device
 from fleet.audit.kinds import Kept
-from fleet.base import languages
+from fleet.base import languages, schema
+from fleet.base.version import commit, version
 
 WHY_KEPT = {
     Kept.SPEECH: _("To find the person who made a robot say a sentence."),
@@ -107,6 +106,12 @@ def cookies(request: HttpRequest) -> HttpResponse:
     return render(request, "site/cookies.html", context)
 
 
+@require_safe
+def about(request: HttpRequest) -> HttpResponse:
+    """Show which release of the console this is."""
+    return render(request, "site/about.html", {"version": version(), "commit": commit()})
+
+
 @login_not_required
 @require_safe
 def privacy(request: HttpRequest) -> HttpResponse:
@@ -124,6 +129,8 @@ def healthz(_request: HttpRequest) -> JsonResponse:
     """Report to monitoring whether the database answers and has the schema of this version."""
     try:
         trouble = _trouble()
+    except schema.SchemaRefused as refused:
+        trouble = str(refused)
     except DatabaseError:
         trouble = "The database does not answer."
     return JsonResponse({"ok": trouble is None, "text": trouble or "Ready."}, status=503 if trouble else 200)
@@ -139,16 +146,4 @@ def livez(_request: HttpRequest) -> HttpResponse:
 def _trouble() -> str | None:
     with connection.cursor() as cursor:
         cursor.execute("SELECT 1")
-    try:
-        _check_migrations()
-    except LookupError as error:
-        return str(error)
-    return None
-
-
-@cache  # an error is not cached; success is, because an applied migration stays applied
-def _check_migrations() -> None:
-    executor = MigrationExecutor(connection)
-    missing = executor.migration_plan(executor.loader.graph.leaf_nodes())
-    if missing:
-        raise LookupError(f"{len(missing)} migrations are not applied: run manage.py migrate.")
+    return schema.trouble(connection)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import socket
 import sys
@@ -161,6 +162,7 @@ def run(config: WatchdogConfig) -> int:
     """Run the watchdog of one robot; return the exit code."""
     logging.basicConfig(format=f"watchdog of {config.slug}: %(message)s")
     logging.getLogger("robots").setLevel(logging.INFO)
+    log.info("starts, Fleet console %s", os.environ.get("FLEET_RELEASE", "of an unknown release"))
     limit_memory(MOST_BYTES)
     sys.setswitchinterval(0.001)  # s: zeros wait less for rospy's threads
     stop_file = StopFile(config.state_dir, config.robot_id)

@@ -7,6 +7,7 @@ from functools import cache
 
 from msgspec import Struct
 
+from fleet.base.version import commit, version
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.views import schema_bytes
 
@@ -19,8 +20,10 @@ class IndexEntry(Struct, frozen=True):
 
 
 class Index(Struct, frozen=True):
-    """The addresses that need no name or number. `schema` lists all operations."""
+    """The release of the console, and the addresses that need no name or number. `schema` lists all operations."""
 
+    version: str
+    commit: str  # blank: not known
     schema: str
     reference: str  # the same for people
     entries: list[IndexEntry]
@@ -30,15 +33,14 @@ class IndexView(ApiView):
     @operation("index", "List the addresses of the API", scope=None)
     def get(self) -> Index:
         """Begin here, or with the schema."""
-        return _index()
+        return Index(version(), commit(), "/api/v1/openapi.json", "/api/v1/reference", _entries())
 
 
 @cache
-def _index() -> Index:
+def _entries() -> list[IndexEntry]:
     paths = json.loads(schema_bytes())["paths"]
-    entries = [
+    return [
         IndexEntry(address, {method.upper(): one["summary"] for method, one in operations.items()})
         for address, operations in sorted(paths.items())
         if "{" not in address
     ]
-    return Index("/api/v1/openapi.json", "/api/v1/reference", entries)

@@ -25,6 +25,7 @@ from fleet.accounts.erasing import erase_next
 from fleet.accounts.tokens.services import remove_expired_tokens
 from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
+from fleet.base.schema import begin
 from fleet.bookings.changes import waiting_list as waiting
 from fleet.bookings.changes.handing import hand_offers_lapse, remove_old_offers
 from fleet.bookings.losses import lost_rights
@@ -82,6 +83,7 @@ class Command(BaseCommand):
             for _ in daily_steps():
                 pass
             return
+        begin("housekeeping")
         over = end_event(sys.stdin.fileno(), END_S)
         daily, robots, webhooks, pushes = DailyWork(), RobotWatch(), WebhookWorker(), PushWorker()
         # A mail server that hangs must not delay the ends of leases, nor a long log in which a person is erased

@@ -11,6 +11,7 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import connections
 
+from fleet.base.schema import begin
 from robots.bridge.process import run
 from robots.records.bridge_records import AuditSink
 from robots.registry.configuration.profile_schema import Problems
@@ -29,6 +30,7 @@ class Command(BaseCommand):
 
     def handle(self, *args: Any, **options: Any) -> None:
         """Run the bridge with plain values and a sink for its records."""
+        begin(f"bridge of {options['slug']}")
         robot = Robot.objects.select_related("profile").filter(slug=options["slug"]).first()
         if robot is None:
             raise CommandError(f"There is no robot {options['slug']!r}.")

@@ -7,6 +7,7 @@ from typing import Any
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
+from fleet.base.schema import begin
 from robots.link.stop_courier import courier
 from robots.registry.models import Robot
 from robots.shared.processes.one_supervisor import LOCK, AlreadySupervised, only_instance
@@ -28,6 +29,7 @@ class Command(BaseCommand):
         )
 
     def handle(self, *args: Any, **options: Any) -> None:
+        begin("supervisor")
         wait_shortly()
         only = frozenset(options["slugs"])
         unknown = only - set(Robot.objects.values_list("slug", flat=True))
