@@ -68,7 +68,7 @@ def trouble(database: BaseDatabaseWrapper) -> str | None:
     if missing:
         return (
             f"The database lacks {len(missing)} migrations of this console ({release()}). "
-            "Run: manage.py upgrade (docs/upgrade.md)."
+            "Start it on the console's computer first, or run: manage.py upgrade (docs/upgrade.md)."
         )
     return None
 

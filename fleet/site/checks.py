@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from typing import Any
 
 from django.conf import settings
 from django.core.checks import CheckMessage, Error, Tags, Warning, register
 from django.db import connections
+from django.db.backends.base.base import BaseDatabaseWrapper
 from django.db.migrations.loader import MigrationLoader
 
 from fleet.accounts.emails import fault_of_sender
@@ -74,7 +76,7 @@ def squashed_migrations_are_whole(databases: Iterable[str] | None = None, **_: A
     return [
         Error(
             f"The database has {len(applied)} of the {len(migration.replaces)} migrations that {migration} replaces.",
-            hint="Run manage.py migrate at commit 358ebd0 first (docs/deployment.md, Upgrades).",
+            hint="Run manage.py migrate at commit 358ebd0 first (docs/upgrade.md).",
             id="fleet.E001",
         )
         for loader in loaders
@@ -83,3 +85,23 @@ def squashed_migrations_are_whole(databases: Iterable[str] | None = None, **_: A
         < len(applied := loader.applied_migrations.keys() & {*migration.replaces})
         < len(migration.replaces)
     ]
+
+
+@register(Tags.database)
+def data_fit_the_migrations(databases: Iterable[str] | None = None, **_: Any) -> list[CheckMessage]:
+    """Refuse to migrate while data would stop a migration, which would leave the database half migrated.
+
+    A migration that data may stop has a function `obstacles(connection)` beside its class, which names all of them.
+    """
+    return [
+        Error(f"Before the migration {app}.{name}, nothing is changed. {found}", id="fleet.E002")
+        for alias in databases or ()
+        for loader in [MigrationLoader(connections[alias])]
+        for (app, name), migration in sorted(loader.disk_migrations.items())
+        if (app, name) not in loader.applied_migrations
+        for found in getattr(sys.modules[type(migration).__module__], "obstacles", _none)(connections[alias])
+    ]
+
+
+def _none(_connection: BaseDatabaseWrapper) -> list[str]:
+    return []

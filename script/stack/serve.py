@@ -28,10 +28,6 @@ from script.stack.stack import Certificate, StartError, daphne, tls_endpoint
 # The processes of each role.
 ROLES = {"console": ("supervisor", "web"), "web": ("web",), "bridges": ("supervisor",)}
 BRIDGE_HOST = "FLEET_BRIDGE_HOST"
-OTHER_SCHEMA = (
-    "The database does not have the schema of this version. Update the computer of the console first: its script/serve "
-    "migrates the database. Without such a computer: script/serve web --migrate."
-)
 
 
 def main() -> int:
@@ -60,7 +56,6 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
         choices=ROLES,
         help="console: all (default); web: one of several web processes; bridges: the bridges of FLEET_BRIDGE_HOST",
     )
-    parser.add_argument("--migrate", action="store_true", help="role web: migrate the database, too")
     parser.add_argument(
         "--bind", default="127.0.0.1", help="address to serve on (default: this machine only)"
     )
@@ -73,6 +68,11 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--certificate", type=Path, help="serve TLS with this PEM file; set FLEET_TLS=1 too")
     parser.add_argument("--private-key", type=Path)
     parser.add_argument("--authority", type=Path, help="the chain above the certificate")
+    parser.add_argument(
+        "--migrate",
+        action="store_true",
+        help="also migrate PostgreSQL, or by the role web: you have a backup (docs/upgrade.md)",
+    )
     asked = parser.parse_args(words)
     if asked.role == "bridges" and asked != parser.parse_args(["bridges"]):
         parser.error("the role bridges takes no options: its settings are in the environment")
@@ -105,8 +105,6 @@ def serve(asked: argparse.Namespace) -> int:
     for command in preparation(asked):
         done = subprocess.run([sys.executable, "manage.py", *command], check=False)  # noqa: S603
         if done.returncode:
-            if "--check" in command:
-                print(OTHER_SCHEMA, file=sys.stderr)
             return done.returncode
     keep([Kept(name, commands[name]) for name in names], lambda: ready(asked, env), lambda: introduce(asked))
 
@@ -118,15 +116,10 @@ def preparation(asked: argparse.Namespace) -> Iterator[list[str]]:
     else:
         yield ["collectstatic", "--no-input", "-v", "0"]  # first, because the check needs its result
         yield ["check", "--deploy"]
-    if asked.role == "console" or asked.migrate:
-        yield [
-            "migrate",
-            "--no-input",
-            "-v",
-            "0",
-        ]  # without a line for each, so that the address stays in sight
+    if asked.migrate:
+        yield ["upgrade", "--migrate"]
     else:
-        yield ["migrate", "--check", "-v", "0"]
+        yield ["upgrade", *([] if asked.role == "console" else ["--check"])]
 
 
 def ready(asked: argparse.Namespace, env: Environment) -> bool:

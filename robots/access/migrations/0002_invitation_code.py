@@ -4,6 +4,13 @@ import robots.access.models
 from django.db import migrations, models
 
 
+def make_codes(apps, schema_editor):
+    """Each invitation needs its own: the default of a new column is the same for all rows."""
+    for invitation in apps.get_model("access", "Invitation").objects.using(schema_editor.connection.alias):
+        invitation.code = robots.access.models.new_code()
+        invitation.save(update_fields=["code"])
+
+
 class Migration(migrations.Migration):
 
     dependencies = [
@@ -12,6 +19,12 @@ class Migration(migrations.Migration):
 
     operations = [
         migrations.AddField(
+            model_name='invitation',
+            name='code',
+            field=models.CharField(default='', editable=False, max_length=14),
+        ),
+        migrations.RunPython(make_codes, migrations.RunPython.noop),
+        migrations.AlterField(
             model_name='invitation',
             name='code',
             field=models.CharField(default=robots.access.models.new_code, editable=False, max_length=14, unique=True),

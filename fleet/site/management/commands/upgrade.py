@@ -1,0 +1,82 @@
+"""``manage.py upgrade``: bring the database to this release. `script/serve` runs it at each start.
+
+Nothing is changed before a backup was made, nor while data would stop a migration.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+from django.conf import settings
+from django.core.checks import Tags
+from django.core.management import call_command
+from django.core.management.base import BaseCommand, CommandError, CommandParser
+from django.db import connection
+from django.db.migrations.recorder import MigrationRecorder
+from django.utils import timezone
+
+from fleet.backup.sqlite import copy_database
+from fleet.base import schema
+from fleet.base.version import version
+
+KEPT = 5  # backups
+
+
+class Command(BaseCommand):
+    help = "Bring the database to this release, after a backup."
+    requires_system_checks = []
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        parser.add_argument(
+            "--migrate", action="store_true", help="there is a backup of the PostgreSQL database"
+        )
+        parser.add_argument(
+            "--check", action="store_true", help="change nothing: fail if there is something to do"
+        )
+
+    def handle(self, *args: Any, **options: Any) -> None:
+        """Refuse, or make a backup, and migrate. A new database needs neither."""
+        applied = MigrationRecorder(connection).applied_migrations()
+        trouble = schema.trouble(connection)
+        if trouble and (options["check"] or schema.newer_migrations(applied)):
+            raise CommandError(trouble)
+        if options["check"]:
+            return
+        if trouble and applied:
+            self.check(tags=[Tags.database], databases=["default"])
+            if connection.vendor == "sqlite":
+                self.stdout.write(f"The database before the upgrade: {back_up(Path(settings.FLEET_VAR))}")
+            elif not options["migrate"]:
+                raise CommandError(_how_to_back_up())
+        # Also without a new migration: it reads the profiles that came with the release.
+        call_command("migrate", interactive=False, verbosity=0)
+
+
+def back_up(var: Path) -> Path:
+    """Copy the SQLite database, and keep the newest copies. Return the path of the copy."""
+    folder = var / "backups"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    copy = folder / f"before-{version()}-{timezone.now():%Y%m%dT%H%M%SZ}.sqlite3"
+    try:
+        copy_database(Path(connection.settings_dict["NAME"]), copy)
+    except (OSError, sqlite3.Error) as error:
+        raise CommandError(
+            f"Nothing was changed: the database cannot be copied to {copy}: {error}."
+        ) from error
+    for old in sorted(folder.glob("before-*.sqlite3"), key=lambda one: one.stat().st_mtime)[:-KEPT]:
+        old.unlink()
+    return copy
+
+
+def _how_to_back_up() -> str:
+    of = connection.settings_dict
+    where = [f"--host={of['HOST']}"] if of["HOST"] else []
+    where += [f"--port={of['PORT']}"] if of["PORT"] else []
+    where += [f"--username={of['USER']}"] if of["USER"] else []
+    line = " ".join(["pg_dump --format=custom", f"--file=before-{version()}.dump", *where, of["NAME"]])
+    return (
+        f"Release {version()} changes the database; it waits until you have a backup. Stop every process of the "
+        f"console, run\n\n    {line}\n\nand start this release once with: script/serve --migrate (docs/upgrade.md)."
+    )
