@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import socket
 from collections.abc import Collection, Iterator
 from functools import partial
 from pathlib import Path
@@ -31,6 +32,7 @@ log = logging.getLogger(__name__)
 NOT_ENTERED = {"id", "fence", "updated_at", "shipped", "shipped_phrases", "robot"}
 WORDS = "text"  # of a phrase
 LONGEST_DETAIL = 500  # of a bridge's status
+LONGEST_HOST = 64  # the same
 ORDER_STEP = 10  # between phrases of a file, to leave room for others
 
 
@@ -304,6 +306,7 @@ def bridge_status_set(*, robot_id: UUID, state: BridgeStatus.State, detail: str,
                 "detail": detail[:LONGEST_DETAIL],
                 "said": said,
                 "pid": pid,
+                "host": socket.gethostname()[:LONGEST_HOST],
                 "since": timezone.now(),
             },
         )

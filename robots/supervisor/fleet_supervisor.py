@@ -14,7 +14,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import urlsplit
-from uuid import UUID
+from uuid import UUID, uuid5
 
 import msgspec
 from django.conf import settings
@@ -30,9 +30,11 @@ from robots.registry.services import bridge_status_set
 from robots.registry.stored_robots import StoredRobots
 from robots.shared.configuration.watchdog_config import watchdog_config
 from robots.shared.processes import last_words
+from robots.shared.processes.one_supervisor import AlreadySupervised
 from robots.shared.processes.restarts import RestartBudget
 from robots.shared.processes.shutdown import exit_within
 from robots.shared.sentences import Sentence, reason_of, say
+from robots.supervisor.claims import CONSOLE, Claims
 from robots.supervisor.process_keeper import (
     KILL_S,
     NEXT_START,
@@ -111,6 +113,9 @@ class Fleet:
         self._keeps_house = (
             not only and not host
         )  # else another supervisor has the other robots and the housekeeping
+        self._role = [] if only else [uuid5(CONSOLE, self._host) if host else CONSOLE]  # claimed, too
+        self._claims = Claims()
+        self._left: dict[UUID, str] = {}  # robots that another supervisor has claimed
         self._manage = manage or settings.BASE_DIR / "manage.py"
         self._watchdog = watchdog
         self._keepers: dict[UUID, Keeper] = {}
@@ -124,6 +129,12 @@ class Fleet:
         self._housekeeping = Keeper("Housekeeping", lambda *_: None)
         if self._keeps_house:
             self._housekeeping.want(self._program([HOUSEKEEPING], dict(os.environ), HOUSEKEEPING))
+
+    def claim(self) -> None:
+        """Claim the console, the host, or the robots of the command line. Raises `AlreadySupervised`."""
+        named = Robot.objects.filter(slug__in=self._only).values_list("id", flat=True)
+        for holder in self._claims.take(self._role or list(named)).values():
+            raise AlreadySupervised(holder)
 
     def step(self, now_s: float) -> None:
         """Run one round; the next round repeats writes that the database refused."""
@@ -157,14 +168,43 @@ class Fleet:
             if self._stored.read():
                 self._settled.clear()
             mine = [robot for robot in self._stored.robots if self._is_mine(robot)]
+            taken = self._take([robot.id for robot in mine])
             for robot in mine:
-                self._update(robot)
+                if robot.id in taken:
+                    self._leave(robot, taken[robot.id])
+                else:
+                    self._left.pop(robot.id, None)
+                    self._update(robot)
         except DatabaseError as error:
             self._database_failed(error)
             return
         self._database_well = True
         for robot_id in self._keepers.keys() - {robot.id for robot in mine}:
             self._end_robot(robot_id)
+
+    def _take(self, mine: list[UUID]) -> dict[UUID, str]:
+        """Claim these robots; return those that another supervisor has. Give back robots that have ended here."""
+        taken = self._claims.take([*self._role, *mine])
+        for role in self._role:
+            if role in taken:
+                raise AlreadySupervised(taken[role])
+        running = [robot_id for robot_id in self._keepers if not self._is_idle(robot_id)]
+        self._claims.keep([*self._role, *mine, *running])
+        return taken
+
+    def _leave(self, robot: Robot, holder: str) -> None:
+        """Leave the robot, and the report about it, to another supervisor."""
+        if self._left.get(robot.id) == holder:
+            return
+        self._left[robot.id] = holder
+        why = say("the supervisor on {computer} runs this robot; end one of the two", computer=holder)
+        log.error("%s: %s", robot.slug, why)
+        if robot.id in self._keepers:
+            self._end_robot(robot.id)
+        self._settled.discard(robot.id)
+        self._reported.pop(robot.id, None)
+        self._unsaved.pop(robot.id, None)
+        last_words.write(socket_path(robot.id), last_words.WHY, why)
 
     def _is_mine(self, robot: Robot) -> bool:
         """Return whether the command line names the robot or its bridge's host.
@@ -221,6 +261,9 @@ class Fleet:
         self._keepers[robot_id].want(None)
         self._watchdogs[robot_id].want(None)
 
+    def _is_idle(self, robot_id: UUID) -> bool:
+        return self._keepers[robot_id].idle and self._watchdogs[robot_id].idle
+
     @property
     def _all(self) -> list[Keeper]:
         return [*self._keepers.values(), *self._watchdogs.values(), self._housekeeping]
@@ -250,6 +293,8 @@ class Fleet:
 
     def _report(self, robot_id: UUID, state: State, detail: str, pid: int | None) -> None:
         report = (state, detail, pid)
+        if robot_id in self._left:
+            return
         if self._reported.get(robot_id) != report:
             self._reported[robot_id] = self._unsaved[robot_id] = report
             _tell_why(robot_id, state, detail)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from itertools import count
+from socket import gethostname
 from typing import Any, ClassVar
 
 from django import forms
@@ -275,9 +276,12 @@ class RobotAdmin(RecordedAdmin):
             "state": status.get_state_display(),
             "time": f"{localtime(status.since):%Y-%m-%d %H:%M:%S %Z}",
         }
+        is_elsewhere = status.host not in ("", gethostname())
+        if is_elsewhere:
+            since = gettext("%(state)s, on %(computer)s") % {"state": since, "computer": status.host}
         detail = of_parts(status.detail, status.said) if status.said else status.detail
         status_text = f"{since}: {in_words(detail)}" if detail or status.said else since
-        if status.state in ENDED or robot.bridge_address or supervised(settings.FLEET_RUN_DIR / LOCK):
+        if status.state in ENDED or is_elsewhere or supervised(settings.FLEET_RUN_DIR / LOCK):
             return status_text
         return gettext("no supervisor is running; the last report: %s") % status_text
 

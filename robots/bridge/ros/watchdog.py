@@ -18,7 +18,7 @@ from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.shutdown import refuse_shutdown
 from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
 from robots.shared.configuration.watchdog_config import WatchdogConfig
-from robots.shared.ros.master import DeathWatch, Master, MasterError
+from robots.shared.ros.master import DeathWatch, Master, MasterError, node_alive
 from robots.shared.ros.registration import register_again
 
 log = logging.getLogger(__name__)
@@ -27,6 +27,7 @@ RETRY_S = 0.5
 CHECK_S = 0.5  # between checks of the registration and of the drive topics
 SEND_PATIENCE_S = 0.02  # if a listener's buffer is full for longer, the listener does not read
 FLUSH_S = 0.1
+THEFT_S = 10.0  # a name that is taken twice within this time belongs to a node that registers again, too
 
 
 class WatchdogNode:
@@ -40,6 +41,7 @@ class WatchdogNode:
         self._drives: dict[str, rospy.Publisher] = {}
         self._cancels: list[rospy.Publisher] = []
         self._joined = False
+        self._taken_s = float("-inf")  # when another node took the name
         self._ending = threading.Event()
 
     def start(self) -> None:
@@ -109,6 +111,7 @@ class WatchdogNode:
             rospy.init_node(
                 self._config.node.strip("/"),
                 argv=[],
+                anonymous=self._has_namesake(),
                 disable_signals=True,
                 disable_rostime=True,
                 disable_rosout=True,
@@ -122,17 +125,40 @@ class WatchdogNode:
             log.exception("joining the robot's master failed")
             os._exit(1)
         self._joined = True
-        log.info("joined the robot's master as %s", self._config.node)
+        log.info("joined the robot's master as %s", rospy.get_name())
+
+    def _has_namesake(self) -> bool:
+        """Return whether another watchdog with this name lives, of a console with a copy of this database.
+
+        Then this one joins under a name of its own: both can stop the robot, and neither ends the other.
+        """
+        uri = self._master.node_uri(self._config.node)
+        if uri is None or node_alive(uri, self._config.node) is False:
+            return False
+        log.error("another console, at %s, has a watchdog for this robot: end one of the consoles", uri)
+        return True
 
     def _stay(self, watch: DeathWatch) -> None:
         """Run until the master is gone. Register again if another node takes or removes this node's name."""
         while not self._ending.is_set():
-            if self._master.node_uri(self._config.node) != rospy.get_node_uri():
+            if self._master.node_uri(rospy.get_name()) != rospy.get_node_uri():
                 log.warning("the robot's master does not know this watchdog any more: registering again")
+                self._yield_to_namesake()
                 register_again(self._master, rospy.get_node_uri(), get_topic_manager(), get_service_manager())
             self._attend()
             if watch.wait(CHECK_S):
                 return
+
+    def _yield_to_namesake(self) -> None:
+        """End the process if the name was taken twice in a short time: the next one joins under another name."""
+        now_s, before_s = time.monotonic(), self._taken_s
+        uri = self._master.node_uri(rospy.get_name())
+        if uri is None or not node_alive(uri, rospy.get_name()):
+            return  # the master started again, or a node took the name and ended
+        self._taken_s = now_s
+        if now_s - before_s < THEFT_S:
+            log.error("another watchdog, at %s, takes this one's name again and again: starting again", uri)
+            os._exit(1)
 
     def _attend(self) -> None:
         """Keep a publisher for each wanted drive topic, and for no other."""

@@ -32,6 +32,7 @@ class BridgeStatus(models.Model):
     detail = models.CharField(max_length=500, blank=True)
     said = models.JSONField(default=list, blank=True)  # key and figures of `detail`; empty: it has none
     pid = models.PositiveIntegerField(null=True, blank=True)
+    host = models.CharField(max_length=64, blank=True, default="", db_default="")  # the supervisor's computer
     since = models.DateTimeField()
 
     class Meta:

@@ -16,7 +16,7 @@ LOCK_TRY_S = 0.02
 
 
 class AlreadySupervised(Exception):
-    """Another supervisor holds the lock; the text is the id of its process."""
+    """Another supervisor is there; the text is its computer and process."""
 
 
 @contextlib.contextmanager
@@ -25,7 +25,7 @@ def only_instance(path: Path) -> Iterator[None]:
     with path.open("a+") as lock:
         if not _acquired(lock):
             lock.seek(0)
-            raise AlreadySupervised(lock.read().strip())
+            raise AlreadySupervised(f"this computer, process {lock.read().strip()}")
         lock.truncate(0)
         lock.write(str(os.getpid()))
         lock.flush()

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 from unittest import mock
+from uuid import UUID
 
 import pytest
 from django.db import OperationalError, connection
@@ -19,6 +20,8 @@ from robots.link.connections import why_down
 from robots.registry import stored_robots
 from robots.registry.models import Allowance, BridgeStatus, Robot
 from robots.registry.selectors import link_address
+from robots.shared.processes.one_supervisor import AlreadySupervised
+from robots.supervisor.claims import CONSOLE
 from robots.supervisor.fleet_supervisor import Fleet, wait_shortly
 from tests.processes import until
 from tests.robots.support import FakePrograms
@@ -265,3 +268,56 @@ def test_one_of_several_hosts_runs_only_its_robots(
         assert supervised.fleet._housekeeping.idle  # the host of the other robots does the housekeeping
     finally:
         supervised.fleet.end_programs()
+
+
+class Taken:
+    """Claims of which another supervisor has some."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self.elsewhere: dict[UUID, str] = {}
+        self.kept: list[UUID] = []
+        fleet._claims = self  # type: ignore[assignment]
+
+    def take(self, wanted: list[UUID]) -> dict[UUID, str]:
+        return {one: self.elsewhere[one] for one in wanted if one in self.elsewhere}
+
+    def keep(self, wanted: list[UUID]) -> None:
+        self.kept = wanted
+
+
+def test_a_robot_of_another_supervisor_is_left_alone(
+    supervised: Supervised, other_robot: Robot, caplog: pytest.LogCaptureFixture
+) -> None:
+    taken = Taken(supervised.fleet)
+    taken.elsewhere[other_robot.id] = "computer-2, process 7"
+    supervised.until_started("tiago-1", 1)
+    supervised.until_started("run_housekeeping", 1)
+    assert supervised.programs.pids("tiago-2") == []
+    assert not BridgeStatus.objects.filter(robot=other_robot).exists()
+    assert (
+        "computer-2, process 7 runs this robot"
+        in why_down(FileNotFoundError(), link_address(other_robot)).text
+    )
+    taken.elsewhere.clear()
+    supervised.until_started("tiago-2", 1)
+    supervised.until(lambda: supervised.state(other_robot) == State.RUNNING, "the report")
+    assert caplog.text.count("computer-2, process 7 runs this robot") == 1
+
+
+def test_a_robot_that_was_taken_over_ends_here_unreported(supervised: Supervised, robot: Robot) -> None:
+    taken = Taken(supervised.fleet)
+    supervised.until_started("tiago-1", 1)
+    BridgeStatus.objects.filter(robot=robot).update(pid=4711)  # the other one's report
+    taken.elsewhere[robot.id] = "computer-2, process 7"
+    supervised.until(lambda: "end tiago-1" in supervised.programs.lines(), "the end of the bridge")
+    assert robot.id in taken.kept
+    supervised.fleet.end_programs()
+    assert BridgeStatus.objects.get(robot=robot).pid == 4711
+
+
+def test_a_console_that_was_taken_over_ends(supervised: Supervised) -> None:
+    taken = Taken(supervised.fleet)
+    supervised.until_started("tiago-1", 1)
+    taken.elsewhere[CONSOLE] = "computer-2, process 7"
+    with pytest.raises(AlreadySupervised, match="computer-2"):
+        supervised.until(lambda: False, "never")

@@ -17,6 +17,7 @@ TESTS = [
     "tests/bookings/losses/test_under_the_lock.py",
     "tests/fleet/test_migration.py",
     "tests/robots/places/test_places.py",
+    "tests/robots/supervisor/test_claims.py",
     "tests/robots/supervisor/test_faults.py",
     "tests/teleop/control/test_lease.py",
     "tests/teleop/reports/test_reports.py",

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
 from fleet.base.schema import begin
 from robots.link.stop_courier import courier
 from robots.registry.models import Robot
-from robots.shared.processes.one_supervisor import LOCK, AlreadySupervised, only_instance
+from robots.shared.processes.one_supervisor import AlreadySupervised
 from robots.shared.processes.shutdown import EXIT_ALREADY_RUNNING
+from robots.supervisor.claims import sole_supervisor
 from robots.supervisor.fleet_supervisor import Fleet, Stopping, supervise, wait_shortly
 
 
@@ -37,10 +37,21 @@ class Command(BaseCommand):
             raise CommandError(f"There is no robot {', '.join(sorted(unknown))}.")
         stopping = Stopping()
         try:
-            with only_instance(settings.FLEET_RUN_DIR / LOCK):
+            with sole_supervisor():
+                fleet = Fleet(only, host=options["host"])
+                fleet.claim()
                 courier().start(stays=True)
-                supervise(Fleet(only, host=options["host"]), stopping)
+                supervise(fleet, stopping)
         except AlreadySupervised as other:
+            what = (
+                "one of these robots"
+                if only
+                else "this host's bridges"
+                if options["host"]
+                else "this console"
+            )
             raise CommandError(
-                f"A supervisor is running already (process {other}).", returncode=EXIT_ALREADY_RUNNING
+                f"A supervisor runs {what} already: {other}. It goes on, and this one ends. Two cannot run the same "
+                "robots: end one of them, or make this computer a bridge host of other robots.",
+                returncode=EXIT_ALREADY_RUNNING,
             ) from other
