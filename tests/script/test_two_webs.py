@@ -5,13 +5,19 @@ from __future__ import annotations
 import asyncio
 import json
 import signal
+import socket
+import subprocess
+import sys
 import time
 import urllib.error
 import urllib.request
+from pathlib import Path
 from typing import Any
 
 from robots.shared import wire
+from robots.shared.processes.shutdown import EXIT_ALREADY_RUNNING
 from script.stack.client import Driver, sign_in
+from script.stack.places import REPOSITORY
 from script.stack.stack import PRACTICE_ROBOTS
 from tests.processes import until
 from tests.script.house import House
@@ -51,6 +57,24 @@ def test_a_program_at_another_web_process_learns_the_remedy(house: House) -> Non
     until(lambda: ask("POST", "/renew", first)[1].get("code") == "other_process", "the first knows", NEWS_S)
     assert ask("DELETE", "", second)[0] == 204
     until(lambda: ask("POST", "/renew", first)[1]["code"] == "no_lease", "the first knows of the end", NEWS_S)
+
+
+def test_a_second_supervisor_ends_and_changes_nothing(house: House, tmp_path: Path) -> None:
+    """As on another computer: only the database is the same."""
+    own = {name: str(tmp_path) for name in ("FLEET_VAR", "FLEET_RUN_DIR")}
+    tmp_path.chmod(0o700)
+    for names in ([], [ROBOT]):
+        second = subprocess.run(
+            [sys.executable, "manage.py", "run_fleet", *names],
+            cwd=REPOSITORY,
+            env=house.stack.environment | own,
+            capture_output=True,
+            text=True,
+            timeout=60.0,
+        )
+        assert second.returncode == EXIT_ALREADY_RUNNING
+        assert f"{socket.gethostname()[:28]}, process {house.stack.supervisor.pid}" in second.stderr
+    assert not list(tmp_path.glob("*.sock"))
 
 
 def test_control_and_stop_are_the_same_through_either(house: House) -> None:

@@ -43,13 +43,7 @@ class Command(BaseCommand):
                 courier().start(stays=True)
                 supervise(fleet, stopping)
         except AlreadySupervised as other:
-            what = (
-                "one of these robots"
-                if only
-                else "this host's bridges"
-                if options["host"]
-                else "this console"
-            )
+            what = "one of these robots" if only else options["host"] or "this console"
             raise CommandError(
                 f"A supervisor runs {what} already: {other}. It goes on, and this one ends. Two cannot run the same "
                 "robots: end one of them, or make this computer a bridge host of other robots.",
