@@ -5,13 +5,16 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 from xmlrpc.client import ServerProxy
+from xmlrpc.server import SimpleXMLRPCServer
 
+import msgspec
 import pytest
 import rosgraph
 import rospy
@@ -19,7 +22,7 @@ from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist
 
 from robots.shared import wire
-from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.configuration.bridge_config import BridgeConfig, LinkAddress
 from robots.shared.processes.probe_findings import BRIDGE, watchdog_name
 from robots.shared.processes.shutdown import EXIT_NAME_LOST
 from tests.processes import PATIENCE_S, until
@@ -336,3 +339,48 @@ def test_only_the_owner_opens_the_socket(watchdog: WatchdogProcess, config: Brid
 def test_it_ends_with_its_life_line(watchdog: WatchdogProcess) -> None:
     watchdog.process.stdin.close()
     assert watchdog.process.wait(PATIENCE_S) == 0
+
+
+def test_a_second_watchdog_of_a_robot_fights_for_no_name(
+    watchdog: WatchdogProcess, rosmaster: Master, config: BridgeConfig, zeros: Zeros, tmp_path
+) -> None:
+    """As of a console with a copy of the database: both stop the robot."""
+    name = watchdog_name(config.robot_id)
+    before = uri_of(rosmaster, name)
+    folder = tmp_path / "copy"
+    folder.mkdir()
+    copy = msgspec.structs.replace(
+        config, link=LinkAddress(unix_path=f"{config.link.unix_path}2.sock"), state_dir=str(folder)
+    )
+    second = WatchdogProcess(copy, rosmaster, folder).ready()
+    try:
+        assert isinstance(second.press("Ben"), wire.Stopped)
+        assert isinstance(watchdog.press("Ann"), wire.Stopped)
+        zeros.of_the_watchdog()
+        assert uri_of(rosmaster, name) == before
+    finally:
+        second.stop()
+    assert "has a watchdog for this robot" in second.log.read_text()
+
+
+def test_a_name_that_is_taken_again_and_again_is_left(
+    watchdog: WatchdogProcess, rosmaster: Master, config: BridgeConfig, start
+) -> None:
+    name = watchdog_name(config.robot_id)
+    own = uri_of(rosmaster, name)
+    with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False) as thief:
+        thief.register_function(lambda *_: (1, "", name), "getName")
+        thief.register_function(lambda *_: (1, "", 0), "shutdown")
+        threading.Thread(target=thief.serve_forever, daemon=True).start()
+        address = f"http://127.0.0.1:{thief.server_address[1]}/"
+
+        def steal() -> bool:
+            if _registered(rosmaster, name) == own:
+                ServerProxy(rosmaster.uri).registerPublisher(name, "/somewhere", "std_msgs/String", address)
+            return watchdog.process.poll() is not None
+
+        until(steal, "the end of the watchdog")
+        watchdog.log.unlink()
+        assert isinstance(start(WatchdogProcess).ready().press(), wire.Stopped)
+        assert _registered(rosmaster, name) == address
+        thief.shutdown()
