@@ -7,6 +7,8 @@ import resource
 import socket
 import time
 from argparse import Namespace
+from collections.abc import Collection
+from ipaddress import ip_network
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ from twisted.internet.endpoints import serverFromString
 
 from fleet.base import schema
 from fleet.server import guard, limits
-from fleet.server.front import Front
+from fleet.server.front import Front, Network
 from fleet.server.pages.client import Pages
 from fleet.server.pages.process import Keeper
 from robots.shared.processes.scheduling import Garbage, ask_for_priority
@@ -29,6 +31,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
     """Daphne's server behind guards, with `Front` before the application."""
 
     keeper: Keeper | None = None  # keeps the pages process running; None in tests of the server
+    proxies: Collection[Network] = ()  # serve only these; empty: everybody
 
     def __init__(self, application: Any, **options: Any) -> None:
         from django.conf import settings  # the application was imported before
@@ -37,6 +40,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
             application,
             session_cookie=settings.SESSION_COOKIE_NAME,
             behind_proxy=options.get("proxy_forwarded_address_header") is not None,
+            proxies=self.proxies,
         )
         super().__init__(self.front, **options, ready_callable=self._listen)
         # Daphne would listen without guards
@@ -102,12 +106,14 @@ class CommandLine(CommandLineInterface):  # type: ignore[misc]
             websocket_max_frame_size=limits.MESSAGE_BYTES,
             server_name="",  # nobody has to know
         )
+        self.parser.add_argument("--proxies", default="", help="serve only these networks")
 
     def run(self, args: list[str]) -> None:
         asked: Namespace = self.parser.parse_args(args)
         os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
         from django.conf import settings
 
+        Server.proxies = [ip_network(one) for one in filter(None, asked.proxies.split(","))]
         keeper = Server.keeper = Keeper(settings.FLEET_RUN_DIR, asked.application)
         try:
             super().run(args)

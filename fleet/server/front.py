@@ -6,7 +6,8 @@ Stops and WebSockets need no place among requests: many requests never block the
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
+from ipaddress import IPv4Network, IPv6Network, ip_address
 from typing import Any
 
 from fleet.base import stop_addresses
@@ -19,6 +20,7 @@ from fleet.server.pages.client import Pages
 from fleet.server.turns import Key, Turns, WorkQueue
 from fleet.server.websocket import WebSocket
 
+Network = IPv4Network | IPv6Network
 STOPPERS, OTHERS = "people who stop robots", "others"  # owners of work
 
 
@@ -30,7 +32,14 @@ class Front:
     # Of this process, for a pages process, which has checked the client's permission
     metrics: Callable[[], bytes]
 
-    def __init__(self, console: Any, *, session_cookie: str, behind_proxy: bool = False) -> None:
+    def __init__(
+        self,
+        console: Any,
+        *,
+        session_cookie: str,
+        behind_proxy: bool = False,
+        proxies: Collection[Network] = (),
+    ) -> None:
         self.session_cookie = session_cookie
         self.pages: Pages | None = None
         self.programs = b""  # the path of the socket for pages processes
@@ -44,6 +53,7 @@ class Front:
         self.bodies = Places(limits.BODIES_BYTES, of_address)
         self._console = console
         self._behind_proxy = behind_proxy
+        self._proxies = proxies
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
         guard = GUARD.get()
@@ -150,6 +160,15 @@ class Front:
         """Return the address for which a connection counts; blank: a Unix socket."""
         host = getattr(transport.getPeer(), "host", None)
         return network_of(host) if host else ""
+
+    def serves(self, transport: Any) -> bool:
+        """Return whether this connection comes from a proxy, if only proxies may connect, or from this account."""
+        host = getattr(transport.getPeer(), "host", None)
+        if not (host and self._proxies):
+            return True
+        address = ip_address(host)
+        address = getattr(address, "ipv4_mapped", None) or address
+        return any(address in network for network in self._proxies)
 
     def entered(self, guard: Guard) -> bool:
         """Return whether there is a place for a new connection.

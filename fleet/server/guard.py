@@ -73,7 +73,9 @@ class Guard(ProtocolWrapper, TimeoutMixin):  # type: ignore[misc]  # Twisted's t
         self._address = self.server.address_of(transport)
         self._owner = self.server.owner_of(None, self._address)
         self.setTimeout(limits.HEAD_S)
-        if not self.server.entered(self):
+        if not self.server.serves(self):
+            self.refuse(limits.not_a_proxy())
+        elif not self.server.entered(self):
             self.refuse(limits.busy())
 
     def dataReceived(self, data: bytes) -> None:

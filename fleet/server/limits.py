@@ -124,6 +124,12 @@ def busy() -> HttpRefusal:
     return HttpRefusal(503, "Service Unavailable", "busy", text, retry_after_s=2)
 
 
+def not_a_proxy() -> HttpRefusal:
+    """Return the refusal of a connection past the proxies: nobody could believe its headers."""
+    text = say("Not done: the console answers here only to its proxies. Use its public address.")
+    return HttpRefusal(403, "Forbidden", "not_a_proxy", text)
+
+
 def no_answer() -> HttpRefusal:
     """Return the refusal if the pages process has died, or does not start."""
     text = say("The server did not answer this. Look whether it was done, and try again in a moment.")

@@ -29,6 +29,8 @@ from script.stack.stack import Certificate, StartError, daphne, tls_endpoint
 ROLES = {"console": ("supervisor", "web"), "web": ("web",), "bridges": ("supervisor",)}
 BRIDGE_HOST = "FLEET_BRIDGE_HOST"
 
+THIS_MACHINE = "127.0.0.0/8,::1"  # proxies on it
+
 
 def main() -> int:
     """Run the command, and return the exit status."""
@@ -62,8 +64,12 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--port", type=int, default=8000)
     parser.add_argument(
         "--behind-proxy",
-        action="store_true",
-        help="believe the X-Forwarded headers of a proxy on this machine; it must overwrite what browsers send",
+        nargs="?",
+        type=proxies,
+        const="",
+        metavar="ADDRESSES",
+        help="serve proxies only, and believe their X-Forwarded headers: they must overwrite what browsers send. "
+        "Addresses or networks, such as 10.0.0.5,10.1.0.0/16 (default: this machine)",
     )
     parser.add_argument("--certificate", type=Path, help="serve TLS with this PEM file; set FLEET_TLS=1 too")
     parser.add_argument("--private-key", type=Path)
@@ -78,11 +84,23 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
         parser.error("the role bridges takes no options: its settings are in the environment")
     if bool(asked.certificate) != bool(asked.private_key):
         parser.error("--certificate and --private-key go together")
-    if asked.behind_proxy and (asked.certificate or not is_loopback(asked.bind)):
+    if asked.behind_proxy and asked.certificate:
+        parser.error("--behind-proxy serves plain http: without --certificate")
+    if asked.behind_proxy == THIS_MACHINE and not is_loopback(asked.bind):
         parser.error(
-            "--behind-proxy serves plain http to this machine only: without --certificate or other --bind"
+            f"--behind-proxy with --bind {asked.bind} needs the proxies' addresses: --behind-proxy 10.0.0.5"
         )
     return asked
+
+
+def proxies(addresses: str) -> str:
+    """Return the addresses of proxies and of this machine, for the web process. Raises ArgumentTypeError."""
+    try:
+        return ",".join(
+            [*(str(ipaddress.ip_network(one)) for one in addresses.split(",") if one), THIS_MACHINE]
+        )
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(error) from error
 
 
 def is_loopback(address: str) -> bool:
@@ -169,7 +187,7 @@ def require_matching_tls(asked: argparse.Namespace, env: Environment) -> None:
     if env.flag("FLEET_TLS") and not ends_tls:
         raise StartError(
             "FLEET_TLS is on, but nothing ends TLS, so nobody could sign in: give --certificate and --private-key, "
-            "or --behind-proxy if a proxy on this machine ends it."
+            "or --behind-proxy if a proxy ends it."
         )
     if asked.certificate and not env.flag("FLEET_TLS"):
         raise StartError("--certificate serves TLS: set FLEET_TLS=1, so that cookies never leave it.")
@@ -213,7 +231,7 @@ def web_command(asked: argparse.Namespace) -> list[str]:
     if asked.certificate:
         certificate = Certificate(asked.certificate, asked.private_key, asked.authority)
         return [*daphne(), "--endpoint", tls_endpoint(certificate, asked.bind, asked.port)]
-    believed = ["--proxy-headers"] if asked.behind_proxy else []
+    believed = ["--proxy-headers", "--proxies", asked.behind_proxy] if asked.behind_proxy else []
     return [*daphne(), *believed, "--bind", asked.bind, "--port", str(asked.port)]
 
 

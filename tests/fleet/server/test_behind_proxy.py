@@ -1,19 +1,24 @@
 """`script/serve --behind-proxy`: a TLS proxy in front of the real web process."""
 
 import http.client
+import json
 import re
 import socket
 import time
 from http.cookies import SimpleCookie
+from ipaddress import ip_network
+from types import SimpleNamespace
 
 import pytest
 
+from fleet.server.front import Front
 from script.stack.processes import Child, end_all
-from script.stack.serve import arguments, web_command
+from script.stack.serve import THIS_MACHINE, arguments, web_command
 from tests.conftest import PASSWORD
 from tests.fleet.support import console_environment, create_database
 
 HOST = "fleet.example"
+PROXY = "127.0.0.5"  # Linux answers on all of 127.0.0.0/8
 PAGE = "/accounts/sign-in/"
 FROM_THE_PROXY = {"Host": HOST, "X-Forwarded-Proto": "https", "X-Forwarded-For": "10.0.0.7"}
 
@@ -29,7 +34,8 @@ def port(environ, tmp_path):
     create_database(environ)
     with socket.create_server(("127.0.0.1", 0)) as free:
         number = free.getsockname()[1]
-    command = web_command(arguments(["--behind-proxy", "--port", str(number)]))
+    command = web_command(arguments(["--behind-proxy", PROXY, "--port", str(number)]))
+    command[command.index("--proxies") + 1] = PROXY  # and this test is not the proxy of this machine
     web = Child("web", command, env=environ, log=tmp_path / "web.log")
     try:
         _wait_until_it_listens(number, web)
@@ -49,8 +55,8 @@ def _wait_until_it_listens(port, web):
     pytest.fail(f"no web process: {web.last_lines()}")
 
 
-def _ask(port, method, path, body=None, **headers):
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+def _ask(port, method, path, body=None, client=PROXY, **headers):
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30, source_address=(client, 0))
     try:
         connection.request(method, path, body, FROM_THE_PROXY | headers)
         response = connection.getresponse()
@@ -76,6 +82,11 @@ def test_people_behind_a_proxy_are_listed_by_their_address(port):
     assert "10.0.0.7" in _ask(port, "GET", "/accounts/sessions/", Cookie=_cookie(given))[1]
 
 
+def test_nobody_passes_the_proxy(port):
+    status, text, _cookies = _ask(port, "GET", PAGE, client="127.0.0.1")
+    assert (status, json.loads(text)["code"]) == (403, "not_a_proxy")
+
+
 def _cookie(cookies):
     return "; ".join(f"{name}={value}" for name, value in cookies.items())
 
@@ -88,9 +99,27 @@ def _cookie(cookies):
         ["--certificate", "a.crt", "--private-key", "a.key"],
     ],
 )
-def test_forwarded_headers_count_only_from_this_machine(words):
+def test_without_addresses_the_proxy_is_on_this_machine(words):
     with pytest.raises(SystemExit):
         arguments(["--behind-proxy", *words])
+
+
+def test_proxies_are_addresses_and_networks():
+    asked = arguments(["--behind-proxy", "10.0.0.5,10.1.0.0/16", "--bind", "10.0.0.2"])
+    assert "10.0.0.5/32,10.1.0.0/16,127.0.0.0/8,::1" in web_command(asked)
+    with pytest.raises(SystemExit):
+        arguments(["--behind-proxy", "proxy.example", "--bind", "10.0.0.2"])
+
+
+@pytest.mark.parametrize(
+    ("peer", "is_served"),
+    [("10.0.0.5", True), ("::ffff:10.0.0.5", True), ("127.0.0.1", True), ("10.0.0.7", False), (None, True)],
+)
+def test_only_a_named_proxy_is_served(peer, is_served):
+    proxies = [ip_network(one) for one in ("10.0.0.5/32", THIS_MACHINE.split(",")[0])]
+    front = Front(None, session_cookie="sessionid", behind_proxy=True, proxies=proxies)
+    transport = SimpleNamespace(getPeer=lambda: SimpleNamespace(host=peer))
+    assert front.serves(transport) is is_served
 
 
 def test_without_it_no_header_is_believed():
