@@ -107,11 +107,10 @@ class CameraLink:
         return (self._link.refusal if self._link.tried.is_set() else None) or self._at.refusal or STARTING
 
     def _address(self) -> LinkAddress | None:
-        if self._at.unix_path is not None:
-            return msgspec.structs.replace(self._link.address, unix_path=self._at.unix_path)
-        if self._at.port is not None:
-            return msgspec.structs.replace(self._link.address, port=self._at.port)
-        return None
+        at = self._at
+        if at.unix_path is None and at.port is None:
+            return None
+        return msgspec.structs.replace(self._link.address, unix_path=at.unix_path, port=at.port)
 
     async def _run(self, socket: ClientConnection) -> None:
         self._socket = socket

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import ssl
-from contextlib import AbstractContextManager
-from socket import gaierror
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from socket import gaierror, gethostname
 from typing import Any
 
 from msgspec import structs
-from websockets.asyncio.client import connect, unix_connect
+from websockets.asyncio.client import ClientConnection, connect, unix_connect
 from websockets.exceptions import ConnectionClosed
 from websockets.sync import client as sync_client
 
 from robots.link.authority import authority_pem
 from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.processes import last_words
-from robots.shared.sentences import say
+from robots.shared.processes.one_supervisor import LOCK, supervised
+from robots.shared.sentences import catalogued, say
 from robots.shared.wire import NotDone, Refusal
 
 _PING_S = 1.0
@@ -24,6 +27,10 @@ _CLOSE_S = 0.2
 _COMMON_OPTIONS: dict[str, Any] = {"compression": None, "open_timeout": 2.0, "max_size": 8 * 1024 * 1024}
 
 _DOWN = Refusal("bridge_down", "The robot’s bridge is not running; staff can start it.", "robot")
+_UNSUPERVISED = catalogued(
+    "No supervisor runs on this computer ({computer}): staff can start it. If the robot’s bridge runs on another "
+    "computer, staff must enter its bridge address (Admin, Robots)."
+)
 _DOWN_ELSEWHERE = Refusal(
     "bridge_down",
     "Nothing answers at the address of the robot’s bridge, on another computer: start the bridge there.",
@@ -35,13 +42,28 @@ class LinkRefused(NotDone):
     """The bridge refused, or cannot be reached."""
 
 
-def open_link(address: LinkAddress, close_timeout: float | None = 10.0) -> connect:
-    """Open a lasting connection. `close_timeout`: how long (s) its end may wait for the other side."""
+@asynccontextmanager
+async def open_link(
+    address: LinkAddress, close_timeout: float | None = 10.0
+) -> AsyncIterator[ClientConnection]:
+    """Context: a lasting connection, by the Unix socket if the bridge is on this computer.
+
+    `close_timeout`: how long (s) its end may wait for the other side.
+    """
+    socket = await _opened(address, close_timeout)
+    try:
+        yield socket
+    finally:
+        await socket.close()
+
+
+async def _opened(address: LinkAddress, close_timeout: float | None) -> ClientConnection:
     if address.unix_path:
-        return unix_connect(
-            address.unix_path, ping_interval=None, close_timeout=close_timeout, **_COMMON_OPTIONS
-        )
-    return connect(
+        with suppress(*_not_here(address)):
+            return await unix_connect(
+                address.unix_path, ping_interval=None, close_timeout=close_timeout, **_COMMON_OPTIONS
+            )
+    return await connect(
         _uri(address),
         ssl=_tls(address),
         additional_headers=_headers(address),
@@ -52,21 +74,27 @@ def open_link(address: LinkAddress, close_timeout: float | None = 10.0) -> conne
     )
 
 
-def open_sync(address: LinkAddress) -> AbstractContextManager[sync_client.ClientConnection]:
+def open_sync(address: LinkAddress) -> sync_client.ClientConnection:
     """Open a connection for code without an event loop."""
     if address.unix_path:
-        connection: sync_client.ClientConnection = sync_client.unix_connect(
-            address.unix_path, close_timeout=_CLOSE_S, ping_interval=None, **_COMMON_OPTIONS
-        )
-    else:
-        connection = sync_client.connect(
-            _uri(address),
-            ssl=_tls(address),
-            additional_headers=_headers(address),
-            close_timeout=_CLOSE_S,
-            **_COMMON_OPTIONS,
-        )
+        with suppress(*_not_here(address)):
+            near: sync_client.ClientConnection = sync_client.unix_connect(
+                address.unix_path, close_timeout=_CLOSE_S, ping_interval=None, **_COMMON_OPTIONS
+            )
+            return near
+    connection: sync_client.ClientConnection = sync_client.connect(
+        _uri(address),
+        ssl=_tls(address),
+        additional_headers=_headers(address),
+        close_timeout=_CLOSE_S,
+        **_COMMON_OPTIONS,
+    )
     return connection
+
+
+def _not_here(address: LinkAddress) -> tuple[type[OSError], ...]:
+    """Return the errors after which the bridge is sought on the network: nothing listens on this computer."""
+    return (FileNotFoundError, ConnectionRefusedError) if address.host else ()
 
 
 def _uri(address: LinkAddress) -> str:
@@ -89,10 +117,13 @@ def down(address: LinkAddress) -> Refusal:
     """Return the refusal while no bridge runs at this address, with the reason if this computer knows it."""
     if not address.unix_path:
         return _DOWN_ELSEWHERE
-    why = last_words.read(address.unix_path, last_words.WHY)
-    if not why:
+    if why := last_words.read(address.unix_path, last_words.WHY):
+        return structs.replace(_DOWN, text=say("The robot’s bridge is not running: {why}", why=why))
+    if address.host:
+        return _DOWN_ELSEWHERE
+    if supervised(Path(address.unix_path).with_name(LOCK)):
         return _DOWN
-    return structs.replace(_DOWN, text=say("The robot’s bridge is not running: {why}", why=why))
+    return structs.replace(_DOWN, text=say(_UNSUPERVISED, computer=gethostname()))
 
 
 def why_down(error: Exception, address: LinkAddress) -> Refusal:

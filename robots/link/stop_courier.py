@@ -84,10 +84,12 @@ class Courier:
 
 def _address(stop: WaitingStop) -> LinkAddress:
     """Return the address of the robot's bridge, without a query of the database."""
-    if stop.host is None:
-        return LinkAddress(unix_path=str(settings.FLEET_RUN_DIR / f"{stop.name}.sock"))
     return LinkAddress(
-        host=stop.host, port=stop.port, secret=settings.FLEET_LINK_SECRET, authority=settings.FLEET_LINK_CA
+        unix_path=str(settings.FLEET_RUN_DIR / f"{stop.name}.sock"),
+        host=stop.host,
+        port=stop.port,
+        secret=settings.FLEET_LINK_SECRET,
+        authority=settings.FLEET_LINK_CA,
     )
 
 

@@ -11,7 +11,7 @@ from uuid import UUID
 from django.conf import settings
 from django.db.models import Model, Q
 from django.utils.text import slugify
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from fleet.audit.models import Record
 from fleet.base import rows
@@ -116,11 +116,13 @@ def socket_path(robot_id: UUID) -> str:
 
 
 def link_address(robot: Robot) -> LinkAddress:
-    """Return the address on which the robot's bridge listens, for both ends of the link."""
+    """Return the addresses on which the robot's bridge listens, for both ends of the link."""
+    near = LinkAddress(unix_path=socket_path(robot.id))
     if not robot.bridge_address:
-        return LinkAddress(unix_path=socket_path(robot.id))
+        return near
     parts = urlsplit(robot.bridge_address)
-    return LinkAddress(
+    return structs.replace(
+        near,
         host=parts.hostname,
         port=parts.port,
         certificate=settings.FLEET_LINK_CERT,

@@ -7,6 +7,7 @@ import logging
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from socket import AF_UNIX
 from typing import NamedTuple
 
 import msgspec
@@ -92,21 +93,20 @@ class PictureServer:
         self._require_key = require_key
         self._processes: set[_WebProcess] = set()
         self._states: dict[str, CameraState] = {}
-        self._server: Server | None = None
+        self._servers: list[Server] = []
 
     async def start(self) -> CameraAt:
         """Start to listen; return the address."""
-        self._server = await listen(self._address, self._serve)
-        if self._address.unix_path:
-            return CameraAt(unix_path=self._address.unix_path)
-        [socket, *_] = self._server.sockets
-        return CameraAt(port=socket.getsockname()[1])
+        self._servers = await listen(self._address, self._serve)
+        sockets = [socket for server in self._servers for socket in server.sockets]
+        ports = [socket.getsockname()[1] for socket in sockets if socket.family != AF_UNIX]
+        return CameraAt(self._address.unix_path, next(iter(ports), None))
 
     async def close(self) -> None:
         """Close all connections."""
-        if self._server is not None:
-            self._server.close()
-            await self._server.wait_closed()
+        for server in self._servers:
+            server.close()
+            await server.wait_closed()
         if self._address.unix_path:
             remove_socket(self._address.unix_path)
 

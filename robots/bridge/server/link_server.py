@@ -20,7 +20,7 @@ from msgspec import Struct
 from websockets.asyncio.server import Server, ServerConnection
 from websockets.exceptions import ConnectionClosed
 
-from robots.bridge.server.listening import listen, remove_socket
+from robots.bridge.server.listening import is_here, listen, remove_socket
 from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.link.lane import Lane, LaneServer
 from robots.shared.wire import LaneToken, encode_report
@@ -124,10 +124,10 @@ class LinkServer:
         self._lanes: LaneServer | None = None
         self.links: set[Link] = set()
         self._deaf = False
-        self._server: Server | None = None
+        self._servers: list[Server] = []
 
     async def start(self) -> None:
-        self._server = await listen(self._address, self._serve)
+        self._servers = await listen(self._address, self._serve)
         if self._address.unix_path and self._on_quick:
             self._lanes = LaneServer(self._address.unix_path, self._opened_lane)
             self._lanes.open()
@@ -146,12 +146,12 @@ class LinkServer:
     async def close(self) -> None:
         """Close all links and socket files."""
         self._accept_no_more()
-        if self._server:
-            await self._server.wait_closed()
+        for server in self._servers:
+            await server.wait_closed()
 
     def _accept_no_more(self) -> None:
-        if self._server:
-            self._server.close()
+        for server in self._servers:
+            server.close()
         if self._address.unix_path:
             # At once: a process that is not done in time leaves no file.
             remove_socket(self._address.unix_path)
@@ -164,7 +164,7 @@ class LinkServer:
         writer = asyncio.create_task(link.write())
         try:
             self._on_open(link)
-            if self._lanes:
+            if self._lanes and is_here(socket):
                 link.token = secrets.token_urlsafe()
                 link.report(LaneToken(link.token))
             while True:

@@ -1,4 +1,4 @@
-"""WebSocket servers of a robot's processes: a Unix socket for its owner, or TCP with TLS and the shared secret."""
+"""WebSocket servers of a robot's processes: a Unix socket for its owner, and TCP with TLS and the shared secret."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import ssl
 from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
+from socket import AF_UNIX
 
 from websockets.asyncio.server import Server, ServerConnection, serve, unix_serve
 from websockets.http11 import Request, Response
@@ -21,18 +22,33 @@ log = logging.getLogger(__name__)
 _PING_S = 1.0  # TCP only: a cut cable closes no connection
 
 
-async def listen(
-    address: LinkAddress, serve_connection: Callable[[ServerConnection], Awaitable[None]]
-) -> Server:
-    """Listen on this address; `serve_connection` runs for each connection until it returns."""
-    if address.unix_path:
-        # The lock of the state file guarantees that no other bridge of this robot runs.
-        prepare_socket_path(address.unix_path)
-        umask = os.umask(0o177)
-        try:
-            return await unix_serve(serve_connection, address.unix_path, compression=None, ping_interval=None)
-        finally:
-            os.umask(umask)
+Serve = Callable[[ServerConnection], Awaitable[None]]  # runs for each connection until it returns
+
+
+async def listen(address: LinkAddress, serve_connection: Serve) -> list[Server]:
+    """Listen on the Unix socket, and on host and port if the address has them."""
+    servers = [await _listen_here(address.unix_path, serve_connection)] if address.unix_path else []
+    if address.host:
+        servers.append(await _listen_on_network(address, serve_connection))
+    return servers
+
+
+def is_here(socket: ServerConnection) -> bool:
+    """Return whether the other end is on this computer."""
+    return bool(socket.transport.get_extra_info("socket").family == AF_UNIX)
+
+
+async def _listen_here(path: str, serve_connection: Serve) -> Server:
+    # The lock of the state file guarantees that no other bridge of this robot runs.
+    prepare_socket_path(path)
+    umask = os.umask(0o177)
+    try:
+        return await unix_serve(serve_connection, path, compression=None, ping_interval=None)
+    finally:
+        os.umask(umask)
+
+
+async def _listen_on_network(address: LinkAddress, serve_connection: Serve) -> Server:
     return await serve(
         serve_connection,
         address.host,

@@ -211,7 +211,10 @@ class Allowed(Struct, frozen=True):
 
 
 class LinkAddress(Struct, frozen=True):
-    """Address on which the bridge listens: a Unix socket (owner only), or TCP with TLS and a shared secret."""
+    """Where the bridge listens: on a Unix socket (owner only), and, with a host, by TCP with TLS and a shared secret.
+
+    A web process on the bridge's computer uses the Unix socket, others the host and port.
+    """
 
     unix_path: str | None = None
     host: str | None = None

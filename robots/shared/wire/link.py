@@ -232,7 +232,7 @@ class LinkSample(Struct, frozen=True, tag_field="t", tag="link_sample"):
 
 
 class CameraAt(Struct, frozen=True, tag_field="t", tag="camera_at"):
-    """Address of the robot's camera process: a Unix socket, or a TCP port of the bridge's host.
+    """Addresses of the robot's camera process: a Unix socket, and a TCP port if the bridge's host has an address.
 
     Both None: there is no camera process; it starts now, or `refusal` has the reason.
     """

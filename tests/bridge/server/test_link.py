@@ -321,7 +321,7 @@ async def test_stop_command_accepts_all_reports_of_the_robot(bridge, address, mo
 
 async def test_a_stop_command_without_a_bridge_says_so(tmp_path):
     address = LinkAddress(unix_path=str(tmp_path / "nobody.sock"))
-    with pytest.raises(LinkRefused, match="not running"):
+    with pytest.raises(LinkRefused, match="No supervisor runs on this computer"):
         await asyncio.to_thread(stop_once, ROBOT, address, "the command line")
 
 
@@ -583,6 +583,28 @@ class TestTcp:
         with pytest.raises((OSError, WebSocketException)):
             async with connect(f"ws://127.0.0.1:{address.port}/", open_timeout=2):
                 pass
+
+    async def test_other_computers_are_served_beside_this_one(self, address, tmp_path):
+        """Only a web process on the bridge's computer has the lane and the socket."""
+        near = msgspec.structs.replace(address, unix_path=str(tmp_path / "b.sock"))
+        far = msgspec.structs.replace(address, unix_path=str(tmp_path / "elsewhere.sock"))
+        bridge = Bridge(near)
+        bridge.server._on_quick = lambda link, raw: None  # so links on this computer have a lane
+        await bridge.server.start()
+        links = [BridgeLink(ROBOT, address) for address in (near, far)]
+        for fence, link in enumerate(links, 2):
+            link.follower = Follower()
+            link.subscribe(link.follower)
+            await link.follower.until("up")
+            await link.grant(grant(fence))
+        await links[1].stop(wire.LinkStop("Ann"))
+        assert [link.has_lane for link in links] == [True, False]
+        for one in (near, far):
+            assert (await asyncio.to_thread(state_once, ROBOT, one)).phase == "online"
+        for link in links:
+            await link.close()
+        await bridge.server.close()
+        bridge.bench.close()
 
     async def test_a_bridge_that_does_not_run_is_to_be_started_there(self, address):
         with pytest.raises(LinkRefused, match="on another computer: start the bridge there"):

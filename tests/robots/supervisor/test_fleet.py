@@ -6,12 +6,14 @@ import errno
 import sqlite3
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
+from socket import gethostname
 from unittest import mock
 from uuid import UUID
 
 import pytest
+from django.conf import settings
 from django.db import OperationalError, connection
 from django.test import override_settings
 from django.test.utils import CaptureQueriesContext
@@ -20,7 +22,7 @@ from robots.link.connections import why_down
 from robots.registry import stored_robots
 from robots.registry.models import Allowance, BridgeStatus, Robot
 from robots.registry.selectors import link_address
-from robots.shared.processes.one_supervisor import AlreadySupervised
+from robots.shared.processes.one_supervisor import LOCK, AlreadySupervised, only_instance
 from robots.supervisor.claims import CONSOLE
 from robots.supervisor.fleet_supervisor import Fleet, wait_shortly
 from tests.processes import until
@@ -125,13 +127,19 @@ def test_a_robot_added_while_running_gets_a_bridge(supervised: Supervised, robot
     supervised.until_started("tiago-3", 1)
 
 
-def test_web_processes_are_told_why_no_bridge_runs(supervised: Supervised, robot: Robot) -> None:
+def test_web_processes_are_told_why_no_bridge_runs(
+    supervised: Supervised, robot: Robot, request: pytest.FixtureRequest
+) -> None:
     """An entry of an earlier version may have an address that is refused now."""
 
     def refusal() -> str:
         return why_down(FileNotFoundError(), link_address(robot)).text
 
     supervised.until_started("tiago-1", 1)
+    assert refusal().startswith(f"No supervisor runs on this computer ({gethostname()})")
+    lock = ExitStack()
+    lock.enter_context(only_instance(settings.FLEET_RUN_DIR / LOCK))
+    request.addfinalizer(lock.close)
     assert refusal() == "The robot’s bridge is not running; staff can start it."
     Robot.objects.filter(pk=robot.pk).update(master_uri="http://[::1]:11311")
     supervised.until(lambda: "has an IPv6 address" in refusal(), "the reason")
