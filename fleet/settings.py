@@ -25,6 +25,7 @@ FLEET_TLS = _env.flag("FLEET_TLS")  # browsers reach the console by https, direc
 FLEET_VAR = _env.directory("FLEET_VAR", BASE_DIR / "var")
 FLEET_RUN_DIR = _env.directory("FLEET_RUN_DIR", FLEET_VAR / "run")
 FLEET_ORIGINS = environment.origins(_env)
+FLEET_BRIDGE_HOST = (_env.text("FLEET_BRIDGE_HOST") or "").lower()
 FLEET_LINK_SECRET = environment.link_secret(_env)
 FLEET_LINK_CA = _env.file("FLEET_LINK_CA")
 FLEET_LINK_CERT = _env.file("FLEET_LINK_CERT")

@@ -109,11 +109,10 @@ class Fleet:
         host: str = "",
     ) -> None:
         self._only = only
-        self._host = host.lower()
-        self._keeps_house = (
-            not only and not host
-        )  # else another supervisor has the other robots and the housekeeping
-        self._role = [] if only else [uuid5(CONSOLE, self._host) if host else CONSOLE]  # claimed, too
+        self._keeps_house = not (only or host)  # else another supervisor does, and has the other robots
+        # Hosts in the bridge addresses of its robots; "": a robot without a bridge address
+        self._hosts = {host.lower()} if host else {"", settings.FLEET_BRIDGE_HOST}
+        self._role = [] if only else [uuid5(CONSOLE, host.lower()) if host else CONSOLE]  # claimed, too
         self._claims = Claims()
         self._left: dict[UUID, str] = {}  # robots that another supervisor has claimed
         self._manage = manage or settings.BASE_DIR / "manage.py"
@@ -209,11 +208,11 @@ class Fleet:
     def _is_mine(self, robot: Robot) -> bool:
         """Return whether the command line names the robot or its bridge's host.
 
-        Without names: whether its bridge has no address, and so runs on the console's computer.
+        Without names: whether its bridge has no address, or one of the console's computer.
         """
         if self._only:
             return robot.slug in self._only
-        return (urlsplit(robot.bridge_address).hostname or "") == self._host
+        return (urlsplit(robot.bridge_address).hostname or "") in self._hosts
 
     def _update(self, robot: Robot) -> None:
         """Apply the robot's entry, unless that is done; it reads the allow-list from the database."""
