@@ -167,6 +167,7 @@ KINDS: dict[str, Kind] = {
     "qualification.create": Kind(_("qualification made")),
     "qualification.change": Kind(_("qualification changed")),
     "qualification.delete": Kind(_("qualification deleted")),
+    "entry.restore": Kind(_("right or rule made as it was before a change")),
     "rule.make": Kind(_("rule of single sign-on made")),
     "rule.remove": Kind(_("rule of single sign-on removed")),
     "qualification.grant": Kind(_("qualification granted")),
@@ -213,7 +214,7 @@ _GROUPS: tuple[tuple[str | Promise, tuple[str, ...]], ...] = (
         _("Robots, phrases and places"),
         ("robot", "host", "profile", "phrase", "place", "map", "layout", "allowance"),
     ),
-    (_("Rights and courses"), ("role", "group", "course", "qualification", "rule")),
+    (_("Rights and courses"), ("role", "group", "course", "qualification", "rule", "entry")),
     (_("Accounts"), ("account", "token", "push", "setup")),
     (_("Log and webhooks"), ("audit", "webhook")),
 )

@@ -17,7 +17,9 @@ ROOT = Path(__file__).parents[2]
 RECORDING = {
     "record",
     "_record",
+    "record_all",
     "record_booking",
+    "record_bookings",
     "request",
     "outcome",
 }  # functions that write records

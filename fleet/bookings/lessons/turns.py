@@ -8,9 +8,10 @@ person whose turn it is, and nobody else of the line.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from datetime import datetime, timedelta
+from functools import partial
 from typing import Any
 from uuid import UUID
 
@@ -19,6 +20,7 @@ from django.db.models import Max, Min, QuerySet
 from django.dispatch import Signal
 
 from fleet.accounts.models import User
+from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
 from fleet.bookings.lessons.members import sharers_of, shares
 from fleet.bookings.messages.moments import your_turn
@@ -148,6 +150,26 @@ def turn_skip(*, booking_id: UUID, turn_id: int, actor: User, now: datetime) -> 
         drives = turn.state == Turn.State.DRIVING
         _close(turn, Turn.State.DONE if drives else Turn.State.SKIPPED, now)
         _record("turn.skip", turn, actor, why="teacher")
+
+
+def turns_again(keys: Collection[int], actor: User | SystemAccount, now: datetime) -> list[Turn]:
+    """Put people back into lines that skipped them, at their places. Return the turns of all who are in line.
+
+    The caller has locked the robots.
+    """
+    mine = Turn.objects.filter(pk__in=keys, booking__state=State.BOOKED, booking__held_until__gt=now)
+    found = []
+    for turn in mine.select_related("person", "booking__person", "booking__robot", "booking__course"):
+        others = turn.booking.turns.filter(person=turn.person, state__in=ALIVE)
+        if turn.state == Turn.State.SKIPPED and not others.exists():
+            turn.state, turn.called_at = Turn.State.WAITING, None
+            turn.save()
+            _record("turn.join", turn, actor, why="undo")
+            changed = partial(line_changed.send, sender=Turn, robot_id=turn.booking.robot_id)
+            transaction.on_commit(changed)
+        if turn.state in ALIVE:
+            found.append(turn)
+    return found
 
 
 def turn_extend(*, booking_id: UUID, turn_id: int, minutes: int, actor: User, now: datetime) -> None:
@@ -436,7 +458,9 @@ def _of(booking: Booking, **facts: Any) -> dict[str, Any]:
     return {"booking": str(booking.pk), **facts}
 
 
-def _record(kind: str, turn: Turn, actor: User | None, outcome: str = "", **facts: Any) -> None:
+def _record(
+    kind: str, turn: Turn, actor: User | SystemAccount | None, outcome: str = "", **facts: Any
+) -> None:
     """Record a change of a turn. `actor` None: the console."""
     booking, person = turn.booking, turn.person
     record(

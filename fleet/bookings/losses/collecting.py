@@ -19,7 +19,7 @@ from msgspec import Struct, field
 from fleet.accounts.models import User
 from fleet.audit.command_line import SystemAccount
 from fleet.bookings.messages.notifications import Words, changed_by_another
-from fleet.bookings.models import Booking
+from fleet.bookings.models import Booking, Turn
 from fleet.bookings.services import TIMES
 
 
@@ -29,6 +29,7 @@ class How(TextChoices):
     CANCELLED = "cancelled", _("cancelled")
     ENDED = "ended", _("ended")
     SHORTENED = "shortened", _("shortened")
+    TURN = "turn", _("skipped in the line")
     USELESS = "useless", _("the robot is out of service")  # the booking stays
     CLOSED = (
         "closed",
@@ -46,6 +47,12 @@ class Loss(Struct):
     how: How
     before: dict[str, Any]  # `TIMES` before the change
     why: Words = str  # in the language that is active when it is called
+    turn: Turn | None = None  # of a line: the loss of this person alone
+
+    @property
+    def person(self) -> User:
+        """Return whose loss it is."""
+        return self.turn.person if self.turn else self.booking.person
 
 
 class Collected(Struct):
@@ -91,10 +98,11 @@ def lost(
     before: dict[str, Any],
     actor: User | None = None,
     why: Words = str,
+    turn: Turn | None = None,
 ) -> None:
     """Note that the person of a booking loses something. If nobody collects, write the letter now."""
     if (found := _now.get()) is not None:
-        found.losses.append(Loss(booking, how, before, why))
+        found.losses.append(Loss(booking, how, before, why, turn))
     else:
         changed_by_another(booking, actor, lambda: str(how.label), now, why)
 

@@ -49,8 +49,8 @@ def through_door(request: HttpRequest, answer: Callable[[], HttpResponseBase]) -
 
 def preview(request: HttpRequest, weighed: Weighed[Any]) -> dict[str, Any]:
     """Return the context of the page that asks."""
-    sharers = sharers_of([one.booking for one in weighed.losses])
-    people = {one.booking.person_id for one in weighed.losses}
+    sharers = sharers_of([one.booking for one in weighed.losses if one.turn is None])
+    people = {one.person.pk for one in weighed.losses}
     people |= {person.pk for several in sharers.values() for person in several}
     repeated = [
         (name, value)
@@ -75,13 +75,15 @@ def loss_rows(losses: list[Loss], sharers: dict[UUID, list[User]], viewer: User)
     names = Namer(viewer)
     rows = [
         {
-            "person": one.booking.person.display_name,
+            "person": one.person.display_name,
             "words": names(one.booking, one.before["ends_at"]),
             "how": one.how.label,
             "stays": one.how in (How.USELESS, How.CLOSED),
             "until": one.booking.ends_at if one.how is How.SHORTENED else None,
             "why": one.why() if names.knows(one.booking) else "",
-            "sharers": [person.display_name for person in sharers.get(one.booking.pk, ())],
+            "sharers": [
+                person.display_name for person in sharers.get(one.booking.pk, ()) if one.turn is None
+            ],
         }
         for one in losses
     ]

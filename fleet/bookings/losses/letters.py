@@ -18,7 +18,7 @@ from fleet.base.zones import zone_of
 from fleet.bookings.lessons.members import sharers_of
 from fleet.bookings.losses.collecting import Actor, Loss
 from fleet.bookings.messages.notifications import Words, in_words, notification_write
-from fleet.bookings.models import Booking
+from fleet.bookings.models import Booking, Turn
 
 
 class Line(Struct):
@@ -27,16 +27,20 @@ class Line(Struct):
     booking: Booking
     what: Words
     why: Words = str
+    turn: Turn | None = None  # it is about this person's turn alone
 
 
 def write_losses(losses: Iterable[Loss], actor: Actor, now: datetime) -> None:
     """Tell each person what a change of another person took from them."""
-    _write([Line(one.booking, partial(str, one.how.label), one.why) for one in losses], actor, now, _taken)
+    lines = [Line(one.booking, partial(str, one.how.label), one.why, one.turn) for one in losses]
+    _write(lines, actor, now, _taken)
 
 
-def write_given_back(bookings: Iterable[Booking], actor: Actor, now: datetime) -> None:
-    """Tell each person which bookings are theirs again."""
-    _write([Line(one, lambda: _("given back")) for one in bookings], actor, now, _given_back)
+def write_given_back(bookings: Iterable[Booking], turns: Iterable[Turn], actor: Actor, now: datetime) -> None:
+    """Tell each person which bookings and turns are theirs again."""
+    lines = [Line(one, lambda: _("given back")) for one in bookings]
+    lines += [Line(one.booking, lambda: _("given back"), turn=one) for one in turns]
+    _write(lines, actor, now, _given_back)
 
 
 def _taken(count: int) -> str:
@@ -49,9 +53,9 @@ def _given_back(count: int) -> str:
 
 def _write(lines: list[Line], actor: Actor, now: datetime, of_many: Callable[[int], str]) -> None:
     by_person: dict[User, list[Line]] = {}
-    sharers = sharers_of([line.booking for line in lines])
+    sharers = sharers_of([line.booking for line in lines if line.turn is None])
     for line in lines:
-        for person in {line.booking.person, *sharers[line.booking.pk]}:
+        for person in {line.turn.person} if line.turn else {line.booking.person, *sharers[line.booking.pk]}:
             if person.is_active:
                 by_person.setdefault(person, []).append(line)
     by = actor.display_name if isinstance(actor, User) else actor.name
@@ -62,7 +66,7 @@ def _write(lines: list[Line], actor: Actor, now: datetime, of_many: Callable[[in
         with override(of_person(person.language)), timezone.override(zone):
             subject = _subject(theirs, of_many)
             text = [*(_in_words(line, zone) for line in theirs), _("Changed by %(name)s.") % {"name": by}]
-        about = [line.booking for line in theirs]
+        about = [line.booking for line in theirs if line.turn is None]
         notification_write(to=person, subject=subject, text="\n".join(text), now=now, about=about, later=True)
 
 

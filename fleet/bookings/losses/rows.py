@@ -171,19 +171,21 @@ _SUPERVISED = {
 }
 
 
-def put_back(rows: list[Row]) -> int:
-    """Make rows as they were before a change. Return how many were changed since, and stay as they are."""
+def put_back(rows: list[Row]) -> tuple[list[Row], int]:
+    """Make rows as they were before a change. Return these, and how many were changed since and stay as they are."""
     made = [row for row in reversed(rows) if row.before is None]
-    return sum(not _put_back(row) for row in [*made, *(row for row in rows if row.before is not None)])
+    tried = [(row, _put_back(row)) for row in [*made, *(row for row in rows if row.before is not None)]]
+    return [row for row, done in tried if done], sum(done is False for _row, done in tried)
 
 
-def _put_back(row: Row) -> bool:
+def _put_back(row: Row) -> bool | None:
+    """Return whether the row is as it was; None: it was so already."""
     model = _BY_LABEL[row.table]
     held = model._default_manager.filter(pk=row.key).first()
     if row.after is None:
         return held is None and _made_again(model, row)
     if held is None or any(not _same(held, name, value) for name, value in row.after.items()):
-        return held is None and row.before is None
+        return None if held is None and row.before is None else False
     if row.before is None:
         held.delete()
         return True
@@ -210,3 +212,47 @@ def _value(model: type[models.Model], name: str, value: Any) -> Any:
 
 def _same(held: models.Model, name: str, value: Any) -> bool:
     return bool(getattr(held, name) == _value(type(held), name, value))
+
+
+# --- rows in the log ------------------------------------------------------------------------------
+
+_SLUGS: dict[str, type[models.Model]] = {
+    "course": Course,
+    "qualification": Qualification,
+    "group": RobotGroup,
+    "robotgroup": RobotGroup,
+    "robot": Robot,
+}
+
+
+def facts_of(rows: list[Row]) -> list[dict[str, Any]]:
+    """Return what the log says of rows that were put back: table, slugs, key of the person, names of columns."""
+    slugs = {
+        name: {str(key): slug for key, slug in model._default_manager.values_list("pk", "slug")}
+        for name, model in _SLUGS.items()
+    }
+    for row in rows:  # of entries that are gone now
+        slug = ((row.before or {}) | (row.after or {})).get("slug")
+        for name, model in _SLUGS.items() if slug else ():
+            if row.table == model._meta.label:
+                slugs[name].setdefault(row.key, slug)
+    return [_facts_of(row, slugs) for row in rows]
+
+
+def _facts_of(row: Row, slugs: dict[str, dict[str, str]]) -> dict[str, Any]:
+    model = _BY_LABEL[row.table]
+    facts: dict[str, Any] = {"entry": model._meta.model_name, "what": "changed"}
+    values = (row.before or {}) | (row.after or {})
+    if row.before is None or row.after is None:
+        facts["what"] = "added" if row.after is None else "removed"
+    else:
+        facts["fields"] = sorted(values)
+        values = model._default_manager.filter(pk=row.key).values().get()
+    for name, known in slugs.items():
+        key = row.key if _SLUGS[name] is model else values.get(f"{name}_id")
+        if key is not None:
+            facts[name.removeprefix("robot") or name] = known.get(str(key))
+    person = row.key if model is User else values.get("person_id") or values.get("user_id")
+    if person is not None:
+        facts["person"] = str(person)
+    return facts | ({"role": values["role"]} if values.get("role") else {})

@@ -18,12 +18,13 @@ from django.dispatch import receiver
 from msgspec import Struct, convert
 
 from fleet.accounts.models import Erasure, User
-from fleet.audit.services import record
+from fleet.audit.services import RecordBody, record, record_all
+from fleet.bookings.lessons.turns import turns_again
 from fleet.bookings.losses import letters
 from fleet.bookings.losses.collecting import Actor, How, collected
 from fleet.bookings.losses.lost_rights import still_usable
-from fleet.bookings.losses.rows import Row, may_change, put_back
-from fleet.bookings.models import Booking, Change
+from fleet.bookings.losses.rows import Row, facts_of, may_change, put_back
+from fleet.bookings.models import Booking, Change, Turn
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import (
     OPEN,
@@ -41,6 +42,8 @@ from robots.registry.models import Robot
 from robots.shared.wire import NotDone, Refusal
 
 UNDO_FOR = timedelta(days=1)
+
+STAYS = (How.USELESS, How.TURN)  # the booking itself is as it was
 
 Pair = tuple[Booking, dict[str, Any]]  # a booking, and what is kept about its loss
 
@@ -63,6 +66,7 @@ class Undone(Struct):
 
     back: list[Booking]
     lost: list[Booking]
+    turns: list[Turn] = []  # of people who are in line again
     entries: int = 0
 
 
@@ -100,9 +104,11 @@ def undo(*, change_id: UUID, actor: User, now: datetime) -> Undone:
     change = Change.objects.select_for_update(of=("self",)).get(pk=change_id)
     if (refusal := undo_refused(change, now, actor)) is not None:
         raise UndoRefused(refusal)
-    entries = put_back(convert(change.rows, list[Row]))
+    restored, changed_since = put_back(convert(change.rows, list[Row]))
+    bodies = [RecordBody(facts | {"change": str(change.pk)}) for facts in facts_of(restored)]
+    record_all("entry.restore", bodies, actor=actor)
     done = _give_back(change, actor, now)
-    done.entries = entries
+    done.entries = changed_since
     publish_access_changed(None)
     return done
 
@@ -124,11 +130,12 @@ def _give_back(change: Change, actor: Actor, now: datetime) -> Undone:
     robots = set(Booking.objects.filter(pk__in=keys).values_list("robot", flat=True))
     with robots_locked(robots, now):
         done = _restored(pairs_of(change), actor, now)
+        done.turns = turns_again([loss["turn"] for loss in change.losses if "turn" in loss], actor, now)
     change.undone_at, change.undone_by = now, actor if isinstance(actor, User) else None
     change.save(update_fields=["undone_at", "undone_by"])
     facts = {"change": str(change.pk), "kind": change.kind, "back": len(done.back), "lost": len(done.lost)}
     record("booking.undo", actor=actor, parameters=facts)
-    letters.write_given_back(done.back, actor, now)
+    letters.write_given_back(done.back, done.turns, actor, now)
     return done
 
 
@@ -166,7 +173,7 @@ def _before(booking: Booking, loss: dict[str, Any]) -> dict[str, Any]:
 def _restored(pairs: list[Pair], actor: Actor, now: datetime) -> Undone:
     """Make bookings as they were before a change, unless they changed since, are over, or their time is taken."""
     stay = [booking for booking, loss in pairs if loss["how"] == How.USELESS]
-    taken = [pair for pair in pairs if pair[1]["how"] != How.USELESS]
+    taken = [pair for pair in pairs if pair[1]["how"] not in STAYS]
     free = free_again(taken, now)
     for booking, loss in taken:
         for name, value in _before(booking, loss).items() if booking.pk in free else ():

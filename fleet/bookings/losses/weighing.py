@@ -23,6 +23,7 @@ from fleet.base.formats.sentences import words_of
 from fleet.bookings.losses import letters
 from fleet.bookings.losses.collecting import Actor, Collected, How, Loss, collected, collecting, kept_of, lost
 from fleet.bookings.losses.lost_rights import bookings_free_lost, free_lessons, lessons_astray, store_ends
+from fleet.bookings.losses.lost_turns import turns_watched
 from fleet.bookings.losses.rows import Row, rows_before, rows_changed, subjects
 from fleet.bookings.models import Booking, Change, Policy, State
 from fleet.bookings.rules import FAR, Slot, Wish, closed
@@ -56,7 +57,7 @@ class Weighed(Struct, Generic[Answer]):
     @property
     def digest(self) -> str:
         """Return a hash of the losses, which shows whether they are still those that were seen."""
-        named = sorted(f"{one.booking.pk} {one.how}" for one in self.losses)
+        named = sorted(f"{one.booking.pk} {one.how} {one.person.pk}" for one in self.losses)
         return sha256("\n".join(named).encode()).hexdigest()[:24]
 
 
@@ -75,7 +76,7 @@ def weigh(
         astray = lessons_astray(now)
         # Another group of a robot may have other hours; policies and holidays look themselves.
         by_group = Policy.objects.filter(group__isnull=False).exists()
-        with hours_watched(robots, now) if by_group else nullcontext():
+        with hours_watched(robots, now) if by_group else nullcontext(), turns_watched(now):
             weighed = Weighed(make(), True)
             if found.people != set():
                 bookings_free_lost(found.people, now)
@@ -119,12 +120,13 @@ def _archives(row: Row) -> bool:
 
 
 def _stored(loss: Loss) -> dict[str, object]:
-    return {
+    kept = {
         "booking": str(loss.booking.pk),
         "how": loss.how.value,
         "version": loss.booking.version,
         "before": to_builtins(loss.before),
     }
+    return kept | ({"turn": loss.turn.pk} if loss.turn else {})
 
 
 # --- opening hours --------------------------------------------------------------------------------

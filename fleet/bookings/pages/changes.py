@@ -22,8 +22,8 @@ from fleet.base.time_takers import may_take_time
 from fleet.base.zones import viewers
 from fleet.bookings.losses.collecting import How
 from fleet.bookings.losses.door import Namer, stay_lost
-from fleet.bookings.losses.undo import changes_of, free_again, pairs_of, undo, undo_refused
-from fleet.bookings.models import Change
+from fleet.bookings.losses.undo import STAYS, changes_of, free_again, pairs_of, undo, undo_refused
+from fleet.bookings.models import Change, Turn
 
 LISTED = 50
 
@@ -71,7 +71,7 @@ def change_undo(request: HttpRequest, change_id: UUID) -> HttpResponse:
         messages.error(request, in_words(refusal.text))
         return redirect("change", change_id)
     done = undo(change_id=found.pk, actor=person_of(request), now=timezone.now())
-    count = len(done.back)
+    count = len(done.back) + len(done.turns)
     text = ngettext("Undone: %(n)d booking came back.", "Undone: %(n)d bookings came back.", count) % {
         "n": count
     }
@@ -92,12 +92,17 @@ def title_of(found: Change) -> str:
 def _rows(found: Change, names: Namer, now: datetime, *, undoable: bool) -> list[dict[str, Any]]:
     pairs = pairs_of(found)
     free = free_again(pairs, now) if undoable else {}
+    turns = Turn.objects.select_related("person").in_bulk(
+        [loss["turn"] for _one, loss in pairs if "turn" in loss]
+    )
     rows = [
         {
-            "person": booking.person.display_name,
+            "person": (
+                turns[loss["turn"]].person if loss.get("turn") in turns else booking.person
+            ).display_name,
             "words": names(booking),
             "how": How(loss["how"]).label,
-            "gone": undoable and loss["how"] != How.USELESS and booking.pk not in free,
+            "gone": undoable and loss["how"] not in STAYS and booking.pk not in free,
         }
         for booking, loss in pairs
     ]

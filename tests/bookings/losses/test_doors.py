@@ -132,6 +132,47 @@ def test_a_door_asks_by_name_before_it_takes_time_and_undoes_it(door, course, ro
     assert door.post(address, form).status_code == 409
 
 
+def test_the_log_names_what_an_undo_gives_back(door, staff, course, robot, operator):
+    booking = book(robot, operator)
+    confirm(door, door.post(*unenrol(course, operator)))
+    door.post(reverse("change-undo", args=[Change.objects.get().pk]))
+    kinds = ("course.unenrol", "entry.restore", "booking.restore")
+    [gone, back, again] = Record.objects.filter(kind__in=kinds).order_by("pk")
+    assert gone.parameters == {"course": "hri", "people": [str(operator.pk)]}
+    facts = {"entry": "enrolment", "what": "added", "course": "hri", "person": str(operator.pk)}
+    assert (back.actor_id, back.parameters) == (
+        str(staff.pk),
+        facts | {"change": str(Change.objects.get().pk)},
+    )
+    assert (again.parameters["booking"], again.parameters["person"]) == (str(booking.pk), str(operator.pk))
+
+
+@pytest.mark.parametrize(
+    ("way", "facts"),
+    [
+        (archive, {"entry": "course", "what": "changed", "fields": ["archived"], "course": "hri"}),
+        (
+            demand,
+            {
+                "entry": "qualification_robots",
+                "what": "removed",
+                "qualification": "induction",
+                "robot": "tiago-1",
+            },
+        ),
+    ],
+)
+def test_the_log_names_rules_by_their_slugs(door, course, robot, operator, way, facts):
+    book(robot, operator)
+    confirm(door, door.post(*way(course=course, robot=robot)))
+    change = Change.objects.get()
+    door.post(reverse("change-undo", args=[change.pk]))
+    told = [one.parameters for one in Record.objects.filter(kind="entry.restore")]
+    assert facts | {"change": str(change.pk)} in [
+        {name: value for name, value in one.items() if name != "role"} for one in told
+    ]
+
+
 def test_only_who_may_still_change_the_entries_undoes_it(door, staff, course, robot, operator, stranger):
     course.supervisors.add(stranger)
     booking = book(robot, operator)

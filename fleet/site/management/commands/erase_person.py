@@ -11,7 +11,7 @@ from fleet.accounts.models import User
 from fleet.accounts.services import account_close, account_erase
 from fleet.audit.command_line import here
 from fleet.base.zones import zone_of
-from fleet.bookings.losses.collecting import collected
+from fleet.bookings.losses.collecting import How, collected
 from fleet.bookings.losses.weighing import Seen, weigh
 from fleet.bookings.messages.notifications import in_words
 from robots.access.signals import publish_access_changed
@@ -39,6 +39,8 @@ class Command(BaseCommand):
         except User.DoesNotExist:
             raise CommandError(f"There is no account {username}.") from None
         for loss in weigh(lambda: _close(person), actor=here(), seen=None, only_try=True).losses:
+            if loss.how is How.TURN:
+                continue
             self.stdout.write(f"This ends a booking: {in_words(loss.booking, zone_of(''))}.")
         if (
             not yes

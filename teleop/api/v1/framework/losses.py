@@ -51,7 +51,7 @@ class LossEntry(Struct, frozen=True):
     username: str
     starts_at: Time
     ends_at: Time
-    how: str  # cancelled, ended, shortened; useless, closed: the booking stays
+    how: str  # cancelled, ended, shortened; turn: skipped in its line; useless, closed: the booking stays
     why: str
 
 
@@ -70,7 +70,7 @@ def weighed(request: Request, person: User, work: Callable[[], HttpResponseBase]
     if found.done:
         return found.answer
     losses = [_entry(one) for one in found.losses]
-    refusal = _PREVIEW if only_try else _takes_time(len({one.booking.person_id for one in found.losses}))
+    refusal = _PREVIEW if only_try else _takes_time(len({one.person.pk for one in found.losses}))
     raise Problem(refusal, 409, extensions={"losses": losses})
 
 
@@ -89,7 +89,7 @@ def _takes_time(people: int) -> Refusal:
 def _entry(loss: Loss) -> LossEntry:
     booking = loss.booking
     ends_at = loss.before["ends_at"]
-    who = booking.person
+    who = loss.person
     return LossEntry(
         booking.pk,
         booking.robot.slug,

@@ -25,7 +25,7 @@ class LostBooking(Struct, frozen=True):
     """A booking of which a change took something."""
 
     booking: UUID
-    how: str  # cancelled, ended, shortened; useless: the booking stays
+    how: str  # cancelled, ended, shortened; turn: skipped in its line; useless: the booking stays
 
 
 class ChangeEntry(Struct, frozen=True):
