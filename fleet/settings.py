@@ -44,6 +44,8 @@ FLEET_AUDIT_KEEP_DAYS = {
 }
 FLEET_AUDIT_KEEP_RECORDS_DAYS = _env.days("FLEET_AUDIT_KEEP_RECORDS_DAYS", 5 * 366, least=365)
 
+FLEET_BACKUP_PASSPHRASE = _env.text("FLEET_BACKUP_PASSPHRASE")
+
 # In debug, the default is a key for this process only: sign-ins end with the process.
 SECRET_KEY = (
     get_random_secret_key() if DEBUG and not _env.text("FLEET_SECRET_KEY") else environment.secret_key(_env)
@@ -69,6 +71,7 @@ INSTALLED_APPS = [
     "drf_spectacular",
     "fleet.site",
     "fleet.audit",
+    "fleet.backup",
     "fleet.accounts",
     "robots.registry",
     "robots.access",

@@ -191,6 +191,9 @@ KINDS: dict[str, Kind] = {
     "webhook.resume": Kind(_("webhook resumed")),
     "webhook.delete": Kind(_("webhook deleted")),
     "setup.admin": Kind(_("console set up with its one-time code")),
+    "backup.make": Kind(_("backup made")),
+    "backup.check": Kind(_("backup checked")),
+    "backup.restore": Kind(_("backup restored")),
     "audit.verify": Kind(_("log verified")),
     "audit.expire": Kind(_("details expired")),
     "audit.checkpoint": Kind(_("checkpoint: what is older may be removed")),
@@ -216,7 +219,7 @@ _GROUPS: tuple[tuple[str | Promise, tuple[str, ...]], ...] = (
     ),
     (_("Rights and courses"), ("role", "group", "course", "qualification", "rule", "entry")),
     (_("Accounts"), ("account", "token", "push", "setup")),
-    (_("Log and webhooks"), ("audit", "webhook")),
+    (_("Log, backups and webhooks"), ("audit", "backup", "webhook")),
 )
 
 

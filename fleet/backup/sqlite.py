@@ -1,12 +1,16 @@
-"""Copies of a SQLite database, while other processes use it."""
+"""A SQLite database: its copies while others use it, and its place."""
 
 from __future__ import annotations
 
 import sqlite3
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
-from fleet.backup.files import durable
+from django.db import connection
+
+from fleet.backup.archive.whole_files import durable, sync
+from fleet.backup.errors import BackupError, Damaged
 
 
 def copy_database(source: Path, target: Path) -> None:
@@ -22,10 +26,6 @@ def copy_database(source: Path, target: Path) -> None:
             copy.execute("PRAGMA journal_mode=DELETE")  # no files beside it
 
 
-def _opened(path: Path, mode: str) -> sqlite3.Connection:
-    return sqlite3.connect(f"{path.absolute().as_uri()}?mode={mode}", uri=True, isolation_level=None)
-
-
 def is_used(path: Path) -> bool:
     """Return whether another connection is open. If none is, the journal is written into the file and removed."""
     with closing(_opened(path, "rw")) as alone:
@@ -39,6 +39,57 @@ def is_used(path: Path) -> bool:
 
 def damage(path: Path) -> str:
     """Return what SQLite finds wrong in the file; blank: nothing."""
-    with closing(_opened(path, "ro")) as file:
-        found = "\n".join(row[0] for row in file.execute("PRAGMA integrity_check(5)"))
+    try:
+        with closing(_opened(path, "ro")) as file:
+            found = "\n".join(row[0] for row in file.execute("PRAGMA integrity_check(5)"))
+    except sqlite3.Error as error:
+        return str(error)
     return "" if found == "ok" else found
+
+
+def _opened(path: Path, mode: str) -> sqlite3.Connection:
+    return sqlite3.connect(f"{path.absolute().as_uri()}?mode={mode}", uri=True, isolation_level=None)
+
+
+class Sqlite:
+    """The console's database file."""
+
+    vendor = "sqlite"
+    file = "database.sqlite3"
+
+    def __init__(self) -> None:
+        self._path = Path(connection.settings_dict["NAME"]).absolute()
+        self.folder = self._path.parent  # on the same disk: a restored file only needs another name
+
+    def copy_to(self, file: Path) -> None:
+        """Copy the database file."""
+        try:
+            copy_database(self._path, file)
+        except sqlite3.Error as error:
+            raise BackupError(f"The database cannot be copied: {error}.") from error
+
+    def is_used(self) -> bool:
+        """Return whether another connection is open."""
+        connection.close()
+        return self._path.exists() and is_used(self._path)
+
+    @contextmanager
+    def restored(self, file: Path) -> Iterator[str]:
+        """Check the file, which can be used as it is."""
+        if wrong := damage(file):
+            raise Damaged(f"its database is not whole: {wrong}")
+        yield str(file)
+
+    def take(self, name: str, stamp: str | None) -> str:
+        """Give the restored file the name of the console's."""
+        connection.close()
+        for path in (self._path, Path(name)):
+            if path.exists():
+                is_used(path)  # the journal of a file belongs to its name
+        kept = self._path.with_name(f"{self._path.name}.before-{stamp}") if stamp else None
+        if kept:
+            self._path.rename(kept)
+        sync(Path(name))
+        Path(name).replace(self._path)
+        sync(self.folder)
+        return str(kept or "")

@@ -64,8 +64,7 @@ def trouble(database: BaseDatabaseWrapper) -> str | None:
             f"The database is newer than this console ({release()}), which does not know its migrations {newer}. "
             "Start the release that it belongs to, or restore the backup from before the upgrade (docs/upgrade.md)."
         )
-    missing = [key for key, replaced in _known().items() if not _is_applied(key, replaced, applied)]
-    if missing:
+    if missing := missing_migrations(applied):
         return (
             f"The database lacks {len(missing)} migrations of this console ({release()}). "
             "Start it on the console's computer first, or run: manage.py upgrade (docs/upgrade.md)."
@@ -79,6 +78,11 @@ def newer_migrations(applied: Any) -> str:
     unknown = sorted(set(applied) - known.keys() - {old for replaced in known.values() for old in replaced})
     names = ", ".join(f"{app}.{name}" for app, name in unknown[:NAMED])
     return f"{names}, …" if len(unknown) > NAMED else names
+
+
+def missing_migrations(applied: Any) -> list[tuple[str, str]]:
+    """Return app and name of this code's migrations that are not applied."""
+    return [key for key, replaced in _known().items() if not _is_applied(key, replaced, applied)]
 
 
 @cache

@@ -28,6 +28,7 @@ from robots.registry.selectors import link_address
 from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.processes.durations import buckets
 from robots.shared.wire import BridgeFigures, Refusal, State
+from teleop.api.backup_metrics import BackupCollector
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.web_processes import OWN, of_others
@@ -178,6 +179,7 @@ class MetricsView(ApiView):
             build = Info("fleet_build", "The release of the console.", registry=found)
             build.info({"version": version(), "commit": commit()})
             found.register(RobotCollector())
+            found.register(BackupCollector())
             found.register(
                 WebCollector(self.request.get_host(), self.request.headers.get("Authorization", ""))
             )

@@ -43,7 +43,8 @@ service_silent, somebody_asks, state_not_saved, time_gap, time_twice, too_long, 
 too_much, too_often, type_unknown, waits_enough, watchdog_missing, wrong_type, wrong_year, zero_length,
 may_not_drive, minutes, missed, no_line, no_such_turn, not_in_lesson, not_teacher,
 not_your_turn, seconds, shared, skipped, somebody_waits, teacher, team, team_size, turn_min,
-anew, has_account, mail_off, not_on_list, own_link_needed
+anew, has_account, mail_off, not_on_list, own_link_needed,
+archive, bytes, encrypted, kept, made_at
 """
 _CODES = {name.strip() for name in _NAMES.split(",")}.union(*(kind.words.split() for kind in TASK_KINDS))
 WORDS = frozenset(code.replace("_", " ") for code in _CODES)
