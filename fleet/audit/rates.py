@@ -34,6 +34,7 @@ COUNTED = (
     "booking.guest",
     "booking.hand",
     "booking.hand_ask",
+    "booking.join",
     "booking.make",
     "booking.move",
     "booking.tasks",

@@ -451,7 +451,10 @@ class Change(models.Model):
 
 
 class HandOffer(models.Model):
-    """A booking that its person wants to hand to a colleague. It moves, and counts for quotas, if they accept."""
+    """A booking that its person wants to hand to a colleague. It moves, and counts for quotas, if they accept.
+
+    `share`: the colleague is asked to share it instead, and is in its team after that.
+    """
 
     class Outcome(models.TextChoices):
         """How it ended."""
@@ -464,6 +467,7 @@ class HandOffer(models.Model):
     id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
     booking = models.ForeignKey(Booking, on_delete=models.CASCADE, related_name="hand_offers")
     version = models.PositiveIntegerField()  # of the booking: a booking that changes since is not handed over
+    share = models.BooleanField(default=False, db_default=False)
     by = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="+")
     # None: whoever opens the link first. Only the digest of its code is stored.
     to = models.ForeignKey(
@@ -477,7 +481,9 @@ class HandOffer(models.Model):
     class Meta:
         constraints = [
             models.UniqueConstraint(
-                fields=["booking"], condition=Q(outcome=""), name="one_open_hand_offer_per_booking"
+                fields=["booking"],
+                condition=Q(outcome="", share=False),
+                name="one_open_hand_offer_per_booking",
             ),
             models.UniqueConstraint(
                 fields=["digest"], condition=~Q(digest=""), name="one_hand_offer_per_link"

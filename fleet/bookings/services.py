@@ -253,6 +253,7 @@ def booking_make(
     lesson_of: Course | None = None,
     course: Course | None = None,
     team: Sequence[User] = (),
+    asked: Sequence[User] = (),
     turn_min: int | None = None,
     facts: Callable[[Robot, Slot], RobotFacts] = robot_facts,
 ) -> Booking:
@@ -262,7 +263,7 @@ def booking_make(
     `override`: the reason to book against the policy; only for people who manage the robot.
     `lesson_of`: the slot is a lesson of this course, which the actor manages: its people share it. Lessons do not
     count for the quotas of bookings.
-    `team`: other people who share the slot. It counts for `person` alone.
+    `team`: other people who share the slot; those `asked` do when they accept. It counts for `person` alone.
     `turn_min`: who shares the slot takes turns of so many minutes; None: each takes the robot when it is free.
     `course`: the course for which the slot counts, if several courses let the person drive the robot.
     `facts`: reads the robot's facts for the check before the lock (`shared_facts.in_turn`).
@@ -278,18 +279,18 @@ def booking_make(
     if course is None and actor.pk != person.pk and not manages_robot(actor, robot):
         courses = courses_for(robot, person, slot.starts_at)
         course = next((one for one in courses if may_manage(actor, one)), None)
-    asked: dict[str, Any] = {
+    checked: dict[str, Any] = {
         "actor": actor,
         "override": override,
         "course": course,
         "lesson": lesson_of is not None,
     }
     # First check without the lock: many people may be too late for a slot, and must not wait for each other.
-    _check(robot, person, slot, now, **asked, facts=facts(robot, slot))
+    _check(robot, person, slot, now, **checked, facts=facts(robot, slot))
     with robot_locked(robot.id, now) as robot:
         free_unused(robot, slot, now)
         quotas_locked(robot, person, slot)
-        course = _check(robot, person, slot, now, **asked)
+        course = _check(robot, person, slot, now, **checked)
         booking = Booking.objects.create(
             robot=robot,
             person=person,
@@ -305,8 +306,9 @@ def booking_make(
             made_at=now,
             overridden=bool(override) or None,
         )
-        BookingMember.objects.bulk_create(BookingMember(booking=booking, person=one) for one in team)
-        people = {"team": [str(one.pk) for one in team]} if team else {}
+        inside = [one for one in team if one not in asked]
+        BookingMember.objects.bulk_create(BookingMember(booking=booking, person=one) for one in inside)
+        people = {"team": [str(one.pk) for one in inside]} if inside else {}
         turns = {"turn_min": turn_min} if turn_min is not None else {}
         facts_of = {**({"shared": booking.shared} if booking.shared else {}), **people, **turns}
         record_booking(

@@ -1,9 +1,12 @@
-"""Hand a booking to a colleague, who is asked first, by name or by a link. It counts for them if they accept."""
+"""Hand a booking to a colleague, who is asked first, by name or by a link. It counts for them if they accept.
+
+People who are named to share a booking are asked the same way.
+"""
 
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta
 from functools import partial
 from hashlib import sha256
@@ -20,21 +23,24 @@ from fleet.base.formats.dates import dated
 from fleet.base.languages import of_person
 from fleet.base.zones import zone_of
 from fleet.bookings.messages.notifications import in_words, notification_write
-from fleet.bookings.models import Booking, HandOffer
-from fleet.bookings.permissions import may_manage_booking
+from fleet.bookings.models import Booking, BookingMember, HandOffer, State
+from fleet.bookings.permissions import may_book_for, may_manage_booking
+from fleet.bookings.rules import Slot
 from fleet.bookings.services import (
     NOT_YOURS,
     BookingRefused,
     booking_hand,
+    booking_make,
     changeable,
     record_booking,
     require_accepted,
+    require_shareable,
     robot_locked,
 )
 from robots.access.models import Course, GroupRole
 from robots.access.role_rows import given
 from robots.access.selectors import lab_date, manages_robot
-from robots.registry.models import RobotRole, Role
+from robots.registry.models import Robot, RobotRole, Role
 from robots.shared.wire import Refusal
 
 OPEN_FOR = timedelta(days=1)
@@ -43,7 +49,9 @@ MOST_COLLEAGUES = 500
 KEPT = timedelta(days=30)
 
 _OVER = Refusal("offer_over", "This offer is over. Look at the calendar for another time.", "booking")
-_OPEN = Q(outcome="", version=F("booking__version"))
+_SHARED = (State.BOOKED, State.AWAITING)
+_TO_SHARE = Q(outcome="", share=True, booking__state__in=_SHARED)
+_TO_TAKE = Q(outcome="", share=False, version=F("booking__version"))
 
 
 def colleagues_of(person: User, booking: Booking) -> list[User]:
@@ -80,7 +88,9 @@ def hand_ask(
         require_accepted(booking)
         if to is not None:
             _try(booking_id=booking_id, version=version, to=to, actor=actor, now=now)
-        for earlier in HandOffer.objects.filter(booking=booking, outcome="").select_related("to"):
+        for earlier in HandOffer.objects.filter(booking=booking, outcome="", share=False).select_related(
+            "to"
+        ):
             _end(earlier, booking, HandOffer.Outcome.WITHDRAWN, actor, now)
         code = "" if to else secrets.token_urlsafe(24)
         offer = HandOffer.objects.create(
@@ -99,6 +109,44 @@ def hand_ask(
     return offer, code
 
 
+def booking_make_asking(
+    *,
+    robot: Robot,
+    person: User,
+    actor: User,
+    slot: Slot,
+    team: Sequence[User],
+    now: datetime,
+    **options: Any,
+) -> Booking:
+    """Book a slot, and ask its team, except people for whom the actor may book. Raises `BookingRefused`."""
+    asked = [one for one in team if not may_book_for(actor, one, robot, slot.starts_at)]
+    booking = booking_make(
+        robot=robot, person=person, actor=actor, slot=slot, team=team, asked=asked, now=now, **options
+    )
+    for to in asked:
+        with transaction.atomic():
+            offer = HandOffer.objects.create(
+                booking=booking,
+                version=booking.version,
+                share=True,
+                by=actor,
+                to=to,
+                made_at=now,
+                until=slot.ends_at,
+            )
+            facts = {"to": str(to.pk), "until": offer.until.isoformat(), "shared": True}
+            record_booking("booking.hand_ask", booking, actor, parameters=facts)
+            _tell_asked(offer, booking, to, now)
+    return booking
+
+
+def asked_to_share(booking: Booking, now: datetime) -> list[str]:
+    """Return the names of those who have not answered yet whether they share a booking."""
+    found = HandOffer.objects.filter(_TO_SHARE, booking=booking, until__gt=now).select_related("to")
+    return [one.to.display_name for one in found.order_by("made_at") if one.to]
+
+
 def hand_answer(*, offer_id: UUID, actor: User, accept: bool, now: datetime, code: str = "") -> Booking:
     """Accept an offer, or decline it: for the person who was asked, or who has the link. Raises `BookingRefused`."""
     robot = HandOffer.objects.values_list("booking__robot", flat=True).get(pk=offer_id)
@@ -109,7 +157,9 @@ def hand_answer(*, offer_id: UUID, actor: User, accept: bool, now: datetime, cod
         if not asked or offer.outcome or offer.until <= now or actor.pk == offer.booking.person_id:
             raise BookingRefused([_OVER])
         booking = offer.booking
-        if accept:
+        if accept and offer.share:
+            _join(offer, booking, actor, now)
+        elif accept:
             offer.outcome = HandOffer.Outcome.ACCEPTED
             offer.save(update_fields=["outcome"])
             booking = booking_hand(
@@ -138,7 +188,10 @@ def hand_offers_lapse(now: datetime) -> None:
     """End the offers that nobody answered, and tell those who made them."""
     for offer in HandOffer.objects.filter(outcome="", until__lte=now).select_related("booking", "by"):
         with transaction.atomic():
-            if HandOffer.objects.filter(pk=offer.pk, outcome="").update(outcome=HandOffer.Outcome.LAPSED):
+            lapsed = HandOffer.objects.filter(pk=offer.pk, outcome="").update(
+                outcome=HandOffer.Outcome.LAPSED
+            )
+            if lapsed and not offer.share:  # that slot is over
                 _tell(offer.by, offer.booking, lambda: _("nobody accepted it in time"), now)
 
 
@@ -149,18 +202,18 @@ def remove_old_offers(now: datetime) -> None:
 
 def offers_to(person: User, now: datetime) -> QuerySet[HandOffer]:
     """Return the open offers to a person, that of the earliest slot first."""
-    found = HandOffer.objects.filter(_OPEN, to=person, until__gt=now)
+    found = HandOffer.objects.filter(_TO_TAKE | _TO_SHARE, to=person, until__gt=now)
     return found.select_related("booking__robot", "booking__person", "by").order_by("booking__starts_at")
 
 
 def offer_of(booking: Booking, now: datetime) -> HandOffer | None:
-    """Return the open offer of a booking."""
-    return HandOffer.objects.filter(_OPEN, booking=booking, until__gt=now).select_related("to").first()
+    """Return the open offer to take a booking."""
+    return HandOffer.objects.filter(_TO_TAKE, booking=booking, until__gt=now).select_related("to").first()
 
 
 def offer_with(code: str, now: datetime) -> HandOffer | None:
     """Return the open offer with this link."""
-    found = HandOffer.objects.filter(_OPEN, digest=_digest(code), until__gt=now)
+    found = HandOffer.objects.filter(_TO_TAKE, digest=_digest(code), until__gt=now)
     return found.select_related("booking__robot", "booking__person", "by").first()
 
 
@@ -178,6 +231,19 @@ def _try(**asked: Any) -> None:
         pass
 
 
+def _join(offer: HandOffer, booking: Booking, actor: User, now: datetime) -> None:
+    """Put the person who accepted into the booking's team. Raises `BookingRefused`."""
+    if booking.state not in _SHARED or booking.held_until <= now:
+        raise BookingRefused([_OVER])
+    robot, at = booking.robot, max(now, booking.starts_at)
+    require_shareable(robot, booking.person, [actor], booking.turn_min, at, lesson=False)
+    offer.outcome = HandOffer.Outcome.ACCEPTED
+    offer.save(update_fields=["outcome"])
+    BookingMember.objects.get_or_create(booking=booking, person=actor)
+    record_booking("booking.join", booking, actor)
+    _tell(offer.by, booking, partial(_accepted, actor), now)
+
+
 def _end(offer: HandOffer, booking: Booking, outcome: HandOffer.Outcome, actor: User, now: datetime) -> None:
     """End an offer without handing the booking over, and tell the other side."""
     offer.outcome = outcome
@@ -192,10 +258,10 @@ def _end(offer: HandOffer, booking: Booking, outcome: HandOffer.Outcome, actor: 
 def _tell_asked(offer: HandOffer, booking: Booking, to: User, now: datetime) -> None:
     zone = zone_of(to.time_zone)
     with override(of_person(to.language)):
-        subject = _("%(name)s wants to hand you a booking of %(robot)s") % {
-            "name": offer.by.display_name,
-            "robot": booking.robot.name,
-        }
+        words = _("%(name)s wants to hand you a booking of %(robot)s")
+        if offer.share:
+            words = _("%(name)s asks you to share a booking of %(robot)s")
+        subject = words % {"name": offer.by.display_name, "robot": booking.robot.name}
         answer = _("Accept or decline it under My bookings before %(time)s.") % {
             "time": f"{dated(offer.until.astimezone(zone), 'D d M, H:i')} ({zone.key})"
         }

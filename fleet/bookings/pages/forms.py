@@ -353,7 +353,9 @@ class SlotForm(forms.Form):
         empty_label=_("no course"),
     )
     team = forms.CharField(
-        label=_("Together with (up to three user names, with commas)"), max_length=500, required=False
+        label=_("Together with (up to three user names, with commas; they are asked)"),
+        max_length=500,
+        required=False,
     )
     turn_min = forms.IntegerField(
         label=_("Minutes per turn (empty: no turns)"), min_value=1, max_value=MOST_TURN_MIN, required=False

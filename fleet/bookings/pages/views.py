@@ -141,7 +141,7 @@ def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], Rob
         return _refused(request, form, _form_refusals(form), form.choices)
     robot, named = form.cleaned_data["robot"], form.cleaned_data.get("person", "")
     try:
-        booking = services.booking_make(
+        booking = handing.booking_make_asking(
             robot=robot,
             person=services.account_named(named, person, robot, form.slot.starts_at) if named else person,
             actor=person,
@@ -163,6 +163,8 @@ def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], Rob
     if booking.state == State.AWAITING:
         text = _("%(booking)s awaits approval. Until then it holds the slot, but you cannot take control.")
     messages.success(request, text % {"booking": _in_words(booking)})
+    if asked := handing.asked_to_share(booking, timezone.now()):
+        messages.info(request, _("Asked whether they share it: %(people)s.") % {"people": ", ".join(asked)})
     return redirect("bookings-mine")
 
 
@@ -328,6 +330,7 @@ def _booking_page(request: HttpRequest, found: Booking, error: BookingRefused | 
         "team": teams_of([found]).get(found.pk, []) if row["person"] else [],
         "colleagues": handing.colleagues_of(person, found) if row["stage"] in OPEN else [],
         "asked": handing.offer_of(found, now),
+        "asked_to_share": handing.asked_to_share(found, now) if row["person"] else [],
         "of_course": courses_managed_by(person).filter(bookings=found).first(),
     }
     return render(request, "bookings/booking.html", context, status=409 if error else 200)

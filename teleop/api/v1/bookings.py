@@ -175,7 +175,8 @@ class BookRequest(Struct, frozen=True, forbid_unknown_fields=True):
     """A slot to book. `person`: for somebody else; `override`: why against the policy, for managers of the robot.
 
     `course`: the one for which it counts; without it, the first whose quotas allow it. `lesson_of`: a course that you
-    manage, whose people share the slot. `team`: user names of up to three people who share it. `turn_min`: they take
+    manage, whose people share the slot. `team`: user names of up to three people who share it; they are
+    asked first, except those for whom you may book. `turn_min`: they take
     turns of so many minutes.
     """
 
@@ -206,7 +207,7 @@ class HandBookingRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class HandOfferEntry(Struct, frozen=True):
-    """A booking that waits for a colleague's answer. `to`: null for a link."""
+    """A booking that waits for a colleague's answer. `share`: they are asked to share it. `to`: null for a link."""
 
     id: UUID
     booking: UUID
@@ -216,11 +217,12 @@ class HandOfferEntry(Struct, frozen=True):
     by: str
     to: str | None
     until: Time
+    share: bool
     link: str | None  # only in the answer that made it
 
 
 class HandOfferList(Struct, frozen=True):
-    """The bookings that colleagues want to hand you, that of the earliest slot first."""
+    """The bookings that colleagues want to hand you or share with you, that of the earliest slot first."""
 
     offers: list[HandOfferEntry]
 
@@ -362,7 +364,7 @@ class BookingsView(BookingsBase):
             managed = courses_managed_by(self.person).filter(archived=False)
             lesson_of = get_object_or_404(managed, slug=body.lesson_of)
         with _alternatives(), in_turn() as facts:
-            booking = services.booking_make(
+            booking = handing.booking_make_asking(
                 robot=robot,
                 person=owner,
                 actor=self.person,
@@ -430,7 +432,7 @@ class HandBookingView(BookingsBase):
 
 
 class HandOffersView(BookingsBase):
-    @reads("hand_offers_list", "List the bookings that colleagues want to hand you", refuses=())
+    @reads("hand_offers_list", "List the bookings that colleagues want to hand you, or to share", refuses=())
     def get(self) -> HandOfferList:
         """Open offers to you, of robots that you may see."""
         found = handing.offers_to(self.person, timezone.now()).filter(booking__robot__in=self.robots())
@@ -461,7 +463,7 @@ class HandAcceptView(HandOfferView):
 
     @_change("hand_offers_accept", "Accept a colleague’s booking", keyed=True)
     def post(self, offer_id: UUID) -> Response:
-        """From then on it is yours, and counts for you."""
+        """From then on it is yours, and counts for you; or you share it (`share`)."""
         offer = self.offer(offer_id)
         made = handing.hand_answer(offer_id=offer.pk, actor=self.person, accept=True, now=timezone.now())
         return self.answer(made.pk)

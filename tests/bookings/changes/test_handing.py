@@ -7,10 +7,12 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
+from fleet.audit.models import Record
 from fleet.bookings.changes.handing import hand_offers_lapse
-from fleet.bookings.models import HandOffer, Notification, Policy
+from fleet.bookings.lessons.members import shares
+from fleet.bookings.models import Booking, HandOffer, Notification, Policy
 from fleet.bookings.rules import Slot
-from fleet.bookings.services import booking_make
+from fleet.bookings.services import booking_cancel, booking_make
 from robots.access.models import Course, Enrolment
 from robots.registry.models import RobotRole
 
@@ -49,7 +51,7 @@ def test_a_colleague_is_asked_and_accepts(signed_in, booking, operator, second_o
     assert owner_of(booking) == operator
     assert "Olaf Operator is asked" in giver.get(reverse("booking", args=[booking.pk])).text
     assert "wants to hand you" in subjects(second_operator)[0]
-    assert "Colleagues want to hand you" in colleague.get(reverse("bookings-mine")).text
+    assert "Colleagues ask you" in colleague.get(reverse("bookings-mine")).text
     answer(colleague, "accept")
     assert owner_of(booking) == second_operator
     assert "Olaf Operator accepted it" in subjects(operator)[-1]
@@ -85,7 +87,7 @@ def test_an_offer_ends_in_each_of_its_ways(signed_in, booking, operator, second_
     assert "is over" in answer(colleague, "accept").text
     ask(giver, booking, second_operator)
     ask(giver, booking, supervisor)
-    assert "Colleagues want to hand you" not in colleague.get(reverse("bookings-mine")).text
+    assert "Colleagues ask you" not in colleague.get(reverse("bookings-mine")).text
     hand_offers_lapse(timezone.now() + timedelta(days=1, minutes=1))
     assert HandOffer.objects.get(to=supervisor).outcome == "lapsed"
     assert "nobody accepted it in time" in subjects(operator)[-1]
@@ -131,3 +133,64 @@ def test_the_names_to_choose_from_are_those_of_ones_courses(
         Enrolment.objects.create(course=course, person=person)
     page = signed_in(operator).get(reverse("booking", args=[booking.pk])).text
     assert "Olaf Operator" in page and stranger.display_name not in page
+
+
+# --- asked to share it ----------------------------------------------------------------------------
+
+
+def share(browser, robot, *others, **more):
+    starts = timezone.localtime() + timedelta(days=2)
+    typed = {"starts_at": starts, "ends_at": starts + timedelta(hours=1)}
+    times = {name: moment.strftime("%Y-%m-%dT%H:%M") for name, moment in typed.items()}
+    form = {"robot": robot.slug, **times, "team": ", ".join(one.username for one in others), **more}
+    page = browser.post(reverse("booking-new"), form, follow=True, headers={"accept": "text/html"})
+    assert page.redirect_chain, page.text
+    return Booking.objects.get(), page
+
+
+def in_team(booking):
+    return [one.person for one in booking.members.order_by("pk")]
+
+
+def test_a_team_is_asked_and_who_accepts_is_in_it(signed_in, robot, operator, second_operator, supervisor):
+    browser, colleague = signed_in(operator), signed_in(second_operator)
+    booking, page = share(browser, robot, second_operator, supervisor, turn_min="10")
+    assert (booking.shared, in_team(booking)) == ("people", [])
+    assert "Olaf Operator" in page.text and "Asked whether they share it" in page.text
+    assert "asks you to share a booking" in subjects(second_operator)[0]
+    assert "to share" in colleague.get(reverse("bookings-mine")).text
+    assert not shares(booking, second_operator)
+    ask(browser, booking, supervisor)  # another question, which replaces none of these
+    assert HandOffer.objects.filter(outcome="", share=True).count() == 2
+    Booking.objects.update(version=5)  # it was moved: the question is about the new time
+    offer = HandOffer.objects.get(to=second_operator)
+    colleague.post(reverse("hand-answer", args=[offer.pk]), {"answer": "accept"})
+    assert in_team(booking) == [second_operator] and shares(booking, second_operator)
+    assert owner_of(booking) == operator
+    assert "Olaf Operator accepted it" in subjects(operator)[-1]
+    assert Record.objects.get(kind="booking.join").actor_id == str(second_operator.pk)
+    page = browser.get(reverse("booking", args=[booking.pk])).text
+    assert "Asked to share it" in page and "Together with" in page
+
+
+def test_nobody_joins_a_team_that_declined_or_is_over(
+    signed_in, robot, operator, second_operator, supervisor
+):
+    browser, colleague = signed_in(operator), signed_in(second_operator)
+    booking, _page = share(browser, robot, second_operator)
+    assert "is over" in answer(signed_in(supervisor), "accept").text  # nobody asked them
+    RobotRole.objects.filter(user=second_operator).update(role="observer")
+    assert "may not drive" in answer(colleague, "accept").text
+    RobotRole.objects.filter(user=second_operator).update(role="operator")
+    booking_cancel(booking_id=booking.pk, version=1, actor=operator, now=timezone.now())
+    assert "Colleagues ask you" not in colleague.get(reverse("bookings-mine")).text
+    assert "is over" in answer(colleague, "accept").text
+    answer(colleague, "decline")
+    assert "Olaf Operator declined it" in subjects(operator)[-1]
+    assert in_team(booking) == []
+
+
+def test_who_may_book_for_people_puts_them_into_a_team(signed_in, robot, supervisor, operator):
+    booking, page = share(signed_in(supervisor), robot, operator)
+    assert in_team(booking) == [operator] and "Asked whether" not in page.text
+    assert not HandOffer.objects.exists()

@@ -343,6 +343,16 @@ def test_hand_over_and_approve(robot, operator, second_operator, supervisor, pro
     assert api("PATCH", address, times(3), If_Match='"3"').status_code == 403
 
 
+def test_a_team_is_asked(robot, operator, second_operator, program):
+    made = program(operator)("POST", "/bookings", wish(robot, team=["second"], turn_min=10))
+    assert (made.status_code, made.data["shared"], made.data["team"]) == (201, "people", [])
+    colleague = program(second_operator)
+    [offer] = colleague("GET", "/hand-offers").data["offers"]
+    assert (offer["share"], offer["booking"]) == (True, made.data["id"])
+    joined = colleague("POST", f"/hand-offers/{offer['id']}/accept").data
+    assert (joined["yours"], joined["shared_with_you"]) == (False, True)
+
+
 def test_wait_accept_and_leave(robot, operator, second_operator, program):
     held = book(robot, operator)
     api = program(second_operator)
