@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from datetime import date, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import UUID
 
 from django.db.models import Min, Q, QuerySet
@@ -18,12 +18,10 @@ from django.utils.formats import date_format
 from django.utils.translation import gettext
 from msgspec import Struct
 
+from fleet.accounts.models import User
 from robots.access.models import Course, Qualification, QualificationGrant, RobotGroup
 from robots.access.role_rows import Given, demanded, given
 from robots.registry.models import Robot, RobotRole, Role
-
-if TYPE_CHECKING:
-    from fleet.accounts.models import User
 
 
 def lab_date(moment: datetime | None = None) -> date:
@@ -194,6 +192,11 @@ def courses_to_come(user: User) -> QuerySet[Course]:
     return courses.distinct().order_by("starts_on")
 
 
+def people_of(course: Course) -> QuerySet[User]:
+    """Return the people who are enrolled in the course, and its supervisors."""
+    return User.objects.filter(Q(enrolments__course=course) | Q(supervised_courses=course)).distinct()
+
+
 # --- qualifications -------------------------------------------------------------------------------
 
 
@@ -208,7 +211,7 @@ def grants_in(
 ) -> dict[UUID, list[QualificationGrant]]:
     """Return, by person, the valid grants of qualifications that its robots demand (None: of all its people)."""
     valid = QualificationGrant.objects.filter(Q(expires_at=None) | Q(expires_at__gt=now)).filter(
-        qualification__in=demanded_in(course), person__enrolments__course=course
+        qualification__in=demanded_in(course), person__in=people_of(course)
     )
     if people is not None:
         valid = valid.filter(person__in=people)

@@ -390,6 +390,23 @@ def test_a_supervisor_grants_the_courses_qualifications_only(
     assert not QualificationGrant.objects.exists()
 
 
+def test_a_supervisor_who_is_not_enrolled_gets_a_qualification_only(
+    signed_in: SignIn, course: Course, teacher: User, student: User, robot: Robot
+) -> None:
+    induction = Qualification.objects.create(name="safety induction", slug="induction")
+    induction.robots.add(robot)
+    client = signed_in(teacher)
+    assert "Tea Cher supervisor, not enrolled" in shown(client.get("/courses/hri-2026/"))
+    chosen = {"person": [str(teacher.pk)], "qualification": "induction"}
+    client.post("/courses/hri-2026/people/", {**chosen, "action": "grant"})
+    assert missing_qualifications(teacher, robot, timezone.now()) == []
+    assert shown(client.get("/courses/hri-2026/")).count("✓ safety induction") == 1
+    client.post("/courses/hri-2026/people/", {**chosen, "action": "unenrol"})
+    assert list(User.objects.filter(enrolments__course=course)) == [student]
+    client.post("/courses/hri-2026/people/", {**chosen, "action": "revoke"})
+    assert not QualificationGrant.objects.exists()
+
+
 def test_nobody_outside_the_course_can_be_chosen(
     signed_in: SignIn, course: Course, teacher: User, student: User, stranger: User, robot: Robot
 ) -> None:

@@ -355,7 +355,8 @@ def _course_page(
     qualifications = demanded_in(found)
     enrolled = found.enrolments.select_related("person").order_by("person__full_name", "person__username")
     page = page_of(request, enrolled, *SEARCHED)
-    held = grants_in(found, now, [one.person_id for one in page])
+    besides = list(found.supervisors.exclude(enrolments__course=found)) if qualifications else []
+    held = grants_in(found, now, [*(one.person_id for one in page), *(one.pk for one in besides)])
     context = {
         "course": found,
         "robots": robots_of(found),
@@ -363,6 +364,7 @@ def _course_page(
         "people": [
             {"person": one.person, "number": one.number, "held": held.get(one.person_id, ())} for one in page
         ],
+        "supervisors": [{"person": one, "held": held.get(one.pk, ())} for one in besides],
         **enrolled.aggregate(
             enrolled=Count("pk"),
             waiting=Count("pk", filter=_WAITING),

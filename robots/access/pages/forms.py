@@ -33,7 +33,7 @@ from robots.access.people_lists.encodings import ENCODINGS, Decoded, NotInEncodi
 from robots.access.people_lists.reading import PeopleList, read_people
 from robots.access.people_lists.workbooks import START as WORKBOOK
 from robots.access.people_lists.workbooks import NoWorkbookError, Workbook, read_workbook
-from robots.access.selectors import lab_date
+from robots.access.selectors import lab_date, people_of
 from robots.registry.models import Robot
 from robots.registry.selectors import free_slug
 
@@ -273,7 +273,7 @@ class CourseForm(PeopleForm, forms.ModelForm):  # type: ignore[type-arg]
 
 
 class ActionForm(forms.Form):
-    """A change for chosen people of a course."""
+    """A change for chosen people of a course. Its supervisors get qualifications, also those who are not enrolled."""
 
     person = forms.ModelMultipleChoiceField(User.objects.none(), required=False)
     everybody = forms.BooleanField(label=gettext_lazy("Everybody in the course"), required=False)
@@ -291,7 +291,8 @@ class ActionForm(forms.Form):
     def __init__(self, *args: Any, course: Course, qualifications: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         self._inside = User.objects.filter(enrolments__course=course)
-        self.fields["person"].queryset = self._inside  # type: ignore[attr-defined]
+        of_qualification = self.data.get("action") in ("grant", "revoke")
+        self.fields["person"].queryset = people_of(course) if of_qualification else self._inside  # type: ignore[attr-defined]
         self.fields["qualification"].queryset = qualifications  # type: ignore[attr-defined]
 
     def clean_until(self) -> date | None:

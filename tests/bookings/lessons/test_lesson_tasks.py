@@ -104,3 +104,13 @@ def test_students_are_spread_evenly_over_the_robots_of_a_lesson(
     assert [turn.person.username for turn in second.turns.all()] == ["ben"]
     with pytest.raises(BookingRefused, match="Only the owner"):
         line_spread(booking_id=second.pk, actor=cem, now=at(1))
+
+
+def test_an_enrolled_supervisor_of_the_course_is_no_student(lesson, teacher, course, django_user_model):
+    second = django_user_model.objects.create_user("second")
+    course.supervisors.add(second)
+    Enrolment.objects.create(course=course, person=second)
+    choose(lesson, teacher, max_share=0.4)
+    assert share_of(lesson, second) == 1.0
+    choose(lesson, teacher, watch=True)
+    assert share_of(lesson, second) == 1.0
