@@ -101,6 +101,7 @@ KINDS: dict[str, Kind] = {
     "turn.fill": Kind(_("everybody put into the line of a lesson")),
     "turn.spread": Kind(_("students spread over the robots of a lesson")),
     "turn.call": Kind(_("called for a turn")),
+    "turn.wait": Kind(_("call taken back: nobody can drive the robot")),
     "turn.miss": Kind(_("called for a turn, did not come")),
     "turn.skip": Kind(_("turn skipped")),
     "turn.extend": Kind(_("turn extended")),

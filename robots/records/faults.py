@@ -57,8 +57,7 @@ def record_part(robot_id: UUID, part: str, now: Condition) -> None:
     if name is None:
         return
     lock_chain(robot_id, name)
-    faults = Record.objects.filter(robot_id=robot_id, kind="fault", parameters__part=part)
-    last = faults.order_by("-id").first()
+    last = _last(robot_id, part)
     is_open = last is not None and last.of_id is None
     if now.fault and not is_open:
         parameters = {"part": part}
@@ -73,6 +72,17 @@ def record_part(robot_id: UUID, part: str, now: Condition) -> None:
     elif last is not None and is_open and not now.fault:
         duration_s = round((timezone.now() - last.at).total_seconds(), 1)
         record("fault", of=last, outcome="over", parameters={"part": part, "duration_s": duration_s})
+
+
+def is_offline(robot_id: UUID) -> bool:
+    """Return whether the robot has a fault that is not over: nobody can drive it."""
+    last = _last(robot_id, ROBOT)
+    return last is not None and last.of_id is None
+
+
+def _last(robot_id: UUID, part: str) -> Record | None:
+    """Return the last record of a part's faults: the begin of one, or its end, which names its begin."""
+    return Record.objects.filter(robot_id=robot_id, kind="fault", parameters__part=part).order_by("-id").first()
 
 
 class RobotWatch:

@@ -49,6 +49,7 @@ _ABOUT = {
     "push.remove": "person",
     "turn.call": "person",
     "turn.miss": "person",
+    "turn.wait": "person",
     "turn.skip": "person",
     "turn.extend": "person",
     _TRIED: "user",

@@ -11,6 +11,7 @@ from django.db.models import Max
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
+from fleet.bookings.lessons.robots import why_nobody_is_called
 from fleet.bookings.lessons.turns import OPEN, locked_line, may_not_drive
 from fleet.bookings.models import Booking, Shared, State, Turn
 from robots.registry.services import named
@@ -34,7 +35,7 @@ def line_spread(*, booking_id: UUID, actor: User, now: datetime) -> int:
     """Share the students evenly over the lines of all robots of a lesson. Return how many now stand in a line.
 
     Who drives or is called stays. Who waits keeps the order; who had no turn yet comes behind, by name. Nobody gets a
-    robot that they may not drive. Raises `BookingRefused`.
+    robot that they may not drive, or that nobody can drive now. Raises `BookingRefused`.
     """
     first = Booking.objects.select_related("course").get(pk=booking_id)
     with ExitStack() as locks:
@@ -52,6 +53,7 @@ def line_spread(*, booking_id: UUID, actor: User, now: datetime) -> int:
         )
         lines = {one.pk: one.turns.filter(state__in=OPEN).count() for one in lessons}
         numbers = {one.pk: one.turns.aggregate(last=Max("number"))["last"] or 0 for one in lessons}
+        drivable = [one for one in lessons if not why_nobody_is_called(one, now)] or lessons
         turns = [*waiting, *(Turn(person=one) for one in _without_turn(first, lessons))]
         there = set(Turn.objects.filter(booking__in=lessons, state__in=OPEN).values_list("person", flat=True))
         for turn in turns:
@@ -60,7 +62,7 @@ def line_spread(*, booking_id: UUID, actor: User, now: datetime) -> int:
                 continue
             there.add(turn.person_id)
             able = [
-                one for one in lessons if may_not_drive(one, turn.person, max(now, one.starts_at)) is None
+                one for one in drivable if may_not_drive(one, turn.person, max(now, one.starts_at)) is None
             ]
             if not able:
                 continue

@@ -23,11 +23,11 @@ from fleet.accounts.models import User
 from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
 from fleet.bookings.lessons.members import sharers_of, shares
+from fleet.bookings.lessons.robots import why_nobody_is_called
 from fleet.bookings.messages.moments import your_turn
 from fleet.bookings.models import Booking, BookingMember, State, Turn
 from fleet.bookings.permissions import may_manage_booking
 from fleet.bookings.schedule import CALL_S
-from fleet.bookings.selectors import out_between
 from fleet.bookings.services import BookingRefused, record_booking
 from robots.access.selectors import missing_qualifications, role_on
 from robots.registry.models import Robot, Role
@@ -296,7 +296,8 @@ def control_ends(*, robot_id: UUID, person_id: UUID, given_up: bool, now: dateti
 def turns_step(*, robot: Robot, now: datetime) -> bool:
     """Do what the clock demands, on a robot that nobody controls. Return whether something changed.
 
-    Who was called and did not come is put one place back, once. Then the next person is called.
+    Who was called and did not come is put one place back, once. Then the next person is called. While nobody can drive
+    the robot, who was called waits first in line.
     """
     booking = running(robot.pk, now)
     if booking is None or booking.turn_min is None:
@@ -305,6 +306,10 @@ def turns_step(*, robot: Robot, now: datetime) -> bool:
     opened = booking.turns.filter(state__in=OPEN).select_related("person").first()
     if opened is not None and opened.state == Turn.State.DRIVING:  # control ended without its turn
         _interrupt(opened, now)
+    elif opened is not None and why_nobody_is_called(booking, now):
+        _interrupt(opened, now)
+        _record("turn.wait", opened, None)
+        return True
     elif opened is not None:
         called_s = (now - (opened.called_at or now)).total_seconds()
         if 0.0 <= called_s < CALL_S:
@@ -347,7 +352,7 @@ def turn_lengthen_running(*, robot: Robot, person: User, now: datetime) -> bool:
 
 def _call_next(booking: Booking, now: datetime) -> bool:
     """Call the next person who may drive. Return whether somebody is called."""
-    if booking.line_held or out_between(booking.robot, now, now + timedelta(seconds=1)):
+    if booking.line_held or why_nobody_is_called(booking, now):
         return False
     for turn in booking.turns.filter(state=Turn.State.WAITING).select_related("person"):
         turn.booking = booking

@@ -21,6 +21,7 @@ from fleet.accounts.requests import person_of
 from fleet.base.zones import viewers
 from fleet.bookings.lessons import turns
 from fleet.bookings.lessons.members import shares
+from fleet.bookings.lessons.robots import why_nobody_is_called
 from fleet.bookings.lessons.standings import Standing, standings
 from fleet.bookings.lessons.tasks import lesson_tasks_set, tasks_of
 from fleet.bookings.lessons.together import at_once, line_spread
@@ -49,6 +50,7 @@ class Lane(Struct, frozen=True):
     left_s: int | None  # until the end of the turn, or of the call
     waiting: list[Standing]
     mine: Standing | None
+    why: str  # nobody is called now; empty: they are
 
     @property
     def clock(self) -> str:
@@ -133,6 +135,7 @@ def _page(request: HttpRequest, booking: Booking, refusals: list[Refusal] | None
         "times": from_to(Slot(booking.starts_at, booking.ends_at), viewers()),
         "zone": viewers().key,
         "lanes": sorted(lanes, key=lambda one: one is not mine),
+        "drivable": sum(not one.why for one in lanes) or len(lanes),
         "mine": mine,
         "leads": leads,
         "open": booking.turn_min is not None and booking.held_until > now,
@@ -163,6 +166,7 @@ def _lane(booking: Booking, person: User, now: datetime) -> Lane:
         left_s=left_s,
         waiting=[one for one in line if one.place is not None],
         mine=next((one for one in line if one.person == person), None),
+        why=why_nobody_is_called(booking, now) if booking.held_until > now else "",
     )
 
 

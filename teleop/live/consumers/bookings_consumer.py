@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 CHECK_S = 0.4
 KINDS = ("booking.", "policy.", "holiday.", "robot.out_of_service", "robot.back_in_service")
-TURNS = ("turn.", "control.take", "control.hand_over", "control.end")  # also "control.take_over"
+TURNS = ("turn.", "control.take", "control.hand_over", "control.end", "fault")  # also "control.take_over"
 
 
 class BookingsConsumer(MessageSocket):

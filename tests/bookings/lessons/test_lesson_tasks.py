@@ -12,6 +12,7 @@ from fleet.bookings.lessons.together import at_once, line_spread
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import BookingRefused, booking_make
 from robots.access.models import Enrolment
+from robots.records.faults import ROBOT, Condition, record_part
 from robots.shared.wire import LessonTasks
 from teleop.control.rules import permit_for
 from teleop.control.selectors import subject_of
@@ -104,6 +105,9 @@ def test_students_are_spread_evenly_over_the_robots_of_a_lesson(
     assert [turn.person.username for turn in second.turns.all()] == ["ben"]
     with pytest.raises(BookingRefused, match="Only the owner"):
         line_spread(booking_id=second.pk, actor=cem, now=at(1))
+    record_part(other_robot.pk, ROBOT, Condition("robot_offline", "off"))
+    assert line_spread(booking_id=lesson.lesson.pk, actor=teacher, now=at(2)) == 3
+    assert lesson.turns == [("ada", "driving"), ("ben", "waiting"), ("cem", "waiting")]
 
 
 def test_an_enrolled_supervisor_of_the_course_is_no_student(lesson, teacher, course, django_user_model):

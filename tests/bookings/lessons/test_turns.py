@@ -1,16 +1,22 @@
 """Turns in a lesson: who may drive, who is called next, and what ends a turn. The slot stays the teacher's."""
 
+from datetime import timedelta
+
 import pytest
+from django.urls import reverse
+from django.utils import timezone
 
 from fleet.audit.models import Record
 from fleet.bookings.hours.report import report
 from fleet.bookings.lessons import turns
+from fleet.bookings.lessons.robots import why_nobody_is_called
 from fleet.bookings.lessons.standings import standings
 from fleet.bookings.models import Booking, Notification, OutOfService, Waiting
 from fleet.bookings.rules import Slot, refusals
 from fleet.bookings.selectors import wish_of
 from fleet.bookings.services import BookingRefused, booking_cancel, booking_move
 from robots.access.enrolment import unenrol
+from robots.records.faults import ROBOT, Condition, record_part
 from teleop.control import line, selectors, services
 from teleop.control.selectors import control_status, lease_of
 from teleop.control.turns import turns_settle
@@ -346,3 +352,46 @@ def test_the_report_gives_the_hours_to_who_drove(lesson, students, course):
     assert report([lesson.robot], (), by="person", whose="ben", **span) == []
     [row] = report((), [course], by="course", **span)
     assert (row.name, row.bookings, row.used_h) == ("HRI 2026", 1, 2.0)
+
+
+def goes_offline(robot, why="robot_offline"):
+    record_part(robot.pk, ROBOT, Condition(why, why))
+
+
+@pytest.mark.parametrize("offline", [True, False])
+def test_a_call_to_a_robot_that_nobody_can_drive_is_taken_back(lesson, students, offline):
+    ada, ben, _cem = students
+    lesson.join(ada, ben)
+    lesson.settle(0)
+    if offline:
+        goes_offline(lesson.robot)
+    else:
+        period = OutOfService.objects.create(robot=lesson.robot, starts_at=at(0.5), why="repair")
+    assert lesson.settle(1)
+    assert lesson.turns == [("ada", "waiting"), ("ben", "waiting")]
+    assert not lesson.settle(3)  # nobody missed a call
+    assert Record.objects.filter(kind="turn.wait").count() == 1
+    if offline:
+        goes_offline(lesson.robot, "")  # it is back
+    else:
+        period.delete()
+    assert lesson.settle(4)
+    assert lesson.turns == [("ada", "called"), ("ben", "waiting")]
+    assert lesson.turn.misses == 0
+
+
+def test_the_page_says_why_nobody_is_called(lesson, students, teacher, signed_in, robot):
+    now = timezone.now()
+    Booking.objects.update(starts_at=now, ends_at=now + timedelta(hours=1), held_until=now + timedelta(hours=1))
+    address, browser = reverse("lesson", args=[lesson.lesson.pk]), signed_in(teacher)
+    assert 'data-part="why"' not in browser.get(address).content.decode()
+    goes_offline(robot)
+    assert "The robot is offline: nobody is called" in browser.get(address).content.decode()
+    OutOfService.objects.create(robot=robot, starts_at=now, why="repair", note="wheel")
+    assert ": wheel): nobody is called" in browser.get(address).content.decode()
+
+
+def test_a_robot_that_is_off_before_the_lesson_is_no_reason(lesson, robot):
+    goes_offline(robot)
+    assert not why_nobody_is_called(lesson.lesson, at(-30))
+    assert why_nobody_is_called(lesson.lesson, at(0))

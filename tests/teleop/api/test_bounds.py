@@ -117,6 +117,7 @@ BOUNDED_OTHERWISE = {
         "control.offer",
         "booking.no_show",
         "turn.miss",
+        "turn.wait",
         "booking.offer",
         "booking.offer_over",
         "fault",
