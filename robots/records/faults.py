@@ -82,7 +82,9 @@ def is_offline(robot_id: UUID) -> bool:
 
 def _last(robot_id: UUID, part: str) -> Record | None:
     """Return the last record of a part's faults: the begin of one, or its end, which names its begin."""
-    return Record.objects.filter(robot_id=robot_id, kind="fault", parameters__part=part).order_by("-id").first()
+    return (
+        Record.objects.filter(robot_id=robot_id, kind="fault", parameters__part=part).order_by("-id").first()
+    )
 
 
 class RobotWatch:

@@ -25,15 +25,16 @@ def check_lesson(tasks: LessonTasks | None, request: TaskRequest) -> Refusal | N
 
 def _left_out(tasks: LessonTasks, request: TaskRequest) -> str | Sentence | None:
     """Return the name of what is requested, if the lesson leaves it out."""
+    motions, phrases, places = tasks.chosen("motions"), tasks.chosen("phrases"), tasks.chosen("places")
     match request:
-        case wire.Play(motion=motion) if tasks.motions and motion not in tasks.motions:
+        case wire.Play(motion=motion) if motions is not None and motion not in motions:
             return motion
-        case wire.MoveLimb() if tasks.motions:  # a motion without a name
+        case wire.MoveLimb() if motions is not None:  # a motion without a name
             return say("This movement")
-        case wire.Say(text=text) if tasks.phrases and text.strip() not in tasks.phrases:
+        case wire.Say(text=text) if phrases is not None and text.strip() not in phrases:
             return say("This text")
-        case wire.Go(place=place) if tasks.places and key_of(place) not in map(key_of, tasks.places):
+        case wire.Go(place=place) if places is not None and key_of(place) not in map(key_of, places):
             return place or say("This goal")
         case wire.Publish(type=type_, topic=topic) if type_ not in twists.TYPES:
-            return topic if tasks.motions or tasks.phrases or tasks.places else None
+            return None if motions is phrases is places is None else topic
     return None

@@ -115,7 +115,7 @@ def _choose_tasks(typed: QueryDict, leads: dict[str, Any]) -> None:
             {
                 "max_share": int(share) / 100 if share.isascii() and share.isdigit() else 1.0,
                 "watch": bool(typed.get("watch")),
-                **{name: typed.getlist(name) for name in ("motions", "phrases", "places")},
+                **{name: typed.getlist(name) for name in ("motions", "phrases", "places", "without")},
             },
             LessonTasks,
         )
@@ -179,6 +179,7 @@ def _choices(robot: Robot, tasks: LessonTasks) -> dict[str, Any]:
     return {
         "shares": [(one, one == percent) for one in sorted({*SHARES, percent})],
         "watch": tasks.watch,
+        "without": tasks.without,
         "motions": [(one, True) for one in tasks.motions],
         "phrases": _marked(phrases, tasks.phrases),
         "places": _marked(places, tasks.places),

@@ -213,14 +213,24 @@ class Lesson(Struct, frozen=True):
     waiting: int = 0  # people in line
 
 
+TaskList = Literal["motions", "phrases", "places"]
+
+
 class LessonTasks(Struct, frozen=True):
     """The tasks that a lesson leaves to its members in their turn. An empty list: everything that the robot offers."""
 
-    max_share: Share = 1.0  # largest part of the robot's speed limits
+    # Largest part of the robot's speed limits; not for drives to a place, which the robot's own navigation drives
+    max_share: Share = 1.0
     motions: Chosen = []  # names
     phrases: Chosen = []  # texts; free texts are refused if there are any
     places: Chosen = []  # names; other goals are refused if there are any
     watch: bool = False  # members only watch
+    without: list[TaskList] = []  # no motions, no speech, no drives to a place, whatever their list has
+
+    def chosen(self, kind: TaskList) -> list[str] | None:
+        """Return what members may request of a kind; None: everything."""
+        listed: list[str] = getattr(self, kind)
+        return [] if kind in self.without else listed or None
 
 
 class Control(Struct, frozen=True, tag_field="t", tag="control"):

@@ -120,7 +120,7 @@ export class LessonPage {
   /** Add the motions that the robot offers now to those that are chosen. */
   async #offerMotions(field) {
     const answer = await readJson(field.dataset.motions, "").catch(() => null);
-    const chosen = new Set([...field.querySelectorAll("input")].map(({ value }) => value));
+    const chosen = new Set([...field.querySelectorAll("[name=motions]")].map(({ value }) => value));
     const offered = worded(answer?.motions ?? []).filter(({ name }) => !chosen.has(name));
     this.#parts["motion-ticks"].append(
       ...offered.map(({ name, title }) => {

@@ -9,11 +9,11 @@
  */
 export function leftOf(tasks, list, items, nameOf) {
   if (!limits(tasks, list)) return items;
-  const left = new Set(tasks[list]);
+  const left = new Set(tasks.without?.includes(list) ? [] : tasks[list]);
   return items.filter((item) => left.has(nameOf(item)));
 }
 
-/** Return whether the lesson leaves only some of a list. */
+/** Return whether the lesson leaves only some of a list, or nothing. */
 export function limits(tasks, list) {
-  return (tasks?.[list]?.length ?? 0) > 0;
+  return Boolean(tasks?.without?.includes(list) || tasks?.[list]?.length);
 }

@@ -40,7 +40,11 @@ class TurnEntry(Struct, frozen=True):
 
 
 class TasksEntry(LessonTasks, frozen=True, forbid_unknown_fields=True):
-    """The tasks that a lesson leaves to its members; it does not bind its leaders. An empty list: everything."""
+    """The tasks that a lesson leaves to its members; it does not bind its leaders. An empty list: everything.
+
+    `without` names what members may not use at all. `max_share` does not bind drives to a place, which the robot's own
+    navigation drives.
+    """
 
 
 class TasksRequest(TasksEntry, frozen=True, forbid_unknown_fields=True):

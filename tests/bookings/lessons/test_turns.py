@@ -382,7 +382,9 @@ def test_a_call_to_a_robot_that_nobody_can_drive_is_taken_back(lesson, students,
 
 def test_the_page_says_why_nobody_is_called(lesson, students, teacher, signed_in, robot):
     now = timezone.now()
-    Booking.objects.update(starts_at=now, ends_at=now + timedelta(hours=1), held_until=now + timedelta(hours=1))
+    Booking.objects.update(
+        starts_at=now, ends_at=now + timedelta(hours=1), held_until=now + timedelta(hours=1)
+    )
     address, browser = reverse("lesson", args=[lesson.lesson.pk]), signed_in(teacher)
     assert 'data-part="why"' not in browser.get(address).content.decode()
     goes_offline(robot)

@@ -12,3 +12,10 @@ it("offers what the lesson leaves, and everything where it chooses nothing", () 
   expect(limits(tasks, "motions")).toBe(true);
   expect(limits({ motions: [] }, "motions")).toBe(false);
 });
+
+it("offers nothing of what the lesson is without", () => {
+  const tasks = { motions: ["wave"], phrases: [], without: ["motions"] };
+  expect(leftOf(tasks, "motions", motions, nameOf)).toEqual([]);
+  expect(limits(tasks, "motions")).toBe(true);
+  expect(limits(tasks, "phrases")).toBe(false);
+});

@@ -1,5 +1,6 @@
 """Lessons and teams by REST and by pages: make them, see them, and use their line."""
 
+import re
 from datetime import timedelta
 
 import pytest
@@ -80,7 +81,14 @@ def test_tasks_of_a_lesson_by_a_program_and_by_the_page(
 ):
     address = f"/bookings/{lesson}/lesson"
     teacher = program(supervisor, "read", "book")
-    tasks = {"max_share": 0.4, "motions": ["wave"], "phrases": [], "places": [], "watch": False}
+    tasks = {
+        "max_share": 0.4,
+        "motions": ["wave"],
+        "phrases": [],
+        "places": [],
+        "watch": False,
+        "without": [],
+    }
     answer = teacher("PUT", f"{address}/tasks", {"max_share": 0.4, "motions": ["wave"]}).data
     assert (answer["tasks"], answer["at_once"]) == (tasks, [lesson])
     refused = teacher("PUT", f"{address}/tasks", {"max_share": 1.5})
@@ -94,9 +102,20 @@ def test_tasks_of_a_lesson_by_a_program_and_by_the_page(
     Phrase.objects.create(robot=robot, text="Hello.", language="en-GB")
     teachers = signed_in(supervisor)
     assert 'value="wave" checked' in teachers.get(f"{address}/").content.decode()
-    teachers.post(f"{address}/", {"action": "tasks", "share": "60", "phrases": ["Hello."], "watch": "yes"})
+    shown = teachers.get(f"{address}/").content.decode()
+    assert "drives to a place keep the speed of the robot’s own navigation" in re.sub(r"\s+", " ", shown)
+    sent = {"action": "tasks", "share": "60", "phrases": ["Hello."], "watch": "yes", "without": ["places"]}
+    teachers.post(f"{address}/", sent)
     chosen = teacher("GET", address).data["tasks"]
-    assert chosen == tasks | {"max_share": 0.6, "motions": [], "phrases": ["Hello."], "watch": True}
+    assert chosen == tasks | {
+        "max_share": 0.6,
+        "motions": [],
+        "phrases": ["Hello."],
+        "watch": True,
+        "without": ["places"],
+    }
+    assert 'value="places" checked' in teachers.get(f"{address}/").content.decode()
+    assert teacher("PUT", f"{address}/tasks", {"without": ["speed"]}).status_code == 400
     assert teachers.post(f"{address}/", {"action": "tasks", "share": "900"}).status_code == 404
 
 

@@ -2,11 +2,13 @@
 
 import pytest
 from django.utils import timezone
+from msgspec import structs
 
 from fleet.bookings.lessons.tasks import lesson_tasks_set
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Allowed
 from teleop.background.database import in_database
+from teleop.control.lesson_tasks import check_lesson
 from tests.teleop.live.test_lesson import lesson, until  # noqa: F401  # a fixture
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -47,6 +49,24 @@ async def test_a_member_gets_only_what_the_lesson_leaves(chosen, open_page, brid
     for number, (kind, fields) in enumerate(LEFT, 10):
         await student.say(kind, fence=mine["fence"], seq=number, **fields)
         await student.hears("accepted", of=kind, seq=number)
+
+
+@pytest.mark.parametrize(
+    ("request_", "without"),
+    [
+        (wire.Play(fence=1, motion="wave"), "motions"),
+        (wire.MoveLimb(fence=1, limb="gripper", to_m=0.02), "motions"),
+        (wire.Say(fence=1, text="Hello.", language="en-GB"), "phrases"),
+        (wire.Go(fence=1, x=0.0, y=0.0, heading=0.0, place="Kitchen"), "places"),
+    ],
+)
+def test_a_lesson_may_be_without_motions_speech_or_drives_to_places(request_, without):
+    listed = structs.replace(TASKS, without=[without])
+    assert check_lesson(listed, request_).code == "not_in_lesson_tasks"
+    others = {"motions", "phrases", "places"} - {without}
+    assert check_lesson(wire.LessonTasks(without=list(others)), request_) is None
+    topic = wire.Publish(fence=1, topic="/play_motion/goal", type="std_msgs/String", fields={})
+    assert check_lesson(wire.LessonTasks(without=[without]), topic).code == "not_in_lesson_tasks"
 
 
 async def test_the_teacher_is_not_bound_and_a_change_counts_at_once(chosen, open_page, bridge):
