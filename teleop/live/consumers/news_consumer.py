@@ -6,29 +6,21 @@ matter which process wrote a notification, and a page that connects again has mi
 
 from __future__ import annotations
 
-import asyncio
-import logging
 from collections.abc import Collection
 from uuid import UUID
 
-from django.db import DatabaseError
 from django.utils import timezone
 
 from fleet.accounts.selectors import signed_in
 from fleet.bookings.messages.notifications import notifications_unseen
 from robots.shared import wire
-from robots.shared.wire import Refusal, fleet_message
 from teleop.background.database import in_database
-from teleop.background.jobs import run_in_background
 from teleop.control.selectors import SIGNED_OUT, SignIn
-from teleop.live.consumers.message_socket import CloseCode, MessageSocket
-
-log = logging.getLogger(__name__)
-
-CHECK_S = 1.0
+from teleop.live.consumers.listening import ListeningSocket, SharedReader
+from teleop.live.consumers.message_socket import CloseCode
 
 
-class NewsConsumer(MessageSocket):
+class NewsConsumer(ListeningSocket):
     """One page. It gets the list when it opens, and whenever it changes."""
 
     shown: wire.News | None = None  # what the page has
@@ -43,12 +35,6 @@ class NewsConsumer(MessageSocket):
     async def on_close(self) -> None:
         _reader.leave(self)
 
-    async def on_message(self, raw: str) -> None:
-        match fleet_message(raw):
-            case wire.Ping(sent_ms=sent_ms):
-                if await self.within_budget("ping"):
-                    await self.send_message(wire.Pong(sent_ms))
-
     async def show(self, news: wire.News | None) -> None:
         """Send the list if it is new to the page. None: the sign-in ended."""
         if news is None:
@@ -57,39 +43,16 @@ class NewsConsumer(MessageSocket):
             self.shown = news
             await self.send_message(news)
 
-    def refused_request(self, of: str, refusal: Refusal) -> None:
-        """Record nothing: no message asks for anything."""
 
+class _Reader(SharedReader[NewsConsumer]):
+    check_s = 1.0
+    failed = "Pages get no notifications now"
 
-class _Reader:
-    """Reads notifications while a page is open."""
-
-    def __init__(self) -> None:
-        self._pages: set[NewsConsumer] = set()
-        self._looking: asyncio.Task[None] | None = None
-
-    def join(self, page: NewsConsumer) -> None:
-        self._pages.add(page)
-        if self._looking is None:
-            self._looking = run_in_background(self._look())
-
-    def leave(self, page: NewsConsumer) -> None:
-        self._pages.discard(page)
-        if not self._pages and self._looking is not None:
-            self._looking.cancel()
-            self._looking = None
-
-    async def _look(self) -> None:
-        while True:
-            pages = list(self._pages)
-            try:
-                found = await in_database(_news_of, {page.person for page in pages})
-            except DatabaseError as error:
-                log.warning("Pages get no notifications now: %s", error)
-            else:
-                for page in pages:
-                    await page.show(found.get(page.person))
-            await asyncio.sleep(CHECK_S)
+    async def look(self) -> None:
+        pages = list(self.pages)
+        found = await in_database(_news_of, {page.person for page in pages})
+        for page in pages:
+            await page.show(found.get(page.person))
 
 
 def _news_of(people: Collection[SignIn]) -> dict[SignIn, wire.News]:
