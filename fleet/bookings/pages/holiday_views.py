@@ -18,7 +18,8 @@ from django.views.decorators.http import require_http_methods, require_POST
 from fleet.accounts.requests import person_of
 from fleet.base.time_takers import may_take_time
 from fleet.base.zones import zone_of
-from fleet.bookings.changes.holidays import MOST, Entry, holiday_remove, holidays_add, new_among, read_file
+from fleet.bookings.changes.holiday_files import last_read, read_file
+from fleet.bookings.changes.holidays import MOST, Entry, holiday_remove, holidays_add, new_among
 from fleet.bookings.models import Holiday
 from fleet.bookings.pages.forms import typed_day
 from robots.access.selectors import lab_date
@@ -80,13 +81,13 @@ def _read(request: HttpRequest) -> HttpResponse:
     try:
         if file is None:
             raise ValidationError(_("Choose a calendar file (.ics)."))
-        entries = read_file(file.read())
+        entries, left = read_file(file.read())
     except ValidationError as error:
         return _page(request, faults=error.messages)
-    if not (new := new_among(entries)):
+    if not (new := new_among(entries)) and not left:
         messages.info(request, _("The file has no day to come that is not in the list."))
         return redirect("holidays")
-    return _page(request, found=new, known=len(entries) - len(new))
+    return _page(request, found=new, known=len(entries) - len(new), left=left)
 
 
 def _add(request: HttpRequest, entries: list[Entry]) -> HttpResponse:
@@ -113,6 +114,7 @@ def _page(
     faults: list[str] | None = None,
     found: list[Entry] | None = None,
     known: int = 0,
+    left: list[str] | None = None,
 ) -> HttpResponse:
     of_form = [str(error) for errors in (form.errors.values() if form else ()) for error in errors]
     faults = [*(faults or ()), *of_form]
@@ -122,6 +124,8 @@ def _page(
         "faults": faults,
         "found": [(one, f"{one.first_day} {one.last_day} {one.name}") for one in found or ()],
         "known": known,
+        "left": left,
+        "last_read": last_read(),
         "lab": zone_of("").key,
     }
     return render(request, "bookings/policies/holidays.html", context, status=400 if faults else 200)

@@ -10,7 +10,8 @@ from django.urls import reverse
 from django.utils import timezone
 
 from fleet.audit.models import Record
-from fleet.bookings.changes.holidays import Entry, holidays_add, read_file
+from fleet.bookings.changes.holiday_files import last_read, read_file
+from fleet.bookings.changes.holidays import Entry, holidays_add
 from fleet.bookings.free_time import free_slots
 from fleet.bookings.models import Booking, Change, Holiday
 from fleet.bookings.rules import Slot
@@ -130,9 +131,61 @@ def test_a_calendar_file_is_shown_before_it_is_added(signed_in, staff, holiday):
     assert not Holiday.objects.filter(name="Late in UTC").exists()
 
 
+def days_of(rule, start="DTSTART;VALUE=DATE:20200101", more=""):
+    event = f"BEGIN:VEVENT\nUID:1\n{start}\nRRULE:{rule}\nSUMMARY:Free\nEND:VEVENT\n"
+    found, left = read_file(f"BEGIN:VCALENDAR\n{event}{more}END:VCALENDAR".encode())
+    return [one.first_day for one in found], left
+
+
+@pytest.fixture
+def at_the_end_of_2026(monkeypatch):
+    monkeypatch.setattr("fleet.bookings.changes.holiday_files.lab_date", lambda: date(2026, 11, 30))
+
+
+@pytest.mark.parametrize(
+    ("rule", "start", "days"),
+    [
+        ("FREQ=YEARLY", "20240229", [date(2028, 2, 29)]),
+        ("FREQ=YEARLY;BYMONTH=9;BYDAY=1MO", "20200907", [date(2027, 9, 6), date(2028, 9, 4)]),
+        (
+            "FREQ=MONTHLY;INTERVAL=6;UNTIL=20271231",
+            "20260601",
+            [date(2026, 12, 1), date(2027, 6, 1), date(2027, 12, 1)],
+        ),
+        ("FREQ=WEEKLY;BYDAY=TU;COUNT=3", "20261124", [date(2026, 12, 1), date(2026, 12, 8)]),
+    ],
+)
+@pytest.mark.usefixtures("at_the_end_of_2026")
+def test_an_entry_returns_by_its_rule(rule, start, days):
+    assert days_of(rule, f"DTSTART;VALUE=DATE:{start}") == (days, [])
+
+
+@pytest.mark.usefixtures("at_the_end_of_2026")
+def test_dates_of_a_series_may_be_left_out_added_and_moved():
+    more = "EXDATE;VALUE=DATE:20261208\nRDATE;VALUE=DATE:20261210"
+    dates = "RECURRENCE-ID;VALUE=DATE:20261215\nDTSTART;VALUE=DATE:20261216"
+    moved = f"BEGIN:VEVENT\nUID:1\n{dates}\nSUMMARY:Free\nEND:VEVENT\n"
+    found, left = days_of("FREQ=WEEKLY;COUNT=3", f"DTSTART;VALUE=DATE:20261201\n{more}", moved)
+    assert ([day.day for day in found], left) == ([1, 10, 16], [])
+
+
+@pytest.mark.parametrize(
+    "rule", ["FREQ=HOURLY", "FREQ=DAILY;INTERVAL=0", "FREQ=YEARLY;RSCALE=HEBREW", "FREQ=YEARLY;BYDAY=XX"]
+)
+def test_an_entry_that_cannot_be_taken_is_named_first(rule, signed_in, staff):
+    event = f"BEGIN:VEVENT\nUID:9\nDTSTART;VALUE=DATE:20200101\nRRULE:{rule}\nSUMMARY:Odd day\nEND:VEVENT\n"
+    data = file().replace(b"END:VCALENDAR", event.encode() + b"END:VCALENDAR")
+    sent = {"action": "read", "file": SimpleUploadedFile("school.ics", data)}
+    shown = signed_in(staff).post(reverse("holidays"), sent).content.decode()
+    assert "<li>Odd day</li>" in shown
+    assert f"until 31 Dec {last_read().year}" in shown
+    assert "Winter break" in shown
+    assert not Holiday.objects.exists()
+
+
 def test_days_of_a_file_are_those_of_the_lab(settings):
     settings.TIME_ZONE = "Europe/Madrid"
-    found = {one.name: one for one in read_file(file(date(FIRST.year + 1, 7, 6)))}
+    found = {one.name: one for one in read_file(file(date(FIRST.year + 1, 7, 6)))[0]}
     assert found["Late in UTC"].first_day == date(FIRST.year + 1, 7, 7)
     assert found["Winter break"].last_day - found["Winter break"].first_day == timedelta(days=2)
     assert set(found) == {"Late in UTC", "Winter break", "May Day"}
