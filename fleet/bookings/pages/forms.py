@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from datetime import UTC, date, datetime
 from itertools import product
@@ -14,7 +14,7 @@ from zoneinfo import ZoneInfo
 from django import forms
 from django.core.exceptions import ValidationError
 from django.http import QueryDict
-from django.utils.html import format_html
+from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext_lazy as _
 
@@ -56,7 +56,9 @@ def typed_time(moment: datetime) -> str:
 
 
 class LocalTimeInput(forms.DateTimeInput):
-    """A browser's field of date and time. It knows no offset: that of a time that comes twice has a hidden field."""
+    """A browser's field of date and time. It knows no offset: that of a time that comes twice has a field beside it."""
+
+    twice: Sequence[datetime] = ()  # the moments of what was typed, to choose from
 
     def __init__(self) -> None:
         super().__init__(attrs={"type": "datetime-local", "step": "300"})
@@ -66,11 +68,24 @@ class LocalTimeInput(forms.DateTimeInput):
         exact = None
         with suppress(ValueError):
             exact = datetime.fromisoformat(value or "")
+        if self.twice:
+            return super().render(name, value, attrs, renderer) + self._choice(name)
         if exact is None or exact.tzinfo is None:
             return super().render(name, value, attrs, renderer)
         hidden = '<small class="quiet">{}: {}</small><input type="hidden" name="{}_exact" value="{}">'
         field = super().render(name, f"{exact:{TIME_FORMAT}}", attrs, renderer)
         return field + format_html(hidden, f"{exact:%H:%M}", offset(exact), name, value)
+
+    def _choice(self, name: str) -> SafeString:
+        moments = [moment.astimezone(viewers()) for moment in self.twice]
+        options = ((one.isoformat(timespec="minutes"), offset(one)) for one in moments)
+        choice = '<select name="{}_exact" aria-label="{}"><option value=""></option>{}</select>'
+        return format_html(
+            choice,
+            name,
+            f"{moments[0]:%H:%M}",
+            format_html_join("", '<option value="{}">{}</option>', options),
+        )
 
     def value_from_datadict(self, data: Any, files: Any, name: str) -> Any:
         """Return the typed time, with the offset if it is still that of the hidden field."""
@@ -83,8 +98,6 @@ class LocalTime(forms.CharField):
 
     is_end = False
     widget = LocalTimeInput
-    # Refuse a time that the clock shows twice, without its offset; else the first counts.
-    asks = False
     kept: datetime | None = None  # the moment of a booking that is changed, if the same time is typed
 
     def prepare_value(self, value: Any) -> Any:
@@ -109,7 +122,7 @@ class LocalTime(forms.CharField):
         wall, zone = local.replace(tzinfo=None), viewers()
         if self.kept is not None and f"{self.kept.astimezone(zone):{TIME_FORMAT}}" == f"{wall:{TIME_FORMAT}}":
             return self.kept
-        twice = moments_of(wall, zone) if local.tzinfo or self.asks else []
+        twice = moments_of(wall, zone)
         if local.tzinfo is not None and (len(twice) < 2 or local not in twice):
             raise ValidationError(_("Write the time without a zone: it counts in yours."))
         if local.tzinfo is not None:
@@ -118,6 +131,7 @@ class LocalTime(forms.CharField):
         if isinstance(moment, Refusal):
             raise ValidationError(moment.text, code=moment.code)
         if len(twice) == 2:
+            cast(LocalTimeInput, self.widget).twice = twice
             raise TwiceError(twice, zone)
         return moment
 
@@ -384,7 +398,6 @@ class SlotForm(forms.Form):
             del self.fields["course"]
         for name, moment in zip(("starts_at", "ends_at"), kept, strict=False):
             cast(LocalTime, self.fields[name]).kept = moment
-            cast(LocalTime, self.fields[name]).asks = True
         choice = cast(RobotField, self.fields["robot"])
         choice.visible = visible
         choice.queryset = Robot.objects.all() if visible is None else Robot.objects.filter(pk__in=visible)

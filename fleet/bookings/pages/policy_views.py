@@ -46,6 +46,10 @@ from robots.registry.models import Robot
 def policies(request: HttpRequest) -> HttpResponse:
     """List the policies, and the out-of-service periods that are not over."""
     robots = _managed(request)
+    return _policies_page(request, robots, _out_form(robots))
+
+
+def _policies_page(request: HttpRequest, robots: list[Robot], form: OutOfServiceForm) -> HttpResponse:
     found = policies_of(robots)
     now = timezone.now()
     periods = OutOfService.objects.filter(Q(ends_at=None) | Q(ends_at__gt=now), robot__in=robots)
@@ -53,10 +57,10 @@ def policies(request: HttpRequest) -> HttpResponse:
         "rows": [{"robot": robot, "policy": found[robot.id]} for robot in robots],
         "groups": RobotGroup.objects.select_related("booking_policy") if person_of(request).is_staff else [],
         "periods": periods.select_related("robot"),
-        "form": _out_form(robots),
+        "form": form,
         "zone": viewers().key,
     }
-    return render(request, "bookings/policies/policies.html", context)
+    return render(request, "bookings/policies/policies.html", context, status=400 if form.errors else 200)
 
 
 @never_cache
@@ -118,9 +122,7 @@ def out_of_service(request: HttpRequest) -> HttpResponse:
     robots = _managed(request)
     form = _out_form(robots, request)
     if not form.is_valid():
-        for texts in form.errors.values():
-            messages.error(request, str(texts[0]))
-        return redirect("booking-policies")
+        return _policies_page(request, robots, form)
     period = {**form.cleaned_data}
     chosen, now = period.pop("robots"), timezone.now()
     for robot in chosen:

@@ -138,7 +138,7 @@ def booking_new(request: HttpRequest) -> HttpResponse:
 def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], RobotFacts]) -> HttpResponse:
     form = _typed(request, person)
     if not form.is_valid():
-        return _refused(request, form, _form_refusals(form), form.choices)
+        return _refused(request, form, _form_refusals(form), form.choices if wants_json(request) else None)
     robot, named = form.cleaned_data["robot"], form.cleaned_data.get("person", "")
     try:
         booking = handing.booking_make_asking(
@@ -486,7 +486,7 @@ def waiting(request: HttpRequest) -> HttpResponse:
         return redirect("bookings-mine")
     form = _typed(request, person)
     if not form.is_valid():
-        return _refused(request, form, _form_refusals(form), form.choices)
+        return _refused(request, form, _form_refusals(form), form.choices if wants_json(request) else None)
     robot = form.cleaned_data["robot"]
     if form.cleaned_data.get("person", "") not in ("", person.username):
         return _refused(request, form, [_ONLY_ONESELF])
