@@ -1,6 +1,9 @@
-/** News about a person's bookings above a page, live. The driving page shows them as notices. */
+/**
+ * News about a person's bookings above a page, live. The driving page shows them as notices. A small screen shows the
+ * newest and counts the others.
+ */
 
-import { make, setText } from "../lib/dom.js";
+import { make, setText, show } from "../lib/dom.js";
 import { NewsFeed } from "./news_feed.js";
 
 /** @param {HTMLElement} card */
@@ -12,6 +15,25 @@ export function showNews(card, items) {
   card.querySelector("[name=next]").value = location.pathname + location.search;
   card.querySelector("[name=newest]").value = now[0] ?? "";
   card.hidden = items.length === 0;
+  countOthers(card);
+}
+
+/** Say how many there are beside the newest. */
+function countOthers(card) {
+  const others = card.querySelectorAll("[data-number]").length - 1;
+  const more = card.querySelector("[data-more]");
+  show(more, others > 0);
+  setText(more, interpolate(gettext("%s more"), [others]));
+}
+
+/** Follow the news of this page's person. @param {HTMLElement} card */
+export function followNews(card) {
+  const more = card.querySelector("[data-more]");
+  more.addEventListener("click", () => {
+    more.setAttribute("aria-expanded", String(more.getAttribute("aria-expanded") === "false"));
+  });
+  countOthers(card);
+  return new NewsFeed(card.dataset.news, (items) => showNews(card, items));
 }
 
 function rowOf({ number, subject, text, path }) {
@@ -26,4 +48,4 @@ function rowOf({ number, subject, text, path }) {
 }
 
 const card = document.querySelector("[data-news]");
-if (card) new NewsFeed(card.dataset.news, (items) => showNews(card, items));
+if (card) followNews(card);

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { showNews } from "../../../static/js/page/news.js";
+import { followNews, showNews } from "../../../static/js/page/news.js";
 import { NewsFeed, newsAsNotices } from "../../../static/js/page/news_feed.js";
 import { FakeSocket, made } from "../fake_socket.js";
 
@@ -82,9 +82,27 @@ test("a page whose person signed out asks no more", () => {
   expect(made.length).toBe(1);
 });
 
+const CARD =
+  '<aside hidden data-news="/ws/news/"><ul></ul><button data-more aria-expanded="false" hidden></button><form><input name="next"><button name="newest"></button></form></aside>';
+
+test("a card counts what is beside the newest, and a press shows all", () => {
+  document.body.innerHTML = CARD;
+  const card = document.querySelector("aside");
+  const more = card.querySelector("[data-more]");
+  const feed = followNews(card);
+  end = () => feed.close();
+  showNews(card, [item(1)]);
+  expect(more.hidden).toBe(true);
+  showNews(card, [item(3), item(2), item(1)]);
+  expect([more.hidden, more.textContent]).toEqual([false, "2 more"]);
+  more.click();
+  expect(more.getAttribute("aria-expanded")).toBe("true");
+  more.click();
+  expect(more.getAttribute("aria-expanded")).toBe("false");
+});
+
 test("a card shows what is unseen, and nothing twice", () => {
-  document.body.innerHTML =
-    '<aside hidden><ul></ul><form><input name="next"><button name="newest"></button></form></aside>';
+  document.body.innerHTML = CARD;
   const card = document.querySelector("aside");
   showNews(card, [item(2), item(1)]);
   const first = card.querySelector("li");
@@ -92,7 +110,7 @@ test("a card shows what is unseen, and nothing twice", () => {
   expect(card.hidden).toBe(false);
   expect(card.querySelector("li")).toBe(first);
   expect(first.querySelector("a").getAttribute("href")).toBe("/robots/tiago-1/");
-  expect(card.querySelector("button").value).toBe("2");
+  expect(card.querySelector("[name=newest]").value).toBe("2");
   showNews(card, []);
   expect(card.hidden).toBe(true);
 });
