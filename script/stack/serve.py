@@ -149,15 +149,19 @@ def ready(asked: argparse.Namespace, env: Environment) -> bool:
 
 
 def introduce(asked: argparse.Namespace) -> None:
-    """Say that the role is ready; while nobody has an account, also the first-run page and its one-time code."""
+    """Say that the role is ready, and tell systemd last: then all that people need is in its log."""
     if asked.role == "bridges":
         status = f"The supervisor runs the bridges of {os.environ[BRIDGE_HOST]}."
     else:
         status = f"Serving on {asked.bind}:{asked.port}."
     say(f"{status} Ctrl-C or SIGTERM ends it.")
+    if asked.role != "bridges":
+        invite(asked)
     tell_systemd(status)
-    if asked.role == "bridges":
-        return
+
+
+def invite(asked: argparse.Namespace) -> None:
+    """Print the address of the first-run page and its one-time code, while nobody has an account."""
     made = subprocess.run(
         [sys.executable, "manage.py", "setup_code"], check=False, stdout=subprocess.PIPE, text=True
     )

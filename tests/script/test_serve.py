@@ -14,7 +14,6 @@ import urllib.parse
 import urllib.request
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
@@ -25,6 +24,7 @@ from script.stack.places import REPOSITORY
 from script.stack.processes import Child, ReservedPort, end_all
 from script.stack.stack import Account, Certificate
 from tests.processes import free_port, outside, until
+from tests.script.first_run import Form, set_up
 from tests.script.support import ENDED_S, Family, drive_forward, listens
 
 READY_S = 120.0
@@ -165,51 +165,6 @@ class Served:
             return page.url.removeprefix(self.url), page.read().decode()
 
 
-class Form(HTMLParser):
-    """The fields and values of a page's forms, as a browser sends them."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.fields: dict[str, str] = {}
-        self.options: dict[str, str] = {}  # shown text -> sent value
-        self._text_of = self._option = ""
-
-    @classmethod
-    def of(cls, page: str) -> Form:
-        form = cls()
-        form.feed(page)
-        return form
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        given = {name: value or "" for name, value in attrs}
-        name = given.get("name", "")
-        if tag == "input" and name and given.get("type") not in ("submit", "checkbox"):
-            self.fields[name] = given.get("value", "")
-        elif tag == "input" and given.get("type") == "checkbox" and "checked" in given:
-            self.fields[name] = "on"
-        elif tag == "textarea":
-            self._text_of = name
-            self.fields[name] = ""
-        elif tag == "select":
-            self._select = name
-        elif tag == "option":
-            self._option = given.get("value", "")
-            if "selected" in given:
-                self.fields[self._select] = self._option
-
-    def handle_data(self, data: str) -> None:
-        if self._text_of:
-            self.fields[self._text_of] += data
-        elif self._option:
-            self.options[data.strip()] = self._option
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag == "textarea":
-            self._text_of = ""
-        elif tag == "option":
-            self._option = ""
-
-
 @pytest.fixture
 def master_uri(tmp_path: Path) -> Iterator[str]:
     """The URI of the master of a simulated robot in the middle of the office."""
@@ -243,7 +198,9 @@ def test_a_robot_is_added_driven_stopped_edited_and_cleaned_up(served: Served, m
     first = served.start()
     try:
         assert "Applying" not in served.log.read_text()  # the address is not behind a line for each migration
-        set_up(served, master_uri)
+        until(lambda: "One-time code: " in served.log.read_text(), "the one-time code", READY_S)
+        page = set_up(served.log.read_text(), STAFF, "TIAGo 42", master_uri)
+        assert f"The ROS master at {master_uri} answers." in page
         assert "Demo" not in served.browse("", "/accounts/sign-in/")[1]
         cookie = sign_in(served, STAFF.role)
         assert (
@@ -269,32 +226,6 @@ def test_a_robot_is_added_driven_stopped_edited_and_cleaned_up(served: Served, m
         assert_nothing_left(served, family)
     finally:
         second.kill()
-
-
-def set_up(served: Served, master_uri: str) -> None:
-    """Open the address that the console prints, and make the first admin and the first robot on its pages."""
-    until(lambda: "One-time code: " in served.log.read_text(), "the one-time code", READY_S)
-    log = served.log.read_text()
-    [address], [code] = (
-        re.findall(r"Set the console up at (\S+)", log),
-        re.findall(r"One-time code: (\S+)", log),
-    )
-    browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
-
-    def submit(url: str, **filled: str) -> tuple[str, str]:
-        with browser.open(url, timeout=READY_S) as page:
-            form = Form.of(page.read().decode())
-        filled = {name: form.options.get(value, value) for name, value in filled.items()}
-        body = urllib.parse.urlencode(form.fields | filled).encode()
-        with browser.open(urllib.request.Request(url, body, {"Referer": url}), timeout=READY_S) as page:  # noqa: S310
-            return page.url, page.read().decode()
-
-    password = {"password1": STAFF.password, "password2": STAFF.password}
-    robots, _page = submit(address, code=code, username=STAFF.username, **password)
-    assert robots == f"{address}robot/"
-    checks, page = submit(robots, name="TIAGo 42", profile="PAL TIAGo", master_uri=master_uri)
-    assert checks == f"{robots}{ROBOT}/"
-    assert f"The ROS master at {master_uri} answers." in page
 
 
 def lose_the_web_process(served: Served, console: subprocess.Popen[bytes]) -> None:

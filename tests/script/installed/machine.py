@@ -1,0 +1,148 @@
+"""An empty Debian 12, booted with systemd in namespaces of this computer; it shares this computer's network."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from benchmarks.parts.process_stats import children
+from script.stack.places import REPOSITORY, locked
+from tests.processes import until
+
+BASE = REPOSITORY / "var" / "empty-debian"  # made once, below all machines
+# Not in every Debian: systemd, which a computer has, and what README.md asks for.
+FIRST = "systemd,systemd-sysv,dbus,sudo,git,ca-certificates"
+TRUSTED = "/etc/ssl/certs/ca-certificates.crt"  # a lab's own authorities, too
+ENVIRONMENT = {
+    "PATH": "/usr/sbin:/usr/bin:/sbin:/bin",
+    "HOME": "/root",
+    "LANG": "C.UTF-8",
+    **dict.fromkeys(("PIP_CERT", "SSL_CERT_FILE", "NODE_EXTRA_CA_CERTS"), TRUSTED),
+}
+BOOTED_S = 60.0
+INSTALLED_S = 1200.0  # packages come over the network
+NEEDED = ("mmdebstrap", "systemd-nspawn", "nsenter")
+
+
+def missing() -> str:
+    """Return why no machine can be made here; "" if it can."""
+    programs = [name for name in NEEDED if shutil.which(name) is None]
+    if programs:
+        return f"not installed: {', '.join(programs)}"
+    return "" if os.getuid() == 0 else "only root boots machines"
+
+
+class Machine:
+    """A booted machine. `root` is its file system, `leader` the process id of its systemd here."""
+
+    def __init__(self, root: Path, leader: int) -> None:
+        self.root = root
+        self.leader = leader
+
+    def run(self, *words: str, check: bool = True, **environment: str) -> str:
+        """Run a command as root, and return what it prints, errors too."""
+        inside = [f"{name}={value}" for name, value in (ENVIRONMENT | environment).items()]
+        done = subprocess.run(
+            ["nsenter", "-t", str(self.leader), "-a", "env", "-i", *inside, *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            timeout=INSTALLED_S,
+        )
+        if check and done.returncode:
+            raise AssertionError(f"{' '.join(words)} ended with {done.returncode}:\n{done.stdout}")
+        return done.stdout
+
+    def shell(self, line: str, *, check: bool = True) -> str:
+        """Run a line of an administrator's shell in the folder of the console."""
+        return self.run("bash", "-c", f"cd /opt/fleet && {line}", check=check)
+
+    def clone(self, revision: str = "HEAD") -> None:
+        """Clone the console in this revision; uncommitted changes do not come along."""
+        with tempfile.TemporaryDirectory(dir=self.root / "mnt") as place:
+            bare = Path(place) / "fleet.git"
+            subprocess.run(["git", "clone", "--quiet", "--bare", REPOSITORY, bare], check=True)
+            wanted = subprocess.run(
+                ["git", "rev-parse", revision], cwd=REPOSITORY, capture_output=True, text=True, check=True
+            ).stdout.strip()
+            self.run("git", "clone", "--quiet", f"file:///{bare.relative_to(self.root)}", "/opt/fleet")
+            self.run("git", "-C", "/opt/fleet", "checkout", "--quiet", wanted)
+
+    def log(self, unit: str) -> str:
+        """Return the journal of a unit, without times."""
+        return self.run("journalctl", "--unit", unit, "--no-pager", "--output", "cat")
+
+
+@contextmanager
+def empty_machine() -> Iterator[Machine]:
+    """Boot a machine whose changes go to a temporary directory."""
+    _make_base()
+    directory = Path(tempfile.mkdtemp(prefix="fleet-machine-", dir="/var/tmp"))
+    upper, work, root = (directory / name for name in ("upper", "work", "root"))
+    for each in (upper, work, root):
+        each.mkdir()
+    layers = f"lowerdir={BASE / 'root'},upperdir={upper},workdir={work}"
+    subprocess.run(["mount", "-t", "overlay", "overlay", "-o", layers, root], check=True)
+    try:
+        shutil.copy(TRUSTED, root / TRUSTED.lstrip("/"))
+        with _booted(root, directory / "console") as leader:
+            yield Machine(root, leader)
+    finally:
+        subprocess.run(["umount", root], check=True)
+        shutil.rmtree(directory)
+
+
+def _make_base() -> None:
+    with locked(BASE / "lock"):
+        if (BASE / "made").exists():
+            return
+        shutil.rmtree(BASE / "root", ignore_errors=True)
+        command = ["mmdebstrap", "--quiet", "--variant=minbase", f"--include={FIRST}", "bookworm"]
+        subprocess.run([*command, BASE / "root", *_sources()], check=True)
+        (BASE / "made").touch()
+
+
+def _sources() -> list[str]:
+    """Return the mirror of Debian that apt uses here."""
+    listed = [*Path("/etc/apt").glob("sources.list"), *Path("/etc/apt/sources.list.d").glob("debian.sources")]
+    return [str(file) for file in listed if re.search(r"^[^#]*bookworm", file.read_text(), re.MULTILINE)]
+
+
+@contextmanager
+def _booted(root: Path, console: Path) -> Iterator[int]:
+    """Boot; yield the process id of the machine's systemd."""
+    options = ["--boot", "--register=no", "--keep-unit", "--resolv-conf=copy-host", "--console=pipe"]
+    with console.open("wb") as output:
+        nspawn = subprocess.Popen(
+            ["systemd-nspawn", "--quiet", "-D", root, f"--machine={root.parent.name}", *options],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+        )
+    try:
+        until(lambda: children(nspawn.pid) or nspawn.poll() is not None, "the machine starts", BOOTED_S)
+        assert nspawn.poll() is None, console.read_text(errors="replace")
+        [leader] = children(nspawn.pid)
+        machine = Machine(root, leader)
+        state = ("systemctl", "is-system-running", "--wait")
+        until(
+            lambda: machine.run(*state, check=False).strip() in ("running", "degraded"),
+            "it is booted",
+            BOOTED_S,
+        )
+        yield leader
+    finally:
+        nspawn.send_signal(signal.SIGTERM)
+        try:
+            nspawn.wait(BOOTED_S)
+        except subprocess.TimeoutExpired:
+            nspawn.kill()
+            nspawn.wait()
