@@ -38,6 +38,8 @@ def main() -> int:
     os.chdir(REPOSITORY)
     os.environ["DJANGO_SETTINGS_MODULE"] = "fleet.settings"  # never others, such as the demo's with its door
     try:
+        if asked.is_ready:
+            return 0 if ready(asked, Environment(os.environ)) else 1
         with ended_by_signals():
             return serve(asked)
     except Ended:
@@ -79,8 +81,13 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
         action="store_true",
         help="also migrate PostgreSQL, or by the role web: you have a backup (docs/upgrade.md)",
     )
+    parser.add_argument(
+        "--is-ready",
+        action="store_true",
+        help="start nothing: the exit status tells whether this role, started with the same words, is ready",
+    )
     asked = parser.parse_args(words)
-    if asked.role == "bridges" and asked != parser.parse_args(["bridges"]):
+    if asked.role == "bridges" and {**vars(asked), "is_ready": False} != vars(parser.parse_args(["bridges"])):
         parser.error("the role bridges takes no options: its settings are in the environment")
     if bool(asked.certificate) != bool(asked.private_key):
         parser.error("--certificate and --private-key go together")

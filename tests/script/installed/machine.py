@@ -31,9 +31,9 @@ INSTALLED_S = 1200.0  # packages come over the network
 NEEDED = ("mmdebstrap", "systemd-nspawn", "nsenter")
 
 
-def missing() -> str:
+def missing(*more: str) -> str:
     """Return why no machine can be made here; "" if it can."""
-    programs = [name for name in NEEDED if shutil.which(name) is None]
+    programs = [name for name in (*NEEDED, *more) if shutil.which(name) is None]
     if programs:
         return f"not installed: {', '.join(programs)}"
     return "" if os.getuid() == 0 else "only root boots machines"
@@ -84,12 +84,12 @@ class Machine:
 @contextmanager
 def empty_machine() -> Iterator[Machine]:
     """Boot a machine whose changes go to a temporary directory."""
-    _make_base()
+    base = empty_root()
     directory = Path(tempfile.mkdtemp(prefix="fleet-machine-", dir="/var/tmp"))
     upper, work, root = (directory / name for name in ("upper", "work", "root"))
     for each in (upper, work, root):
         each.mkdir()
-    layers = f"lowerdir={BASE / 'root'},upperdir={upper},workdir={work}"
+    layers = f"lowerdir={base},upperdir={upper},workdir={work}"
     subprocess.run(["mount", "-t", "overlay", "overlay", "-o", layers, root], check=True)
     try:
         shutil.copy(TRUSTED, root / TRUSTED.lstrip("/"))
@@ -100,14 +100,16 @@ def empty_machine() -> Iterator[Machine]:
         shutil.rmtree(directory)
 
 
-def _make_base() -> None:
+def empty_root() -> Path:
+    """Return the file system of an empty Debian 12; it is made once, from the mirror of this computer."""
+    root = BASE / "root"
     with locked(BASE / "lock"):
-        if (BASE / "made").exists():
-            return
-        shutil.rmtree(BASE / "root", ignore_errors=True)
-        command = ["mmdebstrap", "--quiet", "--variant=minbase", f"--include={FIRST}", "bookworm"]
-        subprocess.run([*command, BASE / "root", *_sources()], check=True)
-        (BASE / "made").touch()
+        if not (BASE / "made").exists():
+            shutil.rmtree(root, ignore_errors=True)
+            command = ["mmdebstrap", "--quiet", "--variant=minbase", f"--include={FIRST}", "bookworm"]
+            subprocess.run([*command, root, *_sources()], check=True)
+            (BASE / "made").touch()
+    return root
 
 
 def _sources() -> list[str]:
