@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime, timedelta
+from functools import partial
 from typing import Any
 from uuid import UUID
 
@@ -188,12 +189,17 @@ def robot_locked(robot_id: UUID, now: datetime) -> Iterator[Robot]:
             )
             settling.send(sender=Booking, robot=robot, now=now)
             yield robot
-            settling.send(sender=Booking, robot=robot, now=now)
-            transaction.on_commit(lambda: changed.send(sender=Booking, robot_id=robot_id))
+            settle(robot, now)
     except IntegrityError as error:
         if overlaps.NAME not in str(error):
             raise
         raise BookingRefused([_TAKEN]) from error
+
+
+def settle(robot: Robot, now: datetime) -> None:
+    """Offer the robot's free time after a change, and report the change. The caller has locked the robot."""
+    settling.send(sender=Booking, robot=robot, now=now)
+    transaction.on_commit(partial(changed.send, sender=Booking, robot_id=robot.pk))
 
 
 def account_named(username: str, actor: User, robot: Robot, at: datetime) -> User:

@@ -24,7 +24,7 @@ from fleet.bookings.messages.notifications import changed_by_another
 from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.rules import FAR
 from fleet.bookings.selectors import SWITCHED_OFF, held_between, why_out
-from fleet.bookings.services import changed, robot_locked, robots_locked, settling
+from fleet.bookings.services import changed, robot_locked, robots_locked, settle
 from robots.access.models import RobotGroup
 from robots.registry.models import Robot
 from robots.registry.services import named
@@ -143,8 +143,7 @@ def _robot_changed(*, instance: Robot, created: bool, update_fields: Any, **_opt
     now = timezone.now()
     for booking in held_between([instance], now, FAR) if not instance.enabled else ():
         lost(booking, How.USELESS, now, before=kept_of(booking), why=partial(str, SWITCHED_OFF))
-    settling.send(sender=Booking, robot=instance, now=now)  # this change has locked the robot's row
-    _tell(instance)
+    settle(instance, now)  # this change has locked the robot's row
 
 
 def _tell(robot: Robot) -> None:

@@ -35,7 +35,7 @@ from fleet.bookings.selectors import (
     policies_of,
     stage_of,
 )
-from fleet.bookings.services import TIMES, free_unused, record_bookings, robots_locked, save_times
+from fleet.bookings.services import TIMES, free_unused, record_bookings, save_times, settle
 from robots.access.models import Course
 from robots.access.signals import course_opened, publish_access_changed
 from robots.registry.models import Robot
@@ -126,11 +126,12 @@ def _course_opened(*, course: Course, **_options: Any) -> None:
 
 
 def _give_back(change: Change, actor: Actor, now: datetime) -> Undone:
-    keys = [loss["booking"] for loss in change.losses]
-    robots = set(Booking.objects.filter(pk__in=keys).values_list("robot", flat=True))
-    with robots_locked(robots, now):
-        done = _restored(pairs_of(change), actor, now)
-        done.turns = turns_again([loss["turn"] for loss in change.losses if "turn" in loss], actor, now)
+    """Give the bookings back before anybody who waits gets their time. The caller has locked all robots."""
+    pairs = pairs_of(change)
+    done = _restored(pairs, actor, now)
+    done.turns = turns_again([loss["turn"] for loss in change.losses if "turn" in loss], actor, now)
+    for robot in {booking.robot_id: booking.robot for booking, _loss in pairs}.values():
+        settle(robot, now)
     change.undone_at, change.undone_by = now, actor if isinstance(actor, User) else None
     change.save(update_fields=["undone_at", "undone_by"])
     facts = {"change": str(change.pk), "kind": change.kind, "back": len(done.back), "lost": len(done.lost)}

@@ -11,7 +11,17 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from fleet.bookings.models import WEEKDAYS, Booking, Change, Notification, OutOfService, Policy, State
+from fleet.bookings.changes.waiting_list import waiting_join
+from fleet.bookings.models import (
+    WEEKDAYS,
+    Booking,
+    Change,
+    Notification,
+    OutOfService,
+    Policy,
+    State,
+    Waiting,
+)
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
 from fleet.site.management.commands import erase_person
@@ -323,6 +333,17 @@ def test_open_again_gives_back_what_archive_took(door, course, robot, operator, 
     opened = door.post(reverse("course-archive", args=[course.slug]), {"archived": "0"}, follow=True)
     assert "2 bookings came back" in opened.text
     assert (state_of(lesson), state_of(mine)) == (State.BOOKED, State.BOOKED)
+
+
+def test_who_waits_gets_no_time_that_comes_back(door, course, robot, operator, stranger):
+    Enrolment.objects.create(course=course, person=stranger)
+    booking = book(robot, operator)
+    slot = Slot(booking.starts_at, booking.ends_at)
+    waiting_join(robot=robot, person=stranger, slot=slot, now=timezone.now())
+    confirm(door, door.post(*archive(course=course)))
+    assert Waiting.objects.exists()  # without a right, the time is not offered
+    door.post(reverse("course-archive", args=[course.slug]), {"archived": "0"})
+    assert (state_of(booking), Waiting.objects.count()) == (State.BOOKED, 1)
 
 
 def test_lessons_after_a_new_last_day_are_freed(door, course, robot, operator, staff):
