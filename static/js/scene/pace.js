@@ -1,6 +1,9 @@
-/** The resolution of the 3D picture: that of the screen, or lower, so that 30 pictures a second are drawn. */
+/** How finely and how often the 3D picture is drawn: with 30 pictures a second, and with time left for the stick. */
 
+const LEAST_MS = 25; // between two pictures: other programs need the processor, too
 const LONGEST_MS = 36; // for a picture
+const BUSY_MS = 500; // longer than a picture takes: the page was busy with other work
+const SHARE = 2 / 3; // of the page's time, at most, in which it draws
 const FINER_AGAIN = 8; // good counts in a row, after which the resolution goes up again
 const COUNTED = 15; // pictures for each count
 const COARSEST = 0.5; // least share of the pixels of a side
@@ -23,6 +26,7 @@ export class Pace {
   #slow;
   #share = 1;
   #times = [];
+  #tookMs = 0;
   #good = 0; // counts in a row
 
   /** @param {boolean} slow whether software draws the pictures */
@@ -32,7 +36,7 @@ export class Pace {
 
   /** Count the time from the last picture to this one. @returns {boolean} whether the ratio has changed */
   addFrameTime(ms) {
-    if (ms > 500) return false; // the page was busy with other work
+    if (ms > BUSY_MS) return false;
     this.#times.push(ms);
     if (this.#times.length < COUNTED) return false;
     const middle = this.#times.sort((a, b) => a - b)[COUNTED >> 1];
@@ -45,6 +49,16 @@ export class Pace {
       this.#share = Math.min(before / STEP, 1);
     }
     return this.#share !== before;
+  }
+
+  /** How long the page did nothing but draw the last picture. */
+  set tookMs(ms) {
+    this.#tookMs = Math.min(ms, BUSY_MS);
+  }
+
+  /** The least time from the begin of the last picture to the next one. */
+  get leastMs() {
+    return Math.max(LEAST_MS, this.#tookMs / SHARE);
   }
 
   /** Return the drawn pixels per pixel of the page. */

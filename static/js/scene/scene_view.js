@@ -27,7 +27,6 @@ const COLOURS = [
   "hold",
 ];
 const GLIDE_S = 0.08; // time constant with which the drawn robot follows the reported pose
-const LEAST_MS = 25; // between two pictures
 const LONGEST_STEP_MS = 100; // of the drawn robot's motion
 const AT_REST = 1e-4; // metres or radians
 const LOST_MS = 3_000; // after this time, a lost picture is made again
@@ -235,9 +234,12 @@ export class SceneView extends EventTarget {
 
   #paint(ms) {
     if (!this.#shown || !this.#renderer || this.#renderer.getContext().isContextLost()) return;
-    if (ms - this.#lastMs < LEAST_MS) return this.#await(); // other programs need the processor, too
+    if (ms - this.#lastMs < this.#pace.leastMs) return this.#await();
+    const beganMs = performance.now();
     const moves = this.#move(Math.min(ms - this.#lastMs, LONGEST_STEP_MS) / 1000);
     this.#renderer.render(this.#scene, this.#camera);
+    // Where software draws, the page waits for the picture after this task.
+    setTimeout(() => Object.assign(this.#pace, { tookMs: performance.now() - beganMs }));
     this.#framesDrawn += 1;
     // The time that this picture waited: from its request, or from the last picture if that came later.
     const waitedMs = ms - Math.max(this.#lastMs, this.#askedMs);

@@ -33,6 +33,16 @@ describe("how fine the 3D picture is", () => {
     expect(pace.ratio(400, 300, 1)).toBeCloseTo(1);
   });
 
+  it("leaves the page a third of its time, also after a pause", () => {
+    const pace = new Pace(true);
+    pace.tookMs = 10;
+    expect(pace.leastMs).toBe(25);
+    pace.tookMs = 100;
+    expect(pace.leastMs).toBe(150);
+    pace.tookMs = 60_000;
+    expect(pace.leastMs).toBe(750);
+  });
+
   it("does not count a pause of the page", () => {
     const pace = new Pace(true);
     expect(draw(pace, 2000, 5 * COUNT)).toBe(false);
