@@ -26,3 +26,16 @@ def test_a_package_of_the_distribution_shadows_none(tmp_path, shadow):
     of_environment, of_distribution = run.stdout.split()
     assert of_environment.startswith(sys.prefix)
     assert not of_distribution.startswith(sys.prefix)
+
+
+WATCHDOG = (
+    "from robots.bridge.watchdog.lean import leave_out; leave_out(); import robots.bridge.watchdog.process, sys;"
+    " print(*[name for name in ('django', 'numpy', 'ssl', 'catkin_pkg', 'robots.bridge.gate', 'asyncio')"
+    " if sys.modules.get(name)])"
+)
+
+
+def test_the_watchdog_imports_little():
+    """One runs for each robot: numpy and its kin would double its memory."""
+    run = subprocess.run([sys.executable, "-c", WATCHDOG], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == []

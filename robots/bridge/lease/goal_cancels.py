@@ -10,7 +10,7 @@ import logging
 import math
 from collections.abc import Callable
 
-from robots.bridge.tasks.goals import CANCEL_AGAIN_S
+from robots.bridge.watchdog.rules import CANCEL_AGAIN_S
 
 log = logging.getLogger(__name__)
 

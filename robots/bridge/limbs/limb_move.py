@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 from robots.bridge.audit.records import Records, Requester
 from robots.bridge.gate.words import LIMBS
-from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
+from robots.bridge.tasks.goals import OURS, UNHEARD_S, Goal, Goals
 from robots.bridge.tasks.task import Cause, Ending, Robot
+from robots.bridge.watchdog.rules import CANCEL_AGAIN_S
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import LimbSource
 from robots.shared.records.record_sink import Parameters

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 
 from robots.bridge.audit.records import Records
-from robots.bridge.tasks.goals import CANCEL_AGAIN_S
+from robots.bridge.watchdog.rules import CANCEL_AGAIN_S
 from robots.shared.sentences import say
 
 QUIET_S = 1.0  # the hold ends after this time at standstill without a velocity from navigation

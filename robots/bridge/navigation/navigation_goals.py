@@ -20,9 +20,10 @@ from robots.bridge.navigation.hold import Hold
 from robots.bridge.navigation.localisation import Localisation
 from robots.bridge.navigation.path import PlannedPath
 from robots.bridge.navigation.sensor_grace import MAY_PASS, SensorGrace
-from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, Goal, Goals
+from robots.bridge.tasks.goals import OURS, Goal, Goals
 from robots.bridge.tasks.input_routing import InputRouting
 from robots.bridge.tasks.task import Activity, Cause, Context, Ending, Reaction, TaskPart
+from robots.bridge.watchdog.rules import CANCEL_AGAIN_S
 from robots.shared import wire
 from robots.shared.geometry.planar import NO_POINTS
 from robots.shared.geometry.poses import STILL, Pose, Velocity

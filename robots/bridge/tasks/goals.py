@@ -16,10 +16,10 @@ from msgspec import structs
 
 from robots.bridge.audit.records import RecordedTask, Records, Requester
 from robots.bridge.tasks.task import Cause, Ending
+from robots.bridge.watchdog.rules import CANCEL_AGAIN_S
 from robots.shared.sentences import say
 from robots.shared.wire import Refusal
 
-CANCEL_AGAIN_S = 0.5  # repeat a cancel: the first one may not have reached the robot
 UNHEARD_S = 2.0  # a goal that the robot has not reported for this time is given up
 # Prefix of goal ids of this bridge and of earlier bridges; the number of the record follows.
 OURS = "fleet_bridge-"

@@ -19,9 +19,10 @@ from robots.bridge.arm.clearance import ArmClearance, ArmModel
 from robots.bridge.audit.records import Requester
 from robots.bridge.gate.arm.discs import Disc
 from robots.bridge.gate.arm.sweep import Motion
-from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
+from robots.bridge.tasks.goals import OURS, UNHEARD_S, Goal, Goals
 from robots.bridge.tasks.input_routing import InputRouting
 from robots.bridge.tasks.task import WHILE_HELD, Activity, Context, Ending, TaskPart
+from robots.bridge.watchdog.rules import CANCEL_AGAIN_S
 from robots.shared import wire
 from robots.shared.records.record_sink import Parameters
 from robots.shared.sentences import say

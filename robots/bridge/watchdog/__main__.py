@@ -2,10 +2,14 @@
 
 import sys
 
-import msgspec
-
-from robots.bridge.watchdog.process import run
-from robots.shared.configuration.watchdog_config import WatchdogConfig
+from robots.bridge.watchdog.lean import leave_out
 
 if __name__ == "__main__":
+    leave_out()
+
+    import msgspec
+
+    from robots.bridge.watchdog.process import run
+    from robots.shared.configuration.watchdog_config import WatchdogConfig
+
     sys.exit(run(msgspec.json.decode(sys.argv[1], type=WatchdogConfig)))

@@ -13,8 +13,7 @@ import msgspec
 
 from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.watchdog import WatchdogNode
-from robots.bridge.tasks.goals import CANCEL_AGAIN_S
-from robots.bridge.watchdog.rules import Heartbeat, StopRules
+from robots.bridge.watchdog.rules import CANCEL_AGAIN_S, Heartbeat, StopRules
 from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
 from robots.bridge.watchdog.stop_file import StopFile
 from robots.shared import wire

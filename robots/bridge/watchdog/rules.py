@@ -16,6 +16,7 @@ from robots.shared.wire import MovesAlthoughStopped
 SILENT_S = 0.15  # s, three heartbeats: the bridge is dead, frozen, or its loop is blocked
 # s: a bridge that hangs for this time cannot watch navigation; zeros are sent from `SILENT_S` on
 LOST_S = 1.0
+CANCEL_AGAIN_S = 0.5  # repeat a cancel: the first one may not have reached the robot
 QUIET_AFTER_S = 1.0  # s: zeros are repeated for this time if the robot was driven and is not stopped
 
 

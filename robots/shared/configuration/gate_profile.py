@@ -61,4 +61,5 @@ class GateProfile(Struct, frozen=True):
     depth: DepthView | None = None  # None with `has_depth`: the camera exists but is not used yet
 
 
+MOST_BEAMS = 20_000  # of one scan
 CLOSE_ECHO_M = 0.1  # a sonar's echo at this distance or nearer often comes from the robot itself

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.shared.configuration.gate_profile import MOST_BEAMS
 from robots.shared.geometry.footprint import Footprint
 from robots.shared.geometry.planar import NO_POINTS, Points, from_columns, placed, wrapped
 from robots.shared.geometry.poses import Pose
@@ -18,7 +19,6 @@ NEIGHBOUR_BEAMS = 2
 NEIGHBOUR_M = 0.10
 SAME_SURFACE_M = 0.05  # neighbouring beams that differ by less hit the same surface
 INSIDE_HULL_M = 0.03  # points deeper than this in the hull are the robot itself
-MOST_BEAMS = 20_000
 FINEST_RAD = 1e-5  # between two beams; with less, beam numbers overflow
 LEAST_KNOWN_SHARE = 0.5  # of the beams of a scan, or of a part of it; with fewer it proves nothing
 CONE_POINTS = 9  # points on an echo's arc: 6 cm apart over a cone of 0.5 rad at 1 m

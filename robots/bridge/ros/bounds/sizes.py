@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from robots.bridge.gate.sensing.scan import MOST_BEAMS
+from robots.shared.configuration.gate_profile import MOST_BEAMS
 
 KB, MB = 1024, 1024 * 1024
 BRIEF = 4 * KB  # header, names and a few numbers
