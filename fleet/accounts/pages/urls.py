@@ -11,12 +11,18 @@ from django.urls import include, path, re_path
 from django.views.generic import RedirectView
 
 from fleet.accounts.pages import views
-from fleet.accounts.sign_in.forms import ForgottenPasswordForm, NewPasswordForm
-from fleet.accounts.sign_in.views import PasswordView, SignInView, single_sign_on_begin, single_sign_on_end
+from fleet.accounts.sign_in.forms import ForgottenPasswordForm
+from fleet.accounts.sign_in.views import (
+    NewPasswordView,
+    PasswordView,
+    SignInView,
+    single_sign_on_begin,
+    single_sign_on_end,
+)
 
 _sign_in = SignInView.as_view()
 _sign_out = LogoutView.as_view()
-_new_password = allauth.PasswordResetFromKeyView.as_view(form_class=NewPasswordForm)
+_new_password = NewPasswordView.as_view()
 _forgotten = allauth.PasswordResetView.as_view(form_class=ForgottenPasswordForm)
 
 urlpatterns = [

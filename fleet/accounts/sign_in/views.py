@@ -9,6 +9,7 @@ from typing import Any, cast
 
 from allauth.account.internal.flows.login import record_authentication
 from allauth.account.utils import perform_login
+from allauth.account.views import PasswordResetFromKeyView
 from allauth.socialaccount.providers.openid_connect import views as openid_connect
 from django.conf import settings
 from django.contrib import messages
@@ -20,15 +21,16 @@ from django.core.exceptions import NON_FIELD_ERRORS
 from django.db import transaction
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
-from django.urls import reverse_lazy
+from django.urls import reverse, reverse_lazy
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 from requests import RequestException
 
 from fleet.accounts import services
+from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.accounts.sign_in import known_device
-from fleet.accounts.sign_in.forms import THROTTLED, OwnPasswordForm, SignInForm
+from fleet.accounts.sign_in.forms import THROTTLED, NewPasswordForm, OwnPasswordForm, SignInForm
 
 log = logging.getLogger(__name__)
 
@@ -62,6 +64,30 @@ class SignInView(LoginView):
             response.status_code = 429 if form.has_error(NON_FIELD_ERRORS, THROTTLED) else 503
             response.headers["Retry-After"] = str(ceil(form.wait_s))
         return response
+
+
+def sign_in_now(request: HttpRequest, person: User, method: str) -> HttpResponse:
+    """Sign in a person who need not type a password now; a second factor is asked for.
+
+    Somebody else who is signed in in this browser stays so.
+    """
+    if isinstance(request.user, User) and request.user != person:
+        return redirect("fleet")
+    record_authentication(request, person, method=method)
+    with transaction.atomic():
+        answer: HttpResponse = perform_login(request, person, redirect_url=reverse("fleet"))
+    return answer
+
+
+class NewPasswordView(PasswordResetFromKeyView):
+    """Set a new password by the link of an e-mail, and sign in."""
+
+    form_class = NewPasswordForm
+
+    def form_valid(self, form: NewPasswordForm) -> HttpResponse:
+        """Set the password before the transaction of the sign-in: hashing waits in a queue."""
+        super().form_valid(form)
+        return sign_in_now(self.request, self.reset_user, "password")
 
 
 class PasswordView(PasswordChangeView):

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from allauth.account.internal.flows.login import record_authentication
-from allauth.account.utils import perform_login
 from django.contrib import messages
 from django.contrib.auth.decorators import login_not_required
 from django.contrib.auth.forms import SetPasswordForm
 from django.db import transaction
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
-from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
@@ -21,6 +18,7 @@ from django.views.decorators.http import require_http_methods
 from fleet.accounts.models import User
 from fleet.accounts.services import address_of
 from fleet.accounts.sign_in import known_device, throttle
+from fleet.accounts.sign_in.views import sign_in_now
 from robots.access import password_links
 from robots.access.claiming import claim, has_unclaimed
 from robots.access.enrolment import EnrolmentRefused, check_invitation, invitation_accept, invitation_of
@@ -40,7 +38,7 @@ def join(request: HttpRequest, code: str) -> HttpResponse:
     signed_in = isinstance(request.user, User)
     known = None if signed_in else _known_in(request, invitation)
     if known is not None and "device" in request.POST:
-        return _sign_in(request, known, "known_device")
+        return sign_in_now(request, known, "known_device")
     if known is not None and request.method != "POST" and "new" not in request.GET:
         return _join_page(request, invitation, known=known)
     if not signed_in and "known_as" in request.POST:
@@ -62,14 +60,6 @@ def _known_in(request: HttpRequest, invitation: Invitation) -> User | None:
     person = known_device.known_person(request)
     inside = person is not None and invitation.course.enrolments.filter(person=person).exists()
     return person if inside else None
-
-
-def _sign_in(request: HttpRequest, person: User, method: str) -> HttpResponse:
-    """Sign in a person who needs not type a password now; a second factor is asked for."""
-    record_authentication(request, person, method=method)
-    with transaction.atomic():
-        answer: HttpResponse = perform_login(request, person, redirect_url=reverse("fleet"))
-    return answer
 
 
 def _find(request: HttpRequest, invitation: Invitation) -> HttpResponse:
@@ -98,7 +88,7 @@ def _join(request: HttpRequest, invitation: Invitation, form: JoinForm) -> HttpR
         person.save()
         invitation_accept(invitation=invitation, person=person, now=now)
     messages.success(request, _("You are in the course %s.") % invitation.course.name)
-    return _sign_in(request, person, "password")
+    return sign_in_now(request, person, "password")
 
 
 def _join_page(
@@ -132,9 +122,7 @@ def welcome(request: HttpRequest, code: str) -> HttpResponse:
     if not password_links.password_set(link, person):
         return render(request, "access/joining/welcome.html", status=410)
     messages.success(request, _("Your password is set. Your user name is %s.") % person.username)
-    if isinstance(request.user, User) and request.user != person:
-        return redirect("fleet")  # somebody else's browser: they stay signed in
-    return _sign_in(request, person, "password")
+    return sign_in_now(request, person, "password")
 
 
 def _welcome_page(request: HttpRequest, form: SetPasswordForm[User], status: int) -> HttpResponse:

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from allauth.account.models import EmailAddress
+from allauth.mfa.models import Authenticator
 from django.core import mail
 from django.core.cache import cache
 from django.db import IntegrityError
@@ -85,9 +86,9 @@ def test_a_forgotten_password_is_set_by_a_link(olga: User, signed_in: Callable[[
     page = client.get(link).headers["Location"]  # has no key, so that no other site sees the key
     assert client.post(page, {"password1": "12345678", "password2": "12345678"}).status_code == 200
     assert client.post(page, {"password1": NEW, "password2": NEW}).status_code == 302
-    assert not SignIn.objects.filter(user=olga).exists()
+    assert SignIn.objects.get(user=olga).session_id == client.session.session_key
     assert Record.objects.get(kind="account.sign_out").outcome == "password reset"
-    assert client.get("/accounts/").status_code == 401  # the link alone signs nobody in
+    assert client.get("/accounts/").wsgi_request.user == olga
     assert elsewhere.get("/accounts/").status_code == 401
     assert "This link does not work" in Client().get(link).content.decode()
     changed = Record.objects.filter(kind="account.change").latest("id")
@@ -96,6 +97,16 @@ def test_a_forgotten_password_is_set_by_a_link(olga: User, signed_in: Callable[[
         Client().post("/accounts/sign-in/", {"username": "operator", "password": NEW}).headers["Location"]
         == "/"
     )
+
+
+def test_a_link_of_an_email_asks_for_the_second_factor(olga: User) -> None:
+    Authenticator.objects.create(user=olga, type=Authenticator.Type.TOTP, data={"secret": "x"})
+    client = Client()
+    client.post(FORGOTTEN, {"email": olga.email})
+    page = client.get(link_in(letter())).headers["Location"]
+    answer = client.post(page, {"password1": NEW, "password2": NEW})
+    assert "second-factor" in answer.headers["Location"]
+    assert not SignIn.objects.filter(user=olga).exists()
 
 
 @pytest.mark.parametrize(("chosen", "left"), [({"end_tokens": "on"}, 0), ({}, 1)])
