@@ -9,6 +9,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Literal
 
 import msgspec
@@ -21,7 +22,7 @@ from fleet.base.formats.sentences import in_words, localised, words_of
 from robots.description.drawable import drawable
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot
-from robots.registry.selectors import bridge_config
+from robots.registry.selectors import bridge_config, socket_path
 from robots.shared.configuration.bridge_config import CLOCK_SKEW_S, BridgeConfig
 from robots.shared.configuration.gate_profile import CLOSE_ECHO_M
 from robots.shared.processes.probe_findings import (
@@ -97,7 +98,7 @@ def run_checks(robot: Robot) -> list[Check]:
 
 
 def _elsewhere(robot: Robot) -> Iterator[Check]:
-    if robot.bridge_address:
+    if robot.bridge_address and not Path(socket_path(robot.id)).exists():
         yield Check(
             _("other computer"),
             WARN,

@@ -6,7 +6,7 @@ import errno
 import sqlite3
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, nullcontext
 from pathlib import Path
 from socket import gethostname
 from unittest import mock
@@ -338,6 +338,20 @@ def test_a_robot_that_was_taken_over_ends_here_unreported(supervised: Supervised
     assert robot.id in taken.kept
     supervised.fleet.end_programs()
     assert BridgeStatus.objects.get(robot=robot).pid == 4711
+
+
+@pytest.mark.parametrize(
+    ("only", "host", "starts"),
+    [(set(), "", True), ({"tiago-1"}, "", True), ({"tiago-2"}, "", False), (set(), "other-host", True)],
+)
+def test_a_robot_named_for_two_supervisors_stops_the_start(
+    only: set[str], host: str, starts: bool, programs: FakePrograms, robot: Robot, other_robot: Robot
+) -> None:
+    """Without names, only what another supervisor has is left out."""
+    fleet = Fleet(frozenset(only), programs.script, QUIET, host=host)
+    Taken(fleet).elsewhere[other_robot.id] = "computer-2, process 7"
+    with nullcontext() if starts else pytest.raises(AlreadySupervised, match="computer-2"):
+        fleet.claim()
 
 
 def test_a_console_that_was_taken_over_ends(supervised: Supervised) -> None:
