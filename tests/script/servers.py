@@ -14,7 +14,7 @@ from pathlib import Path
 
 from benchmarks.parts.process_stats import children
 from script.stack.processes import Child
-from tests.processes import outside, until
+from tests.processes import free_port, outside, until
 from tests.script.support import Family
 
 PROGRAMS = Path("/usr/lib/postgresql")
@@ -31,9 +31,12 @@ def postgresql_installed() -> bool:
 
 
 class Postgresql:
-    """A PostgreSQL server; `url` is its `FLEET_DATABASE_URL`. If it is not `durable`, it runs without fsync."""
+    """A PostgreSQL server; `url` is its `FLEET_DATABASE_URL`. If it is not `durable`, it runs without fsync.
 
-    def __init__(self, directory: Path, durable: bool) -> None:
+    With an `address` of this computer it listens there, as for other computers.
+    """
+
+    def __init__(self, directory: Path, durable: bool, address: str = "") -> None:
         self._options = [] if durable else ["-c", "fsync=off", "-c", "max_wal_size=128MB"]
         self._programs = max(PROGRAMS.glob("*/bin"))
         self._directory = directory
@@ -45,6 +48,12 @@ class Postgresql:
         make = self._command("initdb", *place, "-A", "trust", "--no-sync")
         subprocess.run([*self._tie, *make], check=True, cwd="/", stdout=subprocess.DEVNULL)
         self.url = f"postgresql://fleet@/postgres?host={directory}"
+        if address:
+            with (directory / "data" / "pg_hba.conf").open("a") as admitted:
+                admitted.write(f"host all all {address}/32 trust\n")
+            port = free_port()
+            self._options += ["-c", f"listen_addresses={address}", "-c", f"port={port}"]
+            self.url = f"postgresql://fleet@{address}:{port}/postgres"
         self.start()
 
     def start(self) -> None:
@@ -53,7 +62,7 @@ class Postgresql:
         run = [*place, "-c", "listen_addresses=", *self._options]
         log = self._directory / "log"
         self._server = Child("postgresql", [*self._tie, *run], env=outside(), log=log)
-        ready = self._command("pg_isready", "-q", "-h", self._directory)
+        ready = self._command("pg_isready", "-q", "-d", self.url)
         until(lambda: subprocess.run(ready).returncode == 0, "PostgreSQL answers", STARTED_S)
 
     def _command(self, program: str, *words: str | Path) -> list[str]:
@@ -79,13 +88,13 @@ class Postgresql:
 
 
 @contextmanager
-def running_postgresql(*, durable: bool = False) -> Iterator[Postgresql]:
+def running_postgresql(*, durable: bool = False, address: str = "") -> Iterator[Postgresql]:
     """Run a PostgreSQL that a test can kill and start again. If it is `durable`, its data are on the disk."""
     # In memory, if there is room: a database has hundreds of files, and tests make dozens of databases.
     in_memory = not durable and MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM_BYTES
     directory = Path(tempfile.mkdtemp(prefix="fleet-pg-", dir=MEMORY if in_memory else None))
     try:
-        server = Postgresql(directory, durable)
+        server = Postgresql(directory, durable, address)
         try:
             yield server
         finally:
