@@ -9,7 +9,7 @@ import signal
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from benchmarks.parts.process_stats import children
@@ -130,9 +130,8 @@ def _booted(root: Path, console: Path) -> Iterator[int]:
             stderr=output,
         )
     try:
-        until(lambda: children(nspawn.pid) or nspawn.poll() is not None, "the machine starts", BOOTED_S)
+        leader = until(lambda: _systemd_of(nspawn.pid) or nspawn.poll(), "the machine starts", BOOTED_S)
         assert nspawn.poll() is None, console.read_text(errors="replace")
-        [leader] = children(nspawn.pid)
         machine = Machine(root, leader)
         state = ("systemctl", "is-system-running", "--wait")
         until(
@@ -148,3 +147,12 @@ def _booted(root: Path, console: Path) -> Iterator[int]:
         except subprocess.TimeoutExpired:
             nspawn.kill()
             nspawn.wait()
+
+
+def _systemd_of(nspawn: int) -> int | None:
+    """Return the process id of the machine's systemd here, once it runs."""
+    for child in children(nspawn):
+        with suppress(FileNotFoundError):
+            if Path(f"/proc/{child}/comm").read_text() == "systemd\n":
+                return child
+    return None
