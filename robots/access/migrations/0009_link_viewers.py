@@ -7,9 +7,9 @@ from django.db.models import F
 
 
 def when_seen(apps, schema_editor):
-    """A link that was seen was valid for 30 days from then on, to the end of the day."""
+    """A link that was seen was valid for 30 days, to the end of the day: what came on the first day does not count."""
     seen = apps.get_model("access", "PasswordLink").objects.filter(seen=True)
-    seen.update(seen_at=F("expires_at") - timedelta(days=31))
+    seen.update(seen_at=F("expires_at") - timedelta(days=30))
 
 
 class Migration(migrations.Migration):
