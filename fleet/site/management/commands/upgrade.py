@@ -72,10 +72,10 @@ def back_up(var: Path) -> Path:
 
 def _how_to_back_up() -> str:
     of = connection.settings_dict
-    where = [f"--host={of['HOST']}"] if of["HOST"] else []
-    where += [f"--port={of['PORT']}"] if of["PORT"] else []
-    where += [f"--username={of['USER']}"] if of["USER"] else []
-    line = " ".join(["pg_dump --format=custom", f"--file=before-{version()}.dump", *where, of["NAME"]])
+    host = of["HOST"] or of["OPTIONS"].get("host")  # of a socket
+    where = {"host": host, "port": of["PORT"], "username": of["USER"]}
+    told = [f"--{name}={value}" for name, value in where.items() if value]
+    line = " ".join(["pg_dump --format=custom", f"--file=before-{version()}.dump", *told, of["NAME"]])
     return (
         f"Release {version()} changes the database; it waits until you have a backup. Stop every process of the "
         f"console, run\n\n    {line}\n\nand start this release once with: script/serve --migrate (docs/upgrade.md)."

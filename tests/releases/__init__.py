@@ -1,0 +1,1 @@
+"""Databases of past releases: upgraded to this one, and restored."""

@@ -1,0 +1,151 @@
+"""A database of each past release comes to this one whole, as docs/upgrade.md says, and goes back by its backup."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fleet.base.version import version
+from script.stack.database import new_database
+from tests.processes import REPOSITORY, outside
+from tests.script.servers import postgresql
+
+# The commit of each release, and of the oldest state that is upgraded.
+PAST = {"2026-11-22": "84c31634", "0.1.0": "cb14b421"}
+HERE = Path(__file__).parent
+
+
+class Console:
+    """The code of a release, and its settings."""
+
+    def __init__(self, code: Path, var: Path, **settings: str) -> None:
+        self.code = code
+        self.environment = {
+            **outside(),
+            "PYTHONPATH": str(code),
+            "DJANGO_SETTINGS_MODULE": "fleet.settings",
+            "FLEET_SECRET_KEY": "a key for one test, which protects nothing at all",
+            "FLEET_HOSTS": "localhost",
+            "FLEET_DEBUG": "1",  # pages need no collected files
+            "FLEET_VAR": str(var),
+            **settings,
+        }
+
+    def run(self, *words: str | Path, status: int = 0) -> str:
+        """Run Python; return what it wrote, also to stderr if it should fail."""
+        command = [sys.executable, *map(str, words)]
+        done = subprocess.run(command, cwd=self.code, env=self.environment, capture_output=True, text=True)
+        assert done.returncode == status, done.stderr
+        return done.stderr if status else done.stdout
+
+    def said(self, script: str) -> Any:
+        """Return the JSON that a script of this folder prints last."""
+        return json.loads(self.run(HERE / script, "facts").splitlines()[-1])
+
+
+@pytest.fixture(params=PAST)
+def past(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """The code of a past release."""
+    return code_of(PAST[request.param], tmp_path)
+
+
+def code_of(commit: str, tmp_path: Path) -> Path:
+    archive = subprocess.run(["git", "archive", commit], cwd=REPOSITORY, capture_output=True)
+    if archive.returncode:
+        pytest.skip(f"this clone does not have the commit {commit}")
+    code = tmp_path / "past"
+    code.mkdir()
+    subprocess.run(["tar", "x", "-C", code], input=archive.stdout, check=True)
+    return code
+
+
+def filled(console: Console) -> Any:
+    """Migrate and fill the database of a past release; return what is in it."""
+    console.run("manage.py", "migrate", "--no-input", "-v", "0", "--skip-checks")
+    console.run(HERE / "past.py", "seed")
+    return console.said("past.py")
+
+
+def assert_works(console: Console) -> None:
+    """Assert that this release works with its database."""
+    seen = console.said("present.py")
+    assert (seen["findings"], seen["triggers"]) == ([], {})
+    assert seen["health"] == {"ok": True, "text": "Ready."}
+    assert set(seen["pages"].values()) == {200}, seen["pages"]
+    assert (seen["report"], seen["log"]) == (200, 200)
+
+
+def schema(path: Path) -> dict[str, Any]:
+    """Return tables, indexes and triggers of a SQLite database."""
+    with closing(sqlite3.connect(path)) as database:
+        named = database.execute(
+            "SELECT name, type, sql FROM sqlite_master WHERE name NOT LIKE 'sqlite_%'"
+        ).fetchall()
+        tables = [name for name, kind, _ in named if kind == "table"]
+        columns = {
+            table: sorted(row[1:] for row in database.execute(f"PRAGMA table_info({table})"))
+            for table in tables
+        }
+    return columns | {name: sql for name, kind, sql in named if kind != "table"}
+
+
+def test_a_sqlite_database_is_upgraded_and_restored(past: Path, tmp_path: Path) -> None:
+    var = tmp_path / "var"
+    old, new = Console(past, var), Console(REPOSITORY, var)
+    before = filled(old)
+    assert len(before["log"]) == 8
+    assert "lacks" in new.run("manage.py", "setup_code", status=1)
+
+    said = new.run("manage.py", "upgrade")
+    assert new.said("past.py") == before
+    assert_works(new)
+    new_database(tmp_path / "fresh.sqlite3")
+    assert schema(var / "fleet.sqlite3") == schema(tmp_path / "fresh.sqlite3")
+
+    [backup] = re.findall(r"\S+\.sqlite3", said)
+    for left in var.glob("fleet.sqlite3*"):
+        left.unlink()
+    shutil.copy(backup, var / "fleet.sqlite3")
+    assert old.said("past.py") == before
+    old.run("manage.py", "migrate", "--check", "--skip-checks")
+
+
+def test_a_postgresql_database_is_upgraded_and_restored(tmp_path: Path) -> None:
+    with postgresql() as url:
+        past = code_of(PAST["2026-11-22"], tmp_path)
+        old, new = (Console(code, tmp_path / "var", FLEET_DATABASE_URL=url) for code in (past, REPOSITORY))
+        before = filled(old)
+        words = new.run("manage.py", "upgrade", status=1)
+        assert "script/serve --migrate" in words
+        [dump] = re.findall(r"^ +(pg_dump .*)$", words, re.MULTILINE)
+        subprocess.run(dump.split(), cwd=tmp_path, check=True)
+        new.run("manage.py", "upgrade", "--migrate")
+        assert new.said("past.py") == before
+        assert_works(new)
+
+        host = url.partition("host=")[2]
+        restored = [
+            "pg_restore",
+            "--clean",
+            "--if-exists",
+            f"--host={host}",
+            "--username=fleet",
+            "--dbname=postgres",
+        ]
+        subprocess.run(
+            ["psql", f"--host={host}", "--username=fleet", "--dbname=postgres", "-qc", EMPTY], check=True
+        )
+        subprocess.run([*restored, f"before-{version()}.dump"], cwd=tmp_path, check=True)
+        assert old.said("past.py") == before
+
+
+EMPTY = "DROP SCHEMA public CASCADE; CREATE SCHEMA public"
