@@ -21,6 +21,7 @@ MODULES = (
     "driving.drive",
     "gate.gate",
     "gate.gate_world",
+    "growth.growth",
     "driving.network",
     "views.scene",
     "simulator",
