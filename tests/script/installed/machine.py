@@ -46,9 +46,9 @@ class Machine:
         self.root = root
         self.leader = leader
 
-    def run(self, *words: str, check: bool = True, **environment: str) -> str:
+    def run(self, *words: str, check: bool = True, cwd: str = "/") -> str:
         """Run a command as root, and return what it prints, errors too."""
-        inside = [f"{name}={value}" for name, value in (ENVIRONMENT | environment).items()]
+        inside = ["--chdir", cwd, *(f"{name}={value}" for name, value in ENVIRONMENT.items())]
         done = subprocess.run(
             ["nsenter", "-t", str(self.leader), "-a", "env", "-i", *inside, *words],
             stdout=subprocess.PIPE,
@@ -63,18 +63,22 @@ class Machine:
 
     def shell(self, line: str, *, check: bool = True) -> str:
         """Run a line of an administrator's shell in the folder of the console."""
-        return self.run("bash", "-c", f"cd /opt/fleet && {line}", check=check)
+        return self.run("bash", "-c", line, check=check, cwd="/opt/fleet")
 
-    def clone(self, revision: str = "HEAD") -> None:
-        """Clone the console in this revision; uncommitted changes do not come along."""
+    def clone(self, revision: str) -> None:
+        """Clone the console in this revision of this repository; what is not committed does not come along."""
         with tempfile.TemporaryDirectory(dir=self.root / "mnt") as place:
             bare = Path(place) / "fleet.git"
             subprocess.run(["git", "clone", "--quiet", "--bare", REPOSITORY, bare], check=True)
-            wanted = subprocess.run(
-                ["git", "rev-parse", revision], cwd=REPOSITORY, capture_output=True, text=True, check=True
-            ).stdout.strip()
             self.run("git", "clone", "--quiet", f"file:///{bare.relative_to(self.root)}", "/opt/fleet")
-            self.run("git", "-C", "/opt/fleet", "checkout", "--quiet", wanted)
+        self.checkout(revision)
+
+    def checkout(self, revision: str) -> None:
+        """Change the clone to this revision."""
+        wanted = subprocess.run(
+            ["git", "rev-parse", revision], cwd=REPOSITORY, capture_output=True, text=True, check=True
+        ).stdout.strip()
+        self.run("git", "-C", "/opt/fleet", "checkout", "--quiet", wanted)
 
     def log(self, unit: str) -> str:
         """Return the journal of a unit, without times."""

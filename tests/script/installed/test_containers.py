@@ -36,6 +36,8 @@ def test_compose_starts_roles_that_exist_behind_its_proxy() -> None:
     for one in consoles:
         assert arguments(one["healthcheck"]["test"][2:]).is_ready
         assert one["cap_drop"] == ["ALL"] and one["read_only"]
+    port = arguments(consoles[0]["command"]).port
+    assert f"reverse_proxy 127.0.0.1:{port} " in (DEPLOY / "Caddyfile").read_text()
     for name in ("database", "redis"):
         assert all(port.startswith("127.0.0.1:") for port in services[name]["ports"])  # of this computer only
 

@@ -1,4 +1,4 @@
-"""An administrator's way on an empty Debian 12, as the docs say: clone, install, first-run page, robot.
+"""An administrator's way on an empty Debian 12, as the docs say: clone, install, robot, upgrade, backup, restore.
 
 Each step is a function that gets the machine; the next step finds what the last one left.
 """
@@ -23,6 +23,8 @@ pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
 
 STAFF = Account("first", "staff", "a long walk on the beach")
 STARTS_S = 120.0
+ROBOTS = "from robots.registry.models import Robot"
+EARLIER = "6ac69389"  # the first state that installs itself here; from 1.0.0 on: the release before
 
 
 @pytest.fixture
@@ -33,13 +35,15 @@ def machine() -> Iterator[Machine]:
 
 def test_an_administrator_installs_and_runs_the_console(machine: Machine) -> None:
     port = free_port()
-    machine.clone()
+    machine.clone(EARLIER)
     wrong_settings_are_shown(machine, port)
     first_page_leads_to_a_robot(machine)
     the_service_may_do_little_and_keeps_its_priority(machine)
     the_log_has_priorities(machine)
     a_dead_web_process_comes_back(machine, port)
     giving_up_is_said(machine)
+    an_upgrade_keeps_everything(machine, port)
+    a_backup_brings_back_what_was(machine, port)
 
 
 def wrong_settings_are_shown(machine: Machine, port: int) -> None:
@@ -118,3 +122,31 @@ def giving_up_is_said(machine: Machine) -> None:
     machine.run("systemctl", "start", "--no-block", "fleet-probe")
     said = "fleet-probe has ended 5 times within 5 minutes: systemd does not start it again."
     until(lambda: said in machine.run("journalctl", "-p", "crit", "-o", "cat", "--no-pager"), said, STARTS_S)
+
+
+def an_upgrade_keeps_everything(machine: Machine, port: int) -> None:
+    """As docs/upgrade.md says."""
+    machine.run("systemctl", "stop", "fleet")
+    machine.checkout("HEAD")
+    assert "fleet runs, and starts again after a reboot." in machine.shell("script/install-service")
+    assert answers(port)
+    assert robots(machine) == ["tiago-42"]
+
+
+def a_backup_brings_back_what_was(machine: Machine, port: int) -> None:
+    """As docs/backup.md says: back up now, go back on the same computer."""
+    machine.run("install", "-d", "-m", "700", "-o", "fleet", "/var/backups/fleet")
+    machine.shell("script/manage backup /var/backups/fleet --verify")
+    lose = f"{ROBOTS}; Robot.objects.update(slug='lost')"
+    machine.run("script/manage", "shell", "-v", "0", "-c", lose, cwd="/opt/fleet")
+    assert robots(machine) == ["lost"]
+    machine.run("systemctl", "stop", "fleet")
+    machine.shell("script/manage restore /var/backups/fleet/fleet-*.tar.gz --replace")
+    machine.run("systemctl", "start", "fleet")  # waits until it is ready
+    assert answers(port)
+    assert robots(machine) == ["tiago-42"]
+
+
+def robots(machine: Machine) -> list[str]:
+    program = f"{ROBOTS}; print(*Robot.objects.values_list('slug', flat=True))"
+    return machine.run("script/manage", "shell", "-v", "0", "-c", program, cwd="/opt/fleet").split()
