@@ -105,7 +105,7 @@ def test_the_image_is_built_and_runs_as_a_console(image: str, tmp_path: Path) ->
     try:
         until(lambda: "One-time code" in log.read_text() or not console.running, "the code", STARTS_S)
         page = set_up(log.read_text(), STAFF, "TIAGo 42", "http://127.0.0.1:9")  # no robot is there
-        assert "The ROS master at http://127.0.0.1:9 does not answer" in page
+        assert "Is the robot on, and in this network?" in page
         assert "(0123456789)" in log.read_text()  # the commit
         ready = ["script/serve", "--port", str(port), "--is-ready"]
         buildah("run", "--isolation", "chroot", "--network", "host", container, "--", *ready)

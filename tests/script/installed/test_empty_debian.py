@@ -60,7 +60,7 @@ def first_page_leads_to_a_robot(machine: Machine) -> None:
     said = machine.shell("script/install-service")  # with the words of before
     assert "Wrote /etc/fleet.env." in said and "fleet runs, and starts again after a reboot." in said
     page = set_up(said, STAFF, "TIAGo 42", "http://127.0.0.1:9")  # no robot is there
-    assert "The ROS master at http://127.0.0.1:9 does not answer" in page
+    assert "Is the robot on, and in this network?" in page
     until(lambda: "Bridge of tiago-42 starts" in machine.log("fleet"), "the robot's bridge starts", STARTS_S)
     assert machine.run("stat", "-c", "%U %a", "/var/lib/fleet") == "fleet 700\n"
     assert machine.shell("stat -c %U var .venv").split() == [
