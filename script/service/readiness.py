@@ -19,11 +19,15 @@ ANY = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104 - an address to listen
 def answers(address: str, port: int, host: str, *, tls: bool) -> bool:
     """Return whether the web process answers at this address, asked for this host name."""
     address = ANY.get(address, address)
+    # With `--behind-proxy` it answers only proxies and this computer's own addresses.
+    ours = None if ":" in address else ("127.0.0.1", 0)
     connection = (
         # It is ourselves: whether others trust the certificate is not asked here.
-        http.client.HTTPSConnection(address, port, timeout=PATIENCE_S, context=_trusting())
+        http.client.HTTPSConnection(
+            address, port, timeout=PATIENCE_S, source_address=ours, context=_trusting()
+        )
         if tls
-        else http.client.HTTPConnection(address, port, timeout=PATIENCE_S)
+        else http.client.HTTPConnection(address, port, timeout=PATIENCE_S, source_address=ours)
     )
     try:
         connection.request("GET", "/livez", headers={"Host": host})
