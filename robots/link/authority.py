@@ -7,8 +7,12 @@ new secret key bridge hosts join again.
 from __future__ import annotations
 
 import datetime
+import hashlib
 import ipaddress
+import shutil
+import tempfile
 from functools import lru_cache
+from pathlib import Path
 
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
@@ -55,6 +59,33 @@ def sign(request_pem: bytes, host: str, now: datetime.datetime) -> tuple[str, da
         .sign(authority_key, hashes.SHA256())
     )
     return _pem(certificate), until
+
+
+def own_files(folder: Path, host: str) -> tuple[str, str]:
+    """Return the files with this computer's certificate and key; the first call makes them in `folder`."""
+    name = hashlib.sha256(f"{host}\n{authority_pem()}".encode()).hexdigest()[:12]
+    place = folder / f"link-{name}"
+    if not place.exists():
+        key = ec.generate_private_key(ec.SECP256R1())
+        request = (
+            x509.CertificateSigningRequestBuilder().subject_name(x509.Name([])).sign(key, hashes.SHA256())
+        )
+        pem = request.public_bytes(serialization.Encoding.PEM)
+        certificate, _ = sign(pem, host, datetime.datetime.now(datetime.UTC))
+        draft = Path(tempfile.mkdtemp(prefix="link-", dir=folder))  # its owner alone may open it
+        (draft / "certificate.pem").write_text(certificate)
+        (draft / "key.pem").write_bytes(
+            key.private_bytes(
+                serialization.Encoding.PEM,
+                serialization.PrivateFormat.PKCS8,
+                serialization.NoEncryption(),
+            )
+        )
+        try:
+            draft.rename(place)
+        except OSError:  # another process was quicker
+            shutil.rmtree(draft)
+    return str(place / "certificate.pem"), str(place / "key.pem")
 
 
 @lru_cache(maxsize=1)

@@ -16,6 +16,7 @@ from msgspec import Struct, structs
 from fleet.audit.models import Record
 from fleet.base import rows
 from fleet.base.names import RESERVED
+from robots.link.authority import own_files
 from robots.registry.configuration import robot_config
 from robots.registry.configuration.addresses import check_master_uri
 from robots.registry.configuration.profile_schema import Problems
@@ -116,7 +117,7 @@ def socket_path(robot_id: UUID) -> str:
 
 
 def link_address(robot: Robot) -> LinkAddress:
-    """Return the addresses on which the robot's bridge listens, for both ends of the link."""
+    """Return the addresses on which the robot's bridge listens, with what a web process needs to connect."""
     near = LinkAddress(unix_path=socket_path(robot.id))
     if not robot.bridge_address:
         return near
@@ -125,8 +126,6 @@ def link_address(robot: Robot) -> LinkAddress:
         near,
         host=parts.hostname,
         port=parts.port,
-        certificate=settings.FLEET_LINK_CERT,
-        private_key=settings.FLEET_LINK_KEY,
         secret=settings.FLEET_LINK_SECRET,
         authority=settings.FLEET_LINK_CA,
     )
@@ -136,11 +135,27 @@ def require_link_settings(robot: Robot) -> None:
     """Raise `Problems` if the robot's bridge listens on the network, but secret, certificate or key is not set."""
     if not robot.bridge_address:
         return
-    needed = ("FLEET_LINK_CERT", "FLEET_LINK_KEY", "FLEET_LINK_SECRET")
+    needed = ["FLEET_LINK_SECRET"]
+    if not _has_own_certificate(link_address(robot)):
+        needed = ["FLEET_LINK_CERT", "FLEET_LINK_KEY", *needed]
     missing = [name for name in needed if not getattr(settings, name)]
     if missing:
         names = ", ".join(missing)
         raise Problems([say("A bridge that listens on the network needs {names} to be set.", names=names)])
+
+
+def _has_own_certificate(address: LinkAddress) -> bool:
+    """Return whether the console's link authority certifies this computer, because no settings name a certificate."""
+    given = settings.FLEET_LINK_CERT or settings.FLEET_LINK_KEY or settings.FLEET_LINK_CA
+    return not given and bool(address.host) and address.host == settings.FLEET_BRIDGE_HOST
+
+
+def _listening(address: LinkAddress) -> LinkAddress:
+    """Return the address with the certificate and key of the bridge."""
+    certificate, key = settings.FLEET_LINK_CERT, settings.FLEET_LINK_KEY
+    if address.host and _has_own_certificate(address):
+        certificate, key = own_files(settings.FLEET_VAR, address.host)
+    return structs.replace(address, certificate=certificate, private_key=key) if address.host else address
 
 
 def bridge_config(robot: Robot) -> BridgeConfig:
@@ -158,7 +173,7 @@ def bridge_config(robot: Robot) -> BridgeConfig:
         topics=known.topics,
         gate=known.gate,
         reverse_steering=cast(ReverseSteering, robot.profile.reverse_steering),
-        link=link_address(robot),
+        link=_listening(link_address(robot)),
         allowed=_admitted(robot, known.topics),
         stick=known.stick,
         state_dir=str(settings.FLEET_VAR / "bridges"),

@@ -49,7 +49,7 @@ class Computers(Stack):
 
     def __init__(self, directory: Path, servers: Mapping[str, str]) -> None:
         directory.mkdir(mode=0o700)
-        certificate = certificate_for(["localhost", CONSOLE_HOST, BRIDGE_HOST], directory / "tls")
+        certificate = certificate_for(["localhost"], directory / "tls")
         super().__init__(
             directory,
             robots=PRACTICE_ROBOTS[:2],
@@ -58,9 +58,6 @@ class Computers(Stack):
             settings={
                 **servers,
                 "FLEET_LINK_SECRET": "s" * 40,
-                "FLEET_LINK_CA": str(certificate.authority),
-                "FLEET_LINK_CERT": str(certificate.certificate),
-                "FLEET_LINK_KEY": str(certificate.private_key),
             },
         )
         self._ports = {name: ReservedPort() for name in (*WEBS, *(f"front-{web}" for web in WEBS), "caddy")}
