@@ -158,7 +158,7 @@ def test_a_second_supervisor_on_another_computer_ends(computers: Computers) -> N
     assert f"runs {BRIDGE_HOST} already" in second.stderr and f"process {first}" in second.stderr
     assert str(EXIT_ALREADY_RUNNING) in second.stderr
     said = manage(computers, "shell", "-c", STATES)
-    assert said == str({NEAR: "running", FAR: "running"})
+    assert said.endswith(str({NEAR: "running", FAR: "running"}))
 
 
 STATES = """
@@ -229,7 +229,7 @@ def test_a_proxy_passes_what_browser_and_console_say(proxy: str, computers: Comp
         {"most_bytes": limits.SIGNED_IN_BODY_BYTES},
     )
     assert browser.ask("/accounts/sessions/", b"x" * (limits.SIGNED_IN_BODY_BYTES - 1))[0].status != 413
-    for path in (f"/robots/{NEAR}/", "/help/limits/"):
+    for path in ("/", f"/robots/{NEAR}/"):
         response, page = browser.ask(path)
         assert response.headers["Content-Encoding"] == "gzip" and gzip.decompress(page)
 
