@@ -70,6 +70,7 @@ def test_the_called_student_drives_until_the_teacher_skips(person: Arrive, lesso
     student.watch(ROBOT)
     teacher.open(f"/bookings/{lesson}/lesson/")
     teacher.press("Put everybody into the line")
+    teacher.page.get_by_text("Tasks of this lesson").click()
     line = student.part("lesson-words")
     expect(line).to_contain_text("Your turn: take control within")
     student.press("Take control")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sqlite3
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
@@ -45,8 +46,15 @@ def test_news_are_on_every_open_page_at_once(stack: Stack, person: Arrive) -> No
         pages[2].set_viewport_size({"width": width, "height": height})
         expect(pages[2].locator("[data-part=stop]")).to_be_visible()
     expect(pages[2].locator("[data-part=notices]")).to_contain_text(YOURS)
+    told(stack, operator.account.username)
+    pages[0].set_viewport_size({"width": 360, "height": 640})
+    more = pages[0].get_by_role("button", name=re.compile(r"^\d+ more$"))
+    expect(more).to_be_visible()
+    expect(pages[0].locator(".news li:visible")).to_have_count(1)
+    more.click()
+    expect(pages[0].locator(".news li").nth(1)).to_be_visible()
     pages[0].get_by_role("button", name="Seen").click()
-    expect(pages[1].get_by_role("link", name=YOURS)).to_be_hidden()
+    expect(pages[1].get_by_role("link", name=YOURS)).to_have_count(0)
 
 
 def test_a_push_is_shown_by_the_worker(stack: Stack, person: Arrive) -> None:
