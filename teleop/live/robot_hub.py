@@ -27,6 +27,7 @@ from robots.shared.wire import Ended, GoPath, Offers, Refresh, Refusal, Refused
 from teleop.background.database import in_database, in_database_background
 from teleop.control import lease_checks, line
 from teleop.control.changes import ControlRefused
+from teleop.control.database_watch import DatabaseWatch
 from teleop.control.lease_checks import Phase
 from teleop.control.lease_events import LeaseEvents
 from teleop.control.selectors import SignIn, control_status, robot_entry, who_sees
@@ -108,6 +109,7 @@ class RobotHub(Listener):
         self._refreshed_s = float("-inf")
         self.confirmed_s = time.monotonic()  # monotonic time when the holder's rights were last read
         self._reading = asyncio.Lock()
+        self._database = DatabaseWatch()
         self._lease_events = LeaseEvents(robot_id, self.read_status)
         self._reader = asyncio.create_task(self._keep_reading())
         self.link.subscribe(self)
@@ -218,6 +220,7 @@ class RobotHub(Listener):
         confirmed_s = time.monotonic()
         sessions = [member.held_session for member in list(self.members.values()) if member.held_session]
         status = control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
+        self._database.answered()
         lease = status.lease
         if lease_checks.phase(lease, status.read_at) is not Phase.LAPSED:
             if lease is None:
@@ -234,6 +237,8 @@ class RobotHub(Listener):
         # holder has just come back, or if another process has stored the end already.
         with suppress(ControlRefused, DatabaseError):
             self._store_seen()
+            if self._database.excuses(lease, status.read_at):
+                return self._read_again(people, sessions), confirmed_s
             lease_expire(robot_id=self.robot_id, now=status.read_at)
         self._offer(status)
         return self._read_again(people, sessions), confirmed_s

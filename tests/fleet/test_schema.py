@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+
 import pytest
 from django.db import connection, connections
 from django.db.backends.signals import connection_created
@@ -10,6 +15,9 @@ from django.test import Client
 
 from fleet.base import schema
 from fleet.site.pages.unavailable import answer
+from script.stack.database import new_database
+from script.stack.places import REPOSITORY
+from tests.processes import outside
 
 NEWER = ("bookings", "9999_later")
 
@@ -53,6 +61,32 @@ def test_each_new_connection_is_refused(change, monkeypatch):
         other.close()
     finally:
         connection_created.disconnect(dispatch_uid="fleet.base.schema")
+
+
+@pytest.mark.parametrize(
+    "process",
+    [
+        ["manage.py", "run_fleet"],
+        ["manage.py", "run_bridge", "tiago-1"],
+        ["manage.py", "run_housekeeping"],
+        ["manage.py", "setup_code"],
+        ["-m", "fleet.server", "--port", "0", "fleet.site.asgi:application"],
+    ],
+    ids=["run_fleet", "run_bridge", "run_housekeeping", "setup_code", "web"],
+)
+def test_each_process_ends_with_the_words(process, tmp_path):
+    new_database(tmp_path / "fleet.sqlite3")
+    with closing(sqlite3.connect(tmp_path / "fleet.sqlite3")) as database, database:
+        database.execute("INSERT INTO django_migrations VALUES (NULL, ?, ?, datetime())", NEWER)
+    settings = {"FLEET_DEBUG": "1", "FLEET_VAR": str(tmp_path)}
+    tmp_path.chmod(0o700)
+    command = [sys.executable, *process]
+    environment = {**outside(), **settings}
+    done = subprocess.run(
+        command, cwd=REPOSITORY, env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 1
+    assert "bookings.9999_later" in done.stderr
 
 
 def test_a_database_with_replaced_names_is_no_newer_one():

@@ -8,7 +8,7 @@ import shutil
 import sqlite3
 import subprocess
 import sys
-from contextlib import closing
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -146,6 +146,40 @@ def test_a_postgresql_database_is_upgraded_and_restored(tmp_path: Path) -> None:
         )
         subprocess.run([*restored, f"before-{version()}.dump"], cwd=tmp_path, check=True)
         assert old.said("past.py") == before
+
+
+INVITATIONS = """
+import django; django.setup()
+from datetime import date
+from django.utils import timezone
+from django.db import connection
+from django.db.migrations.executor import MigrationExecutor
+apps = MigrationExecutor(connection).loader.project_state(("access", "0001_initial")).apps
+day, now = date(2026, 11, 23), timezone.now()
+course = apps.get_model("access", "Course").objects.create(name="A", slug="a", starts_on=day, ends_on=day)
+for _ in range(2):
+    apps.get_model("access", "Invitation").objects.create(course=course, expires_at=now, most_uses=9)
+"""
+
+
+CODES = """
+import django; django.setup()
+from robots.access.models import Invitation
+print(*{invitation.code for invitation in Invitation.objects.all()})
+"""
+
+
+@pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
+def test_a_new_column_has_a_value_for_each_row(kind: str, tmp_path: Path) -> None:
+    """Two invitations have two codes: a default of a new column is the same for all rows."""
+    with postgresql() if kind == "postgresql" else nullcontext("") as url:
+        settings = {"FLEET_DATABASE_URL": url} if url else {}
+        console = Console(REPOSITORY, tmp_path / "var", **settings)
+        console.run("manage.py", "migrate", "access", "0001", "-v", "0", "--skip-checks")
+        console.run("-c", INVITATIONS)
+        console.run("manage.py", "upgrade", "--migrate")
+        codes = console.run("-c", CODES).split()
+        assert len(codes) == 2
 
 
 EMPTY = "DROP SCHEMA public CASCADE; CREATE SCHEMA public"

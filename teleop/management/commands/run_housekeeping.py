@@ -37,6 +37,7 @@ from robots.shared.processes.shutdown import end_event
 from teleop.api.v1.framework.idempotency import remove_old_answers
 from teleop.control import lease_checks, line, services
 from teleop.control.changes import ControlRefused
+from teleop.control.database_watch import DatabaseWatch
 from teleop.control.selectors import held_leases
 from teleop.control.turns import turns_settle_all
 from teleop.push.worker import PushWorker
@@ -74,7 +75,7 @@ class Command(BaseCommand):
     def handle(self, *args: Any, **options: Any) -> None:
         """Repeat until the process is asked to end."""
         if options["once"]:
-            end_lapsed()
+            end_lapsed(DatabaseWatch())
             lost_rights.bookings_free_lost(None, timezone.now())
             restore_unbegun(timezone.now())
             store_no_shows(timezone.now())
@@ -85,6 +86,7 @@ class Command(BaseCommand):
             return
         begin("housekeeping")
         over = end_event(sys.stdin.fileno(), END_S)
+        database = DatabaseWatch()
         daily, robots, webhooks, pushes = DailyWork(), RobotWatch(), WebhookWorker(), PushWorker()
         # A mail server that hangs must not delay the ends of leases, nor a long log in which a person is erased
         post, eraser = ThreadPoolExecutor(max_workers=1), ThreadPoolExecutor(max_workers=1)
@@ -93,7 +95,7 @@ class Command(BaseCommand):
         erased: Future[None] | None = None
         while not over.wait(EVERY_S):
             try:
-                end_lapsed()
+                end_lapsed(database)
                 # A process may have died before it freed the bookings
                 if time.monotonic() - looked_s > RIGHTS_S:
                     lost_rights.bookings_free_lost(None, timezone.now())
@@ -211,11 +213,13 @@ def daily_steps() -> Iterator[None]:
         yield from session_maps.remove_unneeded(now)
 
 
-def end_lapsed() -> None:
+def end_lapsed(database: DatabaseWatch) -> None:
     """End all leases that are over now, and remove from the lines people whose pages are closed."""
     now = timezone.now()
-    for robot_id, lease in held_leases():
-        if lease_checks.lapse_reason(lease, now) is not None:
+    held = list(held_leases())
+    database.answered()
+    for robot_id, lease in held:
+        if lease_checks.lapse_reason(lease, now) is not None and not database.excuses(lease, now):
             with suppress(ControlRefused):  # another process was faster, or the next round tries again
                 services.lease_expire(robot_id=robot_id, now=now)
     with suppress(ControlRefused):

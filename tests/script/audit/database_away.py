@@ -14,6 +14,7 @@ from script.stack.stack import Stack
 
 STANDS_S = 3.0  # 2.5 s without the database, and a delay because two cores are busy
 NOTICED_S = 10.0
+AWAY_S = 9.0  # nearly the time in which a page that is gone may come back
 LOOKED_S = 0.5
 TURN, TURNING_RADPS = 0.6, 0.1
 NOTES, NOTES_HZ = "/fleet_demo/notes", 5.0
@@ -42,11 +43,10 @@ async def stands_while(stack: Stack, database_away: AbstractContextManager[objec
             assert driver.state.publishing == []
             await hold(driver, TURN, NOTICED_S, until=lambda: not turning(driver))
             assert away_s < witness.last_velocity_s < away_s + STANDS_S
+            await hold(driver, TURN, away_s + AWAY_S - time.time())
 
         back_s = time.time()
-        await hold(driver, TURN, NOTICED_S, until=lambda: code(driver) != "not_recorded")
-        assert driver.state
-        assert driver.state.neutral_needed
+        await hold(driver, TURN, NOTICED_S, until=lambda: waits_for_neutral(driver))
         await hold(driver, TURN, LOOKED_S)
         assert witness.last_velocity_s < back_s, "the robot moved though the stick was never let go"
 
@@ -81,6 +81,13 @@ def free(driver: Driver) -> bool:
     """Return whether the bridge has received a neutral stick since control was taken."""
     state = driver.state
     return bool(state and state.fence == driver.fence and not state.neutral_needed)
+
+
+def waits_for_neutral(driver: Driver) -> bool:
+    """Return whether the person has control again, and has to let go of the stick."""
+    state = driver.state
+    has_control = state is not None and driver.fence is not None and state.fence == driver.fence
+    return has_control and state.neutral_needed and code(driver) != "not_recorded"
 
 
 def turning(driver: Driver) -> bool:

@@ -25,6 +25,7 @@ from robots.shared import wire
 from robots.shared.wire import Refusal
 from teleop.background.database import in_database
 from teleop.control import lease_checks, line, services
+from teleop.control.database_watch import GAP_S, DatabaseWatch
 from teleop.control.lease_checks import Tab
 from teleop.control.lease_events import LeaseEvents
 from teleop.control.rules import WARNING
@@ -564,6 +565,21 @@ async def test_page_has_lost_control_after_the_grace(open_page):
     again = await open_page("operator")
     assert again.control["state"] == "free"
     session = await in_database(ControlSession.objects.get)
+    assert session.end_reason == EndReason.AWAY
+
+
+async def test_nobody_is_gone_because_the_database_was(open_page, robot, operator):
+    await taken_elsewhere(robot, operator)
+    await open_page("second")
+    hub = robot_hub._hubs[robot.id]
+    hub._database._answered_s -= GAP_S + 1.0
+    await moves_on(seen_at=timezone.now() - timedelta(seconds=11))
+    await hub.read_status()
+    session = await in_database(ControlSession.objects.get)
+    assert session.end_reason == ""
+    hub._database = DatabaseWatch()
+    await hub.read_status()
+    await in_database(session.refresh_from_db)
     assert session.end_reason == EndReason.AWAY
 
 

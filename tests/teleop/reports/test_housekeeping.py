@@ -19,6 +19,7 @@ from fleet.audit.models import Record
 from fleet.bookings.messages import notifications
 from fleet.bookings.models import Notification, Waiting
 from teleop.control import lease_checks, line, services
+from teleop.control.database_watch import GAP_S, DatabaseWatch
 from teleop.control.lease_checks import Tab
 from teleop.control.selectors import lease_of
 from teleop.management.commands import run_housekeeping
@@ -43,6 +44,18 @@ def test_lease_of_a_lost_page_is_ended(robot, held):
     Lease.objects.update(seen_at=timezone.now() - timedelta(seconds=lease_checks.GRACE_S + 1))
     call_command("run_housekeeping", "--once")
     assert lease_of(robot.id) is None
+    assert ControlSession.objects.get().end_reason == EndReason.AWAY
+
+
+def test_nobody_is_gone_because_the_database_was(robot, held):
+    Lease.objects.update(seen_at=timezone.now() - timedelta(seconds=lease_checks.GRACE_S + 1))
+    database = DatabaseWatch()
+    database._answered_s -= GAP_S + 1.0
+    for _ in range(2):
+        run_housekeeping.end_lapsed(database)
+        assert lease_of(robot.id).session == held.session
+    database._since_s -= lease_checks.GRACE_S  # meanwhile no process stored that the page is there
+    run_housekeeping.end_lapsed(database)
     assert ControlSession.objects.get().end_reason == EndReason.AWAY
 
 
