@@ -19,7 +19,8 @@ from fleet.backup.contents import MESHES, SETTINGS, key_mark
 from fleet.backup.databases import Database, database
 from fleet.backup.errors import BackupError
 from fleet.backup.workplace import workplace
-from robots.shared.processes.one_supervisor import LOCK, AlreadySupervised, only_instance
+from robots.shared.processes.one_supervisor import AlreadySupervised
+from robots.supervisor.claims import sole_supervisor
 
 STOP = "sudo systemctl stop fleet"
 
@@ -72,9 +73,9 @@ def restore(path: Path, passphrase: Callable[[], str], *, replace: bool, despite
 def _require_rest(console: Database, held: ExitStack) -> None:
     """Raise `BackupError` if a process of the console runs; keep supervisors from starting."""
     try:
-        held.enter_context(only_instance(settings.FLEET_RUN_DIR / LOCK))
+        held.enter_context(sole_supervisor())
     except AlreadySupervised as other:
-        raise BackupError(f"The console runs (process {other}). Stop it first: {STOP}") from other
+        raise BackupError(f"The console runs ({other}). Stop it first: {STOP}") from other
     answering = [path.name for path in settings.FLEET_RUN_DIR.glob("*.sock") if _answers(path)]
     if answering or console.is_used():
         what = ", ".join(answering) or "another process uses the database"

@@ -146,6 +146,8 @@ def a_backup_brings_back_what_was(machine: Machine, port: int) -> None:
     machine.run("systemctl", "start", "fleet")  # waits until it is ready
     assert answers(port)
     assert robots(machine) == ["tiago-42"]
+    assert "A backup is made each night" in machine.shell("script/install-backup /var/backups/fleet")
+    machine.run("systemctl", "is-active", "fleet-backup.timer")
 
 
 def robots(machine: Machine) -> list[str]:
