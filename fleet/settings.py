@@ -307,10 +307,17 @@ LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
     "formatters": {
-        "line": {"()": logs.Redacted, "fmt": "{asctime} {levelname} {name}: {message}", "style": "{"}
+        "line": {"()": logs.Redacted, "fmt": "{asctime} {levelname} {name}: {message}", "style": "{"},
+        "json": {"()": logs.Json},
     },
     "filters": {"one_line": {"()": "django.utils.log.CallbackFilter", "callback": logs.one_line}},
-    "handlers": {"stderr": {"class": "logging.StreamHandler", "formatter": "line", "filters": ["one_line"]}},
+    "handlers": {
+        "stderr": {
+            "class": "logging.StreamHandler",
+            "formatter": "json" if _env.flag("FLEET_LOG_JSON") else "line",
+            "filters": ["one_line"],
+        }
+    },
     "root": {"handlers": ["stderr"], "level": "INFO"},
     "loggers": {
         "django": {"handlers": ["stderr"], "level": "INFO", "propagate": False},

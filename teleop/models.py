@@ -1,10 +1,11 @@
-"""Control sessions, the lease of each robot, shared layouts, webhooks, and devices that get notifications."""
+"""Control sessions, the lease of each robot, shared layouts, webhooks, devices that get notifications, alerts."""
 
 from __future__ import annotations
 
 from uuid import uuid4
 
 from django.conf import settings
+from django.core.validators import MaxValueValidator
 from django.db import models
 from django.db.models import Q
 from django.db.models.functions import Lower
@@ -14,6 +15,7 @@ from fleet.accounts.sign_in.devices import device_of
 from fleet.base.names import NameField
 from fleet.bookings.models import Notification
 from robots.registry.models import Robot
+from robots.shared.sentences import Sentence, sentence_of
 
 
 def named(person: str, program: str | None) -> str:
@@ -236,3 +238,57 @@ class KeyedRequest(models.Model):
 
     def __str__(self) -> str:
         return self.digest
+
+
+class Alert(models.Model):
+    """Something that needs somebody, from its begin to its end; kept for 90 days (`teleop.alerts`)."""
+
+    kind = models.CharField(max_length=16)  # of `teleop.alerts.kinds`
+    subject = models.CharField(max_length=200, blank=True)  # which one of its kind, such as a robot's slug
+    robot = models.ForeignKey(Robot, null=True, on_delete=models.CASCADE, related_name="alerts")
+    said = models.JSONField()  # key and figures of its sentence
+    began_at = models.DateTimeField()
+    told_at = models.DateTimeField(null=True)  # recorded, so that webhooks tell it
+    mailed_at = models.DateTimeField(null=True)
+    mails = models.PositiveIntegerField(default=0)
+    over_at = models.DateTimeField(null=True)
+
+    class Meta:
+        ordering = ["-began_at"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["kind", "subject"], condition=Q(over_at=None), name="one_open_alert_per_subject"
+            ),
+        ]
+        indexes = [models.Index(fields=["robot", "began_at"], name="alert_of_a_robot")]
+
+    def __str__(self) -> str:
+        return str(self.words)
+
+    @property
+    def words(self) -> Sentence:
+        """Return its sentence, with key and figures."""
+        return sentence_of(self.said)
+
+
+class AlertRule(models.Model):
+    """Who is told of alerts of a kind, and when. Without a row, the rule of `teleop.alerts.kinds` holds."""
+
+    kind = models.CharField(primary_key=True, max_length=16)
+    active = models.BooleanField(_("on"), default=True)
+    after_min = models.PositiveIntegerField(_("after minutes"), validators=[MaxValueValidator(10_080)])
+    again_h = models.PositiveIntegerField(
+        _("again after hours"), validators=[MaxValueValidator(720)], help_text=_("0: only once.")
+    )
+    mail = models.BooleanField(_("e-mail"), default=True)
+    to = models.TextField(_("to"), blank=True, max_length=2000, help_text=_("Addresses. Empty: all staff."))
+    quiet_from = models.TimeField(_("no e-mail from"), null=True, blank=True)
+    quiet_until = models.TimeField(_("until"), null=True, blank=True)
+
+    def __str__(self) -> str:
+        return self.kind
+
+    @property
+    def addresses(self) -> list[str]:
+        """Return the addresses of `to`."""
+        return self.to.replace(",", " ").replace(";", " ").split()

@@ -3,6 +3,7 @@
 from django.urls import path
 
 from teleop import views
+from teleop.alerts import views as alert_views
 from teleop.push import views as push_views
 from teleop.reports import views as report_views
 from teleop.stop import views as stop_views
@@ -28,6 +29,8 @@ urlpatterns = [
     path("your-data/export/", report_views.your_data_export, name="your-data-export"),
     path("bookings/devices/", push_views.devices, name="push-devices"),
     path("bookings/devices/add/", push_views.device_add, name="push-device-add"),
+    path("status/", alert_views.status, name="status"),
+    path("status/rules/", alert_views.alert_rules, name="alert-rules"),
     path("webhooks/", webhook_views.webhooks, name="webhooks"),
     path("webhooks/new/", webhook_views.webhook_new, name="webhook-new"),
     path("webhooks/<uuid:webhook_id>/", webhook_views.webhook, name="webhook"),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import re
 import sys
+from datetime import UTC, datetime
 from typing import TextIO
 
 # Secrets by the text before them: in addresses (also mistyped ones, which are not found), of programs and webhooks, in
@@ -31,6 +33,24 @@ class Redacted(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         return for_journal(redacted(super().format(record)), record.levelno, sys.stderr)
+
+
+class Json(logging.Formatter):
+    """Writes each record as one line of JSON, with secrets cut."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        line = {
+            "at": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname,
+            "logger": record.name,
+            "process": record.process,
+            "text": redacted(record.getMessage()),
+        }
+        if request := getattr(record, "request_id", None):
+            line["request"] = request
+        if record.exc_info:
+            line["trace"] = redacted(self.formatException(record.exc_info))
+        return for_journal(json.dumps(line, ensure_ascii=False), record.levelno, sys.stderr)
 
 
 def for_journal(text: str, level: int, stream: TextIO) -> str:
@@ -70,4 +90,5 @@ def one_line(record: logging.LogRecord) -> bool:
         record.args = record.exc_info = record.exc_text = None
     if chosen := getattr(getattr(record, "request", None), "META", {}).get("fleet.request_id"):
         record.msg = f"{record.msg} [request {chosen}]"
+        record.request_id = chosen
     return True

@@ -21,6 +21,7 @@ from fleet.site.handler import OneThreadHandler, PagesHandler  # noqa: E402
 from fleet.site.websocket_handshake import guarded  # noqa: E402
 from fleet.site.websockets import websocket_urlpatterns  # noqa: E402
 from robots.shared.processes.shutdown import exit_within  # noqa: E402
+from teleop.alerts.watch import AlertWatch  # noqa: E402
 from teleop.stop.door import StopDoor  # noqa: E402
 
 limit_queries(connections.settings["default"])
@@ -29,6 +30,7 @@ resolve("/stop-all/")  # loads the code of all URLs, so that the first stop does
 PAGES = "--life-line" in sys.argv  # in `fleet.server.pages.server`
 if PAGES:
     connections.settings["default"].update(CONN_MAX_AGE=60, CONN_HEALTH_CHECKS=True)
+    AlertWatch().start()
 else:
     # Drive input goes through the event loop. With Python's default, 5 ms, it would wait for database calls.
     sys.setswitchinterval(0.0005)

@@ -71,6 +71,13 @@ def of_parts(text: str, parts: list[Any]) -> Sentence:
     return _sentence(key, figures, many, text)
 
 
+def sentence_of(parts: list[Any]) -> Sentence:
+    """Return a sentence from its stored parts. Figures that were sentences are sentences again."""
+    key, figures, many = (*parts, {}, "")[:3] if len(parts) < 2 else (*parts, "")[:3]
+    said = {name: sentence_of(one) if isinstance(one, list) else one for name, one in figures.items()}
+    return _sentence(key, said, many)
+
+
 def _sentence(key: str, figures: Mapping[str, Any], many: str = "", text: str | None = None) -> Sentence:
     figures = {name: reason_of(f) if isinstance(f, BaseException) else f for name, f in figures.items()}
     form = many if many and figures["count"] != 1 else key

@@ -30,7 +30,7 @@ from robots.registry.services import bridge_status_set
 from robots.registry.stored_robots import StoredRobots
 from robots.shared.configuration.watchdog_config import watchdog_config
 from robots.shared.processes import last_words
-from robots.shared.processes.one_supervisor import AlreadySupervised
+from robots.shared.processes.one_supervisor import LOCK, AlreadySupervised, beat
 from robots.shared.processes.restarts import RestartBudget
 from robots.shared.processes.shutdown import exit_within
 from robots.shared.sentences import Sentence, reason_of, say
@@ -69,6 +69,7 @@ def supervise(fleet: Fleet, stopping: Stopping) -> None:
     try:
         while not stopping:
             fleet.step(time.monotonic())
+            beat(settings.FLEET_RUN_DIR / LOCK)
             time.sleep(STEP_S)
     finally:
         exit_within(LAST_S)

@@ -8,7 +8,10 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 from itertools import chain
+from typing import Any
+from uuid import UUID
 
+from django.db.models import Count, QuerySet
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiParameter
@@ -28,6 +31,7 @@ from robots.registry.selectors import link_address
 from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.processes.durations import buckets
 from robots.shared.wire import BridgeFigures, Refusal, State
+from teleop.alerts.metrics import AlertCollector
 from teleop.api.backup_metrics import BackupCollector
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import Problem
@@ -75,11 +79,14 @@ class RobotCollector(Collector):
 
     def collect(self) -> Iterator[Metric]:
         """Yield the figures of each robot in service."""
-        robots = list(Robot.objects.filter(enabled=True))
-        with ThreadPoolExecutor(max_workers=8) as pool:
+        robots = list(Robot.objects.filter(enabled=True).select_related("profile"))
+        with ThreadPoolExecutor(max_workers=max(len(robots), 1)) as pool:  # they wait for bridges
             addresses = [(robot, link_address(robot)) for robot in robots]
             answers = list(pool.map(lambda one: _answer(*one), addresses))
         held = {robot_id for robot_id, _ in held_leases()}
+        waiting = _counts(Waiting.objects.filter(starts_at=None))
+        since = timezone.now() - HOUR
+        held_back = _counts(Record.objects.filter(kind="gate.begin", at__gt=since))
         gauges = {
             name: GaugeMetricFamily(f"fleet_robot_{name}", words, labels=["robot"])
             for name, words in {
@@ -96,7 +103,6 @@ class RobotCollector(Collector):
                 "battery_percent": "Charge of the battery.",
             }.items()
         }
-        since = timezone.now() - HOUR
         decisions = HistogramMetricFamily(
             "fleet_bridge_decision_seconds",
             "Drive messages, from reading one to its twist, since the bridge was started.",
@@ -113,10 +119,8 @@ class RobotCollector(Collector):
             figures: dict[str, float | None] = {
                 "online": float(state is not None and state.phase == "online"),
                 "held": float(robot.id in held),
-                "waiting": float(Waiting.objects.filter(robot=robot, starts_at=None).count()),
-                "gate_interventions_hour": float(
-                    Record.objects.filter(kind="gate.begin", robot_id=robot.id, at__gt=since).count()
-                ),
+                "waiting": float(waiting.get(robot.id, 0)),
+                "gate_interventions_hour": float(held_back.get(robot.id, 0)),
             }
             if state is not None:
                 figures |= {
@@ -132,6 +136,11 @@ class RobotCollector(Collector):
                 if value is not None:
                     gauges[name].add_metric([robot.slug], value)
         yield from (*gauges.values(), decisions, interventions)
+
+
+def _counts(rows: QuerySet[Any]) -> dict[UUID, int]:
+    """Return the number of rows of each robot. One query."""
+    return dict(rows.order_by().values_list("robot_id").annotate(number=Count("pk")))
 
 
 def _factor(state: State) -> float:
@@ -180,6 +189,7 @@ class MetricsView(ApiView):
             build.info({"version": version(), "commit": commit()})
             found.register(RobotCollector())
             found.register(BackupCollector())
+            found.register(AlertCollector())
             found.register(
                 WebCollector(self.request.get_host(), self.request.headers.get("Authorization", ""))
             )

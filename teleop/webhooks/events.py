@@ -40,6 +40,7 @@ EVENT_CATEGORIES = {
         frozenset({"control.take", "control.take_over", "control.hand_over", "control.end"}),
     ),
     "stops": EventCategory(_("stops"), frozenset({"stop.press", "stop.latch", "stop.clear", "stop.moves"})),
+    "alerts": EventCategory(_("alerts"), frozenset({"alert.begin", "alert.still", "alert.over"})),
     "motions": EventCategory(_("ends of motions"), frozenset({"motion.end", "drive.by", "go.end"})),
     "speech": EventCategory(_("ends of speech"), frozenset({"speech.end"})),
 }

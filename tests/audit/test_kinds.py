@@ -40,6 +40,7 @@ INDIRECT = {
     ("teleop/live/service_calls.py", "kind"): {"service.call", "parameter.set"},
     ("teleop/live/task_sender.py", "f'{what}.cancel'"): {"speech.cancel", "motion.cancel"},
     ("robots/records/bridge_records.py", "kind"): {end for end, _ in ENDS.values()},
+    ("teleop/alerts/telling.py", "f'alert.{what}'"): {"alert.begin", "alert.still", "alert.over"},
     ("fleet/backup/command_line.py", "kind"): {"backup.make", "backup.check", "backup.restore"},
     # These pass on a kind that their caller gives, or the kind of an existing record.
     ("fleet/accounts/changes.py", "kind"): set(),

@@ -6,11 +6,12 @@ from django import template
 from django.template import defaultfilters
 
 from fleet.base.formats.dates import in_language
-from fleet.base.formats.sentences import words_of
+from fleet.base.formats.sentences import in_words, words_of
 from fleet.base.version import release
 
 register = template.Library()
 register.filter("words", words_of)
+register.filter("in_words", in_words)
 register.simple_tag(release, name="release")
 
 

@@ -51,6 +51,7 @@ def _pages_of(user: Any) -> list[tuple[str, ...]]:
         (_("My bookings"), "bookings-mine"),
         *supervisors,
         *([(_("Courses"), "courses")] if courses else []),
+        *([(_("Status"), "status")] if supervisors else []),
         *(
             [(_("Administration"), "admin:index"), (_("Webhooks"), "webhooks"), (_("E-mail"), "mail")]
             if user.is_staff

@@ -27,6 +27,7 @@ from fleet.accounts.sign_in import known_device
 from fleet.audit.kinds import Kept
 from fleet.base import languages, schema
 from fleet.base.version import commit, version
+from teleop.alerts.rules import open_alerts
 
 WHY_KEPT = {
     Kept.SPEECH: _("To find the person who made a robot say a sentence."),
@@ -125,15 +126,24 @@ def privacy(request: HttpRequest) -> HttpResponse:
 @login_not_required
 @never_cache
 @require_safe
-def healthz(_request: HttpRequest) -> JsonResponse:
-    """Report to monitoring whether the database answers and has the schema of this version."""
+def healthz(request: HttpRequest) -> JsonResponse:
+    """Report to monitoring whether the database answers and has the schema of this version.
+
+    `needs` counts the open alerts by kind: with `?all=1` they are a trouble, too. A proxy that asks without it does not
+    take a console out of service because a robot is gone.
+    """
+    needs: dict[str, int] = {}
     try:
         trouble = _trouble()
+        needs = open_alerts() if trouble is None else {}
     except schema.SchemaRefused as refused:
         trouble = str(refused)
     except DatabaseError:
         trouble = "The database does not answer."
-    return JsonResponse({"ok": trouble is None, "text": trouble or "Ready."}, status=503 if trouble else 200)
+    if needs and "all" in request.GET:
+        trouble = "Something needs somebody: see the page Status."
+    answer = {"ok": trouble is None, "text": trouble or "Ready.", "needs": needs}
+    return JsonResponse(answer, status=503 if trouble else 200)
 
 
 @login_not_required

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
+FROZEN_S = 10.0  # without a beat: the supervisor is frozen
 LOCK = "fleet.lock"  # in the run directory; the supervisor holds it
 LOCK_TRIES = 5  # `supervised` may hold the lock for a moment
 LOCK_TRY_S = 0.02
@@ -39,6 +40,17 @@ def _acquired(lock: IO[str]) -> bool:
             return True
         time.sleep(LOCK_TRY_S)
     return False
+
+
+def beat(path: Path) -> None:
+    """Say that the holder of the lock file runs. Call it often. Does nothing without the file: a test holds none."""
+    with contextlib.suppress(FileNotFoundError):
+        os.utime(path)
+
+
+def beat_age_s(path: Path) -> float:
+    """Return the seconds since the last `beat`."""
+    return time.time() - path.stat().st_mtime
 
 
 def supervised(path: Path) -> bool:

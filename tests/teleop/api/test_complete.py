@@ -157,6 +157,8 @@ FOR_PEOPLE: dict[str, str] = {
     "course-links": ACCOUNT,
     "person-link": ACCOUNT,
     "mail": "a person looks into a mailbox",
+    "bridge-host-join": "a new computer shows its one-time code",
+    "alert-rules": "set once, with the mail server",
     "people-export": "data of other people: a person looks whose",
     "people-erase": "nobody can undo it: a person looks whom",
     "sign-in-rules": "set once, beside the settings of the organisation's provider",

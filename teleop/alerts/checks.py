@@ -1,0 +1,166 @@
+"""What needs somebody now. Each check looks at real parts, and returns its troubles."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import ssl
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import urlsplit
+
+from cryptography import x509
+from django.conf import settings
+from django.db import connection
+from django.utils import timezone
+from redis import Redis, RedisError
+
+from fleet.backup.selectors import last_backup
+from fleet.base.origin import settled_origin
+from robots.link.connections import LinkRefused
+from robots.link.state_reader import state_once
+from robots.registry.models import Robot
+from robots.registry.selectors import link_address
+from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.processes.one_supervisor import FROZEN_S, LOCK, beat_age_s, supervised
+from robots.shared.sentences import Sentence, say
+
+DISK_SHARE, DISK_BYTES = 0.05, 1e9  # less free space than both of them is a trouble
+BACKUP_AGE = timedelta(days=2)
+CERTIFICATE_LEFT = timedelta(days=21)
+CONNECT_S = 3.0
+CERTIFICATES_S = 3600.0  # between two looks
+
+
+class Trouble(NamedTuple):
+    """Something that needs somebody. `subject`: which one of its kind, such as a robot's slug; may be empty."""
+
+    kind: str
+    subject: str
+    words: Sentence
+    robot: Robot | None = None
+
+
+def robots() -> Iterator[Trouble]:
+    """Ask each robot's bridge how the robot is."""
+    found = list(Robot.objects.filter(enabled=True).select_related("profile"))
+    asked = [(robot, link_address(robot)) for robot in found]
+    with ThreadPoolExecutor(max_workers=max(len(asked), 1)) as pool:
+        yield from (one for one in pool.map(lambda pair: _of_robot(*pair), asked) if one is not None)
+
+
+def _of_robot(robot: Robot, address: LinkAddress) -> Trouble | None:
+    try:
+        state = state_once(robot.id, address)
+    except LinkRefused as refused:
+        words = say(
+            "{robot}: its bridge does not answer: {why}", robot=robot.name, why=refused.refusal.sentence
+        )
+        return Trouble("bridge", robot.slug, words, robot)
+    if state.phase != "online":
+        words = say("{robot} does not answer: {why}", robot=robot.name, why=state.text)
+        return Trouble("robot", robot.slug, words, robot)
+    if state.watchdog_missing:
+        words = say("{robot}: its watchdog is missing: only the bridge can stop it.", robot=robot.name)
+        return Trouble("watchdog", robot.slug, words, robot)
+    return None
+
+
+def supervisor() -> Iterator[Trouble]:
+    """Look whether the fleet supervisor of this computer runs and steps. A web computer has none, and no lock file."""
+    lock: Path = settings.FLEET_RUN_DIR / LOCK
+    if not lock.exists():
+        return
+    if not supervised(lock):
+        words = say("The fleet supervisor has ended: no bridge is started again.")
+    elif (age_s := beat_age_s(lock)) > FROZEN_S:
+        words = say("The fleet supervisor has been frozen for {age:age}.", age=age_s)
+    else:
+        return
+    yield Trouble("supervisor", socket.gethostname()[:64], words)
+
+
+def redis() -> Iterator[Trouble]:
+    """Ask Redis, if the console has one."""
+    for url in settings.CHANNEL_LAYERS["default"].get("CONFIG", {}).get("hosts", ()):
+        try:
+            with Redis.from_url(url, socket_timeout=CONNECT_S, socket_connect_timeout=CONNECT_S) as client:
+                client.ping()
+        except (RedisError, OSError):
+            yield Trouble(
+                "redis", "", say("Redis does not answer: news reach other pages two seconds later.")
+            )
+
+
+def database() -> Iterator[Trouble]:
+    """Ask the database. Raises DatabaseError: its trouble cannot be stored."""
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT 1")
+    yield from ()
+
+
+def disk() -> Iterator[Trouble]:
+    """Look for free space where the console writes."""
+    usage = shutil.disk_usage(settings.FLEET_VAR)
+    if usage.free < min(DISK_BYTES, DISK_SHARE * usage.total):
+        words = say(
+            "The disk of {computer} is nearly full: {free:.1f} GB are left.",
+            computer=socket.gethostname()[:64],
+            free=usage.free / 1e9,
+        )
+        yield Trouble("disk", socket.gethostname()[:64], words)
+
+
+def backup() -> Iterator[Trouble]:
+    """Look for a recent backup."""
+    last = last_backup()
+    if last.at is None:
+        yield Trouble("backup", "", say("There is no backup yet."))
+    elif timezone.now() - last.at > BACKUP_AGE:
+        days = (timezone.now() - last.at).days
+        yield Trouble("backup", "", say("The last backup is {days} days old.", days=days))
+
+
+class Certificates:
+    """Looks once an hour at the certificate that browsers get, and at that of the links to bridges."""
+
+    def __init__(self) -> None:
+        self._looked_s = float("-inf")
+        self._ends: dict[str, datetime] = {}
+
+    def __call__(self) -> Iterator[Trouble]:
+        """Return the certificates that end soon."""
+        if time.monotonic() - self._looked_s > CERTIFICATES_S:
+            self._looked_s, self._ends = time.monotonic(), dict(_ends())
+        for name, ends in self._ends.items():
+            if ends - timezone.now() < CERTIFICATE_LEFT:
+                words = say("The certificate of {name} ends on {day:day}.", name=name, day=ends)
+                yield Trouble("certificate", name[:200], words)
+
+
+def _ends() -> Iterator[tuple[str, datetime]]:
+    """Return when certificates end. One that cannot be read has no end: other checks say why nobody gets in."""
+    origin = urlsplit(settled_origin())
+    if origin.scheme == "https" and origin.hostname:
+        context = ssl.create_default_context()
+        context.check_hostname, context.verify_mode = False, ssl.CERT_NONE  # only its date is read
+        address = (origin.hostname, origin.port or 443)
+        with (
+            suppress(OSError, ValueError),
+            socket.create_connection(address, CONNECT_S) as plain,
+            context.wrap_socket(plain, server_hostname=origin.hostname) as secured,
+        ):
+            yield origin.netloc, _end(secured.getpeercert(binary_form=True) or b"", der=True)
+    if settings.FLEET_LINK_CERT:
+        with suppress(OSError, ValueError):
+            yield str(settings.FLEET_LINK_CERT), _end(Path(settings.FLEET_LINK_CERT).read_bytes(), der=False)
+
+
+def _end(content: bytes, *, der: bool) -> datetime:
+    read = x509.load_der_x509_certificate if der else x509.load_pem_x509_certificate
+    return read(content).not_valid_after_utc.astimezone(UTC)

@@ -1,0 +1,250 @@
+"""Alerts: what needs somebody is stored, told by the rules, shown on the page *Status*, and told when it is over."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+from django.conf import LazySettings
+from django.core import mail
+from django.db import OperationalError
+from django.test import Client
+from django.utils import timezone
+
+from fleet.accounts.models import User
+from fleet.audit.models import Record
+from robots.registry.models import Robot
+from robots.shared.processes.one_supervisor import LOCK, only_instance
+from robots.shared.sentences import say
+from teleop.alerts import checks, telling
+from teleop.alerts.checks import Trouble
+from teleop.alerts.history import lines
+from teleop.alerts.watch import DATABASE_S, AlertWatch, WithoutDatabase
+from teleop.models import Alert, AlertRule
+
+NOW = datetime(2026, 11, 30, 10, 0, tzinfo=UTC)
+
+
+class Watched:
+    """The watch with one invented trouble, and the letters that it wrote."""
+
+    def __init__(self, patch: pytest.MonkeyPatch, robot: Robot) -> None:
+        self.there = True
+        self.letters: list[Any] = []
+        self._robot = robot
+        self.watch = AlertWatch()
+        self.watch._checks = {("bridge",): self._found}
+        patch.setattr(telling.emails, "send_later", lambda letters: self.letters.extend(letters))
+        patch.setattr(telling, "is_off", lambda: False)
+
+    def _found(self) -> Iterator[Trouble]:
+        if self.there:
+            yield Trouble(
+                "bridge", self._robot.slug, say("{robot} is gone", robot=self._robot.name), self._robot
+            )
+
+    def look(self, minutes: float) -> list[str]:
+        """Look so many minutes after the begin; return the subjects of new letters."""
+        before = len(self.letters)
+        self.watch.look(NOW + timedelta(minutes=minutes))
+        return [letter.subject for letter in self.letters[before:]]
+
+
+@pytest.fixture
+def watched(monkeypatch: pytest.MonkeyPatch, robot: Robot, staff: User) -> Watched:
+    User.objects.filter(pk=staff.pk).update(email="sam@lab.example")
+    return Watched(monkeypatch, robot)
+
+
+def kinds() -> list[str]:
+    return list(
+        Record.objects.filter(kind__startswith="alert.").order_by("id").values_list("kind", flat=True)
+    )
+
+
+def test_a_trouble_is_told_once_again_after_a_day_and_when_it_is_over(watched: Watched) -> None:
+    assert watched.look(0) == [] and watched.look(1.9) == []
+    assert watched.look(2) == ["TIAGo 1 is gone"]
+    assert watched.letters[0].to == ["sam@lab.example"]
+    assert watched.look(3) == []
+    assert watched.look(2 + 24 * 60) == ["Still: TIAGo 1 is gone"]
+    watched.there = False
+    assert watched.look(3 + 24 * 60) == ["Over: TIAGo 1 is gone"]
+    assert kinds() == ["alert.begin", "alert.still", "alert.over"]
+    assert watched.look(4 + 24 * 60) == []
+
+
+def test_a_short_trouble_is_told_to_nobody_but_stays_in_the_history(watched: Watched, robot: Robot) -> None:
+    watched.look(0)
+    watched.there = False
+    assert watched.look(1) == [] and kinds() == []
+    assert Alert.objects.get().robot == robot
+
+
+def test_quiet_times_hold_letters_back_but_not_records(watched: Watched) -> None:
+    AlertRule.objects.create(
+        kind="bridge", after_min=0, again_h=0, quiet_from="22:00", quiet_until="12:00", to="a@x.org; b@x.org"
+    )
+    assert watched.look(0) == [] and kinds() == ["alert.begin"]
+    assert watched.look(2 * 60) == ["TIAGo 1 is gone"] * 2
+    assert watched.look(72 * 60) == []  # never again
+
+
+def test_a_rule_that_is_off_tells_nobody(watched: Watched) -> None:
+    AlertRule.objects.create(kind="bridge", after_min=0, again_h=24, active=False)
+    assert watched.look(0) == [] == kinds()
+
+
+def test_two_processes_tell_it_once(watched: Watched) -> None:
+    watched.look(0)
+    other = AlertWatch()
+    other._checks = watched.watch._checks
+    watched.look(2)
+    other.look(NOW + timedelta(minutes=2))
+    assert len(watched.letters) == 1 and Alert.objects.count() == 1
+
+
+def test_each_letter_is_in_its_readers_language(watched: Watched, staff: User) -> None:
+    User.objects.filter(pk=staff.pk).update(language="es")
+    watched.look(0)
+    watched.look(2)
+    watched.there = False
+    assert watched.look(3) == ["Terminado: TIAGo 1 is gone"]
+
+
+def test_a_database_that_is_away_is_told_by_letter_alone(watched: Watched) -> None:
+    without = WithoutDatabase()
+    without.know(AlertRule(kind="database", after_min=1, again_h=24))
+    without.is_away(100.0)
+    assert watched.letters == []
+    without.is_away(100.0 + DATABASE_S)
+    without.is_away(101.0 + DATABASE_S)
+    without.is_back()
+    assert [letter.subject for letter in watched.letters] == [
+        "The database does not answer: robots stand.",
+        "Over: The database does not answer: robots stand.",
+    ]
+
+
+# --- the parts ------------------------------------------------------------------------------------
+
+
+def test_a_supervisor_that_ended_or_is_frozen_is_found(settings: LazySettings, tmp_path: Any) -> None:
+    settings.FLEET_RUN_DIR = tmp_path
+    lock = tmp_path / LOCK
+    assert list(checks.supervisor()) == []  # a web computer
+    with only_instance(lock):
+        assert list(checks.supervisor()) == []
+        os.utime(lock, (time.time() - 60.0,) * 2)
+        (frozen,) = checks.supervisor()
+    (ended,) = checks.supervisor()
+    assert ("frozen for" in frozen.words, "has ended" in ended.words) == (True, True)
+
+
+def test_a_robot_whose_bridge_is_gone_is_found(robot: Robot, settings: LazySettings, tmp_path: Any) -> None:
+    settings.FLEET_RUN_DIR = tmp_path
+    Robot.objects.update(enabled=True)
+    (trouble,) = checks.robots()
+    assert (trouble.kind, trouble.subject, trouble.robot) == ("bridge", robot.slug, robot)
+
+
+@pytest.mark.django_db
+def test_backup_disk_redis_and_certificate(settings: LazySettings, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert [one.kind for one in checks.backup()] == ["backup"]
+    assert list(checks.redis()) == []
+    settings.CHANNEL_LAYERS = {"default": {"CONFIG": {"hosts": ["redis://127.0.0.1:9/0"]}}}
+    assert [one.kind for one in checks.redis()] == ["redis"]
+    usage = type("Usage", (), {"free": 10**8, "total": 10**12})
+    monkeypatch.setattr(checks.shutil, "disk_usage", lambda _path: usage)
+    assert "0.1 GB are left" in next(checks.disk()).words
+    ends = {"fleet.example": timezone.now() + timedelta(days=5), "other": timezone.now() + timedelta(days=90)}
+    monkeypatch.setattr(checks, "_ends", lambda: ends.items())
+    assert [one.subject for one in checks.Certificates()()] == ["fleet.example"]
+
+
+# --- pages ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def gone(robot: Robot) -> Alert:
+    return Alert.objects.create(
+        kind="robot",
+        subject=robot.slug,
+        robot=robot,
+        said=say("{robot} does not answer: {why}", robot=robot.name, why=say("no odometry")).parts,
+        began_at=timezone.now() - timedelta(days=3),
+    )
+
+
+def test_the_status_page_shows_what_the_person_may_see(
+    client: Client, gone: Alert, robot: Robot, observer: User, stranger: User, staff: User
+) -> None:
+    Robot.objects.update(enabled=True)
+    pages = {}
+    for person in (observer, stranger, staff):
+        client.force_login(person)
+        pages[person] = client.get("/status/")
+    assert pages[stranger].status_code == 403
+    assert "TIAGo 1 does not answer: no odometry" in pages[observer].content.decode()
+    assert [line.name for line in pages[observer].context["lines"]] == ["TIAGo 1"]
+    assert [line.name for line in pages[staff].context["lines"]] == ["Console", "TIAGo 1"]
+
+
+def test_ninety_days_of_a_robot(gone: Alert, robot: Robot) -> None:
+    Alert.objects.create(
+        kind="bridge", subject="x", robot=robot, said=["-"],
+        began_at=timezone.now() - timedelta(days=2), over_at=timezone.now() - timedelta(days=1),
+    )  # fmt: skip
+    (line,) = lines([robot], console=False)
+    assert len(line.days) == 90 and line.days[0].level == 0 and line.days[-2].level == 3
+    assert line.days[-2].words.endswith("1440 min")  # two alerts at once are one time away
+    assert line.share == pytest.approx(100.0 * 87 / 90, abs=0.01)
+
+
+def test_staff_change_the_rules(client: Client, staff: User, operator: User) -> None:
+    client.force_login(operator)
+    assert client.get("/status/rules/").status_code == 403
+    client.force_login(staff)
+    page = client.get("/status/rules/")
+    sent = {
+        field.html_name: field.value()
+        for form in page.context["forms"]
+        for field in form
+        if field.value() is not None and field.value() is not False
+    }
+    wrong = client.post("/status/rules/", {**sent, "backup-to": "nobody", "robot-quiet_from": "22:00"})
+    assert "nobody is no e-mail address." in wrong.content.decode()
+    assert "Quiet times have a begin and an end." in wrong.content.decode()
+    assert not AlertRule.objects.exists()
+    done = client.post("/status/rules/", {**sent, "backup-to": "a@lab.example", "backup-again_h": "48"})
+    assert done.status_code == 302, [form.errors for form in done.context["forms"]]
+    (rule,) = AlertRule.objects.all()
+    assert (rule.kind, rule.addresses, rule.again_h) == ("backup", ["a@lab.example"], 48)
+    assert Record.objects.get(kind="alert.rule").parameters["kind"] == "backup"
+
+
+def test_health_tells_a_gone_robot_from_a_console_that_is_fine(client: Client, gone: Alert) -> None:
+    usual, everything = client.get("/healthz"), client.get("/healthz?all=1")
+    assert (usual.status_code, usual.json()["needs"]) == (200, {"robot": 1})
+    assert everything.status_code == 503
+    Alert.objects.update(over_at=timezone.now())
+    assert client.get("/healthz?all=1").json() == {"ok": True, "text": "Ready.", "needs": {}}
+
+
+@pytest.mark.django_db
+def test_a_failing_database_ends_no_watch(monkeypatch: pytest.MonkeyPatch) -> None:
+    watch, rounds = AlertWatch(), []
+
+    def fail(_now: datetime) -> None:
+        rounds.append(1)
+        raise OperationalError("away") if len(rounds) < 3 else SystemExit
+
+    monkeypatch.setattr("teleop.alerts.watch.EVERY_S", 0.0)
+    monkeypatch.setattr(watch, "look", fail)
+    with pytest.raises(SystemExit):
+        watch._run()
+    assert len(rounds) == 3 and not mail.outbox
