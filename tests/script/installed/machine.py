@@ -137,7 +137,7 @@ def _booted(root: Path, console: Path) -> Iterator[int]:
         leader = until(lambda: _systemd_of(nspawn.pid) or nspawn.poll(), "the machine starts", BOOTED_S)
         assert nspawn.poll() is None, console.read_text(errors="replace")
         machine = Machine(root, leader)
-        state = ("systemctl", "is-system-running", "--wait")
+        state = ("systemctl", "is-system-running")
         until(
             lambda: machine.run(*state, check=False).strip() in ("running", "degraded"),
             "it is booted",

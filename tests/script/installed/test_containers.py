@@ -90,6 +90,7 @@ def image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     buildah("rmi", "--all", "--force")
 
 
+@pytest.mark.timeout(INSTALLED_S)
 @pytest.mark.skipif(bool(missing("buildah")), reason=missing("buildah"))
 def test_the_image_is_built_and_runs_as_a_console(image: str, tmp_path: Path) -> None:
     port = free_port()

@@ -16,10 +16,10 @@ import pytest
 from script.stack.stack import Account
 from tests.processes import free_port, until
 from tests.script.first_run import set_up
-from tests.script.installed.machine import Machine, empty_machine, missing
+from tests.script.installed.machine import INSTALLED_S, Machine, empty_machine, missing
 from tests.script.support import Family
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
+pytestmark = [pytest.mark.skipif(bool(missing()), reason=missing()), pytest.mark.timeout(INSTALLED_S)]
 
 STAFF = Account("first", "staff", "a long walk on the beach")
 STARTS_S = 120.0
