@@ -29,7 +29,7 @@ _BEGIN = (
 )
 _TAKE = """
 SELECT key, pg_try_advisory_lock(key), (
-    SELECT application_name FROM pg_locks JOIN pg_stat_activity USING (pid)
+    SELECT coalesce(application_name, 'another computer') FROM pg_locks JOIN pg_stat_activity USING (pid)
     WHERE locktype = 'advisory' AND granted AND objsubid = 1 AND datname = current_database()
     AND (classid::bigint << 32 | objid::bigint) = key
 ) FROM unnest(%s::bigint[]) AS key
@@ -69,9 +69,9 @@ class Claims:
             cursor.execute(_TAKE, [list(missing)])
             found = cursor.fetchall()
         self._held |= {missing[key] for key, got, _ in found if got}
-        # A session of this process that the server has not missed yet: nobody else has the robot.
-        others = [(key, holder) for key, got, holder in found if not got and holder != self._name]
-        return {missing[key]: (holder or "").removeprefix(_NAME) for key, holder in others}
+        # No holder: the lock has just become free. The own name: a session that the server has not missed yet.
+        others = [(key, holder) for key, got, holder in found if not got and holder not in (None, self._name)]
+        return {missing[key]: holder.removeprefix(_NAME) for key, holder in others}
 
     def keep(self, wanted: Collection[UUID]) -> None:
         """Give all other claims back."""

@@ -13,6 +13,7 @@ from django.db import OperationalError, connection
 
 from robots.shared.processes.one_supervisor import AlreadySupervised
 from robots.supervisor.claims import CONSOLE, Claims, sole_supervisor
+from tests.processes import until
 
 ONE, TWO = uuid4(), uuid4()
 
@@ -31,8 +32,11 @@ class OtherComputer:
         """End all other sessions with the database."""
         self._thread.submit(_end_others).result()
 
-    def end(self) -> None:
+    def end_session(self) -> None:
         self._thread.submit(lambda: connection.close()).result()  # its own connection
+
+    def end(self) -> None:
+        self.end_session()
         self._thread.shutdown()
 
 
@@ -80,6 +84,18 @@ def test_claims_come_again_after_a_break_unless_taken(other: OtherComputer) -> N
     assert other.take(TWO) == {}
     assert claims.take([ONE, TWO]).keys() == {TWO}
     assert other.take(ONE).keys() == {ONE}
+
+
+@postgresql
+@pytest.mark.django_db(transaction=True)
+def test_a_session_that_the_server_still_has_is_no_other(other: OtherComputer) -> None:
+    """After a broken network, the server may notice late that the old session is gone."""
+    claims = Claims("computer-2")  # in the same process
+    assert other.take(ONE) == {}
+    assert claims.take([ONE]) == {}
+    assert not claims._held
+    other.end_session()
+    until(lambda: claims.take([ONE]) == {} and claims._held, "the claim")
 
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="locks the database's file")
