@@ -79,7 +79,7 @@ class StandIn:
 
     async def _take(self, link: Link, raw: bytes) -> None:
         match wire.link_request(raw):
-            case wire.LinkHello():
+            case wire.LinkHello() | wire.LinkState():
                 link.report(wire.Status(at_rest()))
             case wire.Grant(fence=fence):
                 link.report(wire.Granted(fence))

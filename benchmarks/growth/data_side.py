@@ -41,10 +41,13 @@ def main() -> None:
     staff, supervisor = fill()
     robot = Robot.objects.get(slug="robot-0")
     measured = {
-        "robot": (staff, reverse(f"admin:{Robot._meta.app_label}_robot_change", args=[robot.pk])),
-        "groups": (staff, "/robot-groups/"),
-        "people of a group": (staff, "/robot-groups/growth/people/"),
-        "course": (staff, "/courses/growth/"),
+        "robot in the admin, 600 roles": (
+            staff,
+            reverse(f"admin:{Robot._meta.app_label}_robot_change", args=[robot.pk]),
+        ),
+        "robot groups, 2,000 people": (staff, "/robot-groups/"),
+        "people of a group, 2,000 people": (staff, "/robot-groups/growth/people/"),
+        "course, 2,000 people": (staff, "/courses/growth/"),
         "next free hour, supervisor": (supervisor, "/bookings/next-free/"),
         "next free hour, student": (User.objects.get(username="person-1999"), "/bookings/next-free/"),
     }
@@ -52,7 +55,10 @@ def main() -> None:
         client = Client()
         client.force_login(person)
         print(json.dumps({"page": name, **read(partial(client.get, path))}), flush=True)
-    print(json.dumps({"page": "saved", **saved(staff, measured["robot"][1])}), flush=True)
+    print(
+        json.dumps({"page": "saved", **saved(staff, measured["robot in the admin, 600 roles"][1])}),
+        flush=True,
+    )
 
 
 def fill() -> tuple[User, User]:
