@@ -131,6 +131,7 @@ class Core:
         current = self.lease.current
         if current is None or grant.fence != current.fence:
             self._end_control(say("Control was given to somebody else."), now_s)
+            log.info("fence %d has control", grant.fence)
             self._inputs.restart()
             self._inputs.require_neutral("control_taken", say("you have just taken control"))
             self._gate.observe_new_driver()

@@ -223,6 +223,12 @@ class ControlHolder:
             self._renewer.follow(mine)
         if mine and self._renewer is None and not self._left and isinstance(rights.permit, Permit):
             self.waits = self._offered = False  # the person has control, so waits no longer
+            log.info(
+                "Control of robot %s: fence %d, connection %s",
+                self._hub.robot_id,
+                mine.fence,
+                self.tab.connection,
+            )
             self._renewer = GrantRenewer(
                 self._hub,
                 mine,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from uuid import UUID, uuid4
+from uuid import UUID
 
 from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope, Token
+from fleet.base.request_ids import connection_id
 from robots.access.selectors import robots_visible_to
 from robots.shared.wire import BridgeGone, Refusal
 from teleop.background.database import in_database
@@ -32,7 +33,7 @@ class RobotSocket(MessageSocket, robot_hub.Member):
 
     def __init__(self) -> None:
         super().__init__()
-        self.id = uuid4().hex
+        self.id = ""
         self.name = ""
         self.wants_views = False
         self.draws_joints = False
@@ -43,6 +44,7 @@ class RobotSocket(MessageSocket, robot_hub.Member):
         Closes the connection and returns None if this person may not see the robot, or the connection's token has none
         of these scopes (no scopes: any token).
         """
+        self.id = connection_id(self.scope["headers"])
         slug = self.scope["url_route"]["kwargs"]["slug"]
         self.person = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
         self.token: Token | None = self.scope.get("token")
