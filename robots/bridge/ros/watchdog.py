@@ -135,7 +135,7 @@ class WatchdogNode:
         uri = self._master.node_uri(self._config.node)
         if uri is None or node_alive(uri, self._config.node) is False:
             return False
-        log.error("another console, at %s, has a watchdog for this robot: end one of the consoles", uri)
+        log.error("the watchdog at %s has this name: if another console runs there, end one of the two", uri)
         return True
 
     def _stay(self, watch: DeathWatch) -> None:

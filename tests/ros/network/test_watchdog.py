@@ -360,7 +360,7 @@ def test_a_second_watchdog_of_a_robot_fights_for_no_name(
         assert uri_of(rosmaster, name) == before
     finally:
         second.stop()
-    assert "has a watchdog for this robot" in second.log.read_text()
+    assert "has this name: if another console runs there" in second.log.read_text()
 
 
 def test_a_name_that_is_taken_again_and_again_is_left(
