@@ -6,6 +6,7 @@ fails with the variable's name.
 
 import hashlib
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,19 @@ INSTALLED_APPS = [
     "fleet.bookings",
     "teleop",
 ]
-if DEBUG:
+# A bridge reads its robot and writes records. One runs for each robot: the other apps would take 25 MB of each.
+FLEET_SOME_APPS = sys.argv[1:2] == ["run_bridge"]
+if FLEET_SOME_APPS:
+    INSTALLED_APPS = [
+        "django.contrib.auth",
+        "django.contrib.contenttypes",
+        "django.contrib.sessions",
+        "fleet.site.apps.Commands",
+        "fleet.audit",
+        "fleet.accounts.apps.Models",
+        "robots.registry",
+    ]
+elif DEBUG:
     INSTALLED_APPS.insert(0, "daphne")  # so that `manage.py runserver` serves WebSockets, too
 
 MIDDLEWARE = [

@@ -10,6 +10,8 @@ import time
 from functools import cache
 from typing import Any
 
+from django.apps import apps
+from django.conf import settings
 from django.db import DatabaseError, OperationalError, connection
 from django.db.backends.base.base import BaseDatabaseWrapper
 from django.db.backends.signals import connection_created
@@ -58,7 +60,9 @@ def begin(process: str) -> None:
 
 def trouble(database: BaseDatabaseWrapper) -> str | None:
     """Return in words why this code must not use the database; None if it may."""
-    applied = MigrationRecorder(database).applied_migrations().keys()
+    applied = set(MigrationRecorder(database).applied_migrations())
+    if settings.FLEET_SOME_APPS:
+        applied = {(app, name) for app, name in applied if app in apps.app_configs}
     if newer := newer_migrations(applied):
         return (
             f"The database is newer than this console ({release()}), which does not know its migrations {newer}. "

@@ -24,3 +24,10 @@ class StaticFiles(StaticFilesConfig):
         *("swagger-ui-es-*", "swagger-ui-standalone-*", "swagger-initializer.js", "absolute-path.js"),
         *("oauth2-redirect.*", "log.*.txt", "*.LICENSE.txt", "NOTICE", "LICENSE", "package.json"),
     ]
+
+
+class Commands(AppConfig):
+    """The app in a process that needs only its commands."""
+
+    name = "fleet.site"
+    label = "fleet"

@@ -35,6 +35,7 @@ def ros_environment(config: BridgeConfig, run_dir: Path) -> dict[str, str]:
         name: value for name, value in os.environ.items() if name not in {"ROS_IP", "ROS_HOSTNAME"}
     }
     environment |= ONE_THREAD
+    environment["MALLOC_ARENA_MAX"] = "1"  # each of 50 threads would keep memory of its own
     environment["ROS_MASTER_URI"] = config.master_uri
     environment["ROS_HOME"] = str(Path(config.state_dir) / "ros")
     environment["PYTHONUNBUFFERED"] = "1"
