@@ -8,12 +8,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 
-from benchmarks.growth import data, fleet_pages, scrape, supervisor
+from benchmarks.growth import data, fleet_pages, robots, scrape, supervisor
 from benchmarks.harness import Figure, progress
 
 PARTS: dict[str, Callable[[], Iterator[Figure]]] = {
     "fleet-pages": fleet_pages.cost,
     "supervisor": supervisor.cost,
+    "robots": robots.cost,
     "metrics": scrape.cost,
     "people": data.people,
     "records": data.records,

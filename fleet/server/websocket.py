@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 from fleet.server import limits
 from fleet.server.guard import Guard
 from fleet.server.text_frame import small_text_frame
+
+
+@lru_cache(maxsize=8)  # hundreds of pages get the same message at the same time
+def _prepared(factory: Any, payload: bytes | str) -> Any:
+    if isinstance(payload, str):
+        return factory.prepareMessage(payload.encode(), False)
+    return factory.prepareMessage(payload, True)
 
 
 class WebSocket:
@@ -72,6 +80,5 @@ class WebSocket:
         elif event["type"] == "websocket.close":
             socket.sendClose(event.get("code") or 1000, event.get("reason") or None)
         else:
-            is_binary = event.get("bytes") is not None
-            payload = event["bytes"] if is_binary else event["text"].encode()
-            socket.sendPreparedMessage(socket.factory.prepareMessage(payload, is_binary))
+            payload = event["text"] if event.get("bytes") is None else event["bytes"]
+            socket.sendPreparedMessage(_prepared(socket.factory, payload))

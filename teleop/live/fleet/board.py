@@ -21,7 +21,7 @@ from teleop.live.fleet.sights import FleetRobot, Sight, sights_of
 log = logging.getLogger(__name__)
 
 RIGHTS_S = 2.0
-LOOK_S = 0.2  # between two looks at what changes by time alone
+LOOK_S = 0.5  # between two looks at what changes by time alone
 
 
 class FleetPage(Protocol):
