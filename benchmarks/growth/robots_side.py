@@ -21,7 +21,8 @@ ODOMETRY_HZ = 10.0
 
 
 def robot(port: int) -> None:
-    """Run one robot until killed."""
+    """Run one robot until the process of the masters ends."""
+    masters = os.getppid()
     os.environ["ROS_MASTER_URI"] = f"http://127.0.0.1:{port}"
     rospy.init_node("robot", disable_signals=True, disable_rosout=True)
     odometry = rospy.Publisher("/mobile_base_controller/odom", Odometry, queue_size=1)
@@ -29,7 +30,7 @@ def robot(port: int) -> None:
     message = Odometry()
     message.header.frame_id, message.child_frame_id = "odom", "base_footprint"
     message.pose.pose.orientation.w = 1.0
-    while True:
+    while os.getppid() == masters:
         message.header.stamp = rospy.Time.now()
         odometry.publish(message)
         time.sleep(1.0 / ODOMETRY_HZ)
@@ -41,6 +42,7 @@ def main() -> None:
     for port in ports:
         if os.fork() == 0:
             robot(port)
+            os._exit(0)
     for port in ports:
         Master(port, 3).start()
     print("ready", flush=True)

@@ -108,7 +108,7 @@ class Board:
             try:
                 sights = await self._sights({page.person for page in pages})
                 for page in pages:
-                    await page.follow(sights.get(page.person))
+                    await _follow(page, sights.get(page.person))
             except DatabaseError as error:
                 log.warning("The robots of the fleet pages could not be read: %s", error)
             except Exception:
@@ -138,6 +138,14 @@ class Board:
     def _card_changed(self, urgent: bool) -> None:
         for page in self.pages:
             page.card_changed(urgent)
+
+
+async def _follow(page: FleetPage, sight: Sight | None) -> None:
+    """Let a page follow; a fault of one page must not affect the others."""
+    try:
+        await page.follow(sight)
+    except Exception:
+        log.exception("A fleet page could not follow what its person may see.")
 
 
 board = Board()
