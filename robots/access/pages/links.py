@@ -29,7 +29,8 @@ class Slip(Struct, frozen=True):
     """A person's link on a sheet."""
 
     person: User
-    link: str
+    origin: str
+    path: str  # of the link, behind the origin
     picture: SafeString
 
 
@@ -77,9 +78,10 @@ def _sheet(request: HttpRequest, people: Sequence[User], course: Course | None) 
 
 
 def _slip(request: HttpRequest, person: User, code: str) -> Slip:
-    link = public_url(request, welcome.path_of(code))
+    path = welcome.path_of(code)
+    link = public_url(request, path)
     picture = segno.make(link, error="m", micro=False).svg_inline(light="white", border=3, omitsize=True)
-    return Slip(person, link, mark_safe(picture))  # noqa: S308 - only squares
+    return Slip(person, link.removesuffix(path), path, mark_safe(picture))  # noqa: S308 - only squares
 
 
 def _is_key(text: str) -> bool:
