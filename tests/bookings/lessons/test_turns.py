@@ -386,9 +386,16 @@ def test_the_page_says_why_nobody_is_called(lesson, students, teacher, signed_in
         starts_at=now, ends_at=now + timedelta(hours=1), held_until=now + timedelta(hours=1)
     )
     address, browser = reverse("lesson", args=[lesson.lesson.pk]), signed_in(teacher)
-    assert 'data-part="why"' not in browser.get(address).content.decode()
+    assert address in browser.get(reverse("bookings-course", args=["hri"])).content.decode()
+    for student in students[:2]:
+        turns.turn_join(booking_id=lesson.lesson.pk, person=student, now=now)
+    text = browser.get(address).content.decode()
+    assert 'data-part="why"' not in text
+    assert '"quiet">about' in text
     goes_offline(robot)
-    assert "The robot is offline: nobody is called" in browser.get(address).content.decode()
+    text = browser.get(address).content.decode()
+    assert "The robot is offline: nobody is called" in text
+    assert '"quiet">about' not in text
     OutOfService.objects.create(robot=robot, starts_at=now, why="repair", note="wheel")
     assert ": wheel): nobody is called" in browser.get(address).content.decode()
 
