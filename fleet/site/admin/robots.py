@@ -75,8 +75,9 @@ class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscrip
     verbose_name_plural = _("people (staff may do everything without an entry)")
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[RobotRole]:
-        """Return the roles with their people."""
-        return super().get_queryset(request).select_related("user", "robot__profile")
+        """Return the roles with their people, by name."""
+        roles = super().get_queryset(request).select_related("user", "robot__profile")
+        return roles.order_by("user__full_name", "user__username")
 
     def has_add_permission(self, request: HttpRequest, obj: Robot | None) -> bool:  # type: ignore[override]
         """Return False: `NewRoleInline` adds."""
@@ -90,6 +91,7 @@ class NewRoleInline(admin.TabularInline):  # type: ignore[type-arg]
     formset = SpokenFormSet
     extra = 0
     autocomplete_fields = ["user"]
+    verbose_name = _("person")
     verbose_name_plural = _("new people")
 
     def has_view_permission(self, request: HttpRequest, obj: Any = None) -> bool:

@@ -18,12 +18,12 @@ from fleet.accounts.requests import staff_of
 from fleet.base.paging import page_of
 from fleet.base.time_takers import may_take_time
 from robots.access import services
-from robots.access.models import Qualification, RobotGroup
+from robots.access.models import GroupRole, Qualification, RobotGroup
 from robots.access.pages.forms import GroupForm, QualificationForm
 from robots.registry.models import Role
 
 _STAFF_ONLY = "Only staff change robot groups and qualifications."
-ROLES = [value for value in Role.values if value != Role.STAFF.value]  # the roles that can be given
+ROLES = dict(GroupRole._meta.get_field("role").flatchoices)  # the roles that can be given, in words
 
 
 @never_cache
@@ -63,9 +63,9 @@ def group_people(request: HttpRequest, slug: str) -> HttpResponse:
     """List the people with a role on a group's robots, with forms to give and take away roles."""
     staff_of(request, _STAFF_ONLY)
     group = get_object_or_404(RobotGroup, slug=slug)
-    roles = group.roles.select_related("user")
+    roles = group.roles.select_related("user").order_by("user__full_name", "user__username")
     page = page_of(request, roles, "user__full_name", "user__username")
-    return render(request, "access/group_people.html", {"group": group, "page": page, "roles": ROLES})
+    return render(request, "access/group_people.html", {"group": group, "page": page, "roles": ROLES.items()})
 
 
 def _give(request: HttpRequest, group: RobotGroup, staff: User) -> None:
