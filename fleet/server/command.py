@@ -14,6 +14,7 @@ from typing import Any
 
 from daphne import server as daphne_server  # first: it chooses Twisted's reactor
 from daphne.cli import CommandLineInterface
+from django.apps import apps
 from twisted.internet import reactor, task
 from twisted.internet.endpoints import serverFromString
 
@@ -51,7 +52,8 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         _least, most = resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))  # each connection is a file
         if self.keeper is not None:
-            schema.begin("web process")
+            if apps.ready:  # an application of the tests has no database
+                schema.begin("web process")
             self.front.pages = Pages(self.keeper.path)
             self.front.programs = os.fsencode(self.keeper.programs)
             self.keeper.programs.unlink(missing_ok=True)
