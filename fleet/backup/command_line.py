@@ -20,6 +20,7 @@ from fleet.audit.errors import AuditUnavailable
 from fleet.audit.services import record
 from fleet.backup.checking import Checked
 from fleet.backup.errors import BackupError
+from fleet.backup.selectors import FAILED
 
 SHOWN = 20  # findings
 FILE_HELP = "file whose first line is the passphrase; else FLEET_BACKUP_PASSPHRASE, else it is asked for"
@@ -61,6 +62,16 @@ def recorded(kind: str, outcome: str, parameters: dict[str, Any], private: dict[
     except (AuditUnavailable, DatabaseError) as error:
         return f"This could not be recorded: {error}"
     return ""
+
+
+@contextmanager
+def failure_recorded(kind: str, parameters: dict[str, Any]) -> Iterator[None]:
+    """Record a failure, for the pages and metrics of the last backup."""
+    try:
+        yield
+    except Exception as error:
+        recorded(kind, FAILED, parameters, {"why": str(error)})
+        raise
 
 
 def words_of(checked: Checked) -> Iterator[str]:

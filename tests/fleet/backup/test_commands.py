@@ -270,4 +270,5 @@ def test_a_folder_that_is_missing_becomes_no_file(
     ):
         with pytest.raises(CommandError, match=r"no folder|No such file"):
             run("backup", *words)
+        assert last_backup().failed_at
     assert sorted(path.name for path in tmp_path.iterdir()) == ["passphrase", "var"]

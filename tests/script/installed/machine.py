@@ -128,7 +128,14 @@ def _booted(root: Path, console: Path) -> Iterator[int]:
     options = ["--boot", "--register=no", "--keep-unit", "--resolv-conf=copy-host", "--console=pipe"]
     with console.open("wb") as output:
         nspawn = subprocess.Popen(
-            ["systemd-nspawn", "--quiet", "-D", root, f"--machine={root.parent.name}", *options],
+            [
+                "systemd-nspawn",
+                "--quiet",
+                "-D",
+                root,
+                f"--machine={root.parent.name.replace('_', 'x')}",
+                *options,
+            ],
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=output,

@@ -27,7 +27,7 @@ class Command(BaseCommand):
         )
         parser.add_argument("--with-meshes", action="store_true", help="also meshes of robots (FLEET_MESHES)")
         parser.add_argument(
-            "--encrypt", action="store_true", help="by a passphrase; without this, if one is given or set"
+            "--encrypt", action="store_true", help="ask for a passphrase, or fail, if none is given or set"
         )
         parser.add_argument("--passphrase-file", type=Path, metavar="FILE", help=command_line.FILE_HELP)
         parser.add_argument(
@@ -40,34 +40,36 @@ class Command(BaseCommand):
 
     def handle(self, *args: Any, target: Path | None, check: Path | None, **options: Any) -> None:
         """Make a backup, or check one."""
-        if (target is None) == (check is None):
-            raise CommandError("Name a folder or file for the backup, or an archive with --check.")
         with command_line.errors_in_words():
+            if target is not None and check is None:
+                self._make(target, options)
+            elif check is not None and target is None:
+                self._check(check, command_line.given_passphrase(options["passphrase_file"]))
+            else:
+                raise CommandError("Name a folder or file for the backup, or an archive with --check.")
+
+    def _make(self, target: Path, options: dict[str, Any]) -> None:
+        keep: int | None = options["keep"]
+        with command_line.failure_recorded("backup.make", {}):
             passphrase = command_line.given_passphrase(options["passphrase_file"])
-            if check:
-                self._check(check, passphrase)
-                return
             if options["encrypt"] and not passphrase:
                 passphrase = command_line.asked_passphrase(twice=True)
-            self._make(target, passphrase, options)
-
-    def _make(self, target: Any, passphrase: str | None, options: dict[str, Any]) -> None:
-        if (keep := options["keep"]) is not None and (keep < 1 or not target.is_dir()):
-            raise CommandError("--keep is 1 or more, and TARGET a folder.")
-        ending = ".tar.gz.age" if passphrase else ".tar.gz"
-        if not target.is_dir() and not target.name.endswith(ending):
-            raise CommandError(f"There is no folder {target}. The name of a file ends with {ending} here.")
-        wishes = Wishes(options["with_settings"], options["with_meshes"], passphrase)
-        try:
+            wishes = Wishes(options["with_settings"], options["with_meshes"], passphrase)
+            self._require_place(target, keep, wishes)
             made = backup_make(target, wishes)
-        except Exception as error:
-            command_line.recorded("backup.make", FAILED, {}, {"why": str(error)})
-            raise
         self._tell(made, wishes)
         if options["verify"]:
             self._check(made.path, passphrase)
         for path in forget_old(target, keep) if keep else ():
             self.stdout.write(f"Removed {path.name}.")
+
+    def _require_place(self, target: Path, keep: int | None, wishes: Wishes) -> None:
+        """Raise CommandError for a folder that is missing, as one that is not mounted: it is not to become a file."""
+        ending = ".tar.gz.age" if wishes.passphrase else ".tar.gz"
+        if not target.is_dir() and not target.name.endswith(ending):
+            raise CommandError(f"There is no folder {target}. The name of a file ends with {ending} here.")
+        if keep is not None and (keep < 1 or not target.is_dir()):
+            raise CommandError("--keep is 1 or more, and TARGET a folder.")
 
     def _tell(self, made: Made, wishes: Wishes) -> None:
         self.stdout.write(f"{made.path}: {made.size / 1e6:.1f} MB.")
@@ -78,11 +80,8 @@ class Command(BaseCommand):
 
     def _check(self, archive: Path, passphrase: str | None) -> None:
         facts = {"archive": archive.name}
-        try:
+        with command_line.failure_recorded("backup.check", facts):
             checked = backup_check(archive, lambda: passphrase or command_line.asked_passphrase(twice=False))
-        except Exception as error:
-            command_line.recorded("backup.check", FAILED, facts, {"why": str(error)})
-            raise
         for line in command_line.words_of(checked):
             self.stdout.write(line)
         outcome = FAILED if checked.findings else DONE
