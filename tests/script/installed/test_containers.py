@@ -21,11 +21,13 @@ from script.stack.stack import Account
 from tests.processes import free_port, outside, until
 from tests.script.first_run import set_up
 from tests.script.installed.machine import INSTALLED_S, TRUSTED, empty_root, missing
+from tests.script.support import Family
 
 DEPLOY = REPOSITORY / "deploy"
 STAFF = Account("first", "staff", "a long walk on the beach")
 STARTS_S = 120.0
 ENDED_S = 30.0
+USER = 900  # of the image, not root
 BASE, IMAGE = "localhost/fleet-test-base", "localhost/fleet-test"
 
 
@@ -110,7 +112,8 @@ def test_the_image_is_built_and_runs_as_a_console(image: str, tmp_path: Path) ->
         assert "(0123456789)" in log.read_text()  # the commit
         ready = ["script/serve", "--port", str(port), "--is-ready"]
         buildah("run", "--isolation", "chroot", "--network", "host", container, "--", *ready)
-        assert buildah("run", "--isolation", "chroot", container, "--", "id", "-un") == "fleet"
+        serves = Family(console.pid).named(".venv/bin/python -m script.stack.serve")
+        assert Path(f"/proc/{serves}").stat().st_uid == USER
         console.signal(signal.SIGTERM)
         assert console.wait(ENDED_S)
     finally:
