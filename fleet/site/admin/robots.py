@@ -101,9 +101,6 @@ class NewRoleInline(admin.TabularInline):  # type: ignore[type-arg]
     def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:
         return False
 
-    def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        return False
-
 
 class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
     """A form that refuses to save if the entry was saved by somebody else since the form was opened.
