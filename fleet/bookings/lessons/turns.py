@@ -210,7 +210,7 @@ def slot_used(*, robot_id: UUID, person: User, now: datetime) -> Booking | None:
     """Note that a person has control: the present slot is used if they own or share it. Return the slot."""
     booking = running(robot_id, now)
     if booking is not None and booking.used_at is None and shares(booking, person):
-        Booking.objects.filter(pk=booking.pk, used_at=None).update(used_at=now)
+        _store_use(booking, now)
     return booking
 
 
@@ -350,11 +350,23 @@ def turn_lengthen_running(*, robot: Robot, person: User, now: datetime) -> bool:
     return True
 
 
+def _store_use(booking: Booking, now: datetime) -> None:
+    Booking.objects.filter(pk=booking.pk, used_at=None).update(used_at=now)
+
+
 def _call_next(booking: Booking, now: datetime) -> bool:
-    """Call the next person who may drive. Return whether somebody is called."""
-    if booking.line_held or why_nobody_is_called(booking, now):
+    """Call the next person who may drive. Return whether somebody is called.
+
+    Who waits for a robot that nobody can drive uses the slot: others do not get it.
+    """
+    if booking.line_held:
         return False
-    for turn in booking.turns.filter(state=Turn.State.WAITING).select_related("person"):
+    waiting = booking.turns.filter(state=Turn.State.WAITING).select_related("person")
+    if why_nobody_is_called(booking, now):
+        if booking.used_at is None and waiting.exists():
+            _store_use(booking, now)
+        return False
+    for turn in waiting:
         turn.booking = booking
         if (refusal := may_not_drive(booking, turn.person, now)) is not None:
             _close(turn, Turn.State.SKIPPED, now)
@@ -362,7 +374,7 @@ def _call_next(booking: Booking, now: datetime) -> bool:
             continue
         turn.state, turn.called_at = Turn.State.CALLED, now
         turn.save()
-        Booking.objects.filter(pk=booking.pk, used_at=None).update(used_at=now)
+        _store_use(booking, now)
         _record("turn.call", turn, None, seconds=CALL_S)
         your_turn(turn, now)
         return True

@@ -11,10 +11,10 @@ from fleet.bookings.hours.report import report
 from fleet.bookings.lessons import turns
 from fleet.bookings.lessons.robots import why_nobody_is_called
 from fleet.bookings.lessons.standings import standings
-from fleet.bookings.models import Booking, Notification, OutOfService, Waiting
+from fleet.bookings.models import Booking, Notification, OutOfService, State, Waiting
 from fleet.bookings.rules import Slot, refusals
 from fleet.bookings.selectors import wish_of
-from fleet.bookings.services import BookingRefused, booking_cancel, booking_move
+from fleet.bookings.services import BookingRefused, booking_cancel, booking_move, store_no_shows
 from robots.access.enrolment import unenrol
 from robots.records.faults import ROBOT, Condition, record_part
 from teleop.control import line, selectors, services
@@ -356,6 +356,16 @@ def test_the_report_gives_the_hours_to_who_drove(lesson, students, course):
 
 def goes_offline(robot, why="robot_offline"):
     record_part(robot.pk, ROBOT, Condition(why, why))
+
+
+@pytest.mark.parametrize("somebody_waits", [True, False])
+def test_who_waits_for_a_robot_that_is_offline_keeps_the_slot(lesson, students, somebody_waits):
+    if somebody_waits:
+        lesson.join(students[0])
+    goes_offline(lesson.robot)
+    assert not lesson.settle(1)
+    store_no_shows(at(30), timedelta(hours=2))
+    assert Booking.objects.get().state == (State.BOOKED if somebody_waits else State.NO_SHOW)
 
 
 @pytest.mark.parametrize("offline", [True, False])
