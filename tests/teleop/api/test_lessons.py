@@ -4,12 +4,13 @@ import re
 from datetime import timedelta
 
 import pytest
+from django.urls import reverse
 from django.utils import timezone as clock
 
 from fleet.accounts.services import account_erase
 from fleet.bookings.lessons import turns
 from fleet.bookings.messages.ical import address_make, feed_of
-from fleet.bookings.models import Booking
+from fleet.bookings.models import Booking, HandOffer
 from robots.access.models import Course, Enrolment
 from robots.registry.models import Phrase
 
@@ -179,7 +180,10 @@ def test_a_team_by_the_form(robot, operator, second_operator, signed_in):
     assert "Nobody with the user name nobody" in refused.content.decode()
     assert signed_in(operator).post("/bookings/new/", typed | {"team": "second"}, **HTML).status_code == 302
     booking = Booking.objects.get()
-    assert (booking.shared, booking.members.get().person) == ("people", second_operator)
+    assert (booking.shared, booking.members.count()) == ("people", 0)  # she is asked first
+    offer = HandOffer.objects.get()
+    signed_in(second_operator).post(reverse("hand-answer", args=[offer.pk]), {"answer": "accept"}, **HTML)
+    assert booking.members.get().person == second_operator
     page = signed_in(second_operator).get("/bookings/mine/").content.decode()
     assert "with Olga Operator" in page
 

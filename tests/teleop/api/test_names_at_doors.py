@@ -45,6 +45,7 @@ def test_every_column_for_a_name_checks_it() -> None:
         "robots.Allowance.name",  # of a topic, a service or a parameter of the robot
         "places.SharedMap.name",  # `robots.places.entries` checks both
         "places.Place.name",
+        "robots.BridgeHost.name",  # of a computer: its own form checks it
     }
 
 

@@ -25,7 +25,7 @@ from teleop.webhooks.addresses import LONGEST
 State = WebhookDelivery.State
 SHOWN = 100  # deliveries
 # The names of `EVENT_CATEGORIES`
-EventCategoryName = Literal["bookings", "control", "stops", "motions", "speech"]
+EventCategoryName = Literal["alerts", "bookings", "control", "stops", "motions", "speech"]
 
 
 class WebhookEntry(Struct, frozen=True):

@@ -7,7 +7,7 @@ import pytest
 from django.db import connection
 from django.utils import timezone as clock
 
-from fleet.bookings import services
+from fleet.bookings.changes import handing
 from fleet.bookings.models import Booking
 from robots.shared.wire import NotDone, Refusal
 from teleop.api.v1.framework import idempotency
@@ -87,7 +87,7 @@ def test_nobody_repeats_the_work_of_a_process_that_ended(robot, operator, progra
         raise SystemError("power cut")
 
     with monkeypatch.context() as patch:
-        patch.setattr(services, "booking_make", dies)
+        patch.setattr(handing, "booking_make_asking", dies)
         with pytest.raises(SystemError):
             api("POST", "/bookings", wish(robot), Idempotency_Key=KEY)
     monkeypatch.setattr(idempotency, "WAIT_S", 0.1)
@@ -107,7 +107,7 @@ def test_a_request_that_may_be_done_is_not_repeated(robot, operator, program, mo
         times.append(1)
         raise NotDone(Refusal(code, "It was sent.", "audit"))
 
-    monkeypatch.setattr(services, "booking_make", unsure)
+    monkeypatch.setattr(handing, "booking_make_asking", unsure)
     first = api("POST", "/bookings", wish(robot), Idempotency_Key=KEY)
     again = api("POST", "/bookings", wish(robot), Idempotency_Key=KEY)
     assert (first.status_code, first.data["code"]) == (503, code)
