@@ -12,6 +12,7 @@ import time
 import robots.shared.ros  # noqa: F401  # makes ROS importable, so it comes first
 
 # isort: split
+import rosgraph
 import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
@@ -24,6 +25,8 @@ def robot(port: int) -> None:
     """Run one robot until the process of the masters ends."""
     masters = os.getppid()
     os.environ["ROS_MASTER_URI"] = f"http://127.0.0.1:{port}"
+    while not rosgraph.is_master_online():
+        time.sleep(0.2)
     rospy.init_node("robot", disable_signals=True, disable_rosout=True)
     odometry = rospy.Publisher("/mobile_base_controller/odom", Odometry, queue_size=1)
     rospy.Subscriber("/key_vel", Twist, lambda _twist: None)
