@@ -289,6 +289,20 @@ describe("the fleet page", () => {
     },
   );
 
+  it("keeps the robots that an update leaves out", () => {
+    openThree();
+    hears({ "tiago-1": clear, "tiago-2": stopped, "tiago-3": stopped });
+    press("stop-all");
+    vi.advanceTimersByTime(100);
+    made.at(-1).says(JSON.stringify({ t: "fleet", robots: { "tiago-1": stopped }, changed: true }));
+    expect(reload).not.toHaveBeenCalled();
+    expect(ofCards("stop-state")).toEqual(["Stopped", "Stopped", "Stopped"]);
+    vi.advanceTimersByTime(400);
+    expect(fetch).not.toHaveBeenCalled(); // all are stopped: the press is answered
+    hears({ "tiago-1": clear });
+    expect(reload).toHaveBeenCalled(); // all robots that are left
+  });
+
   it("posts no form when the robots report the stop", () => {
     hears({ "tiago-1": clear });
     press("stop");

@@ -93,6 +93,20 @@ describe("the fleet map", () => {
     expect(document.querySelector("[data-part=rest]").hidden).toBe(true);
   });
 
+  it("keeps the robots that an update leaves out", async () => {
+    await opened();
+    tell({ one: { state: STATE }, two: { state: STATE } });
+    const update = { t: "fleet", robots: { two: { state: null } }, changed: true };
+    made[0].says(JSON.stringify(update));
+    expect(row("one").closest(".plan-map")).not.toBeNull();
+    expect(row("two").closest(".plan-map")).toBeNull();
+    expect([row("one").hidden, row("two").hidden, row("three").hidden]).toEqual([
+      false,
+      false,
+      true,
+    ]);
+  });
+
   it("leads to the page of a robot that is pressed on the map", async () => {
     await opened();
     tell({ one: { state: STATE } });
