@@ -53,6 +53,12 @@ def test_the_image_has_all_files_and_runs_as_its_own_user() -> None:
     assert re.search(r'^CMD \["console"\]$', steps, re.MULTILINE)
 
 
+def test_secrets_and_data_stay_out_of_the_image() -> None:
+    """Docker reads only this file, podman and buildah read it, too."""
+    assert {"var", "**/.env"} <= set((REPOSITORY / ".dockerignore").read_text().splitlines())
+    assert not (REPOSITORY / ".containerignore").exists()  # podman would prefer it
+
+
 def buildah(*words: str | Path, **options: Any) -> str:
     command = ["buildah", *map(str, words)]
     done = subprocess.run(
