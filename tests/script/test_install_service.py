@@ -46,6 +46,23 @@ def test_each_role_has_a_unit(role: str, name: str) -> None:
     assert f"script/serve {role}\n" in units(role, "--print")[f"{name}.service"]
 
 
+@pytest.mark.parametrize("before", ["serve", "serve console"])  # releases before 1.0.0-rc1 had no roles
+def test_words_of_before_stay(before: str, tmp_path: Path) -> None:
+    (tmp_path / "fleet.service").write_text(
+        f"[Service]\nUser=lab\nExecStart=/opt/fleet/script/{before} --bind 10.0.0.2 --port 8001\n"
+    )
+    script = (REPOSITORY / "script/install-service").read_text()
+    script = script.replace("units=/etc/systemd/system", f"units={tmp_path}").replace(
+        "[[ -n $print || ! -r", "[[ ! -r"
+    )
+    (tmp_path / "script").mkdir()
+    (tmp_path / "script/install-service").write_text(script)
+    command = ["bash", str(tmp_path / "script/install-service"), "--print"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert f"ExecStart={tmp_path}/script/serve console --bind 10.0.0.2 --port 8001\n" in done.stdout
+    assert "User=lab\n" in done.stdout
+
+
 def test_only_a_port_below_1024_needs_a_right() -> None:
     right = "AmbientCapabilities=CAP_NET_BIND_SERVICE"
     assert right in units("--print", "--", "--port", "443", "--bind", "0.0.0.0")["fleet.service"]  # noqa: S104
