@@ -70,7 +70,7 @@ def _is_near(host: str) -> bool:
 
 def code_make(host: BridgeHost, actor: User) -> str:
     """Save the host with a new code, and return the code. Earlier codes of the host end."""
-    code = secrets.token_urlsafe(24)
+    code = secrets.token_hex(20)  # a word of a command: it must not begin with -
     host.code_digest, host.code_until = _digest(code), timezone.now() + CODE_LASTS
     with transaction.atomic():
         host.save()

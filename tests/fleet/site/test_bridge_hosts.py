@@ -62,7 +62,9 @@ def asked(command: str, key: ec.EllipticCurvePrivateKey | None = None) -> Any:
 
 
 def test_a_computer_joins_once_with_the_command(command: str, tmp_path: Path) -> None:
-    assert re.fullmatch(r"sudo script/install-service bridges --join https://testserver\S+ \S+", command)
+    assert re.fullmatch(
+        r"sudo script/install-service bridges --join https://testserver\S+ [0-9a-f]{40}", command
+    )
     key = ec.generate_private_key(ec.SECP256R1())
     joined = asked(command, key).json()
     assert joined["settings"] == {
