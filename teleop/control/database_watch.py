@@ -30,7 +30,11 @@ class DatabaseWatch:
             self._since_s = now_s
         self._answered_s = now_s
 
+    @property
+    def was_away(self) -> bool:
+        """Return whether the database was away within `GRACE_S`."""
+        return time.monotonic() - self._since_s < lease_checks.GRACE_S
+
     def excuses(self, lease: LeaseState | None, now: datetime) -> bool:
         """Return whether the holder's page may seem to be away only because the database was."""
-        was_away = time.monotonic() - self._since_s < lease_checks.GRACE_S
-        return was_away and lease is not None and lease_checks.lapse_reason(lease, now) == "away"
+        return self.was_away and lease is not None and lease_checks.lapse_reason(lease, now) == "away"

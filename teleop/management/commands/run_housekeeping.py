@@ -222,5 +222,6 @@ def end_lapsed(database: DatabaseWatch) -> None:
         if lease_checks.lapse_reason(lease, now) is not None and not database.excuses(lease, now):
             with suppress(ControlRefused):  # another process was faster, or the next round tries again
                 services.lease_expire(robot_id=robot_id, now=now)
-    with suppress(ControlRefused):
-        line.line_tidy(now=now)
+    if not database.was_away:
+        with suppress(ControlRefused):
+            line.line_tidy(now=now)

@@ -47,16 +47,20 @@ def test_lease_of_a_lost_page_is_ended(robot, held):
     assert ControlSession.objects.get().end_reason == EndReason.AWAY
 
 
-def test_nobody_is_gone_because_the_database_was(robot, held):
+def test_nobody_is_gone_because_the_database_was(robot, held, second_operator):
+    line.line_join(robot_id=robot.id, user_id=second_operator.id, tab=TAB, now=timezone.now())
     Lease.objects.update(seen_at=timezone.now() - timedelta(seconds=lease_checks.GRACE_S + 1))
+    Waiting.objects.update(seen_at=timezone.now() - timedelta(seconds=lease_checks.WAITS_S + 1))
     database = DatabaseWatch()
     database._answered_s -= GAP_S + 1.0
     for _ in range(2):
         run_housekeeping.end_lapsed(database)
         assert lease_of(robot.id).session == held.session
+        assert Waiting.objects.exists()
     database._since_s -= lease_checks.GRACE_S  # meanwhile no process stored that the page is there
     run_housekeeping.end_lapsed(database)
     assert ControlSession.objects.get().end_reason == EndReason.AWAY
+    assert not Waiting.objects.exists()
 
 
 def test_lease_with_its_term_over_is_ended(robot, held):
