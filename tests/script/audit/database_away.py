@@ -14,7 +14,7 @@ from script.stack.stack import Stack
 
 STANDS_S = 3.0  # 2.5 s without the database, and a delay because two cores are busy
 NOTICED_S = 10.0
-AWAY_S = 9.0  # nearly the time in which a page that is gone may come back
+AWAY_S = 12.0  # longer than a page that is gone may stay away (`lease_checks.GRACE_S`)
 LOOKED_S = 0.5
 TURN, TURNING_RADPS = 0.6, 0.1
 NOTES, NOTES_HZ = "/fleet_demo/notes", 5.0
