@@ -26,6 +26,7 @@ ENVIRONMENT = {
     "LANG": "C.UTF-8",
     **dict.fromkeys(("PIP_CERT", "SSL_CERT_FILE", "NODE_EXTRA_CA_CERTS"), TRUSTED),
 }
+USUAL = 0o022  # umask of an administrator
 BOOTED_S = 60.0
 INSTALLED_S = 1200.0  # packages come over the network
 NEEDED = ("mmdebstrap", "systemd-nspawn", "nsenter")
@@ -56,6 +57,7 @@ class Machine:
             text=True,
             errors="replace",
             timeout=INSTALLED_S,
+            umask=USUAL,
         )
         if check and done.returncode:
             raise AssertionError(f"{' '.join(words)} ended with {done.returncode}:\n{done.stdout}")
@@ -93,6 +95,7 @@ def empty_machine() -> Iterator[Machine]:
     upper, work, root = (directory / name for name in ("upper", "work", "root"))
     for each in (upper, work, root):
         each.mkdir()
+        each.chmod(0o755)  # the console's settings keep new folders to their owner
     layers = f"lowerdir={base},upperdir={upper},workdir={work}"
     subprocess.run(["mount", "-t", "overlay", "overlay", "-o", layers, root], check=True)
     try:
@@ -111,7 +114,7 @@ def empty_root() -> Path:
         if not (BASE / "made").exists():
             shutil.rmtree(root, ignore_errors=True)
             command = ["mmdebstrap", "--quiet", "--variant=minbase", f"--include={FIRST}", "bookworm"]
-            subprocess.run([*command, root, *_sources()], check=True)
+            subprocess.run([*command, root, *_sources()], check=True, umask=USUAL)
             (BASE / "made").touch()
     return root
 
