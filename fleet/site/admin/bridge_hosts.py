@@ -41,7 +41,8 @@ class BridgeHostAdmin(RecordedAdmin):
         """Say why there is no form while no other computer can run bridges."""
         if reason := bridge_hosts.why_not():
             return self._page(request, {"reason": reason})
-        return super().add_view(request, form_url, extra_context)
+        only_save = dict.fromkeys(("show_save_and_add_another", "show_save_and_continue"), False)
+        return super().add_view(request, form_url, {**(extra_context or {}), **only_save})
 
     def save_model(
         self, request: HttpRequest, obj: BridgeHost, form: ModelForm[BridgeHost], change: bool
