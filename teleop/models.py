@@ -248,6 +248,7 @@ class Alert(models.Model):
     robot = models.ForeignKey(Robot, null=True, on_delete=models.CASCADE, related_name="alerts")
     said = models.JSONField()  # key and figures of its sentence
     began_at = models.DateTimeField()
+    seen_at = models.DateTimeField()  # when a process found it last
     told_at = models.DateTimeField(null=True)  # recorded, so that webhooks tell it
     mailed_at = models.DateTimeField(null=True)
     mails = models.PositiveIntegerField(default=0)

@@ -37,10 +37,11 @@ def send_later(messages: Sequence[EmailMessage]) -> None:
     A message whose address the server refuses is not tried again, and ends no other.
     """
     if messages:
-        transaction.on_commit(partial(_in_background, messages))
+        transaction.on_commit(partial(send_at_once, messages))
 
 
-def _in_background(messages: Sequence[EmailMessage]) -> None:
+def send_at_once(messages: Sequence[EmailMessage]) -> None:
+    """Send the messages as `send_later` does, without a database that tells of a commit."""
     threading.Thread(target=_send, args=[list(messages)], name="email", daemon=True).start()
 
 

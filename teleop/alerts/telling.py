@@ -30,11 +30,6 @@ class Reader(NamedTuple):
     language: str
 
 
-def words_of(alert: Alert) -> Sentence:
-    """Return the alert's sentence."""
-    return alert.words
-
-
 def tell(alert: Alert, rule: AlertRule, what: str) -> None:
     """Tell by record and letter, whatever the time of day."""
     record_of(alert, what)
@@ -53,13 +48,18 @@ def record_of(alert: Alert, what: str) -> None:
     robot: dict[str, Any] = (
         {"robot_id": alert.robot.id, "robot_name": alert.robot.name} if alert.robot else {}
     )
-    record(f"alert.{what}", parameters=facts, private={"words": words_of(alert)}, **robot)
+    record(f"alert.{what}", parameters=facts, private={"words": alert.words}, **robot)
 
 
 def mail(alert: Alert, rule: AlertRule, what: str) -> None:
     """Write letters to the rule's readers."""
     if rule.mail:
-        letters(readers(rule), words_of(alert), what, alert.began_at)
+        emails.send_later(written(readers(rule), alert.words, what, alert.began_at))
+
+
+def may_mail(rule: AlertRule, now: datetime) -> bool:
+    """Return whether the rule's readers may get a letter now that something began or lasts."""
+    return rule.mail and not is_off() and not is_quiet(rule, now)
 
 
 def readers(rule: AlertRule) -> list[Reader]:
@@ -71,10 +71,11 @@ def readers(rule: AlertRule) -> list[Reader]:
     return [Reader(one.email, one.language) for one in staff]
 
 
-def letters(to: Sequence[Reader], words: Sentence, what: str, began_at: datetime | None = None) -> None:
-    """Send a letter to each reader, in the background."""
-    if not is_off():
-        emails.send_later([_letter(one, words, what, began_at) for one in to])
+def written(
+    to: Sequence[Reader], words: Sentence, what: str, began_at: datetime | None = None
+) -> list[EmailMessage]:
+    """Return a letter to each reader; none without a mail server."""
+    return [] if is_off() else [_letter(one, words, what, began_at) for one in to]
 
 
 def _letter(reader: Reader, words: Sentence, what: str, began_at: datetime | None) -> EmailMessage:

@@ -50,7 +50,7 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Server:
 
 def send(*people: str) -> None:
     before = set(threading.enumerate())
-    emails._in_background([EmailMessage("Welcome", "", to=[person]) for person in people])
+    emails.send_at_once([EmailMessage("Welcome", "", to=[person]) for person in people])
     for thread in set(threading.enumerate()) - before:
         thread.join(10)
 

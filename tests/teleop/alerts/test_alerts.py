@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 from django.conf import LazySettings
-from django.core import mail
 from django.db import OperationalError
 from django.test import Client
 from django.utils import timezone
 
 from fleet.accounts.models import User
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from robots.registry.models import Robot
 from robots.shared.processes.one_supervisor import LOCK, only_instance
@@ -38,7 +38,8 @@ class Watched:
         self._robot = robot
         self.watch = AlertWatch()
         self.watch._checks = {("bridge",): self._found}
-        patch.setattr(telling.emails, "send_later", lambda letters: self.letters.extend(letters))
+        patch.setattr(telling.emails.transaction, "on_commit", lambda function: function())
+        patch.setattr(telling.emails, "send_at_once", lambda letters: self.letters.extend(letters))
         patch.setattr(telling, "is_off", lambda: False)
 
     def _found(self) -> Iterator[Trouble]:
@@ -106,6 +107,55 @@ def test_two_processes_tell_it_once(watched: Watched) -> None:
     watched.look(2)
     other.look(NOW + timedelta(minutes=2))
     assert len(watched.letters) == 1 and Alert.objects.count() == 1
+
+
+def test_what_only_one_computer_sees_stays_while_it_sees_it(watched: Watched) -> None:
+    AlertRule.objects.create(kind="bridge", after_min=0, again_h=0)
+    other = AlertWatch()
+    other._checks = {("bridge",): lambda: iter(())}
+    for quarter in range(8):
+        watched.look(quarter / 4)
+        other.look(NOW + timedelta(minutes=quarter / 4))
+    assert kinds() == ["alert.begin"] and len(watched.letters) == 1
+    watched.there = False
+    assert watched.look(2.5) == [] and watched.look(2.75) == ["Over: TIAGo 1 is gone"]
+
+
+def test_a_fault_of_one_check_silences_no_other(watched: Watched) -> None:
+    def broken() -> Iterator[Trouble]:
+        raise RuntimeError
+
+    watched.watch._checks = {("disk",): broken} | watched.watch._checks
+    watched.look(0)
+    assert watched.look(2) == ["TIAGo 1 is gone"]
+
+
+def test_what_could_not_be_recorded_is_told_in_the_next_round(
+    watched: Watched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AuditUnavailable("audit", "away")
+
+    watched.look(0)
+    with monkeypatch.context() as patch, pytest.raises(AuditUnavailable):
+        patch.setattr(telling, "record", refuse)
+        watched.look(2)
+    assert watched.look(2.25) == ["TIAGo 1 is gone"] and kinds() == ["alert.begin"]
+
+
+def test_a_clock_that_is_set_back_silences_nothing(watched: Watched) -> None:
+    watched.look(0)
+    assert watched.look(-60 * 24 * 365) == ["TIAGo 1 is gone"]
+    watched.there = False
+    assert watched.look(-60 * 24 * 366) == ["Over: TIAGo 1 is gone"]
+
+
+def test_a_letter_waits_for_a_mail_server(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    watched.look(0)
+    with monkeypatch.context() as patch:
+        patch.setattr(telling, "is_off", lambda: True)
+        assert watched.look(2) == [] and kinds() == ["alert.begin"]
+    assert watched.look(3) == ["TIAGo 1 is gone"]
 
 
 def test_each_letter_is_in_its_readers_language(watched: Watched, staff: User) -> None:
@@ -177,6 +227,7 @@ def gone(robot: Robot) -> Alert:
         robot=robot,
         said=say("{robot} does not answer: {why}", robot=robot.name, why=say("no odometry")).parts,
         began_at=timezone.now() - timedelta(days=3),
+        seen_at=timezone.now(),
     )
 
 
@@ -196,7 +247,7 @@ def test_the_status_page_shows_what_the_person_may_see(
 
 def test_ninety_days_of_a_robot(gone: Alert, robot: Robot) -> None:
     Alert.objects.create(
-        kind="bridge", subject="x", robot=robot, said=["-"],
+        kind="bridge", subject="x", robot=robot, said=["-"], seen_at=timezone.now(),
         began_at=timezone.now() - timedelta(days=2), over_at=timezone.now() - timedelta(days=1),
     )  # fmt: skip
     (line,) = lines([robot], console=False)
@@ -236,15 +287,21 @@ def test_health_tells_a_gone_robot_from_a_console_that_is_fine(client: Client, g
 
 
 @pytest.mark.django_db
-def test_a_failing_database_ends_no_watch(monkeypatch: pytest.MonkeyPatch) -> None:
-    watch, rounds = AlertWatch(), []
+def test_a_failing_database_ends_no_watch(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    watch, rounds = watched.watch, []
 
-    def fail(_now: datetime) -> None:
+    def fail(_now: datetime | None = None) -> None:
         rounds.append(1)
-        raise OperationalError("away") if len(rounds) < 3 else SystemExit
+        raise OperationalError("away") if len(rounds) < 4 else SystemExit
 
+    def away(_function: object) -> None:  # also asks a database that is away
+        raise OperationalError("away")
+
+    watch._without.know(AlertRule(kind="database", after_min=1, again_h=24))
+    monkeypatch.setattr(telling.emails.transaction, "on_commit", away)
     monkeypatch.setattr("teleop.alerts.watch.EVERY_S", 0.0)
+    monkeypatch.setattr("teleop.alerts.watch.DATABASE_S", 0.0)
     monkeypatch.setattr(watch, "look", fail)
     with pytest.raises(SystemExit):
         watch._run()
-    assert len(rounds) == 3 and not mail.outbox
+    assert len(rounds) == 4 and len(watched.letters) == 1
