@@ -14,16 +14,17 @@ from script.stack.stack import Stack
 
 STANDS_S = 3.0  # 2.5 s without the database, and a delay because two cores are busy
 NOTICED_S = 10.0
-AWAY_S = 12.0  # longer than a page that is gone may stay away (`lease_checks.GRACE_S`)
 LOOKED_S = 0.5
 TURN, TURNING_RADPS = 0.6, 0.1
 NOTES, NOTES_HZ = "/fleet_demo/notes", 5.0
 
 
-async def stands_while(stack: Stack, database_away: AbstractContextManager[object]) -> None:
+async def stands_while(
+    stack: Stack, database_away: AbstractContextManager[object], *, least_s: float = 0.0
+) -> None:
     """Check that the robot stops with a reason, remains still, and drives again after a neutral stick.
 
-    Check that repeated publishing also ends.
+    Check that repeated publishing also ends. The database is away for `least_s` or longer.
     """
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
     async with Witness(stack) as witness:
@@ -43,7 +44,7 @@ async def stands_while(stack: Stack, database_away: AbstractContextManager[objec
             assert driver.state.publishing == []
             await hold(driver, TURN, NOTICED_S, until=lambda: not turning(driver))
             assert away_s < witness.last_velocity_s < away_s + STANDS_S
-            await hold(driver, TURN, away_s + AWAY_S - time.time())
+            await hold(driver, TURN, away_s + least_s - time.time())
 
         back_s = time.time()
         await hold(driver, TURN, NOTICED_S, until=lambda: waits_for_neutral(driver))
