@@ -29,7 +29,8 @@ _BEGIN = (
 )
 _TAKE = """
 SELECT key, pg_try_advisory_lock(key), (
-    SELECT coalesce(application_name, 'another computer') FROM pg_locks JOIN pg_stat_activity USING (pid)
+    SELECT ARRAY[pid::text, coalesce(application_name, 'another computer')]
+    FROM pg_locks JOIN pg_stat_activity USING (pid)
     WHERE locktype = 'advisory' AND granted AND objsubid = 1 AND datname = current_database()
     AND (classid::bigint << 32 | objid::bigint) = key
 ) FROM unnest(%s::bigint[]) AS key
@@ -53,6 +54,7 @@ class Claims:
     def __init__(self, computer: str = "") -> None:
         self._name = f"{_NAME}{(computer or socket.gethostname())[:28]}, process {os.getpid()}"
         self._session: object = None  # the connection that holds the locks
+        self._own: set[str] = set()  # the server's processes for this session and earlier ones
         self._held: set[UUID] = set()
 
     def take(self, wanted: Collection[UUID]) -> dict[UUID, str]:
@@ -69,9 +71,10 @@ class Claims:
             cursor.execute(_TAKE, [list(missing)])
             found = cursor.fetchall()
         self._held |= {missing[key] for key, got, _ in found if got}
-        # No holder: the lock has just become free. The own name: a session that the server has not missed yet.
-        others = [(key, holder) for key, got, holder in found if not got and holder not in (None, self._name)]
-        return {missing[key]: holder.removeprefix(_NAME) for key, holder in others}
+        # No holder: the lock has just become free. An own one: a session that the server has not missed yet. Names do
+        # not tell: supervisors in two containers may have the same number of process.
+        others = [(key, *holder) for key, got, holder in found if not got and holder]
+        return {missing[key]: name.removeprefix(_NAME) for key, pid, name in others if pid not in self._own}
 
     def keep(self, wanted: Collection[UUID]) -> None:
         """Give all other claims back."""
@@ -85,6 +88,7 @@ class Claims:
         with connection.cursor() as cursor:
             cursor.execute(_BEGIN, [self._name])
         self._session, self._held = connection.connection, set()
+        self._own.add(str(connection.connection.info.backend_pid))
 
 
 def _key(claimed: UUID) -> int:
