@@ -51,7 +51,7 @@ class Postgresql:
     @contextmanager
     def restored(self, file: Path) -> Iterator[str]:
         """Let pg_restore fill a new database on the same server."""
-        name = f"{self._name}_restored"
+        name = f"{self._name}_backup_work"
         self._make(name)
         try:
             how = (

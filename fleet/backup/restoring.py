@@ -93,10 +93,16 @@ def _answers(path: Path) -> bool:
 
 
 def _people() -> int:
-    """Return the number of accounts in the database that is there."""
+    """Return the number of accounts in the database that is there. Raises `BackupError` for another's database."""
     table = get_user_model()._meta.db_table
     try:
-        if table not in connection.introspection.table_names():
+        tables = connection.introspection.table_names()
+        if table not in tables:
+            if tables:
+                raise BackupError(
+                    f"FLEET_DATABASE_URL names a database with tables of something else, such as {tables[0]}: "
+                    "name an empty one."
+                )
             return 0
         with connection.cursor() as cursor:
             cursor.execute(f"SELECT count(*) FROM {connection.ops.quote_name(table)}")  # noqa: S608

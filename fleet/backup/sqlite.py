@@ -84,8 +84,10 @@ class Sqlite:
         """Give the restored file the name of the console's."""
         connection.close()
         for path in (self._path, Path(name)):
-            if path.exists():
-                is_used(path)  # the journal of a file belongs to its name
+            if path.exists() and is_used(path):  # the journal of a file belongs to its name
+                raise BackupError(
+                    f"A process has opened {path} meanwhile. Stop the console, and restore again."
+                )
         kept = self._path.with_name(f"{self._path.name}.before-{stamp}") if stamp else None
         if kept:
             self._path.rename(kept)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import io
 import resource
+import sqlite3
 import tarfile
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import msgspec
 import pytest
@@ -19,6 +22,7 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.backup import contents
 from fleet.backup.archive import tar
+from fleet.backup.checking import Checked
 from fleet.backup.selectors import last_backup
 from fleet.backup.workplace import workplace
 from robots.shared.processes.one_supervisor import LOCK, only_instance
@@ -92,6 +96,41 @@ def test_nothing_is_restored_while_the_console_runs(console: Path, tmp_path: Pat
     assert (console / "fleet.sqlite3").stat().st_ino == before
     connection.close()
     assert "Restored" in run("restore", archive, "--replace")
+
+
+def test_a_process_that_starts_meanwhile_keeps_its_database(console: Path, tmp_path: Path) -> None:
+    archive = backup(tmp_path)
+    before = (console / "fleet.sqlite3").stat().st_ino
+    with ExitStack() as started:
+
+        def verified(*_: Any) -> Checked:
+            started.enter_context(using(console / "fleet.sqlite3"))
+            return Checked(contents.manifest("sqlite", timezone.now()), 0, 0, [])
+
+        with (
+            mock.patch("fleet.backup.restoring.verified", verified),
+            pytest.raises(CommandError, match="meanwhile"),
+        ):
+            run("restore", archive, "--replace")
+    assert (console / "fleet.sqlite3").stat().st_ino == before
+    assert not list(console.glob("*before*"))
+
+
+def test_the_database_of_something_else_is_not_replaced(console: Path, tmp_path: Path) -> None:
+    archive = backup(tmp_path)
+    (console / "fleet.sqlite3").rename(tmp_path / "gone")
+    with closing(sqlite3.connect(console / "fleet.sqlite3")) as other:
+        other.execute("CREATE TABLE grades (student TEXT)")
+    with pytest.raises(CommandError, match="something else, such as grades"):
+        run("restore", archive)
+
+
+def test_a_file_that_may_not_be_read_is_refused_in_words(console: Path, tmp_path: Path) -> None:
+    with (
+        mock.patch.object(Path, "is_file", side_effect=PermissionError(13, "Permission denied", "/root/x")),
+        pytest.raises(CommandError, match="Permission denied: '/root/x'"),
+    ):
+        run("restore", tmp_path / "x")
 
 
 def test_a_passphrase_encrypts_and_a_wrong_one_opens_nothing(

@@ -33,9 +33,9 @@ class Command(BaseCommand):
 
     def handle(self, *args: Any, archive: Path, passphrase_file: Path | None, **options: Any) -> None:
         """Restore, and tell what else there is to do."""
-        if not archive.is_file():
-            raise CommandError(f"There is no file {archive}.")
         with command_line.errors_in_words():
+            if not archive.is_file():
+                raise CommandError(f"There is no file {archive}.")
             given = command_line.given_passphrase(passphrase_file)
             try:
                 done = restore(
