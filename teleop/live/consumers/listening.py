@@ -69,4 +69,6 @@ class SharedReader(Generic[Page]):
                 await self.look()
             except DatabaseError as error:
                 log.warning("%s: %s", self.failed, error)
+            except Exception:  # a fault must not end the reader: no page would hear anything any more
+                log.exception("%s", self.failed)
             await asyncio.sleep(self.check_s)
