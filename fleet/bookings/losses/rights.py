@@ -15,7 +15,7 @@ from fleet.bookings.models import Policy
 from fleet.bookings.rules import Slot, Wish
 from fleet.bookings.selectors import days_of
 from robots.access.models import Course, Qualification, QualificationGrant
-from robots.access.role_rows import OWN, Given, demanded, given
+from robots.access.role_rows import OWN, Given, demanded_by, given
 from robots.access.selectors import lab_date
 from robots.registry.models import Robot, Role
 
@@ -72,7 +72,7 @@ class _Facts:
             self._given[source.person, source.robot].append(source)
         keys = {source.course for sources in self._given.values() for source in sources}
         self._courses = Course.objects.in_bulk(keys - {OWN})
-        by_robot = {robot: demanded(robot) for robot in robots}
+        by_robot = demanded_by(robots)
         demands = {key for several in by_robot.values() for key in several}
         names = (
             dict(Qualification.objects.filter(pk__in=demands).values_list("pk", "name")) if demands else {}

@@ -67,6 +67,16 @@ def test_the_queries_do_not_grow_with_the_bookings(course, robot, staff):
     assert Record.objects.filter(kind="booking.cancel").count() == 20
 
 
+def test_the_queries_do_not_grow_with_the_robots(course, robot, other_robot, operator):
+    now = timezone.now()
+    counts = []
+    for robots in ([robot], [robot, other_robot]):
+        with CaptureQueriesContext(connection) as read:
+            wishes_of([Wanted(operator, one, Slot(now, now)) for one in robots], now)
+        counts.append(len(read))
+    assert counts[0] == counts[1]
+
+
 def _of_letter(query):
     return "bookings_letter" in query["sql"] or "teleop_pushsubscription" in query["sql"]
 
