@@ -141,10 +141,10 @@ def preparation(asked: argparse.Namespace) -> Iterator[list[str]]:
     else:
         yield ["collectstatic", "--no-input", "-v", "0"]  # first, because the check needs its result
         yield ["check", "--deploy"]
-    if asked.migrate:
-        yield ["upgrade", "--migrate"]
-    else:
-        yield ["upgrade", *([] if asked.role == "console" else ["--check"])]
+    how = ["--migrate"] if asked.migrate else [] if asked.role == "console" else ["--check"]
+    if "NOTIFY_SOCKET" in os.environ:  # a service: systemd gives up after a few starts
+        how.append("--wait")
+    yield ["upgrade", *how]
 
 
 def ready(asked: argparse.Namespace, env: Environment) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -10,7 +11,7 @@ from unittest import mock
 import pytest
 from django.core.management import call_command
 from django.core.management.base import CommandError, SystemCheckError
-from django.db import connection
+from django.db import OperationalError, connection
 from django.db.migrations.recorder import MigrationRecorder
 
 from fleet.accounts.models import User
@@ -64,6 +65,44 @@ def test_the_newest_copies_are_kept(migrate, tmp_path):
     names = [copy.name for copy in backups(tmp_path)]
     assert len(names) == upgrade.KEPT
     assert any(name.startswith(f"before-{version()}") for name in names)
+
+
+@pytest.mark.skipif("connection.vendor != 'sqlite'")
+def test_the_first_copy_of_a_release_outlives_tries_that_fail(migrate, tmp_path):
+    unapply("bookings", "0019_lesson_tasks")
+    first = upgrade.back_up(tmp_path)
+    os.utime(first, (1, 1))
+    old = tmp_path / "backups/before-0.1-x.sqlite3"
+    old.touch()
+    os.utime(old, (2, 2))
+    migrate.side_effect = CommandError("a migration fails")
+    for try_ in range(upgrade.KEPT):
+        copy = tmp_path / f"backups/before-{version()}-{try_}.sqlite3"
+        with (
+            mock.patch.object(upgrade, "back_up", lambda _, copy=copy: copy.touch()),
+            pytest.raises(CommandError),
+        ):
+            call_command("upgrade")
+    assert len(backups(tmp_path)) == upgrade.KEPT + 2  # nothing is removed before the upgrade is done
+    migrate.side_effect = None
+    call_command("upgrade")
+    assert first in backups(tmp_path) and old not in backups(tmp_path)
+
+
+def test_the_database_may_start_later_than_this_computer(migrate, monkeypatch, capsys):
+    monkeypatch.setattr(connection, "vendor", "postgresql")
+    monkeypatch.setattr(upgrade, "STEP_S", 0.0)
+    away = OperationalError("connection refused\n")
+    with mock.patch.object(connection, "ensure_connection", side_effect=[away, away, None, *[None] * 99]):
+        call_command("upgrade", "--wait")
+    assert migrate.called
+    assert capsys.readouterr().err == "Waiting for the database, up to a minute: connection refused\n"
+    monkeypatch.setattr(upgrade, "PATIENCE_S", -1.0)
+    with (
+        mock.patch.object(connection, "ensure_connection", side_effect=away),
+        pytest.raises(OperationalError),
+    ):
+        call_command("upgrade", "--wait")
 
 
 def test_a_copy_that_fails_stops_the_upgrade(migrate, tmp_path, monkeypatch):

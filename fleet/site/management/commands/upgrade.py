@@ -6,6 +6,7 @@ Nothing is changed before a backup was made, nor while data would stop a migrati
 from __future__ import annotations
 
 import sqlite3
+import time
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from django.conf import settings
 from django.core.checks import Tags
 from django.core.management import call_command
 from django.core.management.base import BaseCommand, CommandError, CommandParser
-from django.db import connection
+from django.db import OperationalError, connection
 from django.db.migrations.recorder import MigrationRecorder
 from django.utils import timezone
 
@@ -22,6 +23,8 @@ from fleet.base import schema
 from fleet.base.version import version
 
 KEPT = 5  # backups
+PATIENCE_S = 60.0  # so that five starts take longer than the five minutes in which systemd counts them
+STEP_S = 1.0
 
 
 class Command(BaseCommand):
@@ -35,9 +38,14 @@ class Command(BaseCommand):
         parser.add_argument(
             "--check", action="store_true", help="change nothing: fail if there is something to do"
         )
+        parser.add_argument(
+            "--wait", action="store_true", help="wait a minute for PostgreSQL, whose computer may start later"
+        )
 
     def handle(self, *args: Any, **options: Any) -> None:
         """Refuse, or make a backup, and migrate. A new database needs neither."""
+        if options["wait"] and connection.vendor == "postgresql":
+            self._wait_for_database()
         applied = MigrationRecorder(connection).applied_migrations()
         trouble = schema.trouble(connection)
         if trouble and (options["check"] or schema.newer_migrations(applied)):
@@ -52,10 +60,28 @@ class Command(BaseCommand):
                 raise CommandError(_how_to_back_up())
         # Also without a new migration: it reads the profiles that came with the release.
         call_command("migrate", interactive=False, verbosity=0)
+        forget_old(Path(settings.FLEET_VAR) / "backups")
+
+    def _wait_for_database(self) -> None:
+        """Wait until the database lets this process in. Raises OperationalError when the time is over."""
+        last_s = time.monotonic() + PATIENCE_S
+        told = False
+        while True:
+            try:
+                return connection.ensure_connection()
+            except OperationalError as error:
+                if time.monotonic() > last_s:
+                    raise
+                if not told:
+                    self.stderr.write(
+                        f"Waiting for the database, up to a minute: {' '.join(str(error).split())}"
+                    )
+                told = True
+                time.sleep(STEP_S)
 
 
 def back_up(var: Path) -> Path:
-    """Copy the SQLite database, and keep the newest copies. Return the path of the copy."""
+    """Copy the SQLite database. Return the path of the copy."""
     folder = var / "backups"
     folder.mkdir(mode=0o700, exist_ok=True)
     copy = folder / f"before-{version()}-{timezone.now():%Y%m%dT%H%M%SZ}.sqlite3"
@@ -65,9 +91,16 @@ def back_up(var: Path) -> Path:
         raise CommandError(
             f"Nothing was changed: the database cannot be copied to {copy}: {error}."
         ) from error
-    for old in sorted(folder.glob("before-*.sqlite3"), key=lambda one: one.stat().st_mtime)[:-KEPT]:
-        old.unlink()
     return copy
+
+
+def forget_old(folder: Path) -> None:
+    """Keep the newest copies, and the oldest of this release: tries that failed may have made the others."""
+    copies = sorted(folder.glob("before-*.sqlite3"), key=lambda one: one.stat().st_mtime)
+    first = next((one for one in copies if one.name.startswith(f"before-{version()}-")), None)
+    for old in copies[:-KEPT]:
+        if old != first:
+            old.unlink()
 
 
 def _how_to_back_up() -> str:
