@@ -25,9 +25,7 @@ ORDER = 0xFFFFFFFF00000000FFFFFFFFFFFFFFFFBCE6FAADA7179E84F3B9CAC2FC632551  # of
 NAME = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "fleet console, links to bridges")])
 BEGIN = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 END = datetime.datetime(2126, 1, 1, tzinfo=datetime.UTC)
-CERTIFICATE_LASTS = datetime.timedelta(
-    days=3650
-)  # a host that has left is forgotten by a new FLEET_LINK_SECRET
+CERTIFICATE_LASTS = datetime.timedelta(days=3650)  # a new FLEET_LINK_SECRET shuts out a host that has left
 HOUR = datetime.timedelta(hours=1)  # a clock may be behind
 
 

@@ -108,7 +108,7 @@ def _joined(host: BridgeHost, now: datetime, until: datetime) -> None:
 
 
 def remove(host: BridgeHost, actor: User) -> None:
-    """Take the host from the list. Its certificate stays valid until FLEET_LINK_SECRET changes."""
+    """Take the host from the list, and end its code. A computer that has joined keeps its settings and certificate."""
     with transaction.atomic():
         record("host.remove", actor=actor, parameters={"host": host.name})
         host.delete()

@@ -82,6 +82,14 @@ class BridgeHostAdmin(RecordedAdmin):
 
     def delete_model(self, request: HttpRequest, obj: BridgeHost) -> None:
         bridge_hosts.remove(obj, person_of(request))
+        if obj.joined_at:
+            text = (
+                gettext(
+                    "The computer %s still knows the database's password and FLEET_LINK_SECRET: change both."
+                )
+                % obj
+            )
+            self.message_user(request, text, messages.WARNING)
 
     def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:
         """Allow the list and its action; a host has nothing to edit."""

@@ -102,6 +102,14 @@ def assert_web_processes_trust(certificate: str, key: ec.EllipticCurvePrivateKey
     thread.join()
 
 
+def test_a_removed_host_is_said_to_know_secrets(command: str, signed_in: SignIn, staff: User) -> None:
+    assert asked(command).status_code == 200
+    path = f"/admin/robots/bridgehost/{BridgeHost.objects.get().pk}/delete/"
+    page = signed_in(staff).post(path, {"post": "yes"}, secure=True, follow=True).text
+    assert "The computer localhost still knows the database&#x27;s password and FLEET_LINK_SECRET" in page
+    assert not BridgeHost.objects.exists()
+
+
 def test_a_code_that_is_too_old_is_refused(command: str) -> None:
     BridgeHost.objects.update(code_until=timezone.now() - timedelta(seconds=1))
     assert asked(command).status_code == 403
