@@ -24,9 +24,12 @@ def main(words: Sequence[str], units: Path = UNITS) -> str:
     account = pwd.getpwnam(service["User"])
     if os.geteuid() not in (0, account.pw_uid):
         return f"Run it with sudo: the service belongs to {account.pw_name}."
-    own = (
-        dict(variables(Path(service["EnvironmentFile"]).read_text())) if "EnvironmentFile" in service else {}
-    )
+    try:
+        own = dict(variables(Path(service["EnvironmentFile"]).read_text()))
+    except KeyError:
+        own = {}
+    except OSError as error:  # a file of root's
+        return f"The settings cannot be read: {error}. Run it with sudo."
     environment = {
         "PATH": os.environ["PATH"],
         "HOME": account.pw_dir,

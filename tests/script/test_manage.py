@@ -68,6 +68,11 @@ def test_without_a_service_the_command_says_what_to_do(tmp_path: Path) -> None:
     assert "manage.py" in manage.main(["backup"], tmp_path)
 
 
+def test_settings_that_cannot_be_read_are_named(units: Path) -> None:
+    (units / "fleet.env").unlink()
+    assert "fleet.env'. Run it with sudo." in manage.main(["backup"], units)
+
+
 def test_the_nightly_backup_runs_like_the_service(units: Path) -> None:
     command = ["script/install-backup", "--print", "--service", units / "fleet.service", "/var/backups/fleet"]
     service, timer = subprocess.run(
