@@ -103,11 +103,12 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
 def proxies(addresses: str) -> str:
     """Return the addresses of proxies and of this machine, for the web process. Raises ArgumentTypeError."""
     try:
-        return ",".join(
-            [*(str(ipaddress.ip_network(one)) for one in addresses.split(",") if one), THIS_MACHINE]
-        )
+        networks = [ipaddress.ip_network(one.strip()) for one in addresses.split(",") if one.strip()]
     except ValueError as error:
         raise argparse.ArgumentTypeError(error) from error
+    if any(network.prefixlen == 0 for network in networks):
+        raise argparse.ArgumentTypeError(f"{addresses} has all computers: anybody could invent an address")
+    return ",".join([*map(str, networks), THIS_MACHINE])
 
 
 def is_loopback(address: str) -> bool:

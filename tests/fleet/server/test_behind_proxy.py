@@ -107,8 +107,9 @@ def test_without_addresses_the_proxy_is_on_this_machine(words):
 def test_proxies_are_addresses_and_networks():
     asked = arguments(["--behind-proxy", "10.0.0.5,10.1.0.0/16", "--bind", "10.0.0.2"])
     assert "10.0.0.5/32,10.1.0.0/16,127.0.0.0/8,::1" in web_command(asked)
-    with pytest.raises(SystemExit):
-        arguments(["--behind-proxy", "proxy.example", "--bind", "10.0.0.2"])
+    for none in ("proxy.example", "0.0.0.0/0", "10.0.0.5,::/0"):
+        with pytest.raises(SystemExit):
+            arguments(["--behind-proxy", none, "--bind", "10.0.0.2"])
 
 
 @pytest.mark.parametrize(
