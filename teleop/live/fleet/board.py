@@ -91,7 +91,7 @@ class Board:
         async with self._reading:
             people, self._asked, self._next_read = self._asked, set(), None
             robots, sights = await in_database(sights_of, people, self._stored)
-        for robot in robots:
+        for robot in robots if self.pages else ():  # the last page may be gone
             self._show(robot)
         return sights
 

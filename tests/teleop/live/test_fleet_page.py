@@ -301,6 +301,24 @@ async def test_pages_that_open_together_share_what_they_read(open_fleet, monkeyp
     assert list(map(len, read)) == [1, 2]
 
 
+async def test_no_card_stays_when_the_last_page_closes_during_a_read(open_fleet, robot, bridge, monkeypatch):
+    page = await open_fleet("observer")
+    reading, gone, sights_of = threading.Semaphore(0), threading.Event(), board.sights_of
+
+    def read_slowly(asked, stored):
+        reading.release()
+        assert gone.wait(5)
+        return sights_of(asked, stored)
+
+    monkeypatch.setattr(board, "sights_of", read_slowly)
+    assert await asyncio.to_thread(reading.acquire, timeout=5)
+    await page.close()
+    assert not board.board.pages
+    gone.set()
+    async with board.board._reading:
+        assert not board.board._cards
+
+
 async def test_card_of_each_person_has_their_own_rights(open_fleet, robot, bridge):
     pages = {who: await open_fleet(who) for who in ("operator", "supervisor", "staff")}
     may_clear = {
