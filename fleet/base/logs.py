@@ -50,7 +50,8 @@ class Json(logging.Formatter):
             line["request"] = request
         if record.exc_info:
             line["trace"] = redacted(self.formatException(record.exc_info))
-        return for_journal(json.dumps(line, ensure_ascii=False), record.levelno, sys.stderr)
+        # In ASCII: some letters, such as U+2028, end a line for some readers
+        return for_journal(json.dumps(line), record.levelno, sys.stderr)
 
 
 def for_journal(text: str, level: int, stream: TextIO) -> str:

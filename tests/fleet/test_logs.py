@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import logging
 import os
 from collections.abc import Callable, Iterator
@@ -13,7 +14,7 @@ from django.test import Client
 from django.urls import reverse
 
 from fleet.accounts.models import User
-from fleet.base.logs import for_journal
+from fleet.base.logs import Json, for_journal
 from fleet.help import views
 
 pytestmark = pytest.mark.django_db
@@ -126,3 +127,11 @@ def test_lines_for_the_journal_have_their_priority(tmp_path: Path, monkeypatch: 
         assert for_journal("said", logging.INFO, stream) == "<6>said"
     with (tmp_path / "file").open("w") as elsewhere:
         assert for_journal("said", logging.INFO, elsewhere) == "said"
+
+
+def test_a_line_of_json_is_one_line_without_secrets() -> None:
+    said = logging.LogRecord("fleet", logging.ERROR, "", 1, "ñ\u2028 %s", ("token=abcdefghij",), None)
+    said.request_id = "r1"
+    (line,) = Json().format(said).splitlines()
+    read = json.loads(line)
+    assert (read["text"], read["request"], read["level"]) == ("ñ\u2028 token=abcd…", "r1", "ERROR")
