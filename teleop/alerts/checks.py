@@ -136,7 +136,8 @@ class Certificates:
     def __call__(self) -> Iterator[Trouble]:
         """Return the certificates that end soon."""
         if time.monotonic() - self._looked_s > CERTIFICATES_S:
-            self._looked_s, self._ends = time.monotonic(), dict(_ends())
+            self._looked_s = time.monotonic()
+            self._ends.update(_ends())  # one that cannot be read now ends as before
         for name, ends in self._ends.items():
             if ends - timezone.now() < CERTIFICATE_LEFT:
                 words = say("The certificate of {name} ends on {day:day}.", name=name, day=ends)
@@ -144,7 +145,7 @@ class Certificates:
 
 
 def _ends() -> Iterator[tuple[str, datetime]]:
-    """Return when certificates end. One that cannot be read has no end: other checks say why nobody gets in."""
+    """Return when certificates end, without those that cannot be read: other checks say why nobody gets in."""
     origin = urlsplit(settled_origin())
     if origin.scheme == "https" and origin.hostname:
         context = ssl.create_default_context()

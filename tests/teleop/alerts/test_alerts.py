@@ -213,7 +213,11 @@ def test_backup_disk_redis_and_certificate(settings: LazySettings, monkeypatch: 
     assert "0.1 GB are left" in next(checks.disk()).words
     ends = {"fleet.example": timezone.now() + timedelta(days=5), "other": timezone.now() + timedelta(days=90)}
     monkeypatch.setattr(checks, "_ends", lambda: ends.items())
-    assert [one.subject for one in checks.Certificates()()] == ["fleet.example"]
+    certificates = checks.Certificates()
+    assert [one.subject for one in certificates()] == ["fleet.example"]
+    monkeypatch.setattr(checks, "CERTIFICATES_S", -1.0)
+    monkeypatch.setattr(checks, "_ends", lambda: ())  # nobody answers there now
+    assert [one.subject for one in certificates()] == ["fleet.example"]
 
 
 # --- pages ----------------------------------------------------------------------------------------
