@@ -113,9 +113,10 @@ class AlertWatch:
 
 
 def _end(alert: Alert, now: datetime) -> None:
-    """Store that it is over, and tell it to those who were told that it began."""
+    """Store that it was over when it was last found, and tell it to those who were told that it began."""
+    mine = Alert.objects.filter(pk=alert.pk, over_at=None, seen_at=alert.seen_at)
     with transaction.atomic():
-        if not Alert.objects.filter(pk=alert.pk, over_at=None, seen_at=alert.seen_at).update(over_at=now):
+        if not mine.update(over_at=min(alert.seen_at, now)):
             return
         alert.refresh_from_db()  # another process may just have told it
         if alert.told_at is not None:
@@ -127,7 +128,7 @@ def _tell_due(alert: Alert, rule: AlertRule, now: datetime) -> None:
 
     A time that is ahead was stored before the clock was set back.
     """
-    if not rule.active or abs(now - alert.began_at) < timedelta(minutes=rule.after_min):
+    if not rule.active or abs(alert.seen_at - alert.began_at) < timedelta(minutes=rule.after_min):
         return
     mine = Alert.objects.filter(pk=alert.pk, over_at=None)
     if what := _due(alert, rule, now):

@@ -86,6 +86,14 @@ def test_a_short_trouble_is_told_to_nobody_but_stays_in_the_history(watched: Wat
     assert Alert.objects.get().robot == robot
 
 
+def test_a_trouble_lasts_as_long_as_it_is_found(watched: Watched) -> None:
+    AlertRule.objects.create(kind="bridge", after_min=1, again_h=0)
+    assert watched.look(0) == watched.look(0.5) == []
+    watched.there = False
+    assert watched.look(1) == watched.look(2) == [] == kinds()
+    assert Alert.objects.get().over_at == NOW + timedelta(minutes=0.5)
+
+
 def test_quiet_times_hold_letters_back_but_not_records(watched: Watched) -> None:
     AlertRule.objects.create(
         kind="bridge", after_min=0, again_h=0, quiet_from="22:00", quiet_until="12:00", to="a@x.org; b@x.org"
