@@ -17,6 +17,7 @@ from django.db.migrations.recorder import MigrationRecorder
 from fleet.accounts.models import User
 from fleet.base.version import version
 from fleet.site.management.commands import upgrade
+from robots.shared.processes.one_supervisor import LOCK, only_instance
 
 pytestmark = pytest.mark.django_db
 
@@ -25,6 +26,8 @@ pytestmark = pytest.mark.django_db
 def migrate(tmp_path, settings):
     """`migrate`, replaced; backups go into a folder of this test."""
     settings.FLEET_VAR = tmp_path
+    settings.FLEET_RUN_DIR = tmp_path / "run"
+    settings.FLEET_RUN_DIR.mkdir()
     with mock.patch.object(upgrade, "call_command", autospec=True) as command:
         yield command
 
@@ -105,10 +108,20 @@ def test_the_database_may_start_later_than_this_computer(migrate, monkeypatch, c
         call_command("upgrade", "--wait")
 
 
+def test_nothing_is_changed_while_a_supervisor_runs(migrate, tmp_path, settings):
+    unapply("bookings", "0019_lesson_tasks")
+    with (
+        only_instance(settings.FLEET_RUN_DIR / LOCK),
+        pytest.raises(CommandError, match=r"a supervisor .* runs"),
+    ):
+        call_command("upgrade", "--migrate")
+    assert (migrate.called, backups(tmp_path)) == (False, [])
+
+
 def test_a_copy_that_fails_stops_the_upgrade(migrate, tmp_path, monkeypatch):
     unapply("bookings", "0019_lesson_tasks")
     monkeypatch.setattr(connection, "vendor", "sqlite")
-    monkeypatch.setitem(connection.settings_dict, "NAME", str(tmp_path / "no/such/folder"))
+    monkeypatch.setitem(connection.settings_dict, "NAME", str(tmp_path / "none.sqlite3"))
     with pytest.raises(CommandError, match="Nothing was changed: the database cannot be copied"):
         call_command("upgrade")
     assert (migrate.called, backups(tmp_path)) == (False, [])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sqlite3
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ from django.utils import timezone
 from fleet.backup.sqlite import copy_database
 from fleet.base import schema
 from fleet.base.version import version
+from robots.shared.processes.one_supervisor import AlreadySupervised
+from robots.supervisor.claims import sole_supervisor
 
 KEPT = 5  # backups
 PATIENCE_S = 60.0  # so that five starts take longer than the five minutes in which systemd counts them
@@ -52,15 +55,27 @@ class Command(BaseCommand):
             raise CommandError(trouble)
         if options["check"]:
             return
-        if trouble and applied:
-            self.check(tags=[Tags.database], databases=["default"])
-            if connection.vendor == "sqlite":
-                self.stdout.write(f"The database before the upgrade: {back_up(Path(settings.FLEET_VAR))}")
-            elif not options["migrate"]:
-                raise CommandError(_how_to_back_up())
-        # Also without a new migration: it reads the profiles that came with the release.
-        call_command("migrate", interactive=False, verbosity=0)
+        with ExitStack() as held:
+            if trouble and applied:
+                self._prepare(held, backed_up=options["migrate"])
+            # Also without a new migration: it reads the profiles that came with the release.
+            call_command("migrate", interactive=False, verbosity=0)
         forget_old(Path(settings.FLEET_VAR) / "backups")
+
+    def _prepare(self, held: ExitStack, *, backed_up: bool) -> None:
+        """Keep supervisors from starting, look at the data and make a backup. Raises CommandError."""
+        try:
+            held.enter_context(sole_supervisor())
+        except AlreadySupervised as other:
+            raise CommandError(
+                f"Nothing was changed: a supervisor of the console runs ({other}), and a new schema would stop it. "
+                "Stop it first: sudo systemctl stop fleet"
+            ) from other
+        self.check(tags=[Tags.database], databases=["default"])
+        if connection.vendor == "sqlite":
+            self.stdout.write(f"The database before the upgrade: {back_up(Path(settings.FLEET_VAR))}")
+        elif not backed_up:
+            raise CommandError(_how_to_back_up())
 
     def _wait_for_database(self) -> None:
         """Wait until the database lets this process in. Raises OperationalError when the time is over."""
