@@ -8,6 +8,7 @@ from django import forms
 from django.core.exceptions import ValidationError
 from django.core.validators import validate_email
 from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
 
 from teleop.alerts.kinds import KINDS
 from teleop.models import AlertRule
@@ -20,7 +21,7 @@ class RuleForm(forms.ModelForm):  # type: ignore[type-arg]  # not subscriptable 
         model = AlertRule
         fields = ["active", "after_min", "again_h", "mail", "to", "quiet_from", "quiet_until"]
         widgets = {
-            "to": forms.Textarea(attrs={"rows": 1}),
+            "to": forms.Textarea(attrs={"rows": 1, "placeholder": gettext_lazy("all staff")}),
             "quiet_from": forms.TimeInput(attrs={"type": "time"}, format="%H:%M"),
             "quiet_until": forms.TimeInput(attrs={"type": "time"}, format="%H:%M"),
         }

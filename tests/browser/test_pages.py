@@ -34,6 +34,8 @@ PAGES = [
     "/webhooks/",
     "/webhooks/new/",
     "/mail/",
+    "/status/",
+    "/status/rules/",
     "/access/",
     "/tokens/",
     "/service-accounts/",
