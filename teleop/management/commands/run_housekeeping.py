@@ -31,7 +31,7 @@ from fleet.bookings.changes.handing import hand_offers_lapse, remove_old_offers
 from fleet.bookings.losses import lost_rights
 from fleet.bookings.losses.weighing import remove_old_changes
 from fleet.bookings.messages import moments, notifications
-from fleet.bookings.services import remove_old_cancelled, restore_unbegun, store_no_shows
+from fleet.bookings.services import BookingRefused, remove_old_cancelled, restore_unbegun, store_no_shows
 from robots.records.faults import RobotWatch
 from robots.shared.processes.shutdown import end_event
 from teleop.api.v1.framework.idempotency import remove_old_answers
@@ -117,7 +117,7 @@ class Command(BaseCommand):
                     erased = eraser.submit(_erase)
                 webhooks.step()
                 pushes.step()
-            except (DatabaseError, AuditUnavailable) as error:
+            except (DatabaseError, AuditUnavailable, BookingRefused) as error:
                 log.error("Housekeeping failed and is tried again: %s", error)
             close_old_connections()
 

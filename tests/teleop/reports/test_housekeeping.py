@@ -8,6 +8,7 @@ import sys
 import time
 from datetime import timedelta
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from django.core import mail
@@ -18,6 +19,8 @@ from django.utils import timezone
 from fleet.audit.models import Record
 from fleet.bookings.messages import notifications
 from fleet.bookings.models import Notification, Waiting
+from fleet.bookings.services import BookingRefused
+from robots.shared.wire import Refusal
 from teleop.control import lease_checks, line, services
 from teleop.control.database_watch import GAP_S, DatabaseWatch
 from teleop.control.lease_checks import Tab
@@ -92,6 +95,23 @@ def test_daily_work_runs_again_when_the_clock_was_set(monkeypatch):
         monkeypatch.setattr(time, "time", lambda ahead_s=ahead_s: right() + ahead_s)
         daily.work_a_little()
     assert len(begun) == 3
+
+
+def test_bookings_that_cannot_be_freed_end_no_housekeeping(monkeypatch, robot):
+    """The database may find an overlap: other work goes on."""
+    rounds = iter([False, False, True])
+    tried = []
+
+    def refuse(*_):
+        tried.append(1)
+        raise BookingRefused([Refusal("taken", "Another person has just booked this time.", "booking")])
+
+    monkeypatch.setattr(run_housekeeping, "end_event", lambda *_: Mock(wait=lambda _s: next(rounds)))
+    monkeypatch.setattr(run_housekeeping, "begin", lambda _process: None)
+    monkeypatch.setattr(run_housekeeping.lost_rights, "bookings_free_lost", refuse)
+    monkeypatch.setattr(sys, "stdin", Mock())
+    run_housekeeping.Command().handle(once=False)
+    assert len(tried) == 2
 
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="names the test database by its file")
