@@ -26,11 +26,12 @@ PAGES = [
     "/bookings/policies/all/",
     "/bookings/series/",
     "/bookings/report/",
+    "/bookings/holidays/",
     "/courses/",
     "/courses/new/",
     "/robot-groups/",
-    "/robot-groups/tiagos/people/",
     "/qualifications/",
+    "/sign-in-rules/",
     "/webhooks/",
     "/webhooks/new/",
     "/mail/",
@@ -53,6 +54,8 @@ PAGES = [
     "/admin/",
     "/admin/robots/robot/add/",
     "/admin/robots/robotrole/add/",
+    "/admin/robots/bridgehost/",
+    "/admin/robots/bridgehost/add/",
     "/admin/robots/phrase/",
     "/admin/robots/phrase/import/",
     "/robots/tiago-2/report/",
@@ -150,16 +153,20 @@ def test_every_page_is_narrow_stays_local_and_pleases_axe(person: Arrive, please
         staff.page = tab = tabs[number % 2]
         if pleases_axe == "all" or path in (*DAILY, *drawers):  # half a second without requests
             tab.wait_for_load_state("networkidle")
-        complaints += [line for line in news[tab] if path in PAGES or "responded with a status" not in line]
+        missing = path in REFUSED or path == "/nowhere/"
+        complaints += [line for line in news[tab] if not missing or "responded with a status" not in line]
         if number + 1 < len(paths):  # axe-core runs while the next page loads
             open_in(tabs[(number + 1) % 2], paths[number + 1])
         if path in DAILY or (pleases_axe == "all" and path not in drawers):
             axe_accepts(staff, path)
         tab.set_viewport_size({"width": 360, "height": 640})
         assert tab.evaluate("document.scrollingElement.scrollWidth") == 360, path
+        assert not tab.locator("[data-pages]").is_visible(), (
+            path
+        )  # it would lie under the stop: the menu has it
     assert any("/ws/" in url for url in asked)
     assert [url for url in asked if not url.startswith(staff.stack.url)] == []
-    assert [line for line in complaints if "404" not in line] == []  # 404 is for /nowhere/
+    assert complaints == []
 
 
 def test_axe_accepts_a_course_its_booking_and_its_drive(person: Arrive) -> None:
@@ -186,6 +193,14 @@ def test_axe_accepts_a_course_its_booking_and_its_drive(person: Arrive) -> None:
     booking = page.locator(".booking-rows a[href^='/bookings/']").last.get_attribute("href")
     staff.open(course)
     someone = page.locator("a.why").first.get_attribute("href")
+    staff.open("/robot-groups/")
+    new = page.get_by_role("region", name="New group")
+    new.get_by_label("Name").fill(f"Group {name}")
+    new.get_by_role("button", name="Save").click()
+    details = page.locator("details", has_text=f"Group {name}")
+    group = details.locator("a[href*='/people/']").get_attribute("href")
+    staff.open("/admin/robots/robot/")
+    robot = page.get_by_role("link", name="TIAGo Two").get_attribute("href")
     staff.open("/today/")
     session = page.locator(".today-rows a[href^='/sessions/']").last.get_attribute("href")
     paths = [
@@ -201,7 +216,7 @@ def test_axe_accepts_a_course_its_booking_and_its_drive(person: Arrive) -> None:
             invitation,
         ),
         *(course, f"{course}enrol/", f"{course}edit/", f"/bookings/courses{course.removeprefix('/courses')}"),
-        *("/accounts/settings/", "/accounts/second-factor/totp/activate/", "/your-data/"),
+        *(group, robot, "/accounts/settings/", "/accounts/second-factor/totp/activate/", "/your-data/"),
     ]
     for path in paths:
         staff.open(str(path))
@@ -226,6 +241,9 @@ def test_axe_accepts_a_course_its_booking_and_its_drive(person: Arrive) -> None:
     page.get_by_role("button", name="Cancel this booking").click()
     staff.open(course)
     page.get_by_role("button", name="Archive").click()
+    staff.open("/robot-groups/")
+    details.locator("summary").click()
+    details.get_by_role("button", name="Delete").click()
 
 
 def test_axe_accepts_cards_of_silent_robots(person: Arrive) -> None:
@@ -506,7 +524,7 @@ def nothing_covers_the_stop(staff: Person, width: int, height: int) -> None:
     assert covering() == []
     if width < 1000:
         staff.open_drawer("More")
-        staff.press("Details")
+        staff.page.locator(".details-open").click()  # a reason has a button of this name, too
         assert covering() == []
         staff.page.keyboard.press("Escape")
     staff.page.locator(".menu summary").click()
