@@ -1,0 +1,72 @@
+"""script/install-service with systemd and stand-ins for what it installs: words, settings and roles of its units."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+
+import pytest
+
+from script.stack.places import REPOSITORY
+from tests.script.installed.machine import Machine, empty_machine, missing
+
+pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
+
+READY = '#!/bin/bash\necho "Serving on $*"\nsystemd-notify --ready\nexec sleep 1000\n'
+STAND_INS = {
+    "opt/fleet/script/setup": "#!/bin/bash\n",
+    "opt/fleet/script/serve": READY,
+    "opt/fleet/.venv/bin/python": "#!/bin/bash\n",
+    "usr/bin/python3": "#!/bin/bash\necho a-secret\n",  # an empty Debian has none
+}
+
+
+@pytest.fixture
+def machine() -> Iterator[Machine]:
+    with empty_machine() as machine:
+        for name, program in STAND_INS.items():
+            path = machine.root / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(program)
+        machine.run("chmod", "-R", "a+rX", "/opt/fleet")
+        machine.run("chmod", "755", *(f"/{name}" for name in STAND_INS))
+        script = machine.root / "opt/fleet/script/install-service"
+        shutil.copy(REPOSITORY / "script/install-service", script)
+        # Only our own program is the service's main process and may say that it is ready.
+        script.write_text(script.read_text().replace("Type=notify\n", "Type=notify\nNotifyAccess=all\n"))
+        yield machine
+
+
+def starts(machine: Machine, unit: str) -> tuple[str, str]:
+    """Return the words and the settings with which a unit starts."""
+    text = (machine.root / f"etc/systemd/system/{unit}.service").read_text()
+    [words] = re.findall(r"^ExecStart=/opt/fleet/script/serve (.*)$", text, re.MULTILINE)
+    [settings] = re.findall(r"^EnvironmentFile=(.*)$", text, re.MULTILINE)
+    return words, settings
+
+
+def test_it_keeps_its_words_until_it_gets_others(machine: Machine) -> None:
+    said = machine.shell("script/install-service --env /etc/lab.env -- --port 443")
+    assert "Made the system user fleet." in said and "Serving on console --port 443\n" in said
+    assert machine.run("stat", "-c", "%a %U", "/etc/lab.env", "/var/lib/fleet") == "600 root\n700 fleet\n"
+    machine.shell("script/install-service")
+    assert starts(machine, "fleet") == ("console --port 443", "/etc/lab.env")
+    machine.shell("script/install-service -- --port 8001")
+    assert starts(machine, "fleet") == ("console --port 8001", "/etc/lab.env")
+
+
+def test_other_roles_want_settings_of_the_console_and_run_beside_it(machine: Machine) -> None:
+    machine.shell("script/install-service")
+    machine.shell("mv /etc/fleet.env /etc/copy.env")
+    refused = machine.shell("script/install-service web; script/install-service bridges", check=False)
+    assert "there is no /etc/fleet.env: copy it from the computer of the console." in refused
+    assert "there is no /etc/fleet.env: the console makes it, see Add a bridge host" in refused
+    machine.shell("cp /etc/copy.env /etc/fleet.env")
+    for role in ("web", "bridges"):
+        assert f"fleet-{role} runs, and starts again after a reboot." in machine.shell(
+            f"script/install-service {role}"
+        )
+    assert (
+        machine.run("systemctl", "is-active", "fleet", "fleet-web", "fleet-bridges").split() == ["active"] * 3
+    )
