@@ -48,6 +48,7 @@ Report = tuple[State, str, int | None]  # state, detail in words, process id
 log = logging.getLogger(__name__)
 
 STEP_S = 0.1
+BEAT_S = 1.0  # much less than `FROZEN_S`
 POLL_S = 0.5
 DATABASE_PATIENCE_S = 0.2
 END_S = KILL_S + 1.0
@@ -66,10 +67,14 @@ def eager() -> RestartBudget:
 
 def supervise(fleet: Fleet, stopping: Stopping) -> None:
     """Run rounds until `stopping`, then end all programs."""
+    beat_at_s = 0.0
     try:
         while not stopping:
-            fleet.step(time.monotonic())
-            beat(settings.FLEET_RUN_DIR / LOCK)
+            now_s = time.monotonic()
+            fleet.step(now_s)
+            if now_s >= beat_at_s:
+                beat(settings.FLEET_RUN_DIR / LOCK)
+                beat_at_s = now_s + BEAT_S
             time.sleep(STEP_S)
     finally:
         exit_within(LAST_S)

@@ -20,8 +20,8 @@ def rules() -> dict[str, AlertRule]:
 
 
 def open_alerts() -> dict[str, int]:
-    """Return the number of open alerts of each kind that has some. One query."""
-    found = Alert.objects.filter(over_at=None).order_by().values_list("kind")
+    """Return the number of open alerts of each kind that the rules have told. One query."""
+    found = Alert.objects.filter(over_at=None, told_at__isnull=False).order_by().values_list("kind")
     return dict(found.annotate(number=Count("pk")))
 
 
