@@ -195,3 +195,15 @@ def test_only_people_who_may_override_are_asked_for_a_reason(client, course, sup
     slot = {"starts_at": f"{day}T10:00", "ends_at": f"{day}T11:00", "override": "I want it"}
     series = {"robot": "tiago-1", "weeks": 2, "purpose": "HRI", **slot}
     assert client.post("/bookings/series/", series).status_code == 200
+
+
+def test_a_page_that_reads_itself_again_takes_no_messages(signed_in, robot, operator):
+    starts = timezone.now() + timedelta(hours=2)
+    slot = Slot(starts, starts + timedelta(hours=1))
+    booking = booking_make(robot=robot, person=operator, slot=slot, now=timezone.now())
+    browser, mine = signed_in(operator), reverse("bookings-mine")
+    html = {"Accept": "text/html"}
+    cancel = {"action": "cancel", "version": booking.version, "back": mine}
+    assert browser.post(reverse("booking", args=[booking.pk]), cancel, headers=html).status_code == 302
+    assert "Cancelled:" not in browser.get(mine, headers=html | {"X-Live": "1"}).content.decode()
+    assert "Cancelled:" in browser.get(mine, headers=html).content.decode()

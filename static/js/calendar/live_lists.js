@@ -32,7 +32,8 @@ export function bringUpToDate(html) {
 
 async function readAgain(again) {
   if (document.hidden) return;
-  const answer = await fetch(location.href, { headers: { Accept: "text/html" } }).catch(() => null);
+  const headers = { Accept: "text/html", "X-Live": "1" }; // without messages: they are for the page that comes next
+  const answer = await fetch(location.href, { headers }).catch(() => null);
   if (answer?.ok && !answer.redirected && bringUpToDate(await answer.text())) again();
 }
 
