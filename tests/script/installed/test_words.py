@@ -13,7 +13,8 @@ from tests.script.installed.machine import Machine, empty_machine, missing
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
 
-READY = '#!/bin/bash\necho "Serving on $*"\nsystemd-notify --ready\nexec sleep 1000\n'
+SAYS = 'echo "Serving on $*"\nseq 2000\necho "One-time code: AB"\n'
+READY = f"#!/bin/bash\n{SAYS}systemd-notify --ready\nexec sleep 1000\n"
 STAND_INS = {
     "opt/fleet/script/setup": "#!/bin/bash\n",
     "opt/fleet/script/serve": READY,
@@ -49,6 +50,7 @@ def starts(machine: Machine, unit: str) -> tuple[str, str]:
 def test_it_keeps_its_words_until_it_gets_others(machine: Machine) -> None:
     said = machine.shell("script/install-service --env /etc/lab.env -- --port 443")
     assert "Made the system user fleet." in said and "Serving on console --port 443\n" in said
+    assert "One-time code: AB\n" in said  # the last line before it is ready
     assert machine.run("stat", "-c", "%a %U", "/etc/lab.env", "/var/lib/fleet") == "600 root\n700 fleet\n"
     machine.shell("script/install-service")
     assert starts(machine, "fleet") == ("console --port 443", "/etc/lab.env")
