@@ -51,7 +51,7 @@ describe("tasks", () => {
     notices.length = 0;
     for (const t of beginning)
       expect((await requests.send({ t, use: "speech", text: "" })).code).toBe("robot_silent");
-    expect(notices[0].text).toContain("The robot does not answer");
+    expect(notices[0].text).toContain("No contact");
     for (const t of ending) requests.send({ t });
     expect(sent.map(({ t }) => t)).toEqual(ending);
     delete document.body.dataset.stale;
