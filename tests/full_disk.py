@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import suppress
 from typing import Any
+from weakref import WeakSet
 
 from django.db import connection
 from django.db.backends.base.base import BaseDatabaseWrapper
 from django.db.backends.signals import connection_created
+from django.dispatch import receiver
 
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.services import record
 
+_opened: WeakSet[BaseDatabaseWrapper] = WeakSet()  # the connections of all threads; some threads keep theirs
+
+
+@receiver(connection_created)
+def _note(connection: BaseDatabaseWrapper, **_: Any) -> None:
+    _opened.add(connection)
+
+
 # In characters. Large records use up free pages, small records use up the rest of other pages.
 FILLERS = (100_000, 1_000, 0)
+MOST_PAGES = 4_294_967_294  # as SQLite limits itself
 FAILURES = 25  # failures in a row that mean a full disk: records use different pages of an index
 
 
@@ -27,7 +40,7 @@ class Disk:
         with connection.cursor() as cursor:
             cursor.execute("PRAGMA page_count")
             self._pages = cursor.fetchone()[0]
-        self._limit(connection)
+        self._limit_kept(self._pages)
         connection_created.connect(self._created)
         for length in FILLERS:
             self._use_up(length)
@@ -35,10 +48,17 @@ class Disk:
     def free(self) -> None:
         """Allow new connections to write again."""
         connection_created.disconnect(self._created)
-        connection.close()
+        self._limit_kept(MOST_PAGES)
 
     def _created(self, connection: BaseDatabaseWrapper, **_: Any) -> None:
         self._limit(connection)
+
+    def _limit_kept(self, pages: int) -> None:
+        for kept in list(_opened):
+            if (raw := kept.connection) is None:
+                continue
+            with suppress(sqlite3.ProgrammingError):  # its thread has closed it meanwhile
+                raw.execute(f"PRAGMA max_page_count = {pages}").close()
 
     def _limit(self, connection: BaseDatabaseWrapper) -> None:
         with connection.cursor() as cursor:

@@ -18,10 +18,7 @@ from tests.processes import PATIENCE_S, until
 
 
 class LateCalls:
-    """The calls of one test on all executors, and the connections that its threads open.
-
-    These are closed with the test: one that stays open is not limited by the next test's full disk, for example.
-    """
+    """The calls of one test on all executors, and the connections that its threads open."""
 
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
         self._calls: list[Future[Any]] = []
@@ -38,8 +35,6 @@ class LateCalls:
         until(
             lambda: not any(opened.in_atomic_block for opened in self._opened), "no transaction on a thread"
         )
-        for opened in list(self._opened):
-            _close(opened)
 
     def _noted(self, submit: Callable[..., Future[Any]]) -> Callable[..., Future[Any]]:
         @functools.wraps(submit)
@@ -52,12 +47,3 @@ class LateCalls:
     def _note(self, connection: BaseDatabaseWrapper, **_: Any) -> None:
         if threading.current_thread() is not threading.main_thread():  # this one has the test's transaction
             self._opened.add(connection)
-
-
-def _close(opened: BaseDatabaseWrapper) -> None:
-    """Close the connection of another thread, which is idle."""
-    opened.inc_thread_sharing()
-    try:
-        opened.close()
-    finally:
-        opened.dec_thread_sharing()
