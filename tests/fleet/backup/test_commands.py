@@ -127,8 +127,8 @@ def test_the_database_of_something_else_is_not_replaced(console: Path, tmp_path:
 
 def test_a_file_that_may_not_be_read_is_refused_in_words(console: Path, tmp_path: Path) -> None:
     with (
-        mock.patch.object(Path, "is_file", side_effect=PermissionError(13, "Permission denied", "/root/x")),
-        pytest.raises(CommandError, match="Permission denied: '/root/x'"),
+        mock.patch.object(Path, "is_file", side_effect=PermissionError(13, "Permission denied", "/closed/x")),
+        pytest.raises(CommandError, match="Permission denied: '/closed/x'"),
     ):
         run("restore", tmp_path / "x")
 
