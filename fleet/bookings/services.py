@@ -312,15 +312,22 @@ def booking_make(
             made_at=now,
             overridden=bool(override) or None,
         )
-        inside = [one for one in team if one not in asked]
-        BookingMember.objects.bulk_create(BookingMember(booking=booking, person=one) for one in inside)
-        people = {"team": [str(one.pk) for one in inside]} if inside else {}
-        turns = {"turn_min": turn_min} if turn_min is not None else {}
-        facts_of = {**({"shared": booking.shared} if booking.shared else {}), **people, **turns}
+        sharing = _store_team(booking, [one for one in team if one not in asked])
         record_booking(
-            "booking.make", booking, actor, outcome=booking.state, text=override, parameters=facts_of
+            "booking.make", booking, actor, outcome=booking.state, text=override, parameters=sharing
         )
     return booking
+
+
+def _store_team(booking: Booking, team: Sequence[User]) -> dict[str, Any]:
+    """Store the people who share a new booking. Return, for its record, how it is shared."""
+    BookingMember.objects.bulk_create(BookingMember(booking=booking, person=one) for one in team)
+    facts: dict[str, Any] = {"shared": booking.shared} if booking.shared else {}
+    if team:
+        facts["team"] = [str(one.pk) for one in team]
+    if booking.turn_min is not None:
+        facts["turn_min"] = booking.turn_min
+    return facts
 
 
 def booking_move(
