@@ -273,7 +273,7 @@ class Alert(models.Model):
 
 
 class AlertRule(models.Model):
-    """Who is told of alerts of a kind, and when. Without a row, the rule of `teleop.alerts.kinds` holds."""
+    """The readers of alerts of a kind, and times of letters. Without a row, the rule of `teleop.alerts.kinds` holds."""
 
     kind = models.CharField(primary_key=True, max_length=16)
     active = models.BooleanField(_("on"), default=True)

@@ -1,1 +1,1 @@
-"""What many robots, pages, people and records cost: the table of growth, each goal as a limit."""
+"""The cost of many robots, pages, people and records: the table of growth, each goal as a limit."""

@@ -20,7 +20,7 @@ PING_S = 1.0
 
 
 class FleetPages:
-    """What all pages have received."""
+    """The bytes that all pages have received."""
 
     received_bytes = 0
 

@@ -17,7 +17,7 @@ from fleet.base import schema, version
 
 
 class Checked(Struct, frozen=True):
-    """What a check found."""
+    """The result of a check."""
 
     manifest: Manifest
     missing: int  # migrations that the database needs

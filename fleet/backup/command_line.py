@@ -1,4 +1,4 @@
-"""What the commands share: the passphrase, errors in words, records of what was done."""
+"""Parts that the commands share: the passphrase, errors in words, records of what was done."""
 
 from __future__ import annotations
 

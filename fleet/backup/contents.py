@@ -1,4 +1,4 @@
-"""What goes into an archive besides the database: what it is, heads of the log; settings and meshes if asked."""
+"""The parts of an archive besides the database: its manifest, heads of the log; settings and meshes if asked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can stop a backup, its check or its way back. Each text is for the admin at the command line."""
+"""The errors that stop a backup, its check or its way back. Each text is for the admin at the command line."""
 
 
 class BackupError(Exception):

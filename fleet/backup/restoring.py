@@ -26,7 +26,7 @@ STOP = "sudo systemctl stop fleet"
 
 
 class Restored(Struct, frozen=True):
-    """What a restore did."""
+    """The result of a restore."""
 
     checked: Checked
     kept: str  # the name of the database that was there; blank: it had no people

@@ -19,7 +19,7 @@ from fleet.backup.workplace import workplace
 
 
 class Wishes(Struct, frozen=True):
-    """What goes into a backup besides the database, and the passphrase that encrypts it."""
+    """The parts of a backup besides the database, and the passphrase that encrypts it."""
 
     settings: bool = False
     meshes: bool = False

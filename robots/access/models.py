@@ -280,7 +280,7 @@ class PasswordLink(models.Model):
     mark = models.CharField(max_length=16)  # of password and last sign-in: later ones end the link
     # When others saw the link of an account that nobody had used: it ends when the account gains anything later
     seen_at = models.DateTimeField(null=True, blank=True)
-    # Who alone saw it; None: several people, or whoever opened an invitation
+    # The only person who saw it; None: several people, or whoever opened an invitation
     seen_by = models.ForeignKey(
         settings.AUTH_USER_MODEL, null=True, blank=True, on_delete=models.SET_NULL, related_name="+"
     )

@@ -29,7 +29,7 @@ class NotJoined(Exception):
 
 
 class Joined(Struct, frozen=True):
-    """What a computer gets for its code."""
+    """The settings that a computer gets for its code."""
 
     settings: dict[str, str]
     certificate: str

@@ -1,1 +1,1 @@
-"""What makes `script/serve` a good service: it keeps its processes running, and tells systemd when they are ready."""
+"""The parts that make `script/serve` a good service: it keeps its processes running, and tells systemd about them."""

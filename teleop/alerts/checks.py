@@ -1,4 +1,4 @@
-"""What needs somebody now. Each check looks at real parts, and returns its troubles."""
+"""Finds the troubles that need somebody now. Each check looks at real parts, and returns its troubles."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from teleop.models import AlertRule
 
 
 class RuleForm(forms.ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
-    """Who is told of a kind of alert, and when."""
+    """The form of the readers of a kind of alert, and of its times."""
 
     class Meta:
         model = AlertRule

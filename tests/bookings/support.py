@@ -1,4 +1,4 @@
-"""What tests of bookings share."""
+"""Steps that tests of bookings share."""
 
 from django.urls import reverse
 

@@ -29,7 +29,7 @@ SUMS = "SHA256SUMS"
 LONGEST_LISTING = 100_000_000  # bytes of manifest or digests
 PIECE = 1 << 20
 SPEED = 1  # of compression: ten times as fast as the best, for a tenth more room
-# What a damaged archive lets the readers below raise.
+# The errors that the readers below raise for a damaged archive.
 _UNREADABLE = (
     tarfile.TarError,
     gzip.BadGzipFile,
@@ -41,7 +41,7 @@ _UNREADABLE = (
 
 
 class Manifest(Struct, frozen=True):
-    """What an archive is."""
+    """The manifest of an archive."""
 
     version: str  # of the console that made it
     commit: str

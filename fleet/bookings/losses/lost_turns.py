@@ -1,4 +1,4 @@
-"""Who loses a turn by a change: a line skips people who may not drive, so the preview names them."""
+"""The people who lose a turn by a change: a line skips people who may not drive, so the preview names them."""
 
 from __future__ import annotations
 

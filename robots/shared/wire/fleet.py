@@ -39,7 +39,7 @@ class FleetSpeed(Struct, frozen=True):
 
 
 class FleetState(Worded, frozen=True):
-    """What the fleet page shows of a robot's `State`. Fields have the same meaning; figures are rounded."""
+    """The part of a robot's `State` that the fleet page shows. Fields have the same meaning; figures are rounded."""
 
     phase: Phase
     text: str

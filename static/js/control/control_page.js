@@ -382,7 +382,7 @@ class ControlPage {
     this.#update();
   }
 
-  /** What the present lesson leaves to this person; null: everything. */
+  /** The tasks that the present lesson leaves to this person; null: everything. */
   #tellTasks(tasks) {
     const told = JSON.stringify(tasks);
     if (told === this.#told) return;

@@ -1,4 +1,4 @@
-/** What a lesson leaves to its members: the page offers nothing else, and the console refuses the rest. */
+/** The tasks that a lesson leaves to its members: the page offers nothing else, and the console refuses the rest. */
 
 /**
  * Return those of `items` that the lesson leaves.

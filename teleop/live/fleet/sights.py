@@ -1,4 +1,4 @@
-"""What people may see of the fleet now: read from the database for all fleet pages together."""
+"""The part of the fleet that people may see now, read from the database for all fleet pages together."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class FleetRobot(Struct, frozen=True):
 
 
 class Own(Struct, frozen=True):
-    """What a robot's card says to one person only."""
+    """The part of a robot's card that is for one person only."""
 
     may_clear: bool
     mine: bool  # the present booking
@@ -45,7 +45,7 @@ class Own(Struct, frozen=True):
 
 
 class Sight(Struct, frozen=True):
-    """What one sign-in may see."""
+    """The robots that one sign-in may see."""
 
     user: User
     robots: dict[UUID, Own]  # by name of the robot

@@ -1,4 +1,4 @@
-"""What a lesson leaves to its members, and students spread over its robots."""
+"""The tasks that a lesson leaves to its members, and students spread over its robots."""
 
 from datetime import timedelta
 

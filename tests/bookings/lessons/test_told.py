@@ -1,4 +1,4 @@
-"""Who is told of a lesson's moments."""
+"""The people who are told of a lesson's moments."""
 
 from datetime import timedelta
 

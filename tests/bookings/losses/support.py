@@ -1,4 +1,4 @@
-"""What tests of losses share."""
+"""Steps that tests of losses share."""
 
 import re
 

@@ -1,4 +1,4 @@
-/** What a device does by itself: shows pushes, opens their page, and ends them when its person signs out. */
+/** The work of a device by itself: it shows pushes, opens their page, and ends them when its person signs out. */
 
 import { readFileSync } from "node:fs";
 import { afterEach, expect, test, vi } from "vitest";

@@ -1,4 +1,4 @@
-"""What programs expect of any API: a first address, filters and order, ids of requests, rates, pages of errors."""
+"""Programs expect this of any API: a first address, filters and order, ids of requests, rates, pages of errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a lesson leaves to its members is enforced at the door of tasks and in the bridge's grant."""
+"""The tasks that a lesson leaves to its members are enforced at the door of tasks and in the bridge's grant."""
 
 import pytest
 from django.utils import timezone

@@ -20,7 +20,7 @@ from tests.teleop.webhooks.conftest import Receiver
 
 
 class Browser:
-    """What a browser keeps for itself, and what it gives to the console."""
+    """The keys that a browser keeps for itself, and those that it gives to the console."""
 
     def __init__(self, endpoint: str) -> None:
         self._private = ec.generate_private_key(ec.SECP256R1())
