@@ -85,6 +85,16 @@ async def test_card_of_a_silent_bridge_is_unknown(open_fleet, robot, bridge, mon
     await shows(page, lambda robots: robots[robot.slug]["state"])
 
 
+async def test_a_card_that_cannot_be_made_is_unknown_not_old(open_fleet, robot, bridge, monkeypatch):
+    page = await open_fleet("observer")
+    await shows(page, lambda robots: robots[robot.slug]["state"])
+    with monkeypatch.context() as broken:
+        broken.setattr(cards, "fleet_state", lambda _state: 1 / 0)
+        bridge.say(wire.Status(msgspec.structs.replace(IDLE, holder="Olga Operator")))
+        robots = await shows(page, lambda robots: not robots[robot.slug]["state"])
+    assert robots[robot.slug]["refusal"]["code"] == "link_fault"
+
+
 async def test_disabled_robot_is_shown_as_such(open_fleet, robot, bridge):
     await in_database(lambda: Robot.objects.update(enabled=False))
     await bridge.close()
@@ -125,6 +135,8 @@ async def test_fault_in_reading_or_sending_ends_no_page(open_fleet, robot, bridg
         broken.setattr(cards, "fleet_state", lambda _state: fails(made))
         for fault in (looked, looked, made):
             assert await asyncio.to_thread(fault.acquire, timeout=5)
+    await shows(page, lambda robots: not robots[robot.slug]["state"])  # read, so that the next news are sent
+    await shows(page, lambda robots: robots[robot.slug]["state"])
     with monkeypatch.context() as broken:
         broken.setattr(cards.RobotCard, "encoded", lambda *_: fails(shown))
         bridge.say(wire.Status(msgspec.structs.replace(IDLE, holder="Olga Operator")))
