@@ -27,17 +27,17 @@ WITH covered (course_id, robot_id) AS (
     SELECT id, role, starts_on <= {day} FROM access_course
     WHERE NOT archived AND starts_on <= {last} AND ends_on >= {day}
 )
-SELECT user_id, robot_id, role, 0, TRUE FROM robots_robotrole WHERE user_id IN ({people}) AND {on_robots}
+SELECT user_id, robot_id, role, 0, TRUE, 0 FROM robots_robotrole WHERE user_id IN ({people}) AND {on_robots}
 UNION ALL
-SELECT user_id, robot_id, role, 0, TRUE
+SELECT user_id, robot_id, role, 0, TRUE, g.group_id
 FROM access_grouprole g JOIN access_robotgroup_robots gr ON gr.robotgroup_id = g.group_id
 WHERE user_id IN ({people}) AND {on_robots}
 UNION ALL
-SELECT person_id, robot_id, role, valid.id, valid.begun
+SELECT person_id, robot_id, role, valid.id, valid.begun, 0
 FROM access_enrolment e JOIN valid ON valid.id = e.course_id JOIN covered ON covered.course_id = e.course_id
 WHERE person_id IN ({people}) AND {on_robots}
 UNION ALL
-SELECT user_id, robot_id, 'supervisor', valid.id, valid.begun
+SELECT user_id, robot_id, 'supervisor', valid.id, valid.begun, 0
 FROM access_course_supervisors s JOIN valid ON valid.id = s.course_id JOIN covered ON covered.course_id = s.course_id
 WHERE user_id IN ({people}) AND {on_robots}
 """
@@ -59,6 +59,7 @@ class Given(Struct, frozen=True):
     role: Role
     course: int  # `OWN` or the course's key
     begun: bool = True  # False: of a course that begins later
+    group: int = OWN  # the key of the robot group on which staff gave it
 
 
 def given(
@@ -71,8 +72,8 @@ def given(
     query = _GIVEN.format(day="%s", last="%s", people=rows.marks(people), on_robots=on_robots)
     found = rows.read(query, [day, last or day, day, *[*people, *(robots or ())] * 4])
     return [
-        Given(rows.key(person), rows.key(robot), Role(role), course, bool(begun))
-        for person, robot, role, course, begun in found
+        Given(rows.key(person), rows.key(robot), Role(role), course, bool(begun), group)
+        for person, robot, role, course, begun, group in found
     ]
 
 

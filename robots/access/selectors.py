@@ -261,10 +261,11 @@ def qualified_until(user: User, demands: Collection[int]) -> datetime | None:
 
 
 class Source(Struct, frozen=True):
-    """Source of a role: a course; None: the role was given by staff, or the person is staff."""
+    """Source of a role: a course, or staff, who gave it on the robot or on a group; or the person is staff."""
 
     role: Role
-    course: Course | None
+    course: Course | None = None
+    group: RobotGroup | None = None
 
     @property
     def words(self) -> str:
@@ -275,6 +276,9 @@ class Source(Struct, frozen=True):
             Role.SUPERVISOR: gettext("supervisor"),
             Role.STAFF: gettext("staff, on every robot"),
         }[self.role]
+        if self.group is not None:
+            facts = {"role": role, "group": self.group.name}
+            return gettext("%(role)s by robot group %(group)s, given by staff") % facts
         if self.course is None:
             return role if self.role is Role.STAFF else gettext("%s, given by staff") % role
         facts = {
@@ -298,13 +302,18 @@ def reasons(user: User, now: datetime) -> list[Reason]:
     """Return, for each robot that `user` may see, the role and its sources."""
     robots = list(robots_visible_to(user))
     if user.is_staff:
-        staff = (Source(Role.STAFF, None),)
+        staff = (Source(Role.STAFF),)
         return [Reason(robot, Role.STAFF, staff, ()) for robot in robots]
     found = _given([user.id], [robot.id for robot in robots], now)
     courses = Course.objects.in_bulk({one.course for one in found})
+    groups = RobotGroup.objects.in_bulk({one.group for one in found})
     reasons_found = []
     for robot in robots:
-        sources = [Source(one.role, courses.get(one.course)) for one in found if one.robot == robot.id]
+        sources = [
+            Source(one.role, courses.get(one.course), groups.get(one.group))
+            for one in found
+            if one.robot == robot.id
+        ]
         sources.sort(key=lambda one: one.role.rank, reverse=True)
         if sources:
             missing = tuple(missing_qualifications(user, robot, now))

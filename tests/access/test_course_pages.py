@@ -19,7 +19,15 @@ from django.utils import timezone
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.access.enrolment import invitation_make
-from robots.access.models import Course, Enrolment, Invitation, Qualification, QualificationGrant, RobotGroup
+from robots.access.models import (
+    Course,
+    Enrolment,
+    GroupRole,
+    Invitation,
+    Qualification,
+    QualificationGrant,
+    RobotGroup,
+)
 from robots.access.password_links import codes_of
 from robots.access.selectors import lab_date, missing_qualifications, role_on
 from robots.registry.models import Robot, Role
@@ -470,6 +478,10 @@ def test_a_person_with_an_account_joins(
     page = client.post(f"/join/{invitation.code}/", follow=True)
     assert role_on(stranger, robot) is Role.OPERATOR
     assert "operator by course HRI 2026, until" in shown(page)
+    group = RobotGroup.objects.create(name="Laboratorio 3", slug="lab-3")
+    group.robots.add(robot)
+    GroupRole.objects.create(group=group, user=stranger, role="observer")
+    assert "observer by robot group Laboratorio 3, given by staff" in shown(client.get("/access/"))
 
 
 def test_a_newcomer_makes_an_account_and_joins(invitation: Invitation, robot: Robot) -> None:

@@ -21,11 +21,12 @@ from django.utils.translation import ngettext
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
+from fleet.audit.kinds import KINDS
 from fleet.base.zones import viewers
 from fleet.bookings.lessons.members import sharers_of
 from fleet.bookings.losses.collecting import How, Loss
 from fleet.bookings.losses.weighing import Seen, Weighed, weigh
-from fleet.bookings.models import Booking
+from fleet.bookings.models import Booking, Change
 from fleet.bookings.rules import Slot, from_to
 from robots.access.selectors import robots_bookable_by
 
@@ -59,6 +60,7 @@ def preview(request: HttpRequest, weighed: Weighed[Any]) -> dict[str, Any]:
         for value in values
     ]
     return {
+        "title": title_of(weighed.change) if weighed.change else "",
         "rows": loss_rows(weighed.losses, sharers, person_of(request)),
         "count": len(people),
         "digest": weighed.digest,
@@ -68,6 +70,13 @@ def preview(request: HttpRequest, weighed: Weighed[Any]) -> dict[str, Any]:
         "back": request.headers.get("Referer", ""),
         "zone": viewers().key,
     }
+
+
+def title_of(change: Change) -> str:
+    """Return what is changed, in words."""
+    kind = KINDS.get(change.kind)
+    label = str(kind.label) if kind else change.kind
+    return f"{label}: {change.about}" if change.about else label
 
 
 def loss_rows(losses: list[Loss], sharers: dict[UUID, list[User]], viewer: User) -> list[dict[str, Any]]:

@@ -50,7 +50,7 @@ class Weighed(Struct, Generic[Answer]):
     answer: Answer
     done: bool
     losses: list[Loss] = field(default_factory=list)
-    change: Change | None = None  # what was taken, and can be undone
+    change: Change | None = None  # what was taken, and can be undone; not stored if the change was not made
     came_back: list[Booking] = field(default_factory=list)
     stay_lost: list[Booking] = field(default_factory=list)
 
@@ -71,7 +71,7 @@ def weigh(
     now = timezone.now()
     with transaction.atomic(), collecting(actor, now) as found:
         robots = list(Robot.objects.select_for_update(no_key=True, of=("self",)).order_by("pk"))
-        before = rows_before() if seen else None
+        before = rows_before()
         last = Record.objects.order_by("-pk").values_list("pk", flat=True).first() or 0
         astray = lessons_astray(now)
         # Another group of a robot may have other hours; policies and holidays look themselves.
@@ -84,12 +84,15 @@ def weigh(
         weighed.losses = sorted(found.losses, key=lambda one: one.booking.starts_at)
         weighed.came_back, weighed.stay_lost = found.came_back, found.stay_lost
         if only_try or (weighed.losses and not _is_seen(weighed, seen)):
+            if weighed.losses:
+                weighed.change = _change(weighed.losses, found, rows_changed(before), last)
             transaction.set_rollback(True)
             weighed.done = False
         elif weighed.losses and seen:
             weighed.losses = _closed_ended(weighed.losses, now, stay=seen.closed_stay)
             if weighed.losses:
-                weighed.change = _kept(weighed.losses, found, rows_changed(before), last)
+                weighed.change = _change(weighed.losses, found, rows_changed(before), last)
+                weighed.change.save()
                 letters.write_losses(weighed.losses, actor, now)
     return weighed
 
@@ -98,13 +101,13 @@ def _is_seen(weighed: Weighed[Answer], seen: Seen | None) -> bool:
     return seen is not None and seen.digest in (None, weighed.digest)
 
 
-def _kept(losses: list[Loss], found: Collected, rows: list[Row], last: int) -> Change:
-    """Store what a change took, and the rows that it changed."""
+def _change(losses: list[Loss], found: Collected, rows: list[Row], last: int) -> Change:
+    """Return, to be stored, what a change took, and the rows that it changed."""
     actor = found.actor if isinstance(found.actor, User) else None
     made = Record.objects.filter(pk__gt=last, actor=str(actor.pk) if actor else None).order_by("pk")
     kind = made.exclude(kind__startswith="booking.").values_list("kind", flat=True).first() or ""
     archived = next((row.key for row in rows if _archives(row)), None)
-    return Change.objects.create(
+    return Change(
         actor=actor,
         made_at=found.now,
         kind=kind,

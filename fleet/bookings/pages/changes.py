@@ -16,14 +16,14 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
 from fleet.accounts.requests import person_of
-from fleet.audit.kinds import KINDS
 from fleet.base.formats.sentences import in_words
 from fleet.base.time_takers import may_take_time
 from fleet.base.zones import viewers
 from fleet.bookings.losses.collecting import How
-from fleet.bookings.losses.door import Namer, stay_lost
+from fleet.bookings.losses.door import Namer, stay_lost, title_of
 from fleet.bookings.losses.undo import STAYS, changes_of, free_again, pairs_of, undo, undo_refused
 from fleet.bookings.models import Change, Turn
+from robots.access.selectors import courses_managed_by, robots_managed_by
 
 LISTED = 50
 
@@ -42,7 +42,12 @@ def changes(request: HttpRequest) -> HttpResponse:
         }
         for one in changes_of(person)[:LISTED]
     ]
-    return render(request, "bookings/losses/changes.html", {"rows": rows})
+    context = {
+        "rows": rows,
+        "courses": courses_managed_by(person).exists(),
+        "policies": robots_managed_by(person).exists(),
+    }
+    return render(request, "bookings/losses/changes.html", context)
 
 
 @never_cache
@@ -80,13 +85,6 @@ def change_undo(request: HttpRequest, change_id: UUID) -> HttpResponse:
         parts.append(_("Some entries were changed since, and stay as they are: look at their pages."))
     messages.success(request, " ".join(parts))
     return redirect("change", change_id)
-
-
-def title_of(found: Change) -> str:
-    """Return what was changed, in words."""
-    kind = KINDS.get(found.kind)
-    label = str(kind.label) if kind else found.kind
-    return f"{label}: {found.about}" if found.about else label
 
 
 def _rows(found: Change, names: Namer, now: datetime, *, undoable: bool) -> list[dict[str, Any]]:

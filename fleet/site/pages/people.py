@@ -7,6 +7,7 @@ from uuid import UUID
 from django.contrib import messages
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import redirect, render
+from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
@@ -18,6 +19,7 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import staff_of
 from fleet.base.time_takers import may_take_time
 from fleet.bookings.losses.collecting import collected
+from robots.access.models import Course
 from teleop.reports.own_data import export_of_many
 
 _STAFF_ONLY = "Only staff export and erase people."
@@ -53,12 +55,13 @@ def people_erase(request: HttpRequest) -> HttpResponseBase:
         count,
     )
     messages.success(request, text % {"n": count})
-    return redirect("admin:accounts_user_changelist")
+    return redirect(_list_of(request))
 
 
 def ask_to_erase(request: HttpRequest, people: list[User]) -> HttpResponse:
     """Show whom the form erases."""
-    return render(request, "site/people_erase.html", {"people": people})
+    context = {"people": people, "course": request.POST.get("course", ""), "back": _list_of(request)}
+    return render(request, "site/people_erase.html", context)
 
 
 def _chosen(request: HttpRequest) -> list[User]:
@@ -72,7 +75,15 @@ def _chosen(request: HttpRequest) -> list[User]:
 
 def _nobody(request: HttpRequest) -> HttpResponse:
     messages.error(request, _("Choose people first."))
-    return redirect("admin:accounts_user_changelist")
+    return redirect(_list_of(request))
+
+
+def _list_of(request: HttpRequest) -> str:
+    """Return the page on which the people were chosen: a course's, or the list of all accounts."""
+    slug = request.POST.get("course", "").replace("\0", "")
+    if Course.objects.filter(slug=slug).exists():
+        return reverse("course", args=[slug])
+    return reverse("admin:accounts_user_changelist")
 
 
 def _is_key(text: str) -> bool:

@@ -1,6 +1,6 @@
 /**
  * News about a person's bookings above a page, live. The driving page shows them as notices. A small screen shows the
- * newest and counts the others.
+ * subject of the newest, and counts the others.
  */
 
 import { make, setText, show } from "../lib/dom.js";
@@ -18,12 +18,12 @@ export function showNews(card, items) {
   countOthers(card);
 }
 
-/** Say how many there are beside the newest. */
+/** Say how many there are beside the newest, of which a small screen shows the subject only. */
 function countOthers(card) {
   const others = card.querySelectorAll("[data-number]").length - 1;
   const more = card.querySelector("[data-more]");
-  show(more, others > 0);
-  setText(more, interpolate(gettext("%s more"), [others]));
+  show(more, others > 0 || card.querySelector(".news-text:not(:empty)") !== null);
+  setText(more, others > 0 ? interpolate(gettext("%s more"), [others]) : gettext("More"));
 }
 
 /** Follow the news of this page's person. @param {HTMLElement} card */

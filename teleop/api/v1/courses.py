@@ -9,7 +9,7 @@ from operator import or_
 from typing import Annotated, Any, Literal
 
 from django.db import transaction
-from django.db.models import Count, Q
+from django.db.models import Count, Q, QuerySet
 from django.utils import timezone
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from rest_framework.response import Response
@@ -20,7 +20,7 @@ from robots.access import enrolment, services
 from robots.access.models import Course, Qualification
 from robots.access.pages.forms import ActionForm, end_of
 from robots.access.people_lists.reading import read_people
-from robots.access.selectors import courses_managed_by, demanded_in, grants_in, lab_date, robots_of
+from robots.access.selectors import courses_managed_by, demanded_in, grants_in, lab_date, people_of, robots_of
 from robots.registry.models import Robot
 from robots.registry.selectors import free_slug
 from robots.shared.sentences import say
@@ -190,7 +190,7 @@ class CourseChange(Struct, frozen=True, forbid_unknown_fields=True, omit_default
 
 
 class PeopleRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """User names of members; null: everybody in the course."""
+    """User names of members, for qualifications also of supervisors; null: everybody who is enrolled."""
 
     people: Annotated[list[str], Meta(min_length=1, max_length=1000)] | None
 
@@ -309,8 +309,11 @@ class CoursesBase(SetupView):
         if qualification not in [one.slug for one in self.qualifications(course)]:
             raise Problem(NOT_FOUND)
         typed = {
-            "person": [] if people is None else [person.pk for person in self.members(course, people)],
+            "person": []
+            if people is None
+            else [person.pk for person in named(people, people_of(course), course)],
             "everybody": people is None,
+            "action": "grant",
             "qualification": qualification,
             "until": last_day,
         }
@@ -322,13 +325,9 @@ class CoursesBase(SetupView):
         return values["qualification"], values["people"], values["until"]
 
     def members(self, course: Course, people: list[str] | None) -> list[User]:
-        """Return the members with these user names; None: everybody in the course. Raises `Problem`."""
-        inside = {one.username: one for one in User.objects.filter(enrolments__course=course)}
-        if people is None:
-            return list(inside.values())
-        if unknown := [name for name in people if name not in inside]:
-            raise Problem(_not_inside(unknown[0], course))
-        return [inside[name] for name in people]
+        """Return the enrolled people with these user names; None: everybody. Raises `Problem`."""
+        enrolled = User.objects.filter(enrolments__course=course)
+        return list(enrolled) if people is None else named(people, enrolled, course)
 
 
 class CoursesView(CoursesBase):
@@ -475,6 +474,14 @@ class RevokeView(CoursesBase):
         """Ends their control of robots that demand it."""
         found, people, _ = self.chosen(slug, qualification, body.people)
         return Changed(services.qualification_revoke(qualification=found, people=people, actor=self.person))
+
+
+def named(names: list[str], inside: QuerySet[User], course: Course) -> list[User]:
+    """Return the people of a course with these user names. Raises `Problem`."""
+    by_name = {one.username: one for one in inside}
+    if unknown := [name for name in names if name not in by_name]:
+        raise Problem(_not_inside(unknown[0], course))
+    return [by_name[name] for name in names]
 
 
 def _not_inside(username: str, course: Course) -> Refusal:

@@ -65,6 +65,17 @@ def test_people_are_erased_after_a_look_at_their_bookings(
     assert {one.actor_id for one in erased} == {str(staff.pk)}
 
 
+def test_erasing_leads_back_to_the_list_on_which_people_were_chosen(
+    signed_in: SignIn, staff: User, course: Course, operator: User
+) -> None:
+    client, chosen = signed_in(staff), {"person": str(operator.pk)}
+    assert f'href="{PEOPLE}"' in client.post("/people/erase/", chosen).text
+    asked = client.post("/people/erase/", {**chosen, "course": "hri"})
+    assert 'href="/courses/hri/">Back' in asked.text and 'name="course" value="hri"' in asked.text
+    done = client.post("/people/erase/", {**chosen, "course": "hri", "sure": "1"})
+    assert done["Location"] == "/courses/hri/"
+
+
 @pytest.mark.parametrize("claimed", [False, True])
 def test_an_account_that_is_opened_again_is_not_erased(
     claimed: bool, signed_in: SignIn, staff: User, operator: User

@@ -158,6 +158,9 @@ def test_a_qualification_is_granted_and_revoked(hri, induction, second_operator,
     assert held["expires_at"] == QualificationGrant.objects.get().expires_at.strftime("%Y-%m-%dT%H:%M:%SZ")
     assert api("POST", f"{address}/revoke", {"people": None}).data == {"people": 1}
     assert not QualificationGrant.objects.exists()
+    supervisor = {"people": [second_operator.username]}  # not enrolled
+    assert api("POST", f"{address}/grant", supervisor).data == {"people": 1}
+    assert api("POST", f"{address}/revoke", supervisor).data == {"people": 1}
 
 
 @pytest.mark.parametrize(
