@@ -4,24 +4,25 @@ In PostgreSQL a claim is an advisory lock of the supervisor's session. It ends w
 ends, or after its computer has been out of reach for half a minute. When the connection breaks, all programs go on; the
 supervisor claims its robots again, and leaves those that another one has claimed meanwhile.
 
-SQLite serves one computer: `sole_supervisor` locks a file beside the database.
+SQLite serves one computer: `sole_supervisor` locks a file beside the database. An upgrade has a lock of its own.
 """
 
 from __future__ import annotations
 
 import os
 import socket
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from uuid import UUID
 
 from django.conf import settings
-from django.db import connection
+from django.db import DatabaseError, connection
 
-from robots.shared.processes.one_supervisor import LOCK, only_instance
+from robots.shared.processes.one_supervisor import LOCK, AlreadySupervised, only_instance
 
 CONSOLE = UUID(int=0)  # claimed by the supervisor of all robots that no other computer runs
+_UPGRADE = 1  # the key of the lock of an upgrade; those of claims are parts of UUIDs
 _NAME = "fleet supervisor on "
 _BEGIN = (
     "SELECT set_config('application_name', %s, false), set_config('tcp_keepalives_idle', '10', false),"
@@ -36,6 +37,11 @@ SELECT key, pg_try_advisory_lock(key), (
 ) FROM unnest(%s::bigint[]) AS key
 """
 
+_SUPERVISORS = """
+SELECT application_name FROM pg_stat_activity
+WHERE datname = current_database() AND application_name LIKE %s
+"""
+
 
 @contextmanager
 def sole_supervisor() -> Iterator[None]:
@@ -46,6 +52,37 @@ def sole_supervisor() -> Iterator[None]:
             return
         with only_instance(Path(f"{connection.settings_dict['NAME']}.lock")):
             yield
+
+
+@contextmanager
+def sole_upgrade(waits: Callable[[], object]) -> Iterator[None]:
+    """Context: the only upgrade of this PostgreSQL, on all computers. Calls `waits` before it waits for another one.
+
+    With SQLite, `sole_supervisor` is enough.
+    """
+    if connection.vendor != "postgresql":
+        yield
+        return
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT pg_try_advisory_lock(%s)", [_UPGRADE])
+        if not cursor.fetchone()[0]:
+            waits()
+            cursor.execute("SELECT pg_advisory_lock(%s)", [_UPGRADE])
+    try:
+        yield
+    finally:
+        with suppress(DatabaseError), connection.cursor() as cursor:  # else it ends with the session
+            cursor.execute("SELECT pg_advisory_unlock(%s)", [_UPGRADE])
+
+
+def require_no_supervisor() -> None:
+    """Raise `AlreadySupervised` if a supervisor of any computer has a session with this PostgreSQL."""
+    if connection.vendor != "postgresql":
+        return
+    with connection.cursor() as cursor:
+        cursor.execute(_SUPERVISORS, [_NAME + "%"])
+        if found := cursor.fetchone():
+            raise AlreadySupervised(found[0].removeprefix(_NAME))
 
 
 class Claims:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from contextlib import closing
+from contextlib import closing, nullcontext
 from pathlib import Path
 from unittest import mock
 
@@ -23,8 +23,10 @@ pytestmark = pytest.mark.django_db
 
 
 @pytest.fixture
-def migrate(tmp_path, settings):
-    """`migrate`, replaced; backups go into a folder of this test."""
+def migrate(tmp_path, settings, monkeypatch):
+    """`migrate`, replaced; backups go into a folder of this test. tests/releases has PostgreSQL's locks."""
+    monkeypatch.setattr(upgrade, "sole_upgrade", lambda _waits: nullcontext())
+    monkeypatch.setattr(upgrade, "require_no_supervisor", lambda: None)
     settings.FLEET_VAR = tmp_path
     settings.FLEET_RUN_DIR = tmp_path / "run"
     settings.FLEET_RUN_DIR.mkdir()

@@ -12,11 +12,12 @@ from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import Any
 
+import psycopg
 import pytest
 
 from fleet.base.version import version
 from script.stack.database import new_database
-from tests.processes import REPOSITORY, outside
+from tests.processes import REPOSITORY, outside, until
 from tests.script.servers import postgresql
 
 # The commit of each release, and of the oldest state that is upgraded.
@@ -128,7 +129,7 @@ def test_a_postgresql_database_is_upgraded_and_restored(tmp_path: Path) -> None:
         assert "script/serve --migrate" in words
         [dump] = re.findall(r"^ +(pg_dump .*)$", words, re.MULTILINE)
         subprocess.run(dump.split(), cwd=tmp_path, check=True)
-        new.run("manage.py", "upgrade", "--migrate")
+        upgrade_beside_others(new, url)
         assert new.said("past.py") == before
         assert_works(new)
 
@@ -146,6 +147,25 @@ def test_a_postgresql_database_is_upgraded_and_restored(tmp_path: Path) -> None:
         )
         subprocess.run([*restored, f"before-{version()}.dump"], cwd=tmp_path, check=True)
         assert old.said("past.py") == before
+
+
+def upgrade_beside_others(console: Console, url: str) -> None:
+    """Upgrade: not while a supervisor of another computer runs, and after another computer's upgrade."""
+    with psycopg.connect(url, application_name="fleet supervisor on lab2, process 7"):
+        assert "(lab2, process 7)" in console.run("manage.py", "upgrade", "--migrate", status=1)
+    command = [sys.executable, "manage.py", "upgrade", "--migrate"]
+    with psycopg.connect(url, autocommit=True) as other:
+        other.execute("SELECT pg_advisory_lock(1)")
+        upgrade = subprocess.Popen(
+            command, cwd=console.code, env=console.environment, stderr=subprocess.PIPE, text=True
+        )
+        locks = "SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
+        until(lambda: other.execute(locks).fetchone() == (1,), "the upgrade waits")
+    said = upgrade.communicate()[1]
+    assert (upgrade.returncode, said) == (
+        0,
+        "Another computer upgrades this database: waiting until it has ended.\n",
+    )
 
 
 INVITATIONS = """

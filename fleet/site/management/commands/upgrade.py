@@ -23,11 +23,12 @@ from fleet.backup.sqlite import copy_database
 from fleet.base import schema
 from fleet.base.version import version
 from robots.shared.processes.one_supervisor import AlreadySupervised
-from robots.supervisor.claims import sole_supervisor
+from robots.supervisor.claims import require_no_supervisor, sole_supervisor, sole_upgrade
 
 KEPT = 5  # backups
 PATIENCE_S = 60.0  # so that five starts take longer than the five minutes in which systemd counts them
 STEP_S = 1.0
+WAITING = "Another computer upgrades this database: waiting until it has ended."
 
 
 class Command(BaseCommand):
@@ -49,27 +50,33 @@ class Command(BaseCommand):
         """Refuse, or make a backup, and migrate. A new database needs neither."""
         if options["wait"] and connection.vendor == "postgresql":
             self._wait_for_database()
-        applied = MigrationRecorder(connection).applied_migrations()
-        trouble = schema.trouble(connection)
-        if trouble and (options["check"] or schema.newer_migrations(applied)):
-            raise CommandError(trouble)
         if options["check"]:
+            self._require(schema.trouble(connection))
             return
         with ExitStack() as held:
+            held.enter_context(sole_upgrade(lambda: self.stderr.write(WAITING)))
+            applied = MigrationRecorder(connection).applied_migrations()
+            trouble = schema.trouble(connection)
+            self._require(trouble if schema.newer_migrations(applied) else None)
             if trouble and applied:
                 self._prepare(held, backed_up=options["migrate"])
             # Also without a new migration: it reads the profiles that came with the release.
             call_command("migrate", interactive=False, verbosity=0)
         forget_old(Path(settings.FLEET_VAR) / "backups")
 
+    def _require(self, trouble: str | None) -> None:
+        if trouble:
+            raise CommandError(trouble)
+
     def _prepare(self, held: ExitStack, *, backed_up: bool) -> None:
         """Keep supervisors from starting, look at the data and make a backup. Raises CommandError."""
         try:
             held.enter_context(sole_supervisor())
+            require_no_supervisor()
         except AlreadySupervised as other:
             raise CommandError(
                 f"Nothing was changed: a supervisor of the console runs ({other}), and a new schema would stop it. "
-                "Stop it first: sudo systemctl stop fleet"
+                "Stop it first: sudo systemctl stop fleet (fleet-bridges on a bridge host)"
             ) from other
         self.check(tags=[Tags.database], databases=["default"])
         if connection.vendor == "sqlite":
