@@ -46,6 +46,13 @@ def manifest(vendor: str, made_at: datetime) -> Manifest:
     )
 
 
+def console_mark() -> str:
+    """Return a mark that tells consoles apart which back up into one folder, such as two in containers of one name."""
+    known = connection.settings_dict
+    database = [str(known[part]) for part in ("HOST", "PORT", "NAME")]
+    return hashlib.sha256("\n".join([key_mark(), *database]).encode()).hexdigest()[:8]
+
+
 def key_mark() -> str:
     """Return a mark by which the secret key is recognised."""
     return hashlib.sha256(b"fleet backup" + settings.SECRET_KEY.encode()).hexdigest()[:16]

@@ -9,7 +9,7 @@ import os
 import shutil
 import subprocess
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -64,17 +64,32 @@ class Postgresql:
             self._run("pg_restore", name, *how, str(file))
             yield name
         finally:
-            self._execute(self._name, SQL("DROP DATABASE IF EXISTS {}").format(Identifier(name)))
+            self._execute(self._name, _dropped(name))
 
     def take(self, name: str, stamp: str | None) -> str:
-        """Exchange the names of both databases. No session may rename its own, so each does it for the other."""
+        """Exchange the names of both databases, in one transaction: at each moment one of them is the console's.
+
+        No session may rename its own database, so a third one is made for that moment.
+        """
         connection.close()
         kept = f"{self._name}_before_{stamp or 'restore'}"
-        self._execute(name, _renamed(self._name, kept))
-        self._execute(kept, _renamed(name, self._name))
+        third = f"{self._name}_backup_names"
+        self._make(third)
+        try:
+            with self._session(third) as session, session.transaction():
+                session.execute(_renamed(self._name, kept))
+                session.execute(_renamed(name, self._name))
+        except psycopg.Error as error:
+            raise BackupError(
+                f"The databases could not exchange their names: {error} "
+                f"If there is a database {kept} now, the restore is done; else nothing was changed."
+            ) from error
+        finally:
+            with suppress(psycopg.Error):  # the next restore removes it, too
+                self._execute(self._name, _dropped(third))
         if stamp:
             return kept
-        self._execute(self._name, SQL("DROP DATABASE {}").format(Identifier(kept)))
+        self._execute(self._name, _dropped(kept))
         return ""
 
     def _make(self, name: str) -> None:
@@ -86,7 +101,7 @@ class Postgresql:
             found = session.execute(like, [self._name]).fetchone() or ()
             made = SQL("CREATE DATABASE {} TEMPLATE template0 ENCODING {} LC_COLLATE {} LC_CTYPE {}")
             try:
-                session.execute(SQL("DROP DATABASE IF EXISTS {}").format(Identifier(name)))
+                session.execute(_dropped(name))
                 session.execute(made.format(Identifier(name), *map(Literal, found)))
             except psycopg.errors.InsufficientPrivilege as error:
                 role = connection.settings_dict["USER"]
@@ -126,3 +141,7 @@ class Postgresql:
 
 def _renamed(old: str, new: str) -> Composed:
     return SQL("ALTER DATABASE {} RENAME TO {}").format(Identifier(old), Identifier(new))
+
+
+def _dropped(name: str) -> Composed:
+    return SQL("DROP DATABASE IF EXISTS {}").format(Identifier(name))

@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from fleet.backup.archive.tar import Entry, write
 from fleet.backup.archive.whole_files import PART, durable
-from fleet.backup.contents import host, log_heads, manifest, meshes_of, settings_of
+from fleet.backup.contents import console_mark, host, log_heads, manifest, meshes_of, settings_of
 from fleet.backup.databases import database
 from fleet.backup.workplace import workplace
 
@@ -66,7 +66,7 @@ def _entries(copy: Entry, heads: Entry, wishes: Wishes) -> Iterator[Entry]:
 
 
 def forget_old(folder: Path, keep: int) -> list[Path]:
-    """Remove the archives of this computer in the folder, except the newest. Return those that are gone."""
+    """Remove the archives of this console in the folder, except the newest. Return those that are gone."""
     named = re.compile(re.escape(_prefix()) + r"\d{4}-\d\d-\d\dT\d{6}Z\.tar\.gz(\.age)?")
     found = sorted(path for path in folder.iterdir() if named.fullmatch(path.name))
     old = found[: max(0, len(found) - keep)]
@@ -76,7 +76,7 @@ def forget_old(folder: Path, keep: int) -> list[Path]:
 
 
 def _prefix() -> str:
-    return f"fleet-{host()}-"
+    return f"fleet-{host()}-{console_mark()}-"
 
 
 def _name(at: datetime, *, encrypted: bool) -> str:

@@ -81,7 +81,7 @@ class Sqlite:
         yield str(file)
 
     def take(self, name: str, stamp: str | None) -> str:
-        """Give the restored file the name of the console's."""
+        """Give the restored file the name of the console's. At each moment one of both has that name."""
         connection.close()
         for path in (self._path, Path(name)):
             if path.exists() and is_used(path):  # the journal of a file belongs to its name
@@ -90,7 +90,11 @@ class Sqlite:
                 )
         kept = self._path.with_name(f"{self._path.name}.before-{stamp}") if stamp else None
         if kept:
-            self._path.rename(kept)
+            try:
+                kept.hardlink_to(self._path)
+            except OSError:  # a file system without hard links
+                copy_database(self._path, kept)
+            sync(self.folder)
         sync(Path(name))
         Path(name).replace(self._path)
         sync(self.folder)

@@ -20,6 +20,13 @@ from tests.processes import outside
 from tests.script.servers import postgresql, postgresql_installed
 
 pytestmark = pytest.mark.skipif(not postgresql_installed(), reason="no PostgreSQL here")
+HALF_WAY = """
+from django.core.management import call_command
+from fleet.backup import postgresql
+renamed = postgresql._renamed
+postgresql._renamed = lambda old, new: renamed("none" if new == "other" else old, new)
+call_command("restore", "{archive}", "--replace")
+"""
 PASSPHRASE = "correct horse battery staple"
 
 
@@ -74,6 +81,9 @@ def test_a_backup_of_postgresql_is_made_checked_and_restored(server: str, tmp_pa
     assert "all are as written" not in new.run("restore", archive, status=1)
     with psycopg.connect(server, dbname="other"):
         assert "The console runs" in new.run("restore", archive, "--replace", status=1)
+    before = console.rows("SELECT datname FROM pg_database ORDER BY 1")
+    assert "else nothing was changed" in new.run("shell", "-c", HALF_WAY.format(archive=archive), status=1)
+    assert console.rows("SELECT datname FROM pg_database ORDER BY 1") == before
     new.run("restore", archive, "--replace")
     names = console.rows("SELECT datname FROM pg_database WHERE datname LIKE 'other%' ORDER BY 1")
     assert names[0] == "other" and names[1].startswith("other_before_") and len(names) == 2

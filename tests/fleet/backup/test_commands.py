@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import resource
+import shutil
 import sqlite3
 import tarfile
 from contextlib import ExitStack, closing
@@ -270,19 +271,38 @@ def test_settings_and_meshes_come_if_asked_and_are_put_beside(
     assert meshes == ["head.STL", "package.xml"]
 
 
-def test_only_the_newest_archives_of_this_computer_stay(console: Path, tmp_path: Path) -> None:
+def test_only_the_newest_archives_of_this_console_stay(
+    console: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = tmp_path / "backups"
     folder.mkdir()
-    old = [
-        folder / f"fleet-{contents.host()}-2026-11-0{day}T031500Z.tar.gz{end}"
-        for day, end in ((1, ""), (2, ".age"))
-    ]
-    others = [folder / "fleet-other-2026-11-01T031500Z.tar.gz", folder / "notes.txt"]
+    mark = f"fleet-{contents.host()}-{contents.console_mark()}"
+    old = [folder / f"{mark}-2026-11-0{day}T031500Z.tar.gz{end}" for day, end in ((1, ""), (2, ".age"))]
+    with monkeypatch.context() as patch:  # another console, in a container of the same name
+        patch.setitem(connection.settings_dict, "HOST", "another")
+        another = f"fleet-{contents.host()}-{contents.console_mark()}-2026-11-01T031500Z.tar.gz"
+    others = [folder / another, folder / f"{another}.part", folder / "notes.txt"]
     left = folder / f"{old[0].name}.part"
     for path in (*old, *others, left):
         path.touch()
     new = backup(folder, "--keep", "2")
     assert set(folder.iterdir()) == {new, old[1], *others}
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_power_cut_in_the_exchange_leaves_the_console_its_database(
+    console: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool
+) -> None:
+    archive = backup(tmp_path)
+    User.objects.create_user("later")
+    with monkeypatch.context() as cut:
+        cut.setattr(Path, "replace", mock.Mock(side_effect=OSError("power")))
+        cut.setattr("fleet.backup.sqlite.copy_database", shutil.copy)
+        if not links:
+            cut.setattr(Path, "hardlink_to", mock.Mock(side_effect=OSError("no links")))
+        with pytest.raises(CommandError, match="power"):
+            run("restore", archive, "--replace")
+    assert User.objects.count() == 2
 
 
 def test_two_at_once_do_not_share_a_folder(console: Path, tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ class Command(BaseCommand):
         )
         parser.add_argument("--passphrase-file", type=Path, metavar="FILE", help=command_line.FILE_HELP)
         parser.add_argument(
-            "--keep", type=int, metavar="NUMBER", help="then remove this computer's archives but the newest"
+            "--keep", type=int, metavar="NUMBER", help="then remove this console's archives but the newest"
         )
         parser.add_argument("--verify", action="store_true", help="then check the archive")
         parser.add_argument(
