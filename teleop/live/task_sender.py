@@ -143,10 +143,9 @@ class TaskSender:
             refusal = database_refusal(error)
         finally:
             self._pending -= 1
-        if refusal and refusal.code == "bridge_silent":  # the page shows that already
+        if refusal and refusal.code == "bridge_silent":
             log.warning("%s for robot %s got no answer.", kind_of(request), self._owner.hub.robot_id)
-        else:
-            await self._answer(request, refusal)
+        await self._answer(request, refusal)
 
     async def _named(self, request: wire.Go) -> wire.Go:
         """Return the request with the place's coordinates.

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import logging
 import time
-from functools import partial
 from typing import cast
-from uuid import UUID
 
 from django.db import DatabaseError
 
 from fleet.accounts.tokens.models import Scope
-from robots.registry.models import Role
 from robots.shared import wire
 from robots.shared.wire import (
     Accepted,
-    Ended,
     GoPath,
     NotDone,
     Offers,
@@ -25,17 +21,16 @@ from robots.shared.wire import (
     browser_message,
     kind_of,
 )
-from teleop.background.jobs import RequestQueue, run_in_background
+from teleop.background.jobs import run_in_background
 from teleop.control.changes import ControlRefused, NotStored, database_refusal
-from teleop.control.lease_checks import Tab, check_fence, fingerprint
+from teleop.control.lease_checks import check_fence
 from teleop.control.scopes import needed_scopes, scope_missing
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live.camera_view_age import CameraViewAge
+from teleop.live.consumers.controlling_socket import ControllingSocket
 from teleop.live.consumers.message_socket import BUSY, CloseCode
-from teleop.live.consumers.robot_socket import RobotSocket
 from teleop.live.control_holder import ControlHolder
 from teleop.live.grant_renewal import Delays
-from teleop.live.task_sender import TaskSender
 from teleop.live.view_feed import Viewer
 from teleop.stop import emergency_stop
 
@@ -46,14 +41,13 @@ _DRIVE = '{"t":"drive",'
 _HELLO_FIRST = Refusal("hello_first", "The first message is hello.", "wire")
 
 
-class RobotConsumer(RobotSocket):
+class RobotConsumer(ControllingSocket):
     """One page of one robot: its views, its control, its tasks, its stop button."""
 
     through = "robot page"
 
     def __init__(self) -> None:
         super().__init__()
-        self.control: ControlHolder | None = None  # None until the page sends hello
         self.viewer: Viewer | None = None
         self.camera_view = CameraViewAge()
 
@@ -62,26 +56,13 @@ class RobotConsumer(RobotSocket):
     async def on_open(self) -> None:
         """Join the robot's hub, if this person may see the robot."""
         if await self.join() is not None:
-            self.stop_button = emergency_stop.StopButton(
-                self.user, self.through, partial(self.send_refusal, "stop")
-            )
-            self.requests = RequestQueue()
-            self.tasks = TaskSender(self)
+            self.prepare()
 
     async def on_close(self) -> None:
         """Stop the robot at once. The lease can be resumed if the page comes back."""
-        if not self.joined:
-            return
-        self.requests.close()
         if self.viewer:
             self.viewer.leave()
-        try:
-            if self.control:
-                await self.control.leave()
-        except (ControlRefused, DatabaseError) as error:
-            log.warning("The closing of a page was not stored; its lease ends by itself: %s", error)
-        finally:
-            await self.hub.remove(self)
+        await super().on_close()
 
     # --- messages from the page --------------------------------------------------------------------
 
@@ -175,14 +156,10 @@ class RobotConsumer(RobotSocket):
     async def _hello(self, hello: wire.Hello) -> None:
         if self.control is not None:
             raise ControlRefused(Refusal("hello_twice", "This page has already sent hello.", "wire"))
-        program = self.token.name if self.token else ""
-        tab = Tab(hello.tab, fingerprint(self.person[1]), self.id, program)
-        self.control = ControlHolder(
-            self.hub, self.user.id, tab, report=self.send_message, delays=self._delays
-        )
+        control = self.begin_control(hello.tab)
         await self._welcome()
         await self.hub.read_status_for(self)
-        await self.control.resume()
+        await control.resume()
         self.viewer = Viewer(self.hub.views, self.asgi_send)
         self.viewer.is_driver = self.fence is not None
         self.wants_views = True
@@ -194,7 +171,7 @@ class RobotConsumer(RobotSocket):
         await self.hub.wait_for_link()
         self.report_bridge_gone()
 
-    def _delays(self) -> Delays:
+    def delays(self) -> Delays:
         trip_s = self.viewer.delay_s if self.viewer else None
         return Delays(trip_s, self.camera_view.age_s(), time.monotonic() - self.heard_s)
 
@@ -220,46 +197,17 @@ class RobotConsumer(RobotSocket):
 
     # --- reports from the hub (robot_hub.Member) --------------------------------------------------------
 
-    @property
-    def held_session(self) -> UUID | None:
-        """The control session of this page; None without control."""
-        return self.control.session if self.control else None
-
-    @property
-    def waits(self) -> bool:
-        """Return whether this page waits in line for control."""
-        return self.control is not None and self.control.waits
-
-    @property
-    def fence(self) -> int | None:
-        return self.control.fence if self.control else None
-
-    @property
-    def role_in_control(self) -> Role | None:
-        """The role that the person had when they took control; None without control."""
-        return self.control.role if self.control else None
-
     async def follow(self, status: ControlStatus) -> None:
-        role_before = self.rights.role
         await super().follow(status)
-        if not self.may_see:
-            return
-        if role_before != self.rights.role:
-            await self._welcome()
-        if self.control:
-            await self.control.follow(status, self.rights)
         if self.viewer:
             self.viewer.is_driver = self.fence is not None
+
+    async def role_changed(self) -> None:
+        await self._welcome()
 
     async def robot_edited(self, entry: RobotEntry) -> None:
         """Send the page the changed entry of the robot."""
         await self._welcome()
-        self.report_bridge_gone()
-
-    def link_changed(self, up: bool, refusal: Refusal | None) -> None:
-        """Renew control if the link is up again. Inform the page if the bridge is gone."""
-        if up and self.control:
-            self.control.renew_soon()
         self.report_bridge_gone()
 
     def offers_changed(self, offers: Offers) -> None:
@@ -272,25 +220,17 @@ class RobotConsumer(RobotSocket):
         if self.wants_views:
             run_in_background(self.send_message(path))
 
-    def ended_at_bridge(self, ended: Ended) -> None:
-        """Send the grant again: the bridge ended this control. If the end is final, the bridge refuses the grant."""
-        if self.control and ended.fence == self.fence:
-            self.control.renew_soon()
-
-    def refused_at_bridge(self, refused: Refused) -> None:
-        """Pass on a refusal that concerns this page's control."""
-        if self.fence is not None and refused.fence == self.fence:
-            run_in_background(self.send_refusal(refused.of, refused.refusal, refused.seq, refused.fence))
-
     async def revoke_access(self, refusal: Refusal) -> None:
         """End control and close: this person may not see the robot any more."""
-        if self.control:
-            self.control.revoke(refusal)
         if self.viewer:
             self.viewer.leave()
         await super().revoke_access(refusal)
 
     # --- messages to the page ------------------------------------------------------------------------
+
+    async def answer(self, answer: Accepted | Refused) -> None:
+        if not (isinstance(answer, Refused) and answer.refusal.code == "bridge_silent"):
+            await super().answer(answer)  # else the page shows that already
 
     async def _welcome(self) -> None:
         if self.control is not None and self.rights.role:
