@@ -11,10 +11,14 @@ from typing import Any
 from weakref import WeakSet
 
 import pytest
+from django.db import connections
 from django.db.backends.base.base import BaseDatabaseWrapper
 from django.db.backends.signals import connection_created
 
+from teleop.background import database
 from tests.processes import PATIENCE_S, until
+
+POOLS = (database._threads, database._background_thread)
 
 
 class LateCalls:
@@ -47,3 +51,23 @@ class LateCalls:
     def _note(self, connection: BaseDatabaseWrapper, **_: Any) -> None:
         if threading.current_thread() is not threading.main_thread():  # this one has the test's transaction
             self._opened.add(connection)
+
+
+def close_connections() -> None:
+    """Forget this thread's connections and those of the pools' threads: the next test has another database."""
+    _forget()
+    for pool in POOLS:
+        together = threading.Barrier(pool._max_workers)  # so that each thread gets one call
+        wait([pool.submit(_forget_with, together) for _ in range(pool._max_workers)], PATIENCE_S)
+
+
+def _forget_with(others: threading.Barrier) -> None:
+    others.wait(PATIENCE_S)
+    _forget()
+
+
+def _forget() -> None:
+    for alias in list(connections):
+        if hasattr(connections._connections, alias):
+            connections[alias].close()
+            del connections[alias]

@@ -14,6 +14,8 @@ from django.db import connection, connections
 from django.db.backends.base.base import BaseDatabaseWrapper
 from django.db.backends.signals import connection_created
 
+from tests.late_calls import close_connections
+
 
 class Pristine(Protocol):
     """A copy of the test database."""
@@ -44,6 +46,7 @@ class OnSQLite:
         self._live.backup(self._copy)
 
     def restore(self) -> None:
+        close_connections()  # one that has read the schema before might look for tables where they are no more
         self._copy.backup(self._live)
 
     def forget(self) -> None:
