@@ -66,6 +66,7 @@ class Code(NamedTuple):
     name: str
     rule: str
     text: str
+    place: str = ""  # its module
 
 
 class Scope(NamedTuple):
@@ -91,14 +92,14 @@ def found() -> Iterator[Code]:
             yield Code(f"{rule}_{code}", rule, f"Not done: {cause}.")
     for rule in ("audit", "database"):
         yield Code(f"{rule}_unreachable", rule, "Not done: the database does not answer.")
-    for _place, source in modules():
+    for place, source in modules():
         tree = ast.parse(source)
         shared = _scope(tree)
         for node in (tree, *(one for one in ast.walk(tree) if isinstance(one, ast.FunctionDef))):
             own = _scope(node)
             scope = Scope(shared.assigned | own.assigned, own.made)
             for call in (one for one in _within(node) if isinstance(one, ast.Call)):
-                yield from _of(call, scope)
+                yield from (code._replace(place=place) for code in _of(call, scope))
 
 
 def _scope(node: ast.AST) -> Scope:
@@ -160,7 +161,9 @@ def page() -> str:
 
     texts: defaultdict[str, dict[str, None]] = defaultdict(dict)
     rules: dict[str, str] = {}
+    places: defaultdict[str, set[str]] = defaultdict(set)
     for code in found():
+        places[code.name] |= {f"`{code.place}`"} if code.place else set()
         rules[code.name] = rules.get(code.name) or code.rule
         if has_words(code.text):
             texts[code.name][_plain(code.text)] = None
@@ -169,7 +172,8 @@ def page() -> str:
         rule = rules[name] or "robot"
         status = Problem(Refusal(name, "", rule)).status  # type: ignore[arg-type]
         said = "".join(f"* {text}\n" for text in texts[name])
-        sections.append(f"## {name}\n\nRule *{rule}*, HTTP {status}.\n\n{said}".rstrip() + "\n")
+        made = f" Made in {', '.join(sorted(places[name]))}." if places[name] else ""
+        sections.append(f"## {name}\n\nRule *{rule}*, HTTP {status}.{made}\n\n{said}".rstrip() + "\n")
     return HEAD + "\n".join(sections)
 
 
