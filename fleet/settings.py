@@ -34,6 +34,7 @@ FLEET_LINK_KEY = _env.file("FLEET_LINK_KEY")
 
 # Folders of ROS packages that contain the meshes of robots' descriptions.
 FLEET_MESHES = _env.folders("FLEET_MESHES", otherwise="ROS_PACKAGE_PATH")
+FLEET_LICHTBLICK = environment.lichtblick(_env)
 
 FLEET_CONTROL_TERM_S = _env.seconds("FLEET_CONTROL_TERM_S", 900, least=10)  # control ends unless renewed
 

@@ -4,6 +4,7 @@ from django.urls import path
 
 from teleop import views
 from teleop.alerts import views as alert_views
+from teleop.foxglove.lichtblick import lichtblick
 from teleop.push import views as push_views
 from teleop.reports import views as report_views
 from teleop.stop import views as stop_views
@@ -36,4 +37,6 @@ urlpatterns = [
     path("webhooks/<uuid:webhook_id>/", webhook_views.webhook, name="webhook"),
     path("stop-all/", stop_views.page_stop_all, name="stop-all"),
     path("stop-all", stop_views.page_stop_all),
+    path("lichtblick/", lichtblick, name="lichtblick"),
+    path("lichtblick/<path:file>", lichtblick),
 ]

@@ -193,6 +193,24 @@ def link_secret(env: Environment) -> str | None:
     return secret
 
 
+def lichtblick(env: Environment) -> Path | None:
+    """Return `FLEET_LICHTBLICK`: the folder of a Lichtblick build that the console serves; None if not set."""
+    value = env.text("FLEET_LICHTBLICK")
+    if value is None:
+        return None
+    folder = Path(value).expanduser().absolute()
+    try:
+        page = (folder / "index.html").read_text(errors="replace")
+    except OSError:
+        page = ""
+    if "<script" not in page or not any(folder.glob("*.js")):
+        raise ImproperlyConfigured(
+            f"FLEET_LICHTBLICK: {folder} is no build of Lichtblick. Name the folder that holds its index.html and "
+            "main….js: of the source, web/.webpack after a build; of its container image, /src."
+        )
+    return folder
+
+
 class WebhookAllow(NamedTuple):
     """Private networks and hosts to which webhooks, or pushes, may be sent."""
 

@@ -6,12 +6,16 @@ import argparse
 import asyncio
 import fcntl
 import io
+import os
 import socket
 import sys
 import time
 from pathlib import Path
 from typing import TextIO
 
+from django.core.exceptions import ImproperlyConfigured
+
+from fleet.base.environment import Environment, lichtblick
 from script.stack.places import REPOSITORY
 from script.stack.processes import ChildDied, Ended, ended_by_signals, say, wait_for_any_end
 from script.stack.stack import Stack, StartError, temporary_stack
@@ -27,11 +31,11 @@ def main() -> int:
     asked = arguments()
     try:
         with ended_by_signals():
-            return smoke() if asked.smoke else demo(asked.port, lan=asked.lan)
+            return smoke() if asked.smoke else demo(asked.port, lan=asked.lan, settings=settings(asked))
     except Ended:
         say("Ended.")
         return 0
-    except (StartError, ChildDied, TimeoutError) as error:
+    except (ImproperlyConfigured, StartError, ChildDied, TimeoutError) as error:
         print(error, file=sys.stderr)
         return 1
 
@@ -44,13 +48,21 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--port", type=int, help=f"default: the first free one from {FIRST_PORT}")
     parser.add_argument("--lan", action="store_true", help="serve phones on this network too, over TLS")
     parser.add_argument("--smoke", action="store_true", help="start, drive a robot, stop it, say so and end")
+    parser.add_argument("--lichtblick", metavar="DIR", help="serve this build of Lichtblick at /lichtblick/")
     return parser.parse_args()
+
+
+def settings(asked: argparse.Namespace) -> dict[str, str]:
+    """Return the settings that the command line names. Raises ImproperlyConfigured."""
+    chosen = {"FLEET_LICHTBLICK": os.path.abspath(asked.lichtblick)} if asked.lichtblick else {}
+    lichtblick(Environment(chosen))
+    return chosen
 
 
 # --- demo -----------------------------------------------------------------------------------------
 
 
-def demo(port: int | None, *, lan: bool) -> int:
+def demo(port: int | None, *, lan: bool, settings: dict[str, str]) -> int:
     """Run the demo until a signal comes or a process dies."""
     began_s = time.monotonic()
     listener = listen("0.0.0.0" if lan else "127.0.0.1", port)  # noqa: S104 - that is what --lan asks for
@@ -59,9 +71,9 @@ def demo(port: int | None, *, lan: bool) -> int:
     with (directory / "lock").open("w") as lock:
         lock_or_fail(lock, directory)
         with (
-            lan_stack(directory, listener)
+            lan_stack(directory, listener, settings)
             if lan
-            else Stack(directory, listener=listener, students=STUDENTS, settings=DOOR) as stack
+            else Stack(directory, listener=listener, students=STUDENTS, settings=DOOR | settings) as stack
         ):
             introduce(stack, time.monotonic() - began_s)
             raise ChildDied(wait_for_any_end(stack.children))
@@ -86,7 +98,7 @@ def lock_or_fail(lock: TextIO, directory: Path) -> None:
         raise StartError(f"Another demo uses {directory}; try another --port.") from None
 
 
-def lan_stack(directory: Path, listener: socket.socket) -> Stack:
+def lan_stack(directory: Path, listener: socket.socket, settings: dict[str, str]) -> Stack:
     """Return a stack that phones on this network can open."""
     from script.stack.certificates import certificate_for, lan_addresses
 
@@ -100,6 +112,7 @@ def lan_stack(directory: Path, listener: socket.socket) -> Stack:
         students=STUDENTS,
         certificate=certificate_for(hosts, directory / "tls"),
         hosts=hosts,
+        settings=settings,
     )
 
 

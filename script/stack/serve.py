@@ -17,7 +17,7 @@ from pathlib import Path
 
 from django.core.exceptions import ImproperlyConfigured
 
-from fleet.base.environment import Environment
+from fleet.base.environment import Environment, lichtblick
 from robots.shared.processes.one_supervisor import LOCK, supervised
 from script.service.keeping import Kept, keep
 from script.service.readiness import answers, run_directory, tell_systemd
@@ -35,6 +35,8 @@ THIS_MACHINE = "127.0.0.0/8,::1"  # proxies on it
 def main() -> int:
     """Run the command, and return the exit status."""
     asked = arguments()
+    if asked.lichtblick:
+        os.environ["FLEET_LICHTBLICK"] = os.path.abspath(asked.lichtblick)
     os.chdir(REPOSITORY)
     os.environ["DJANGO_SETTINGS_MODULE"] = "fleet.settings"  # never others, such as the demo's with its door
     try:
@@ -76,6 +78,11 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--certificate", type=Path, help="serve TLS with this PEM file; set FLEET_TLS=1 too")
     parser.add_argument("--private-key", type=Path)
     parser.add_argument("--authority", type=Path, help="the chain above the certificate")
+    parser.add_argument(
+        "--lichtblick",
+        metavar="DIR",
+        help="serve this build of Lichtblick at /lichtblick/, as FLEET_LICHTBLICK does",
+    )
     parser.add_argument(
         "--migrate",
         action="store_true",
@@ -123,6 +130,7 @@ def serve(asked: argparse.Namespace) -> int:
     """Run the role until a signal comes. Check the settings before anything starts."""
     env = Environment(os.environ)
     names = ROLES[asked.role]
+    lichtblick(env)
     if "web" in names:
         require_matching_tls(asked, env)
         require_certificate(asked)

@@ -141,3 +141,14 @@ def test_a_sqlite_url_with_four_slashes_is_an_absolute_path():
     assert entry["NAME"] == "/var/lib/fleet/fleet.sqlite3"
     assert "journal_mode=WAL" in entry["OPTIONS"]["init_command"]
     assert entry["OPTIONS"]["transaction_mode"] == "IMMEDIATE"
+
+
+def test_lichtblick_is_served_from_a_build_only(tmp_path):
+    folder = tmp_path / "web"
+    wrong = _start(tmp_path, **SOUND, FLEET_LICHTBLICK=str(folder))
+    assert f"{folder} is no build of Lichtblick" in wrong
+    folder.mkdir()
+    (folder / "index.html").write_text("<script src=main.js></script>")
+    assert "is no build of Lichtblick" in _start(tmp_path, **SOUND, FLEET_LICHTBLICK=str(folder))
+    (folder / "main.js").touch()
+    assert _start(tmp_path, **SOUND, FLEET_LICHTBLICK=str(folder)) is None

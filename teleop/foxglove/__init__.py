@@ -1,0 +1,1 @@
+"""The Foxglove door: robots' topics for Lichtblick and Foxglove, which may read only; and Lichtblick itself, served."""

@@ -1,0 +1,1 @@
+"""The Foxglove door, and Lichtblick that the console serves."""
