@@ -93,6 +93,7 @@ KINDS: dict[str, Kind] = {
     "health.better": Kind(_("part of the robot got better")),
     "service.call": Kind(_("service called")),
     "parameter.set": Kind(_("parameter set")),
+    "parameter.delete": Kind(_("parameter deleted")),
     "camera.start": Kind(_("began to watch a camera")),
     "camera.end": Kind(_("stopped watching a camera")),
     "booking.make": Kind(_("booked")),

@@ -78,7 +78,7 @@ OFTEN: tuple[tuple[tuple[str, ...], str, Bounds], ...] = (
         ((HOUR, "hour", 600), (DAY, "day", 3000)),
     ),
     (
-        ("parameter.set", "service.call"),
+        ("parameter.delete", "parameter.set", "service.call"),
         catalogued("called services or set parameters {most} times"),
         ((HOUR, "hour", 3600), (DAY, "day", 5000)),
     ),

@@ -319,8 +319,8 @@ class BridgeLink:
             await self._ask(structs.replace(cancel, seq=number))
             return await _await_answer(answer, _TASK_TIMEOUT_S)
 
-    async def query_topics(self, question: wire.TopicQuery) -> str:
-        """Send a query about topics. Returns the encoded `wire.TopicAnswer`, or raises LinkRefused."""
+    async def query_topics(self, question: wire.TopicQuery | wire.DoorQuery) -> str:
+        """Send a query about topics. Returns the encoded `wire.DoorAnswer`, or raises LinkRefused."""
         self._require_capacity(self._queries, _MOST_QUERIES)
         number = self._queries.number()
         with self._queries.waiting_for(number) as answer:

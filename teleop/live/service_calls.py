@@ -18,7 +18,7 @@ from fleet.audit.models import Record
 from robots.link.client import LinkRefused
 from robots.registry.models import Role
 from robots.shared import wire
-from robots.shared.wire import CallService, Refusal, SetParameter
+from robots.shared.wire import CallService, DeleteParameter, Refusal, SetParameter
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.allow_list import check_role, required_role
@@ -30,7 +30,7 @@ from teleop.live.robot_hub import RobotHub
 
 log = logging.getLogger(__name__)
 
-ServiceCall = CallService | SetParameter
+ServiceCall = CallService | SetParameter | DeleteParameter
 
 _STAFF_ONLY = Refusal("role_too_low", "Only staff may call services and set parameters.", "account")
 
@@ -61,8 +61,10 @@ def _check(call: ServiceCall, hub: RobotHub, rights: Rights) -> Refusal | None:
 def _record(call: ServiceCall, hub: RobotHub, user: User) -> Record:
     if isinstance(call, CallService):
         kind, facts, given = "service.call", {"service": call.service}, {"fields": _recorded(call.fields)}
-    else:
+    elif isinstance(call, SetParameter):
         kind, facts, given = "parameter.set", {"name": call.name}, {"value": _recorded(call.value)}
+    else:
+        kind, facts, given = "parameter.delete", {"name": call.name}, {}
     with recorded_change():
         robot_locked(hub.robot_id)  # control cannot change until the call is on record
         held = lease_of(hub.robot_id)

@@ -37,7 +37,7 @@ INDIRECT = {
     ("robots/access/services.py", "f'{what}.{step}'"): {
         f"{what}.{step}" for what in ("group", "course", "qualification") for step in ("create", "change")
     },
-    ("teleop/live/service_calls.py", "kind"): {"service.call", "parameter.set"},
+    ("teleop/live/service_calls.py", "kind"): {"service.call", "parameter.set", "parameter.delete"},
     ("teleop/live/task_sender.py", "f'{what}.cancel'"): {"speech.cancel", "motion.cancel"},
     ("robots/records/bridge_records.py", "kind"): {end for end, _ in ENDS.values()},
     ("teleop/alerts/telling.py", "f'alert.{what}'"): {"alert.begin", "alert.still", "alert.over"},

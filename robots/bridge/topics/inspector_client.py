@@ -115,7 +115,7 @@ class InspectorClient:
             text = say("More than {most} queries at once: wait for the answers.", most=MAX_QUERIES)
             answer(Refusal("busy", text, "wire", {"limit": MAX_QUERIES}))
             return
-        acts = isinstance(inspect.ask, wire.SetParameter | wire.CallService)
+        acts = isinstance(inspect.ask, wire.SetParameter | wire.DeleteParameter | wire.CallService)
         within_s = self._patience_s
         number = self._expect(viewer, answer, within_s, _NOT_KNOWN if acts else _SILENT)
         self._ask(number, InspectorQuery(number, inspect.ask, time.monotonic() + within_s))

@@ -19,7 +19,7 @@ class InspectorQuery(Struct, frozen=True, tag_field="t", tag="inspect"):
     """A viewer's query, with its time limit. Answer: `wire.LinkAnswer`."""
 
     seq: int
-    ask: wire.TopicQuery
+    ask: wire.TopicQuery | wire.DoorQuery
     until_s: float | None = None  # monotonic clock, which all processes of a computer share
 
     def require_time(self) -> None:

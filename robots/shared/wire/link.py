@@ -21,7 +21,7 @@ from robots.shared.wire.base import (
 from robots.shared.wire.page import Drive, Refresh
 from robots.shared.wire.state import MovesAlthoughStopped, State, StopState
 from robots.shared.wire.tasks import TaskRequest
-from robots.shared.wire.topics import TopicQuery
+from robots.shared.wire.topics import DoorQuery, TopicQuery
 
 
 class LinkHello(Struct, frozen=True, tag_field="t", tag="link_hello"):
@@ -111,10 +111,10 @@ class LinkCancel(Struct, frozen=True, tag_field="t", tag="link_cancel"):
 
 
 class LinkQuery(Struct, frozen=True, tag_field="t", tag="inspect"):
-    """A `TopicQuery` about the robot's topics. The answer repeats `seq`."""
+    """A `TopicQuery` or `DoorQuery` about the robot's topics. The answer repeats `seq`."""
 
     seq: Seq
-    ask: TopicQuery
+    ask: TopicQuery | DoorQuery
 
 
 class LinkSubscribe(Struct, frozen=True, tag_field="t", tag="subscribed"):

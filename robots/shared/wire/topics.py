@@ -47,10 +47,11 @@ class ListParameters(Struct, frozen=True, tag_field="t", tag="parameters"):
 
 
 class GetParameter(Struct, frozen=True, tag_field="t", tag="parameter"):
-    """One parameter, or a tree of them. Answer: `Parameter`."""
+    """One parameter, or a tree of them. Answer: `Parameter`. Long texts are cut unless `whole` is true."""
 
     name: TopicName
     seq: Seq = 0
+    whole: bool = False
 
 
 class SetParameter(Struct, frozen=True, tag_field="t", tag="set_parameter"):
@@ -65,11 +66,12 @@ class SetParameter(Struct, frozen=True, tag_field="t", tag="set_parameter"):
 
 
 class CallService(Struct, frozen=True, tag_field="t", tag="call"):
-    """Call a service of the allow-list. For staff; recorded first. Answer: `Called`."""
+    """Call a service of the allow-list. For staff; recorded first. Answer: `Called`, unshortened if `whole` is true."""
 
     service: TopicName
     fields: dict[str, Any] = {}
     seq: Seq = 0
+    whole: bool = False
 
     def __post_init__(self) -> None:
         _require_shallow(self.fields)
@@ -78,6 +80,44 @@ class CallService(Struct, frozen=True, tag_field="t", tag="call"):
 TopicQuery = (
     ListTopics | Describe | DescribeService | ListParameters | GetParameter | SetParameter | CallService
 )
+
+
+class ListServiceTypes(Struct, frozen=True, tag_field="t", tag="service_types"):
+    """The types of these services; empty: of all. Answer: `ServiceTypes`."""
+
+    services: list[TopicName] = []
+    seq: Seq = 0
+
+
+class DescribeServiceType(Struct, frozen=True, tag_field="t", tag="describe_service_type"):
+    """The fields of a service type's request or response. Answer: `Described`."""
+
+    type: TypeName
+    response: bool = False
+    seq: Seq = 0
+
+
+class ListDefinitions(Struct, frozen=True, tag_field="t", tag="definitions"):
+    """The definitions of all topics' types. Answer: `Definitions`."""
+
+    seq: Seq = 0
+
+
+class DeleteParameter(Struct, frozen=True, tag_field="t", tag="delete_parameter"):
+    """Delete a parameter of the allow-list. For staff; recorded first. Answer: `Parameter`, without a value."""
+
+    name: TopicName
+    seq: Seq = 0
+
+
+class GetTime(Struct, frozen=True, tag_field="t", tag="time"):
+    """The time by the robot's clock. Answer: `RobotTime`."""
+
+    seq: Seq = 0
+
+
+# Asked by the doors of other protocols; a page needs none of them
+DoorQuery = ListServiceTypes | DescribeServiceType | ListDefinitions | DeleteParameter | GetTime
 
 
 class Subscribe(Struct, frozen=True, tag_field="t", tag="subscribe"):
@@ -173,7 +213,30 @@ class Called(Struct, frozen=True, tag_field="t", tag="called"):
     shortened: dict[str, int] = {}  # as in `Sample`
 
 
+class ServiceTypes(Struct, frozen=True, tag_field="t", tag="types_of_services"):
+    """Types by service; those that did not answer in time are missing."""
+
+    types: dict[str, str]
+    seq: int = 0
+
+
+class Definitions(Struct, frozen=True, tag_field="t", tag="texts_of_types"):
+    """Definitions by type, each followed by the types within it; "" for those that are not known."""
+
+    texts: dict[str, str]
+    seq: int = 0
+
+
+class RobotTime(Struct, frozen=True, tag_field="t", tag="robot_time"):
+    """The time by the robot's clock."""
+
+    secs: int
+    nsecs: int
+    seq: int = 0
+
+
 TopicAnswer = Graph | Described | Parameters | Parameter | Called | Refused
+DoorAnswer = TopicAnswer | ServiceTypes | Definitions | RobotTime
 
 
 class Sample(Struct, frozen=True, tag_field="t", tag="sample"):

@@ -67,6 +67,7 @@ ALLOWED = (
     Allowed("call", "/lamp", "std_srvs/SetBool"),
     Allowed("call", "/slow", "std_srvs/Trigger"),
     Allowed("set", "/greeting"),
+    Allowed("set", "/farewell"),
     Allowed("publish", "/lab/joy", "std_msgs/String"),  # a forbidden topic stays forbidden on the allow-list
     Allowed("set", "/robot_description"),
     Allowed("set", "/hall"),
@@ -75,7 +76,7 @@ ALLOWED = (
 )
 
 _report = msgspec.json.Decoder(InspectorReport)
-_answer = msgspec.json.Decoder(wire.TopicAnswer)
+_answer = msgspec.json.Decoder(wire.DoorAnswer)
 _shown = msgspec.json.Decoder(wire.Sample)
 
 
@@ -611,6 +612,53 @@ def test_a_hanging_failing_or_missing_service_is_reported(inspector):
     with serving("/slow", Trigger, lambda _: None):
         assert inspector.ask(wire.CallService("/slow")).refusal.code == "service_failed"
     assert inspector.ask(wire.CallService("/slow")).refusal.code == "no_service"
+
+
+# --- questions of doors ----------------------------------------------------------------------------------
+
+
+def test_services_have_types_and_types_have_requests_and_responses(inspector):
+    with serving("/lamp", SetBool, lambda _: SetBoolResponse()):
+        assert inspector.ask(wire.ListServiceTypes(["/lamp", "/nobody"])).types == {
+            "/lamp": "std_srvs/SetBool"
+        }
+        assert inspector.ask(wire.ListServiceTypes()).types["/lamp"] == "std_srvs/SetBool"
+    request = inspector.ask(wire.DescribeServiceType("std_srvs/SetBool"))
+    response = inspector.ask(wire.DescribeServiceType("std_srvs/SetBool", response=True))
+    assert [field.name for field in request.fields] == ["data"]
+    assert [field.name for field in response.fields] == ["success", "message"]
+    assert inspector.ask(wire.DescribeServiceType("nobody_srvs/Nothing")).refusal.code == "type_unknown"
+
+
+def test_definitions_of_all_topics_are_listed(inspector, ros):
+    with ros.listen("/notes", String):
+        texts = inspector.ask(wire.ListDefinitions()).texts
+    assert texts["std_msgs/String"].strip() == "string data"
+
+
+def test_a_whole_answer_is_not_shortened(inspector):
+    rospy.set_param("/large/text", "x" * 100_000)
+    assert inspector.ask(wire.GetParameter("/large/text", whole=True)).value == "x" * 100_000
+    with serving("/slow", Trigger, lambda _: TriggerResponse(True, "y" * 3000)):
+        assert len(inspector.ask(wire.CallService("/slow")).fields["message"]) < 3000
+        assert inspector.ask(wire.CallService("/slow", whole=True)).fields["message"] == "y" * 3000
+
+
+def test_a_parameter_is_deleted_only_from_the_allow_list(inspector):
+    rospy.set_param("/farewell", "bye")
+    rospy.set_param("/kitchen_light", True)
+    assert inspector.ask(wire.DeleteParameter("/farewell")).value is None
+    assert not rospy.has_param("/farewell")
+    assert inspector.ask(wire.DeleteParameter("/farewell")).refusal.code == "no_parameter"
+    assert inspector.ask(wire.DeleteParameter("/kitchen_light")).refusal.code == "not_allowed"
+    rospy.set_param("/hall", {"light": 1, "robot_description": "<robot/>"})
+    assert inspector.ask(wire.DeleteParameter("/hall")).refusal.code == "not_allowed"
+    rospy.delete_param("/hall")
+
+
+def test_the_robots_time_is_told(inspector):
+    told = inspector.ask(wire.GetTime())
+    assert abs(told.secs + told.nsecs / 1e9 - time.time()) < 5.0
 
 
 # --- publishing -----------------------------------------------------------------------------------------

@@ -195,6 +195,15 @@ class Definitions:
             raise _unknown(type_name)
         return found
 
+    def text_of(self, type_name: str) -> str:
+        """Return the text of `of_type`, unparsed; "" if the type is not known."""
+        try:
+            text: str = message_class(type_name)._full_text
+        except UnknownTypeError:
+            kept = next(self._kept(type_name), None)
+            return kept.text if kept else ""
+        return text
+
     def _find(self, type_name: str, md5: str, text: str) -> Definition:
         if not (_TYPE.fullmatch(type_name) and _MD5.fullmatch(md5)):
             raise _bad(type_name, say("its publisher names no proper type and md5 sum"))

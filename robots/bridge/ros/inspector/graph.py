@@ -19,6 +19,9 @@ from robots.shared.sentences import say
 PARTS = ("goal", "cancel", "status", "feedback", "result")  # topics of an action
 LARGEST_VALUE = 48 * 1024  # bytes of a parameter's JSON
 LONGEST_TEXT = 16 * 1024  # characters of one text in a parameter
+LARGEST_WHOLE = (
+    8_000_000  # characters of a text that is asked for as a whole; the limit of an answer is lower
+)
 
 
 def graph(master: Master, seq: int) -> wire.Graph:
@@ -69,13 +72,12 @@ def parameter_names(master: Master, seq: int) -> wire.Parameters:
     return wire.Parameters(sorted(names), seq)
 
 
-def parameter(master: Master, name: str, seq: int) -> wire.Parameter:
+def parameter(master: Master, name: str, seq: int, whole: bool = False) -> wire.Parameter:
     """Return a value, or the tree below `name`. Raises MasterError or Declined."""
-    if not master.call("hasParam", name):
-        raise Declined("no_parameter", say("The robot has no parameter {name}.", name=name), name=name)
-    value = _plain(master.parameter(name))
+    _require_parameter(master, name)
+    value = _plain(master.parameter(name), LARGEST_WHOLE if whole else LONGEST_TEXT)
     size = len(msgspec.json.encode(value))
-    if size > LARGEST_VALUE:
+    if size > LARGEST_VALUE and not whole:
         text = say(
             "{name} is too large to be shown ({size} bytes): ask for a branch of it.", name=name, size=size
         )
@@ -95,15 +97,27 @@ def set_parameter(master: Master, name: str, value: Any, seq: int) -> wire.Param
     return parameter(master, name, seq)
 
 
-def _plain(value: Any) -> Any:
-    """Convert a value for JSON: XML-RPC also has NaN, dates and bytes. Long texts are cut."""
+def delete_parameter(master: Master, name: str, seq: int) -> wire.Parameter:
+    """Delete a parameter, or the tree below it. Raises MasterError or Declined."""
+    _require_parameter(master, name)
+    master.call("deleteParam", name)
+    return wire.Parameter(name, None, seq)
+
+
+def _require_parameter(master: Master, name: str) -> None:
+    if not master.call("hasParam", name):
+        raise Declined("no_parameter", say("The robot has no parameter {name}.", name=name), name=name)
+
+
+def _plain(value: Any, longest: int) -> Any:
+    """Convert a value for JSON: XML-RPC also has NaN, dates and bytes. Texts are cut at `longest` characters."""
     match value:
         case dict():
-            return {str(key): _plain(inner) for key, inner in value.items()}
+            return {str(key): _plain(inner, longest) for key, inner in value.items()}
         case list() | tuple():
-            return [_plain(inner) for inner in value]
-        case str() if len(value) > LONGEST_TEXT:
-            return f"{value[:LONGEST_TEXT]}… ({len(value)} characters)"
+            return [_plain(inner, longest) for inner in value]
+        case str() if len(value) > longest:
+            return f"{value[:longest]}… ({len(value)} characters)"
         case float() if not math.isfinite(value):
             return str(value)
         case None | bool() | int() | float() | str():

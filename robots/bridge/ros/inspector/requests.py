@@ -192,7 +192,7 @@ class Inspector:
             answer = wire.encode(wire.Refused(wire.kind_of(ask), _refusal(error), ask.seq))
         self._report(wire.LinkAnswer(question.seq, msgspec.Raw(answer)))
 
-    def _answered(self, question: InspectorQuery) -> wire.TopicAnswer:
+    def _answered(self, question: InspectorQuery) -> wire.DoorAnswer:
         question.require_time()
         match question.ask:
             case wire.ListTopics(seq=seq):
@@ -203,17 +203,38 @@ class Inspector:
                 return _described(services.find(self._master, name).request, seq)
             case wire.ListParameters(seq=seq):
                 return graph.parameter_names(self._master, seq)
-            case wire.GetParameter(name=name, seq=seq):
-                return graph.parameter(self._master, name, seq)
+            case wire.GetParameter(name=name, seq=seq, whole=whole):
+                return graph.parameter(self._master, name, seq, whole)
             case wire.SetParameter(name=name, value=value, seq=seq):
                 self._require("set", name)
                 self._require_admissible(name, value)
                 return graph.set_parameter(self._master, name, value, seq)
-            case wire.CallService(service=name, fields=fields, seq=seq):
+            case wire.CallService(service=name, fields=fields, seq=seq, whole=whole):
                 service = services.find(self._master, name)
                 self._require("call", name, service.type)
-                called, shortened = services.call(service, fields, question.require_time)
+                detail = services.WHOLE if whole else services.SHOWN
+                called, shortened = services.call(service, fields, question.require_time, detail)
                 return wire.Called(name, called, seq, shortened)
+            case door:
+                return self._answered_door(door)
+
+    def _answered_door(self, ask: wire.DoorQuery) -> wire.DoorAnswer:
+        match ask:
+            case wire.ListServiceTypes(services=names, seq=seq):
+                names = names or list(self._master.system_state().services)
+                return wire.ServiceTypes(services.types_of(self._master, names), seq)
+            case wire.DescribeServiceType(type=type_name, response=response, seq=seq):
+                return _described(services.described(type_name, response), seq)
+            case wire.ListDefinitions(seq=seq):
+                types = set(self._master.system_state().types.values())
+                return wire.Definitions({one: self._definitions.text_of(one) for one in sorted(types)}, seq)
+            case wire.DeleteParameter(name=name, seq=seq):
+                self._require("set", name)
+                self._require_admissible(name, None)
+                return graph.delete_parameter(self._master, name, seq)
+            case wire.GetTime(seq=seq):
+                now_ns = time.time_ns() + round(1e9 * (self._clock.skew_s or 0.0))
+                return wire.RobotTime(*divmod(now_ns, 1_000_000_000), seq)
 
     def _require(self, what: str, name: str, type_name: str = "") -> None:
         """Refuse names that are not on the allow-list. Web process and bridge have checked the person."""

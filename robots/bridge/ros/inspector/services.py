@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
@@ -15,11 +16,15 @@ from robots.shared.messages.fields import fit_fields
 from robots.shared.messages.packing import Detail
 from robots.shared.ros.master import INSPECTOR, Master, NotThere
 from robots.shared.ros.message_types.classes import UnknownTypeError, service_class
+from robots.shared.ros.texts import NAME, cut
 from robots.shared.sentences import say
 
 CALL_S = 1.5  # until a service must have answered
 LARGEST_ANSWER = 16 * 1024 * 1024  # bytes
+TYPES_S = 1.5  # until the types of all services must be known
+MOST_ASKED = 16  # services at once
 SHOWN = Detail(whole=64, first=32, text=2000)  # of an answer
+WHOLE = Detail(whole=LARGEST_ANSWER, first=LARGEST_ANSWER, text=LARGEST_ANSWER)
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,51 @@ class Service:
 
 def find(master: Master, name: str) -> Service:
     """Ask a service for its type. Raises MasterError or Declined."""
+    address, said = _probed(master, name)
+    type_name, md5 = said.get("type", ""), said.get("md5sum", "")
+    here = _installed(type_name)
+    if here._md5sum != md5:
+        text = say(
+            "The robot has another version of {type} than the console: it cannot be called from here.",
+            type=type_name,
+        )
+        raise Declined("definition_differs", text, type=type_name, robot_md5=md5, console_md5=here._md5sum)
+    return Service(name, type_name, md5, address, described(type_name), described(type_name, response=True))
+
+
+def described(type_name: str, response: bool = False) -> Definition:
+    """Return the request or response of an installed service type. Raises Declined."""
+    here = _installed(type_name)
+    part = here._response_class if response else here._request_class
+    return parsed(part._type, part._full_text, known=True)
+
+
+def types_of(master: Master, names: Iterable[str]) -> dict[str, str]:
+    """Ask services for their types, many at once; those that do not answer within `TYPES_S` are missing."""
+    asking = ThreadPoolExecutor(MOST_ASKED)
+    waiting = {asking.submit(_probed, master, name): name for name in names}
+    answered, _ = wait(waiting, TYPES_S)
+    asking.shutdown(wait=False, cancel_futures=True)
+    return {
+        waiting[one]: cut(one.result()[1].get("type", ""), NAME)
+        for one in answered
+        if one.exception() is None
+    }
+
+
+def _installed(type_name: str) -> Any:
+    try:
+        return service_class(type_name)
+    except UnknownTypeError:
+        text = say(
+            "The console does not know the service type {type}, and services do not send their definition.",
+            type=type_name,
+        )
+        raise Declined("type_unknown", text, type=type_name) from None
+
+
+def _probed(master: Master, name: str) -> tuple[tuple[str, int], dict[str, str]]:
+    """Return the address of a service, and what it says about itself. Raises MasterError or Declined."""
     try:
         uri = urlsplit(master.call("lookupService", name))
     except NotThere:
@@ -43,27 +93,7 @@ def find(master: Master, name: str) -> Service:
             "no_service", say("The robot has no service {name}.", name=name), service=name
         ) from None
     address = (uri.hostname or "", uri.port or 0)
-    said = _ask(name, address, {"md5sum": "*", "probe": "1"})
-    type_name, md5 = said.get("type", ""), said.get("md5sum", "")
-    try:
-        here = service_class(type_name)
-    except UnknownTypeError:
-        text = say(
-            "The console does not know the service type {type}, and services do not send their definition.",
-            type=type_name,
-        )
-        raise Declined("type_unknown", text, type=type_name) from None
-    if here._md5sum != md5:
-        text = say(
-            "The robot has another version of {type} than the console: it cannot be called from here.",
-            type=type_name,
-        )
-        raise Declined("definition_differs", text, type=type_name, robot_md5=md5, console_md5=here._md5sum)
-    parts = [
-        parsed(part._type, part._full_text, known=True)
-        for part in (here._request_class, here._response_class)
-    ]
-    return Service(name, type_name, md5, address, parts[0], parts[1])
+    return address, _ask(name, address, {"md5sum": "*", "probe": "1"})
 
 
 def call(
