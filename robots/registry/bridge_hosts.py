@@ -28,6 +28,10 @@ class NotJoined(Exception):
     """The code is unknown, used or too old, or what came with it is no request for a certificate."""
 
 
+class NotNow(Exception):
+    """The code is right, but no other computer can run bridges now; the text says why."""
+
+
 class Joined(Struct, frozen=True):
     """The settings that a computer gets for its code."""
 
@@ -79,12 +83,14 @@ def code_make(host: BridgeHost, actor: User) -> str:
 
 
 def join(code: str, certificate_request: str, address: str) -> Joined:
-    """End the code, and return the settings of its host with a certificate. Raises `NotJoined`."""
+    """End the code, and return the settings of its host with a certificate. Raises `NotJoined` or `NotNow`."""
     now = timezone.now()
     with transaction.atomic():
         host = BridgeHost.objects.select_for_update().filter(code_digest=_digest(code)).first()
         if host is None or host.code_until is None or not now < host.code_until:
             raise NotJoined
+        if reason := why_not():
+            raise NotNow(reason)
         try:
             certificate, until = authority.sign(certificate_request.encode(), host.name, now)
         except ValueError as error:

@@ -51,8 +51,12 @@ def join(address: str, code: str, env: Path, owner: str) -> None:
     """Get settings and certificate, and write them. Raises `NotJoined`."""
     if not address.startswith("https://"):
         raise NotJoined("The address must begin with https://, because it hands over secrets.")
-    if env.exists():
-        raise NotJoined(f"There is a file {env} already: move it away first.")
+    files = {"FLEET_LINK_CERT": env.with_suffix(".crt"), "FLEET_LINK_KEY": env.with_suffix(".key")}
+    # Before the code is used. fleet.key may be the one that browsers know.
+    if there := [str(path) for path in (env, *files.values()) if os.path.lexists(path)]:
+        raise NotJoined(
+            f"{', '.join(there)}: there already. Move it away first, or give another name by --env."
+        )
     key = ec.generate_private_key(ec.SECP256R1())
     request = x509.CertificateSigningRequestBuilder().subject_name(x509.Name([])).sign(key, hashes.SHA256())
     pem = request.public_bytes(serialization.Encoding.PEM).decode()
@@ -60,9 +64,7 @@ def join(address: str, code: str, env: Path, owner: str) -> None:
     private_key = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
-    files = {"FLEET_LINK_CERT": env.with_suffix(".crt"), "FLEET_LINK_KEY": env.with_suffix(".key")}
     for path, text in zip(files.values(), (joined["certificate"], private_key.decode()), strict=True):
-        path.unlink(missing_ok=True)
         private_file(path, text)
         shutil.chown(path, owner)
     own = {

@@ -29,9 +29,7 @@ class JoinRequest(msgspec.Struct, frozen=True):
 @never_cache
 @require_POST
 def join(request: HttpRequest) -> HttpResponse:
-    """Answer with settings and certificate, once for each code."""
-    if reason := bridge_hosts.why_not():
-        return _refused(str(reason), 409)
+    """Answer with settings and certificate, once for each code. Without a code, nothing else is told."""
     address = address_of(request)
     try:
         asked = msgspec.json.decode(request.body, type=JoinRequest)
@@ -41,6 +39,8 @@ def join(request: HttpRequest) -> HttpResponse:
             except bridge_hosts.NotJoined:
                 throttle.failure_recorded(username=NAME, address=address)
                 raise
+    except bridge_hosts.NotNow as error:
+        return _refused(str(error), 409)
     except throttle.TooMany as error:
         return _refused(throttle.words(error.wait_s), 429)
     except (bridge_hosts.NotJoined, msgspec.DecodeError):

@@ -116,6 +116,16 @@ def test_a_code_that_is_too_old_is_refused(command: str) -> None:
     assert BridgeHost.objects.get().joined_at is None
 
 
+def test_only_who_has_the_code_is_told_what_is_missing(command: str, settings: Any) -> None:
+    settings.FLEET_TLS = False
+    refused = asked("guess")
+    assert refused.status_code == 403 and "FLEET_TLS" not in refused.text
+    refused = asked(command)
+    assert refused.status_code == 409 and "FLEET_TLS is off" in refused.json()["text"]
+    settings.FLEET_TLS = True
+    assert asked(command).status_code == 200
+
+
 def test_a_new_command_ends_the_old_one(command: str, signed_in: SignIn, staff: User) -> None:
     chosen = [str(BridgeHost.objects.get().pk)]
     page = signed_in(staff).post(LIST, {"action": "make_command", "_selected_action": chosen}, secure=True)
@@ -142,7 +152,6 @@ def test_the_page_says_why_no_other_computer_can_join(
     assert "<pre" not in client.get(ADD, secure=True).text
     monkeypatch.setitem(settings.DATABASES["default"], "HOST", "127.0.0.1")
     assert "names a database on this computer" in client.get(ADD, secure=True).text
-    assert asked("x").status_code == 409
     monkeypatch.setitem(settings.DATABASES["default"], "ENGINE", "django.db.backends.sqlite3")
     assert "The database is SQLite" in client.get(ADD, secure=True).text
     assert signed_in(operator).get(ADD, secure=True).status_code == 302

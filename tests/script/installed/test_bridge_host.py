@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -117,11 +116,14 @@ def test_a_computer_joins_and_runs_the_bridge_of_a_robot(console: Console, tmp_p
     trusting = {**outside(), "FLEET_JOIN_CA": str(console.certificate.authority)}
     assert f"Joined as {ADDRESS}." in run(join, trusting)
     assert env.stat().st_mode & 0o77 == 0 and env.with_suffix(".key").stat().st_mode & 0o77 == 0
-    shutil.move(env, tmp_path / "first.env")
+    assert f"{env}, {env.with_suffix('.crt')}, {env.with_suffix('.key')}: there" in run(
+        join, trusting, status=1
+    )
+    join[join.index(str(env))] = str(tmp_path / "again.env")
     assert "The console refused: This code is wrong, used or too old" in run(join, trusting, status=1)
     console.shell(NEW_ROBOT)
 
-    settings = dict(line.split("=", 1) for line in (tmp_path / "first.env").read_text().splitlines())
+    settings = dict(line.split("=", 1) for line in env.read_text().splitlines())
     own = {name: "".join(shlex.split(value)) for name, value in settings.items()}
     host = {**outside(), **own, "FLEET_VAR": str(tmp_path / "host")}
     log = tmp_path / "host.log"
