@@ -33,10 +33,11 @@ class Kept:
     def ended(self, child: Child, now_s: float) -> str:
         """Plan the next start, and return what people should know."""
         self.child = None
-        wait_s = self._budget.wait_s(now_s)
+        refused = child.process.poll() == EXIT_ALREADY_RUNNING  # it said who does its work
+        wait_s = self._budget.rest_s if refused else self._budget.wait_s(now_s)
         self.start_at_s = now_s + wait_s
         often = ""
-        if wait_s == self._budget.rest_s:
+        if wait_s == self._budget.rest_s and not refused:
             often = f" It has ended more than {self._budget.falls} times within {self._budget.window_s:g} s:"
             often += " the lines above say why."
         return f"{self.name} {child.fate()}; it is started again in {wait_s:g} s.{often}"
@@ -45,7 +46,8 @@ class Kept:
 def keep(processes: Sequence[Kept], ready: Callable[[], bool], introduce: Callable[[], None]) -> NoReturn:
     """Run the processes until a signal ends this one; call `introduce` once, when they are `ready`.
 
-    Raises `ChildDied` if one ends before that, as with a wrong setting, or if it says that another one does its work.
+    Raises `ChildDied` if one ends before that, as with a wrong setting. One that ends later because another one does
+    its work tries again each minute, beside the others; without others, it ends this process, too.
     """
     introduced = False
     try:
@@ -59,7 +61,7 @@ def keep(processes: Sequence[Kept], ready: Callable[[], bool], introduce: Callab
             ended = ended_within(list(by_child), _patience_s(processes) if introduced else READY_STEP_S)
             if ended is None:
                 continue
-            if not introduced or ended.process.poll() == EXIT_ALREADY_RUNNING:
+            if not introduced or (len(processes) == 1 and ended.process.poll() == EXIT_ALREADY_RUNNING):
                 raise ChildDied(ended)
             say(by_child[ended].ended(ended, time.monotonic()), logging.WARNING)
     finally:

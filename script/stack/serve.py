@@ -18,7 +18,7 @@ from pathlib import Path
 from django.core.exceptions import ImproperlyConfigured
 
 from fleet.base.environment import Environment, lichtblick
-from robots.shared.processes.one_supervisor import LOCK, supervised
+from robots.shared.processes.one_supervisor import LOCK, forget, supervised
 from script.service.keeping import Kept, keep
 from script.service.readiness import answers, run_directory, tell_systemd
 from script.stack.places import REPOSITORY
@@ -140,6 +140,8 @@ def serve(asked: argparse.Namespace) -> int:
         done = subprocess.run([sys.executable, "manage.py", *command], check=False)  # noqa: S603
         if done.returncode:
             return done.returncode
+    if "supervisor" not in names:  # alerts would miss the one of an earlier role
+        forget(run_directory() / LOCK)
     keep([Kept(name, commands[name]) for name in names], lambda: ready(asked, env), lambda: introduce(asked))
 
 

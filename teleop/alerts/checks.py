@@ -27,7 +27,7 @@ from robots.link.state_reader import state_once
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.shared.configuration.bridge_config import LinkAddress
-from robots.shared.processes.one_supervisor import FROZEN_S, LOCK, beat_age_s, supervised
+from robots.shared.processes.one_supervisor import FROZEN_S, LOCK, beat_age_s, forgotten, supervised
 from robots.shared.sentences import Sentence, say
 
 DISK_SHARE, DISK_BYTES = 0.05, 1e9  # less free space than both of them is a trouble
@@ -72,9 +72,9 @@ def _of_robot(robot: Robot, address: LinkAddress) -> Trouble | None:
 
 
 def supervisor() -> Iterator[Trouble]:
-    """Look whether the fleet supervisor of this computer runs and steps. A web computer has none, and no lock file."""
+    """Look whether the fleet supervisor of this computer runs and steps. A web computer has none."""
     lock: Path = settings.FLEET_RUN_DIR / LOCK
-    if not lock.exists():
+    if forgotten(lock):
         return
     if not supervised(lock):
         words = say("The fleet supervisor has ended: no bridge is started again.")

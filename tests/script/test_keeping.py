@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
@@ -54,11 +55,31 @@ def test_a_process_that_dies_comes_back_and_the_other_stays(tmp_path: Path) -> N
         console.kill()
 
 
-@pytest.mark.parametrize(("ready", "code"), [("never", 7), ("ready", EXIT_ALREADY_RUNNING)])
-def test_a_process_that_cannot_do_its_work_ends_all(ready: str, code: int, tmp_path: Path) -> None:
+REFUSED = f"raise SystemExit({EXIT_ALREADY_RUNNING})"
+
+
+@pytest.mark.parametrize(
+    ("ready", "programs"), [("never", [SLEEP, "raise SystemExit(7)"]), ("ready", [REFUSED])]
+)
+def test_a_process_that_cannot_do_its_work_ends_all(ready: str, programs: list[str], tmp_path: Path) -> None:
     log = tmp_path / "log"
-    assert keeping(ready, SLEEP, f"raise SystemExit({code})", log=log).wait(ENDED_S) == 1
-    assert f"p1 ended with status {code}." in log.read_text()
+    assert keeping(ready, *programs, log=log).wait(ENDED_S) == 1
+    assert re.search(r"^p\d ended with status [37]\.$", log.read_text(), re.MULTILINE)
+
+
+def test_pages_go_on_while_another_supervisor_does_the_work(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    console = keeping("ready", SLEEP, REFUSED, log=log)
+    try:
+        until(
+            lambda: "p1 ended with status 3; it is started again in 60 s." in log.read_text(),
+            "it waits",
+            ENDED_S,
+        )
+        assert len(Family(console.pid)) >= 2
+    finally:
+        console.send_signal(signal.SIGTERM)
+        assert console.wait(ENDED_S) == 0
 
 
 def test_a_bridge_host_takes_no_words_of_a_web_process(capsys: pytest.CaptureFixture[str]) -> None:

@@ -42,6 +42,18 @@ def _acquired(lock: IO[str]) -> bool:
     return False
 
 
+def forget(path: Path) -> None:
+    """Empty the lock file if nobody holds it: this computer had a supervisor before, and is to have none now."""
+    with contextlib.suppress(OSError), path.open("r+") as lock:
+        if _acquired(lock):
+            lock.truncate(0)
+
+
+def forgotten(path: Path) -> bool:
+    """Return whether no supervisor belongs to this computer."""
+    return not path.exists() or path.stat().st_size == 0
+
+
 def beat(path: Path) -> None:
     """Say that the holder of the lock file runs. Call it often. Does nothing without the file: a test holds none."""
     with contextlib.suppress(FileNotFoundError):
