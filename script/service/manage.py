@@ -47,8 +47,12 @@ def main(words: Sequence[str], units: Path = UNITS) -> str:
 
 
 def read(unit: str) -> dict[str, str]:
-    """Return the names and values of a unit's lines; of a name with several, the last."""
-    return dict(line.split("=", 1) for line in unit.splitlines() if "=" in line and not line.startswith("#"))
+    """Return the names and values of a unit's lines; of a name with several, the last. The unit has % twice."""
+    return dict(
+        line.replace("%%", "%").split("=", 1)
+        for line in unit.splitlines()
+        if "=" in line and not line.startswith("#")
+    )
 
 
 def variables(lines: str) -> Iterator[tuple[str, str]]:

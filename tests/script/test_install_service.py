@@ -51,16 +51,33 @@ def test_words_of_before_stay(before: str, tmp_path: Path) -> None:
     (tmp_path / "fleet.service").write_text(
         f"[Service]\nUser=lab\nExecStart=/opt/fleet/script/{before} --bind 10.0.0.2 --port 8001\n"
     )
+    unit = again(tmp_path)
+    assert f"ExecStart={tmp_path}/script/serve console --bind 10.0.0.2 --port 8001\n" in unit
+    assert "User=lab\n" in unit
+
+
+def test_words_with_spaces_and_signs_reach_the_console(tmp_path: Path) -> None:
+    words = ["--certificate", "/etc/my lab/50%.crt", "--authority", "it's $5"]
+    unit = units("--print", "--env", "/etc/50%.env", "--", *words)["fleet.service"]
+    assert """ console --certificate "/etc/my lab/50%%.crt" --authority "it's $$5"\n""" in unit
+    assert "\nEnvironmentFile=/etc/50%%.env\n" in unit
+    (tmp_path / "fleet.service").write_text(unit)
+    assert again(tmp_path) == unit.replace(str(REPOSITORY), str(tmp_path))
+    assert 'no word with " or' in printed("--print", "--", 'a"b').stderr
+
+
+def again(folder: Path) -> str:
+    """Return what install-service prints for the unit that is in this folder."""
     script = (REPOSITORY / "script/install-service").read_text()
-    script = script.replace("units=/etc/systemd/system", f"units={tmp_path}").replace(
+    script = script.replace("units=/etc/systemd/system", f"units={folder}").replace(
         "[[ -n $print || ! -r", "[[ ! -r"
     )
-    (tmp_path / "script").mkdir()
-    (tmp_path / "script/install-service").write_text(script)
-    command = ["bash", str(tmp_path / "script/install-service"), "--print"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert f"ExecStart={tmp_path}/script/serve console --bind 10.0.0.2 --port 8001\n" in done.stdout
-    assert "User=lab\n" in done.stdout
+    (folder / "script/service").mkdir(parents=True)
+    (folder / "script/install-service").write_text(script)
+    shutil.copy(REPOSITORY / "script/service/units.sh", folder / "script/service")
+    command = ["bash", str(folder / "script/install-service"), "--print"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return re.split(r"^# \S+\n", done.stdout, flags=re.MULTILINE)[1]
 
 
 def test_only_a_port_below_1024_needs_a_right() -> None:

@@ -33,7 +33,9 @@ def machine() -> Iterator[Machine]:
         machine.run("chmod", "-R", "a+rX", "/opt/fleet")
         machine.run("chmod", "755", *(f"/{name}" for name in STAND_INS))
         script = machine.root / "opt/fleet/script/install-service"
-        shutil.copy(REPOSITORY / "script/install-service", script)
+        for name in ("script/install-service", "script/install-backup", "script/service/units.sh"):
+            (machine.root / "opt/fleet" / name).parent.mkdir(exist_ok=True)
+            shutil.copy(REPOSITORY / name, machine.root / "opt/fleet" / name)
         # Only our own program is the service's main process and may say that it is ready.
         script.write_text(script.read_text().replace("Type=notify\n", "Type=notify\nNotifyAccess=all\n"))
         yield machine
@@ -56,6 +58,18 @@ def test_it_keeps_its_words_until_it_gets_others(machine: Machine) -> None:
     assert starts(machine, "fleet") == ("console --port 443", "/etc/lab.env")
     machine.shell("script/install-service -- --port 8001")
     assert starts(machine, "fleet") == ("console --port 8001", "/etc/lab.env")
+
+
+def test_the_nightly_backup_follows_the_service_to_another_user(machine: Machine) -> None:
+    machine.shell("script/install-service")
+    machine.shell("script/install-backup '/var/backups/50% of my lab' --at 04:00 -- --keep 7")
+    refused = machine.shell("script/install-service --user lab", check=False)
+    assert "lab cannot write to /var/backups/50% of my lab: sudo chown -R lab" in refused
+    machine.shell("chown -R lab '/var/backups/50% of my lab' && script/install-service")
+    service = (machine.root / "etc/systemd/system/fleet-backup.service").read_text()
+    assert "\nUser=lab\n" in service
+    assert """ manage.py backup "/var/backups/50%% of my lab" --keep 7\n""" in service
+    assert "OnCalendar=04:00" in (machine.root / "etc/systemd/system/fleet-backup.timer").read_text()
 
 
 def test_other_roles_want_settings_of_the_console_and_run_beside_it(machine: Machine) -> None:
