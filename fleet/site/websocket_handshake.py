@@ -4,6 +4,9 @@ Browsers send cookies with a WebSocket from any page, so the origin of the page 
 its token in the header Authorization, which a page in a browser cannot set. A program needs no origin unless
 it also sends a cookie.
 
+At a program's door (`DOORS`) no cookie counts, so pages of any origin may connect. A client that brings no token may
+still sign in with its first message.
+
 Django judges handshakes on one thread. So handshakes wait in turns, fair per person, and those that no valid session
 or token signs have a turn of their own: whatever strangers send, people and programs do not wait for it.
 """
@@ -13,6 +16,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from contextlib import AsyncExitStack
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -36,7 +40,9 @@ logger = logging.getLogger(__name__)
 
 PEOPLE_AT_ONCE = 3
 STRANGERS_AT_ONCE = 1
+DOORS = ("/rosbridge/", "/foxglove/")  # begins of their addresses
 _JUDGED = "fleet.judged"  # in the scope: ends the turn
+_STRANGER = "fleet.stranger"  # in the scope: begins another turn of a stranger
 
 
 class InTurn:
@@ -49,15 +55,15 @@ class InTurn:
         self._strangers = Turns(STRANGERS_AT_ONCE)
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
-        credential = _credential(scope["headers"])
+        credential = _token_in(scope["headers"]) if is_door(scope) else _credential(scope["headers"])
         right = await rights.ask(credential) if credential else None
+        address = network_of(str((scope.get("client") or [""])[0]))
+        stranger = partial(self._strangers.turn, (address,))
         async with AsyncExitStack() as turn:
-            if right is not None:
-                await turn.enter_async_context(self._people.turn((right.person.pk,)))
-            else:
-                address = network_of(str((scope.get("client") or [""])[0]))
-                await turn.enter_async_context(self._strangers.turn((address,)))
-            return await self._guarded({**scope, _JUDGED: turn.aclose}, receive, send)
+            await turn.enter_async_context(
+                stranger() if right is None else self._people.turn((right.person.pk,))
+            )
+            return await self._guarded({**scope, _JUDGED: turn.aclose, _STRANGER: stranger}, receive, send)
 
     async def _run(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
         await scope[_JUDGED]()
@@ -123,11 +129,47 @@ class Programs:
         # This WebSocket shows and stops all robots, also those that the token does not include
         if scope["path"].startswith("/ws/fleet/"):
             return await self._people(scope, receive, send)
-        # With this key, the rights of the connection are checked later
-        session = SimpleNamespace(session_key=key_of(token))
-        return await self._inner(
-            {**scope, "user": token.user, "token": token, "session": session}, receive, send
-        )
+        return await self._inner({**scope, **_signed_in(token)}, receive, send)
+
+
+class Doors:
+    """Sign clients of programs' doors in by their tokens; pass connections of other addresses to `others`.
+
+    In a door's scope, `sign_in` signs in later by a token's text; it raises `TokenInvalid`. `refused` is the
+    `TokenInvalid` of a token in the header: the door says so in its own protocol.
+    """
+
+    def __init__(self, inner: Any, others: Any) -> None:
+        self._inner = inner
+        self._others = others
+
+    async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
+        if not is_door(scope):
+            return await self._others(scope, receive, send)
+        found: dict[str, Any] = {"sign_in": partial(self._sign_in, scope[_STRANGER])}
+        if (credential := _token_in(scope["headers"])) is not None:
+            try:
+                found |= _signed_in(await database_sync_to_async(_token)(credential.text))
+            except TokenInvalid as error:
+                found["refused"] = error
+        return await self._inner({**scope, **found}, receive, send)
+
+    async def _sign_in(self, turn: Callable[[], Any], text: str) -> dict[str, Any]:
+        """Return what a token adds to the scope. Raises `TokenInvalid`."""
+        async with turn():
+            return _signed_in(await database_sync_to_async(_token)(text))
+
+
+def is_door(scope: dict[str, Any]) -> bool:
+    """Return whether this connection comes to a door of programs."""
+    path: str = scope["path"]
+    return path.startswith(DOORS)
+
+
+def _signed_in(token: Token) -> dict[str, Any]:
+    """Return the scope of a program. With its session's key, the rights of the connection are checked later."""
+    session = SimpleNamespace(session_key=key_of(token))
+    return {"user": token.user, "token": token, "session": session}
 
 
 def _token(text: str) -> Token:
@@ -139,7 +181,9 @@ def _token(text: str) -> Token:
 
 def guarded(inner: Any) -> Any:
     """Wrap an application in all access checks: origin and person, or a program's token."""
-    return InTurn(lambda run: Programs(run, SameOrigin(AuthMiddlewareStack(SignedIn(run)))), inner)
+    return InTurn(
+        lambda run: Doors(run, Programs(run, SameOrigin(AuthMiddlewareStack(SignedIn(run))))), inner
+    )
 
 
 def _credential(headers: list[tuple[bytes, bytes]]) -> Credential | None:
@@ -147,6 +191,11 @@ def _credential(headers: list[tuple[bytes, bytes]]) -> Credential | None:
     if cookies := _values(headers, b"cookie"):
         key = parse_cookie("; ".join(cookies)).get(settings.SESSION_COOKIE_NAME)
         return Credential(key) if key else None
+    return _token_in(headers)
+
+
+def _token_in(headers: list[tuple[bytes, bytes]]) -> Credential | None:
+    """Return a program's token. Nobody has checked it yet."""
     [header, *_] = [*_values(headers, b"authorization"), ""]
     scheme, _, text = header.partition(" ")
     return Credential(text.strip(), is_token=True) if scheme.lower() == "bearer" else None

@@ -13,6 +13,7 @@ from teleop.live.consumers.message_socket import no_such_address
 from teleop.live.consumers.news_consumer import NewsConsumer
 from teleop.live.consumers.robot_consumer import RobotConsumer
 from teleop.live.consumers.topics_consumer import TopicsConsumer
+from teleop.rosbridge.consumer import RosbridgeConsumer
 
 # Typed as Any, because the types of `path` allow only HTTP views.
 fleet_page: Any = FleetConsumer.as_asgi()
@@ -21,6 +22,7 @@ news: Any = NewsConsumer.as_asgi()
 robot_page: Any = RobotConsumer.as_asgi()
 robot_topics: Any = TopicsConsumer.as_asgi()
 robot_cameras: Any = CameraConsumer.as_asgi()
+rosbridge: Any = RosbridgeConsumer.as_asgi()
 elsewhere: Any = no_such_address
 
 websocket_urlpatterns = [
@@ -30,5 +32,8 @@ websocket_urlpatterns = [
     path("ws/robots/<slug:slug>/", robot_page),
     path("ws/robots/<slug:slug>/topics/", robot_topics),
     path("ws/robots/<slug:slug>/camera/", robot_cameras),
+    # Doors of programs (`fleet.site.websocket_handshake`)
+    path("rosbridge/<slug:slug>", rosbridge),
+    path("rosbridge/<slug:slug>/", rosbridge),
     re_path("", elsewhere),
 ]

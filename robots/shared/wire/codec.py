@@ -29,21 +29,22 @@ _encoder = msgspec.json.Encoder(enc_hook=_plain)
 class MessageDecoder(Generic[T]):
     """Decode and validate a message in one step; raise `WireError`. `messages` is the union of allowed types."""
 
-    def __init__(self, messages: Any) -> None:
+    def __init__(self, messages: Any, largest_bytes: int = LARGEST_MESSAGE_BYTES) -> None:
         self._decoder = msgspec.json.Decoder(messages)
+        self._largest_bytes = largest_bytes
 
     def __call__(self, raw: str | bytes) -> T:
-        if len(raw) > LARGEST_MESSAGE_BYTES:
+        if len(raw) > self._largest_bytes:
             raise WireError(
                 Refusal(
                     "too_large",
                     say(
                         "The message has {bytes} bytes; at most {most} are taken.",
                         bytes=len(raw),
-                        most=LARGEST_MESSAGE_BYTES,
+                        most=self._largest_bytes,
                     ),
                     "wire",
-                    {"bytes": len(raw), "limit_bytes": LARGEST_MESSAGE_BYTES},
+                    {"bytes": len(raw), "limit_bytes": self._largest_bytes},
                 )
             )
         try:

@@ -1,0 +1,270 @@
+"""The WebSocket of one rosbridge client of one robot."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import secrets
+import time
+from collections.abc import Callable, Mapping
+from itertools import count
+from typing import Any
+
+import msgspec
+from django.db import DatabaseError
+
+from fleet.accounts.tokens.models import Scope
+from fleet.accounts.tokens.services import TokenInvalid
+from robots.shared import wire
+from robots.shared.sentences import say
+from robots.shared.wire import (
+    Accepted,
+    BridgeGone,
+    Control,
+    Level,
+    NotDone,
+    Notice,
+    Refusal,
+    Refused,
+    TaskRequest,
+    WireError,
+)
+from teleop.background.jobs import run_in_background
+from teleop.control.changes import database_refusal
+from teleop.control.lease_checks import NO_LEASE
+from teleop.control.scopes import ACTING, needed_scopes, scope_missing
+from teleop.live.consumers.controlling_socket import ControllingSocket
+from teleop.live.consumers.message_socket import CloseCode
+from teleop.live.control_holder import ControlHolder
+from teleop.rosbridge import operations
+from teleop.rosbridge.control_services import STOP
+from teleop.rosbridge.families import FAMILIES
+from teleop.rosbridge.family import Family, Handler
+from teleop.rosbridge.operations import Id, Operation, full_name, operation_of
+from teleop.rosbridge.publishing import Publishing
+
+log = logging.getLogger(__name__)
+
+SIGN_IN_S = 10.0  # the longest time that a client may stay unknown
+_GRAVITY = {"none": 3, "error": 2, "warning": 1, "info": 0}
+_SIGN_IN_FIRST = Refusal(
+    "sign_in_first",
+    "Sign in first: with a token in the header Authorization, by the operation auth, or with a ticket in the address.",
+    "account",
+)
+_KNOWN = Refusal("signed_in", "This connection is signed in already.", "account")
+
+
+class RosbridgeConsumer(ControllingSocket):
+    """One client: its sign-in, its operations by families, its status messages."""
+
+    through = "rosbridge"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.control_told: Control | None = None
+        self.families: list[Family] = []
+        self._handlers: dict[type[Operation], Handler] = {
+            operations.SetLevel: self._set_level,
+            operations.Auth: self._auth,
+        }
+        self._publishing: Publishing | None = None
+        self._level = "error"
+        self._numbers = count(1)
+        self._answers: dict[int, asyncio.Future[Accepted | Refused]] = {}  # by number of the request
+        self._unknown: asyncio.TimerHandle | None = None  # closes a connection that nobody signs in
+
+    # --- opening and closing -----------------------------------------------------------------------
+
+    async def on_open(self) -> None:
+        """Begin, if the handshake has signed the client in. Else it may still send `auth`."""
+        if isinstance(refused := self.scope.get("refused"), TokenInvalid):
+            await self._leave_stranger(Refusal(refused.code, refused.text, "account"))
+        elif "user" in self.scope:
+            await self._begin()
+        else:
+            self._unknown = asyncio.get_running_loop().call_later(
+                SIGN_IN_S, lambda: run_in_background(self._leave_stranger(_SIGN_IN_FIRST))
+            )
+
+    async def _begin(self) -> None:
+        """Join the robot's hub, if this person may see the robot."""
+        try:
+            if await self.join(*ACTING) is None:
+                return
+            self.prepare()
+            # Nobody can resume this lease: it ends with the connection
+            self.begin_control(secrets.token_urlsafe(24))
+            await self.hub.read_status_for(self)
+        except DatabaseError as error:
+            await self.close(CloseCode.TRY_AGAIN, database_refusal(error).text)
+            return
+        self.families = [family(self) for family in FAMILIES]
+        for family in self.families:
+            self._handlers |= family.handlers()
+            if isinstance(family, Publishing):
+                self._publishing = family
+        await self.hub.wait_for_link()
+        self.report_bridge_gone()
+
+    async def _leave_stranger(self, refusal: Refusal) -> None:
+        if not self.joined:
+            await self.status("error", _worded(refusal))
+            await self.close(CloseCode.SIGNED_OUT, refusal.text[:120])
+
+    async def on_close(self) -> None:
+        """End everything that the client has: control too."""
+        if self._unknown:
+            self._unknown.cancel()
+        for family in self.families:
+            family.leave()
+        await super().on_close()
+
+    async def end_control(self, control: ControlHolder) -> None:
+        """End it: the client's next connection has to take control itself."""
+        if control.fence is not None:
+            await control.release()
+        await super().end_control(control)
+
+    # --- operations of the client ------------------------------------------------------------------
+
+    async def on_message(self, raw: str) -> None:
+        """Act on one operation. A stop waits for nothing."""
+        try:
+            operation = operation_of(raw)
+        except WireError as error:
+            of, id_ = _heading(raw)
+            if await self.within_budget(of):
+                await self.refuse(of, error.refusal, id_)
+            return
+        if self._is_stop(operation):  # counts for the flood limit, but is never refused
+            self.stop_button.press(self.hub.link, flood=not self.spend())
+        elif not await self.within_budget(wire.kind_of(operation)):
+            return
+        await self._act(operation)
+
+    async def _act(self, operation: Operation) -> None:
+        of = wire.kind_of(operation)
+        try:
+            if not self.joined and not isinstance(operation, operations.Auth | operations.SetLevel):
+                raise NotDone(_SIGN_IN_FIRST)
+            handler = self._handlers.get(type(operation))
+            if handler is None:
+                raise NotDone(
+                    Refusal(
+                        "not_offered", say("The console does not offer {operation}.", operation=of), "wire"
+                    )
+                )
+            await handler(operation)
+        except NotDone as refused:
+            await self.refuse(of, refused.refusal, operation.id)
+
+    def _is_stop(self, operation: Operation) -> bool:
+        return (
+            isinstance(operation, operations.CallService)
+            and full_name(operation.service) == STOP
+            and self.joined
+        )
+
+    def on_message_at_once(self, raw: str) -> bool:
+        """Forward the holder's velocity to a bridge on this computer."""
+        return self.fence is not None and self._publishing is not None and self._publishing.at_once(raw)
+
+    async def _set_level(self, operation: operations.SetLevel) -> None:
+        self._level = operation.level
+
+    async def _auth(self, operation: operations.Auth) -> None:
+        if self.joined:
+            raise NotDone(_KNOWN)
+        try:
+            self.scope = {**self.scope, **await self.scope["sign_in"](operation.mac)}
+        except TokenInvalid as error:
+            await self._leave_stranger(Refusal(error.code, error.text, "account"))
+            return
+        if self._unknown:
+            self._unknown.cancel()
+        await self._begin()
+
+    # --- requests to the bridge (family.Client) -------------------------------------------------------
+
+    def require(self, *scopes: Scope) -> None:
+        if not self.opens(*scopes):
+            raise NotDone(scope_missing(scopes))
+
+    def next_number(self) -> int:
+        return next(self._numbers)
+
+    async def request(self, make: Callable[[int, int], TaskRequest]) -> None:
+        if (fence := self.fence) is None:
+            raise NotDone(NO_LEASE)
+        message = make(fence, self.next_number())
+        self.require(*needed_scopes(message))
+        answer = self._answers[message.seq] = asyncio.get_running_loop().create_future()
+        try:
+            await self.tasks.start(message)
+            answered = await answer
+        finally:
+            del self._answers[message.seq]
+        if isinstance(answered, Refused):
+            raise NotDone(answered.refusal)
+
+    async def answer(self, answer: Accepted | Refused) -> None:
+        """Pass the answer to the request that waits for it."""
+        waiting = self._answers.get(answer.seq or 0)
+        if waiting is not None and not waiting.done():
+            waiting.set_result(answer)
+
+    # --- messages to the client -----------------------------------------------------------------------
+
+    async def send(self, operation: Mapping[str, Any] | bytes) -> None:
+        if isinstance(operation, bytes):
+            if not self._closing:
+                await self.send_bytes(operation)
+        else:
+            await self.send_text(wire.encode(operation).decode())
+
+    async def send_text(self, text: str) -> None:
+        await self.send_encoded(text)
+
+    async def status(self, level: Level, text: str, id_: Id = None) -> None:
+        if _GRAVITY[level] >= _GRAVITY[self._level]:
+            answer = {"op": "status", "level": level, "msg": text}
+            await self.send(answer if id_ is None else {**answer, "id": id_})
+
+    async def refuse(self, of: str, refusal: Refusal, id_: Id = None) -> None:
+        self._record_refusal(of, refusal)
+        if self._replies.spend(time.monotonic()):
+            await self.status("error", _worded(refusal), id_)
+
+    async def send_message(self, message: Any) -> None:
+        """Tell the client what a page would get as a message of the console's own protocol."""
+        match message:
+            case Control():
+                self.control_told = message
+                for family in self.families:
+                    family.control_changed(message)
+            case Notice(level=level, code=code, text=text):
+                await self.status(level, f"{code}: {text}")
+            case Refused(refusal=refusal) | BridgeGone(refusal=refusal):
+                await self.status("error", _worded(refusal))
+
+
+def _worded(refusal: Refusal) -> str:
+    return f"{refusal.code}: {refusal.text}"
+
+
+class _Heading(msgspec.Struct):
+    op: str = ""
+    id: Id = None
+
+
+def _heading(raw: str) -> tuple[str, Id]:
+    """Return name and id of an operation that is not valid, as far as they can be read."""
+    try:
+        found = _heading_of(raw[: operations.LARGEST_BYTES])
+    except (msgspec.DecodeError, UnicodeError, RecursionError):
+        return "", None
+    return found.op[:40], found.id
+
+
+_heading_of = msgspec.json.Decoder(_Heading).decode

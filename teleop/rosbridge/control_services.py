@@ -1,0 +1,90 @@
+"""Services of the console itself: control is taken by a call, never by publishing. A stop is one, too."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from django.db import DatabaseError
+
+from robots.shared.wire import Control, NotDone, Refusal
+from teleop.control.changes import database_refusal
+from teleop.control.lease_checks import NO_LEASE
+from teleop.control.scopes import ACTING
+from teleop.live.control_holder import ControlHolder
+from teleop.rosbridge.family import Client, Family, Service
+from teleop.rosbridge.publishing import Publishing
+
+log = logging.getLogger(__name__)
+
+STOP = "/fleet/stop"
+ANSWER_S = 6.0  # a bridge that has not answered after 5 s counts as silent
+
+_SILENT = Refusal("no_answer", "The server did not answer in time. Look at the robot's state.", "lease")
+
+
+class ControlServices(Family):
+    """Take, renew, give back and wait for control; stop the robot."""
+
+    def __init__(self, client: Client) -> None:
+        super().__init__(client)
+        self._news = asyncio.Event()
+        self._services: dict[str, Callable[[ControlHolder], Awaitable[None]]] = {
+            "/fleet/take_control": self._take,
+            "/fleet/renew_control": lambda control: control.renew(),
+            "/fleet/release_control": lambda control: control.release(),
+            "/fleet/ask_control": lambda control: control.ask(),
+        }
+
+    def service(self, name: str) -> Service | None:
+        if name == STOP:
+            return _stopped  # the consumer has sent it
+        step = self._services.get(name)
+        return None if step is None else lambda _arguments: self._change(step)
+
+    def control_changed(self, control: Control) -> None:
+        self._news.set()
+
+    async def _change(self, step: Callable[[ControlHolder], Awaitable[None]]) -> dict[str, Any]:
+        self.client.require(*ACTING)
+        if (control := self.client.control) is None:
+            raise NotDone(NO_LEASE)
+        try:
+            await step(control)
+        except DatabaseError as error:
+            log.error("Control of robot %s: %s", self.client.hub.robot_id, error)
+            raise NotDone(database_refusal(error)) from error
+        return self._told()
+
+    async def _take(self, control: ControlHolder) -> None:
+        """Take control. Wait until the bridge knows it, and send it a zero: then the first velocity drives."""
+        self._news.clear()
+        await control.take_control()
+        try:
+            await asyncio.wait_for(self._until_yours(), ANSWER_S)
+        except TimeoutError as error:
+            raise NotDone(_SILENT) from error
+        for family in self.client.families:
+            if isinstance(family, Publishing):
+                await family.stand()
+
+    async def _until_yours(self) -> None:
+        while not (self.client.control_told and self.client.control_told.state == "yours"):
+            self._news.clear()
+            await self._news.wait()
+
+    def _told(self) -> dict[str, Any]:
+        """Return the state of control for the client."""
+        control = self.client.control_told or Control("free")
+        return {
+            "state": control.state,
+            "holder": control.holder or "",
+            "seconds": control.remaining_s or 0.0,
+            "ahead": -1 if control.ahead is None else control.ahead,
+        }
+
+
+async def _stopped(_arguments: dict[str, Any]) -> dict[str, Any]:
+    return {}

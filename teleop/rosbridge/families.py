@@ -1,0 +1,10 @@
+"""All families of operations. One more is one line here."""
+
+from __future__ import annotations
+
+from teleop.rosbridge.control_services import ControlServices
+from teleop.rosbridge.family import Family
+from teleop.rosbridge.publishing import Publishing
+from teleop.rosbridge.service_calls import ServiceCalls
+
+FAMILIES: tuple[type[Family], ...] = (Publishing, ControlServices, ServiceCalls)

@@ -1,0 +1,68 @@
+"""Calls of services: each family may answer some."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from robots.shared.sentences import say
+from robots.shared.wire import NotDone, Refusal
+from teleop.background.jobs import run_in_background
+from teleop.live.consumers.message_socket import BUSY
+from teleop.rosbridge.family import Family, Handler, Service
+from teleop.rosbridge.operations import CallService, Operation, full_name
+
+MOST_PENDING = 32  # calls of one client
+
+
+class ServiceCalls(Family):
+    """Finds the family that answers a call, and sends its answer."""
+
+    _pending = 0
+
+    def handlers(self) -> Mapping[type[Operation], Handler]:
+        return {CallService: self._call}
+
+    async def _call(self, call: CallService) -> None:
+        name = full_name(call.service)
+        found = (family.service(name) for family in self.client.families)
+        service = next(filter(None, found), None)
+        if service is None:
+            text = say("{name} is not on the allow-list for this. Ask the staff.", name=name)
+            await self._answer(call, Refusal("not_allowed", text, "robot", {"name": name}))
+        elif self._pending >= MOST_PENDING:
+            await self._answer(call, BUSY)
+        else:
+            self._pending += 1
+            run_in_background(self._run(call, service))
+
+    async def _run(self, call: CallService, service: Service) -> None:
+        try:
+            await self._answer(call, await service(_arguments(call)))
+        except NotDone as refused:
+            await self._answer(call, refused.refusal)
+        finally:
+            self._pending -= 1
+
+    async def _answer(self, call: CallService, answer: dict[str, Any] | Refusal) -> None:
+        """Send what the service returned, or why it did not run: clients show that text."""
+        refused = isinstance(answer, Refusal)
+        response = {
+            "op": "service_response",
+            "service": call.service,
+            "values": f"{answer.code}: {answer.text}" if isinstance(answer, Refusal) else answer,
+            "result": not refused,
+        }
+        await self.client.send(response if call.id is None else {**response, "id": call.id})
+        if isinstance(answer, Refusal):
+            await self.client.refuse("call_service", answer, call.id)
+
+
+def _arguments(call: CallService) -> dict[str, Any]:
+    """Return the arguments by name. Raises `NotDone`: as a list, only none or one object are understood."""
+    args = call.args or {}
+    if isinstance(args, list):
+        args = args[0] if len(args) == 1 else args
+    if not isinstance(args, dict):
+        raise NotDone(Refusal("invalid", "Send the arguments of a service as an object, by name.", "wire"))
+    return args

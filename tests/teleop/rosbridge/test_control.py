@@ -1,0 +1,147 @@
+"""The rosbridge door: sign-in, control by calls of services, velocities, stop."""
+
+import asyncio
+
+import pytest
+
+from fleet.accounts.tokens.models import Scope, Token
+from fleet.audit.models import Record
+from robots.shared import wire
+from teleop.background.database import in_database
+from teleop.live.consumers.message_socket import CloseCode
+from teleop.models import ControlSession
+from teleop.rosbridge import consumer
+from tests.teleop.rosbridge.support import Client
+from tests.teleop.support import eventually
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+AHEAD = {"linear": {"x": 0.2, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.1}}
+
+
+# --- sign-in ------------------------------------------------------------------------------------------------
+
+
+async def test_a_cookie_does_not_sign_in(robot, browsers, websocket_headers, bridge):
+    headers = {name.decode(): value.decode() for name, value in websocket_headers(browsers["operator"])}
+    client = Client(robot.slug, **headers)
+    await client.open()
+    await client.send("advertise", topic="/cmd_vel", type="geometry_msgs/Twist")
+    await client.told("sign_in_first")
+    await client.close()
+
+
+async def test_auth_signs_in(open_client, make_token):
+    client = await open_client(None)
+    await client.send(
+        "auth", mac=await make_token("operator"), client="", dest="", rand="", t=0, level="", end=0
+    )
+    await client.take()
+
+
+async def test_a_wrong_token_is_told_and_closed(open_client, robot, bridge):
+    client = await open_client(None)
+    await client.send("auth", mac="fleet_wrong")
+    await client.told("token_invalid")
+    assert await client.is_closed() == CloseCode.SIGNED_OUT
+    client = await Client(robot.slug, token="fleet_wrong").open()
+    await client.told("token_invalid")
+    assert await client.is_closed() == CloseCode.SIGNED_OUT
+
+
+async def test_a_stranger_is_closed_in_time(open_client, monkeypatch):
+    monkeypatch.setattr(consumer, "SIGN_IN_S", 0.05)
+    client = await open_client(None)
+    await client.told("sign_in_first")
+    assert await client.is_closed() == CloseCode.SIGNED_OUT
+
+
+async def test_a_robot_that_the_person_does_not_see_is_not_found(open_client, other_robot):
+    assert await (await open_client("operator", other_robot.slug)).is_closed() == CloseCode.NOT_FOUND
+
+
+async def test_a_token_that_ends_ends_control(driver, bridge):
+    fence = (await bridge.hears(wire.Grant)).fence
+    await in_database(Token.objects.all().delete)
+    assert await driver.is_closed() == CloseCode.SIGNED_OUT
+    await bridge.hears(wire.Revoke, lambda revoke: revoke.fence == fence)
+
+
+# --- control ---------------------------------------------------------------------------------------------------
+
+
+async def test_publishing_takes_no_control(open_client, bridge):
+    client = await open_client("operator")
+    await client.send("publish", topic="/cmd_vel", msg=AHEAD, id="publish:/cmd_vel:1")
+    assert (await client.told("no_lease"))["id"] == "publish:/cmd_vel:1"
+    assert not bridge.all(wire.Publish)
+    refused = await eventually(Record.objects.filter(kind="refusal").first)
+    assert (refused.outcome, refused.parameters["through"]) == ("no_lease", "rosbridge")
+
+
+async def test_a_velocity_reaches_the_drive_topic(driver, bridge, robot):
+    await bridge.hears(wire.Publish, lambda sent: sent.fields == {})  # so the first velocity drives
+    await driver.send("advertise", topic="/cmd_vel", type="geometry_msgs/Twist")
+    await driver.send("publish", topic="/cmd_vel", msg=AHEAD)
+    sent = await bridge.hears(wire.Publish, lambda sent: sent.fields == AHEAD)
+    assert (sent.topic, sent.type, sent.fence) == ("/key_vel", "geometry_msgs/Twist", 1)
+    assert sent.sent_ms is not None
+
+
+async def test_the_bridges_refusal_of_a_velocity_is_told(driver, bridge):
+    bridge.refuses_tasks = wire.Refusal("neutral_needed", "Publish a velocity of zero first.", "dead-man")
+    await driver.send("publish", topic="cmd_vel", msg=AHEAD)
+    await driver.told("neutral_needed")
+
+
+async def test_a_second_client_does_not_get_control_and_asks(driver, open_client, bridge):
+    other = await open_client("second_operator")
+    answer = await other.call("/fleet/take_control")
+    assert not answer["result"]
+    assert answer["values"].startswith("held: ")
+    assert (await other.call("/fleet/ask_control"))["values"]["ahead"] == 0
+    assert (await driver.call("/fleet/release_control"))["values"]["state"] == "free"
+    await other.take()
+
+
+async def test_control_ends_with_the_connection(driver, open_client, bridge):
+    fence = (await bridge.hears(wire.Grant)).fence
+    await driver.close()
+    await bridge.hears(wire.Revoke, lambda revoke: revoke.fence == fence)
+    await eventually(ControlSession.objects.filter(ended_at__isnull=False, end_reason="released").first)
+    await (await open_client("second_operator")).take()
+
+
+async def test_control_that_is_taken_away_is_told(driver, bridge, open_page):
+    page = await open_page("staff")
+    await page.say("take_over", reason="inspection")
+    await page.hears("control", state="yours")
+    await driver.send("set_level", level="info")
+    await driver.send("publish", topic="/cmd_vel", msg=AHEAD)
+    await driver.told("no_lease")
+
+
+async def test_renewal_needs_control(open_client, bridge):
+    client = await open_client("operator")
+    assert (await client.call("/fleet/renew_control"))["values"].startswith("no_lease: ")
+    await client.take()
+    assert (await client.call("/fleet/renew_control"))["values"]["state"] == "yours"
+
+
+async def test_driving_needs_the_scope(open_client, bridge):
+    client = await open_client("operator", scopes=(Scope.TOPICS,))
+    await client.take()
+    await client.send("publish", topic="/cmd_vel", msg=AHEAD)
+    await client.told("scope_missing")
+
+
+async def test_anybody_who_sees_the_robot_stops_it(open_client, bridge):
+    client = await open_client("observer", scopes=(Scope.TOPICS,))
+    assert (await client.call("/fleet/stop"))["result"]
+    assert (await bridge.hears(wire.LinkStop)).by
+
+
+async def test_a_stop_is_sent_above_the_limit_of_operations(driver, bridge, monkeypatch):
+    monkeypatch.setattr("teleop.live.consumers.message_socket.TokenBucket.spend", lambda *_: False)
+    await driver.send("call_service", service="/fleet/stop")
+    await asyncio.wait_for(bridge.hears(wire.LinkStop), 5.0)
