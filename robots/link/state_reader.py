@@ -24,6 +24,7 @@ from robots.shared.wire import BridgeFigures, Refused, State
 
 ANSWER_S = 3.0  # from the first packet to the answer
 MOST_KEPT = 2  # connections to one bridge
+AT_ONCE = 16  # threads that ask all bridges for one reader; most of a bridge's answer is waiting
 
 
 class _Connection:

@@ -290,7 +290,7 @@ class Fleet:
     def _database_failed(self, error: DatabaseError | AuditUnavailable) -> None:
         """Log the error, only once until the database answers again. All programs keep running."""
         if self._database_well:
-            log.warning("The database does not answer, the fleet stays as it is: %s", error)
+            log.warning("The database cannot be used, the fleet stays as it is: %s", error)
         self._database_well = False
         connection.close()
 

@@ -23,7 +23,7 @@ from redis import Redis, RedisError
 from fleet.backup.selectors import last_backup
 from fleet.base.origin import settled_origin
 from robots.link.connections import LinkRefused
-from robots.link.state_reader import state_once
+from robots.link.state_reader import AT_ONCE, state_once
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.shared.configuration.bridge_config import LinkAddress
@@ -50,7 +50,7 @@ def robots() -> Iterator[Trouble]:
     """Ask each robot's bridge how the robot is."""
     found = list(Robot.objects.filter(enabled=True).select_related("profile"))
     asked = [(robot, link_address(robot)) for robot in found]
-    with ThreadPoolExecutor(max_workers=max(len(asked), 1)) as pool:
+    with ThreadPoolExecutor(max_workers=AT_ONCE) as pool:
         yield from (one for one in pool.map(lambda pair: _of_robot(*pair), asked) if one is not None)
 
 

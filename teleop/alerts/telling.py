@@ -30,13 +30,6 @@ class Reader(NamedTuple):
     language: str
 
 
-def tell(alert: Alert, rule: AlertRule, what: str) -> None:
-    """Tell by record and letter, whatever the time of day."""
-    record_of(alert, what)
-    if alert.mails:
-        mail(alert, rule, what)
-
-
 def record_of(alert: Alert, what: str) -> None:
     """Record that an alert began, lasts ("still") or is over."""
     now = timezone.now()
@@ -58,7 +51,7 @@ def mail(alert: Alert, rule: AlertRule, what: str) -> None:
 
 
 def may_mail(rule: AlertRule, now: datetime) -> bool:
-    """Return whether the rule's readers may get a letter now that something began or lasts."""
+    """Return whether the rule's readers may get a letter now."""
     return rule.mail and not is_off() and not is_quiet(rule, now)
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
+
 from django.contrib import messages
 from django.core.exceptions import PermissionDenied
 from django.db import transaction
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
+from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_safe
@@ -18,6 +21,7 @@ from teleop.alerts.forms import RuleForm
 from teleop.alerts.history import lines
 from teleop.alerts.kinds import KINDS
 from teleop.alerts.rules import rule_save, rules
+from teleop.alerts.watch import knows, look_age_s
 from teleop.models import Alert
 
 SHOWN = 50  # newest alerts
@@ -36,6 +40,8 @@ def status(request: HttpRequest) -> HttpResponse:
         "lines": lines(robots, console=person.is_staff),
         "alerts": (newest if person.is_staff else newest.filter(robot__in=robots))[:SHOWN],
         "kinds": {name: kind.label for name, kind in KINDS.items()},
+        "looked_at": None if (age_s := look_age_s()) is None else timezone.now() - timedelta(seconds=age_s),
+        "knows": knows(),
         "backup": last_backup() if person.is_staff else None,
     }
     return render(request, "teleop/alerts/status.html", context)

@@ -18,8 +18,8 @@ from django.db.models import F
 from django.utils import timezone
 
 from fleet.accounts import emails
-from fleet.audit.errors import AuditUnavailable
-from robots.shared.sentences import say
+from fleet.audit.errors import AuditUnavailable, cause_of
+from robots.shared.sentences import Sentence, say
 from teleop.alerts import checks, telling
 from teleop.alerts.checks import Trouble
 from teleop.alerts.rules import rules
@@ -30,7 +30,22 @@ log = logging.getLogger(__name__)
 EVERY_S = 15.0
 UNSEEN = timedelta(seconds=60)  # longer than the slowest round
 KEPT = timedelta(days=90)
+OVER_WAITS = timedelta(days=7)  # later nobody wants a letter that something is over
 DATABASE_S = 60.0  # away for so long, it needs somebody
+STALE_S = 120.0  # after the last look, nobody knows what needs somebody; longer than a round over many silent bridges
+
+_looked_s: float | None = None  # when this process looked last, or began to
+
+
+def look_age_s() -> float | None:
+    """Return how long ago (s) this process looked; None: it does not look."""
+    return None if _looked_s is None else time.monotonic() - _looked_s
+
+
+def knows() -> bool:
+    """Return whether this process has looked lately, so that the stored alerts are what needs somebody now."""
+    age_s = look_age_s()
+    return age_s is not None and age_s < STALE_S
 
 
 class AlertWatch:
@@ -50,6 +65,7 @@ class AlertWatch:
 
     def start(self) -> None:
         """Look from now on, until the process ends."""
+        _has_looked()
         threading.Thread(target=self._run, name="alerts", daemon=True).start()
 
     def _run(self) -> None:
@@ -63,10 +79,11 @@ class AlertWatch:
     def _round(self) -> None:
         try:
             self.look(timezone.now())
+            _has_looked()
             self._without.is_back()
         except (DatabaseError, AuditUnavailable) as error:
             log.error("Alerts wait for the database: %s", error)
-            self._without.is_away(time.monotonic())
+            self._without.is_away(time.monotonic(), error)
         finally:
             close_old_connections()
 
@@ -86,6 +103,9 @@ class AlertWatch:
         self._without.know(known["database"])
         for alert in Alert.objects.filter(over_at=None).select_related("robot"):
             _tell_due(alert, known[alert.kind], now)
+        waiting = Alert.objects.filter(over_at__gt=now - OVER_WAITS, mails__gt=0, mailed_at=None)
+        for alert in waiting.select_related("robot").order_by("over_at"):
+            _mail(alert, known[alert.kind], "over", now)
 
     def _settle(self, kinds: tuple[str, ...], found: list[Trouble], now: datetime) -> None:
         still = Alert.objects.filter(kind__in=kinds, over_at=None)
@@ -112,15 +132,20 @@ class AlertWatch:
                 _end(alert, now)
 
 
+def _has_looked() -> None:
+    global _looked_s
+    _looked_s = time.monotonic()
+
+
 def _end(alert: Alert, now: datetime) -> None:
-    """Store that it was over when it was last found, and tell it to those who were told that it began."""
+    """Store that it was over when it was last found; a letter goes to those who were told that it began."""
     mine = Alert.objects.filter(pk=alert.pk, over_at=None, seen_at=alert.seen_at)
     with transaction.atomic():
-        if not mine.update(over_at=min(alert.seen_at, now)):
+        if not mine.update(over_at=min(alert.seen_at, now), mailed_at=None):
             return
         alert.refresh_from_db()  # another process may just have told it
         if alert.told_at is not None:
-            telling.tell(alert, rules()[alert.kind], "over")
+            telling.record_of(alert, "over")
 
 
 def _tell_due(alert: Alert, rule: AlertRule, now: datetime) -> None:
@@ -137,11 +162,18 @@ def _tell_due(alert: Alert, rule: AlertRule, now: datetime) -> None:
                 return  # another process was quicker
             alert.mailed_at = None
             telling.record_of(alert, what)
-    if alert.mailed_at is not None or not telling.may_mail(rule, now):
-        return  # a letter waits for the end of quiet times, or for a mail server
+    if alert.mailed_at is None:
+        _mail(alert, rule, "still" if alert.mails else "begin", now)
+
+
+def _mail(alert: Alert, rule: AlertRule, what: str, now: datetime) -> None:
+    """Write the letters, once; they wait for the end of quiet times, or for a mail server."""
+    if not telling.may_mail(rule, now):
+        return
     with transaction.atomic():
-        if mine.filter(mailed_at=None).update(mailed_at=now, mails=F("mails") + 1):
-            telling.mail(alert, rule, "still" if alert.mails else "begin")
+        mine = Alert.objects.filter(pk=alert.pk, over_at=alert.over_at, mailed_at=None)
+        if mine.update(mailed_at=now, mails=F("mails") + 1):
+            telling.mail(alert, rule, what)
 
 
 def _due(alert: Alert, rule: AlertRule, now: datetime) -> str:
@@ -152,30 +184,27 @@ def _due(alert: Alert, rule: AlertRule, now: datetime) -> str:
 
 
 class WithoutDatabase:
-    """Tells by e-mail that the database is away: nothing can be stored then, so each process tells it."""
+    """Tells by e-mail that the database cannot be used: nothing can be stored then, so each process tells it."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None
-        self._told = False
+        self._told: Sentence | None = None
         self._to: list[telling.Reader] = []
 
     def know(self, rule: AlertRule) -> None:
         """Keep whom to tell, while the database knows it."""
         self._to = telling.readers(rule) if rule.active and rule.mail else []
 
-    def is_away(self, now_s: float) -> None:
-        """The database does not answer (s, monotonic)."""
+    def is_away(self, now_s: float, error: Exception) -> None:
+        """The database cannot be used (s, monotonic)."""
         self._since_s = now_s if self._since_s is None else self._since_s
-        if not self._told and now_s - self._since_s >= DATABASE_S:
-            self._told = True
-            self._tell("begin")
+        if self._told is None and now_s - self._since_s >= DATABASE_S:
+            cause = cause_of(error.__cause__ or error)[1]
+            self._told = say("Robots stand, because nothing can be recorded: {cause}.", cause=cause)
+            emails.send_at_once(telling.written(self._to, self._told, "begin"))
 
     def is_back(self) -> None:
-        """The database answers."""
-        if self._told:
-            self._tell("over")
-        self._since_s, self._told = None, False
-
-    def _tell(self, what: str) -> None:
-        words = say("The database does not answer: robots stand.")
-        emails.send_at_once(telling.written(self._to, words, what))
+        """The database can be used again."""
+        if self._told is not None:
+            emails.send_at_once(telling.written(self._to, self._told, "over"))
+        self._since_s = self._told = None

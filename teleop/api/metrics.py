@@ -25,7 +25,7 @@ from fleet.audit.models import Record
 from fleet.base.version import commit, version
 from fleet.bookings.models import Waiting
 from robots.link.connections import LinkRefused
-from robots.link.state_reader import figures_once
+from robots.link.state_reader import AT_ONCE, figures_once
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.shared.configuration.bridge_config import LinkAddress
@@ -80,7 +80,7 @@ class RobotCollector(Collector):
     def collect(self) -> Iterator[Metric]:
         """Yield the figures of each robot in service."""
         robots = list(Robot.objects.filter(enabled=True).select_related("profile"))
-        with ThreadPoolExecutor(max_workers=max(len(robots), 1)) as pool:  # they wait for bridges
+        with ThreadPoolExecutor(max_workers=AT_ONCE) as pool:  # they wait for bridges
             addresses = [(robot, link_address(robot)) for robot in robots]
             answers = list(pool.map(lambda one: _answer(*one), addresses))
         held = {robot_id for robot_id, _ in held_leases()}

@@ -24,10 +24,12 @@ from django.views.i18n import JavaScriptCatalog
 from fleet.accounts.middleware import TooManyFields
 from fleet.accounts.requests import wants_json
 from fleet.accounts.sign_in import known_device
+from fleet.audit.errors import cause_of
 from fleet.audit.kinds import Kept
 from fleet.base import languages, schema
 from fleet.base.version import commit, version
 from teleop.alerts.rules import open_alerts
+from teleop.alerts.watch import knows, look_age_s
 
 WHY_KEPT = {
     Kept.SPEECH: _("To find the person who made a robot say a sentence."),
@@ -129,8 +131,8 @@ def privacy(request: HttpRequest) -> HttpResponse:
 def healthz(request: HttpRequest) -> JsonResponse:
     """Report to monitoring whether the database answers and has the schema of this version.
 
-    `needs` counts the open alerts by kind: with `?all=1` they are a trouble, too. A proxy that asks without it does not
-    take a console out of service because a robot is gone.
+    `needs` counts the open alerts by kind, as of `looked_s` seconds ago: with `?all=1` they are a trouble, too. A proxy
+    that asks without it does not take a console out of service because a robot is gone.
     """
     needs: dict[str, int] = {}
     try:
@@ -138,11 +140,17 @@ def healthz(request: HttpRequest) -> JsonResponse:
         needs = open_alerts() if trouble is None else {}
     except schema.SchemaRefused as refused:
         trouble = str(refused)
-    except DatabaseError:
-        trouble = "The database does not answer."
-    if needs and "all" in request.GET:
-        trouble = "Something needs somebody: see the page Status."
-    answer = {"ok": trouble is None, "text": trouble or "Ready.", "needs": needs}
+    except DatabaseError as error:
+        _, cause = cause_of(error)
+        trouble = f"{cause[0].upper()}{cause[1:]}."
+    if trouble is None and "all" in request.GET:
+        if not knows():
+            trouble = "Whether something needs somebody is not known: this web process has not looked lately."
+        elif needs:
+            trouble = "Something needs somebody: see the page Status."
+    age_s = look_age_s()
+    looked_s = None if age_s is None else round(age_s)
+    answer = {"ok": trouble is None, "text": trouble or "Ready.", "needs": needs, "looked_s": looked_s}
     return JsonResponse(answer, status=503 if trouble else 200)
 
 

@@ -24,7 +24,7 @@ from fleet.accounts.mail.off import is_off
 from fleet.accounts.requests import person_of, staff_of
 from fleet.base.formats.sentences import localised
 from fleet.base.origin import public_origin, public_url
-from fleet.base.paging import page_of
+from fleet.base.paging import list_address, page_of
 from fleet.base.time_takers import may_take_time
 from robots.access import enrolment, services, welcome
 from robots.access.models import Course, Invitation
@@ -143,9 +143,9 @@ def course_people(request: HttpRequest, slug: str) -> HttpResponse:
     if not form.is_valid():
         for texts in form.errors.values():
             messages.error(request, str(texts[0]))
-        return redirect("course", slug=slug)
-    messages.success(request, _do(request, found, form.cleaned_data))
-    return redirect("course", slug=slug)
+    else:
+        messages.success(request, _do(request, found, form.cleaned_data))
+    return redirect(list_address(request, "course", slug))
 
 
 def _do(request: HttpRequest, course: Course, values: dict[str, Any]) -> str:

@@ -15,7 +15,7 @@ from django.views.decorators.http import require_http_methods, require_safe
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import staff_of
-from fleet.base.paging import page_of
+from fleet.base.paging import list_address, page_of
 from fleet.base.time_takers import may_take_time
 from robots.access import services
 from robots.access.models import GroupRole, Qualification, RobotGroup
@@ -104,7 +104,7 @@ def _entries(
         entry = get_object_or_404(model, slug=slug) if slug else model()
         if slug and isinstance(entry, RobotGroup) and request.POST.get("action") == "role":
             _give(request, entry, staff)
-            return redirect("robot-group-people", slug)
+            return redirect(list_address(request, "robot-group-people", slug))
         if slug and request.POST.get("action") == "delete":
             delete(entry, staff)
             messages.success(request, _("%s is deleted.") % entry)

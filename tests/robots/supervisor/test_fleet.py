@@ -193,7 +193,7 @@ def test_a_silent_database_leaves_the_fleet_unchanged(
     broken = mock.patch.object(*query, side_effect=OperationalError("disk I/O error"))
     with broken as asked, mock.patch("robots.supervisor.fleet_supervisor.connection"):
         supervised.until(lambda: asked.call_count >= 2, "two polls")
-    assert caplog.text.count("The database does not answer, the fleet stays as it is") == 1
+    assert caplog.text.count("The database cannot be used, the fleet stays as it is") == 1
     assert supervised.programs.lines().count("end tiago-1") == 0
     supervised.until_started("tiago-1", 2)
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
+import yaml
 from django.conf import LazySettings
 from django.db import OperationalError
 from django.test import Client
@@ -17,13 +19,16 @@ from django.utils import timezone
 from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
+from fleet.base.schema import SchemaRefused
 from robots.registry.models import Robot
 from robots.shared.processes.one_supervisor import LOCK, forget, only_instance
 from robots.shared.sentences import say
+from script.stack.places import REPOSITORY
 from teleop.alerts import checks, telling
 from teleop.alerts.checks import Trouble
 from teleop.alerts.history import lines
-from teleop.alerts.watch import DATABASE_S, AlertWatch, WithoutDatabase
+from teleop.alerts.metrics import AlertCollector
+from teleop.alerts.watch import DATABASE_S, STALE_S, AlertWatch, WithoutDatabase, knows
 from teleop.models import Alert, AlertRule
 
 NOW = datetime(2026, 11, 30, 10, 0, tzinfo=UTC)
@@ -103,6 +108,16 @@ def test_quiet_times_hold_letters_back_but_not_records(watched: Watched) -> None
     assert watched.look(72 * 60) == []  # never again
 
 
+def test_quiet_times_hold_back_the_letter_that_it_is_over(watched: Watched) -> None:
+    AlertRule.objects.create(kind="bridge", after_min=0, again_h=0, quiet_from="12:00", quiet_until="14:00")
+    assert watched.look(0) == ["TIAGo 1 is gone"]
+    watched.look(119)
+    watched.there = False
+    assert watched.look(2 * 60 + 1) == [] and kinds() == ["alert.begin", "alert.over"]
+    assert watched.look(4 * 60) == ["Over: TIAGo 1 is gone"]
+    assert watched.look(4 * 60 + 1) == []
+
+
 def test_a_rule_that_is_off_tells_nobody(watched: Watched) -> None:
     AlertRule.objects.create(kind="bridge", after_min=0, again_h=24, active=False)
     assert watched.look(0) == [] == kinds()
@@ -177,15 +192,24 @@ def test_each_letter_is_in_its_readers_language(watched: Watched, staff: User) -
 def test_a_database_that_is_away_is_told_by_letter_alone(watched: Watched) -> None:
     without = WithoutDatabase()
     without.know(AlertRule(kind="database", after_min=1, again_h=24))
-    without.is_away(100.0)
+    without.is_away(100.0, OperationalError("away"))
     assert watched.letters == []
-    without.is_away(100.0 + DATABASE_S)
-    without.is_away(101.0 + DATABASE_S)
+    without.is_away(100.0 + DATABASE_S, OperationalError("away"))
+    without.is_away(101.0 + DATABASE_S, OperationalError("away"))
     without.is_back()
     assert [letter.subject for letter in watched.letters] == [
-        "The database does not answer: robots stand.",
-        "Over: The database does not answer: robots stand.",
+        "Robots stand, because nothing can be recorded: the database does not answer.",
+        "Over: Robots stand, because nothing can be recorded: the database does not answer.",
     ]
+
+
+def test_a_database_of_another_release_is_not_told_to_be_away(watched: Watched) -> None:
+    without = WithoutDatabase()
+    without.know(AlertRule(kind="database", after_min=1, again_h=24))
+    refused = SchemaRefused("The database lacks 3 migrations of this console (1.0).")
+    for now_s in (0.0, DATABASE_S):
+        without.is_away(now_s, refused)
+    assert "the database belongs to another release" in watched.letters[0].subject
 
 
 # --- the parts ------------------------------------------------------------------------------------
@@ -247,6 +271,42 @@ def gone(robot: Robot) -> Alert:
     )
 
 
+@pytest.fixture
+def looking(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[float | None], None]]:
+    """This process looked so many seconds ago; None: it does not look."""
+
+    def ago(seconds: float | None) -> None:
+        looked_s = None if seconds is None else time.monotonic() - seconds
+        monkeypatch.setattr("teleop.alerts.watch._looked_s", looked_s)
+
+    ago(0.0)
+    yield ago
+
+
+def test_what_nobody_looked_at_is_not_said_to_be_well(
+    client: Client, staff: User, robot: Robot, looking: Callable[[float | None], None]
+) -> None:
+    Robot.objects.update(enabled=True)
+    client.force_login(staff)
+    for age_s, known in ((1.0, True), (STALE_S, False), (None, False)):
+        looking(age_s)
+        page = client.get("/status/").content.decode()
+        assert (">well<" in page, ">not known<" in page) == (known, not known)
+        assert ("is not known: this web process" in page) != known
+        health = client.get("/healthz?all=1")
+        assert (health.status_code == 200, health.json()["looked_s"]) == (known, age_s)
+        assert client.get("/healthz").status_code == 200  # in a proxy
+        samples = [sample.name for metric in AlertCollector().collect() for sample in metric.samples]
+        assert ("fleet_alert" in samples) == known
+        assert ("fleet_alerts_last_look_timestamp_seconds" in samples) == (age_s is not None)
+
+
+def test_a_round_that_ends_is_a_look(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("teleop.alerts.watch._looked_s", None)
+    watched.watch._round()
+    assert knows()
+
+
 def test_the_status_page_shows_what_the_person_may_see(
     client: Client, gone: Alert, robot: Robot, observer: User, stranger: User, staff: User
 ) -> None:
@@ -294,14 +354,26 @@ def test_staff_change_the_rules(client: Client, staff: User, operator: User) -> 
     assert Record.objects.get(kind="alert.rule").parameters["kind"] == "backup"
 
 
-def test_health_tells_a_gone_robot_from_a_console_that_is_fine(client: Client, gone: Alert) -> None:
+def test_health_tells_a_gone_robot_from_a_console_that_is_fine(
+    client: Client, gone: Alert, looking: object
+) -> None:
     assert client.get("/healthz?all=1").json()["needs"] == {}  # a rule that is off, or the first minutes
     Alert.objects.update(told_at=timezone.now())
     usual, everything = client.get("/healthz"), client.get("/healthz?all=1")
     assert (usual.status_code, usual.json()["needs"]) == (200, {"robot": 1})
     assert everything.status_code == 503
     Alert.objects.update(over_at=timezone.now())
-    assert client.get("/healthz?all=1").json() == {"ok": True, "text": "Ready.", "needs": {}}
+    assert client.get("/healthz?all=1").json() == {"ok": True, "text": "Ready.", "needs": {}, "looked_s": 0}
+
+
+def test_the_rules_for_prometheus_name_metrics_that_exist(
+    client: Client, staff: User, looking: object
+) -> None:
+    client.force_login(staff)
+    known = set(re.findall(r"^# HELP (\w+)", client.get("/metrics").text, re.MULTILINE))
+    rules = yaml.safe_load((REPOSITORY / "deploy/prometheus-rules.yml").read_text())["groups"][0]["rules"]
+    named = {name for rule in rules for name in re.findall(r"\bfleet_\w+", rule["expr"])}
+    assert named <= known and "fleet_alert" in named
 
 
 @pytest.mark.django_db
