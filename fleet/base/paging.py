@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from typing import Any
+from urllib.parse import urlencode
 
 from django.core.paginator import Page, Paginator
 from django.db.models import Q, QuerySet
-from django.http import HttpRequest
+from django.http import HttpRequest, QueryDict
+from django.urls import reverse
 
 ROWS = 100  # a class has one page
 
@@ -22,3 +24,10 @@ def page_of(request: HttpRequest, rows: QuerySet[Any], *searched: str) -> Page[A
     page = Paginator(rows, ROWS).get_page(request.GET.get("page"))
     page.query = query  # type: ignore[attr-defined]  # read by templates/site/pages.html
     return page
+
+
+def list_address(request: HttpRequest, view: str, *args: object) -> str:
+    """Return the address of a list, with the page and the words from which a form was sent (its field `list`)."""
+    sent = QueryDict(request.POST.get("list", "")[:500])
+    kept = {name: sent[name] for name in ("page", "q") if sent.get(name)}
+    return reverse(view, args=args) + (f"?{urlencode(kept)}#list" if kept else "")

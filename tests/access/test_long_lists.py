@@ -71,6 +71,29 @@ def test_people_come_in_pages_and_are_found(
     assert "Nobody is found." in client.get(f"{address}?q=zanzibar").content.decode()
 
 
+@pytest.mark.parametrize(
+    ("address", "door", "sent"),
+    [
+        (*BOTH[:1], "/courses/large/people/", {"action": "invite_again"}),
+        (
+            *BOTH[1:],
+            "/robot-groups/",
+            {"entry": "all", "action": "role", "username": "p101", "role": "operator"},
+        ),
+    ],
+    indirect=["address"],
+)
+def test_a_form_leads_back_to_its_page_of_the_list(
+    client: Client, staff: User, address: str, door: str, sent: dict[str, str]
+) -> None:
+    client.force_login(staff)
+    place = "page=2&q=person"
+    assert 'name="list" value="page=2&amp;q=person"' in client.get(f"{address}?{place}").content.decode()
+    done = client.post(f"{door}?confirm=yes", {**sent, "list": f"{place}&next=//evil.example"})
+    assert done["Location"] == f"{address}?{place}#list"
+    assert client.post(f"{door}?confirm=yes", sent)["Location"] == address
+
+
 def test_everybody_means_all_pages_of_a_course(client: Client, staff: User, course: Course) -> None:
     client.force_login(staff)
     page = client.get("/courses/large/").content.decode()

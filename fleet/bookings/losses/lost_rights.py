@@ -24,7 +24,7 @@ from fleet.bookings.losses.collecting import Actor, How, collected, kept_of, los
 from fleet.bookings.losses.rights import Wanted, wishes_of
 from fleet.bookings.models import Booking, Shared, State
 from fleet.bookings.rules import Slot, Wish, lost_right, qualified
-from fleet.bookings.services import BookingRefused, record_bookings, robots_locked, save_times
+from fleet.bookings.services import BookingRefused, record_bookings, robot_locked, robots_locked, save_times
 from robots.access.selectors import lab_date, robots_of
 from robots.access.signals import access_changed, access_changing, publish_access_changed
 from robots.shared.sentences import say
@@ -32,6 +32,7 @@ from robots.shared.wire import Refusal
 
 log = logging.getLogger(__name__)
 
+AT_ONCE = 50
 _RIGHTS = ("is_active", "is_staff")
 LESSONS = Q(shared=Shared.COURSE)
 _COURSE_OVER = Refusal("course_over", "This course is over.", "booking")
@@ -40,6 +41,8 @@ _CLOSED = Refusal("account_inactive", "This account is closed; ask the staff.", 
 
 def bookings_free_lost(people: Collection[UUID] | None, now: datetime) -> int:
     """Free the bookings that these people (None: all people) may not use any more. Return how many.
+
+    Each transaction locks one robot, for `AT_ONCE` bookings at most: people book beside it.
 
     Future bookings are cancelled. A booking that runs ends now. If a qualification expires within a booking,
     the booking is shortened.
@@ -53,10 +56,19 @@ def bookings_free_lost(people: Collection[UUID] | None, now: datetime) -> int:
     theirs = Q() if people is None else Q(person__in=people)
     upcoming = theirs & ~Q(overridden=True, person__is_active=True)
     held = held.filter(upcoming | (LESSONS & Q(course__archived=True)))
-    if not (seen := _lost(held, now)):
-        return 0
-    with robots_locked({one.robot_id for one, _wish in seen}, now):  # meanwhile others may have changed them
-        found = _lost(held.filter(pk__in=[one.pk for one, _wish in seen]), now)
+    by_robot: dict[UUID, list[UUID]] = {}
+    for one, _wish in _lost(held, now):
+        by_robot.setdefault(one.robot_id, []).append(one.pk)
+    return sum(
+        _free_lost(robot_id, held.filter(pk__in=keys[begin : begin + AT_ONCE]), now)
+        for robot_id, keys in sorted(by_robot.items())
+        for begin in range(0, len(keys), AT_ONCE)
+    )
+
+
+def _free_lost(robot_id: UUID, held: QuerySet[Booking], now: datetime) -> int:
+    with robot_locked(robot_id, now):
+        found = _lost(held, now)  # meanwhile others may have changed them
         ended = [(one, why) for one, wish in found if (why := right_lost(one, wish)) is not None]
         free(ended, now)
         gone = {one.pk for one, _why in ended}

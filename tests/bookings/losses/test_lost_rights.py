@@ -4,12 +4,14 @@ from datetime import timedelta
 
 import pytest
 from django.core.management import call_command
+from django.db import DatabaseError
 from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
+from fleet.bookings.losses import lost_rights
 from fleet.bookings.losses.lost_rights import bookings_free_lost
-from fleet.bookings.models import Notification, State
+from fleet.bookings.models import Booking, Notification, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import BookingRefused, booking_make, booking_move
 from robots.access import services as access
@@ -126,6 +128,23 @@ def test_housekeeping_frees_what_a_dead_process_left(robot, operator):
     RobotRole.objects.filter(user=operator).delete()  # not by the services: no process is notified
     call_command("run_housekeeping", "--once")
     assert state_of(booking) is State.CANCELLED
+
+
+def test_many_bookings_are_freed_in_small_transactions(robot, operator, monkeypatch):
+    first, second = book(robot, operator), book(robot, operator, days=3)
+    RobotRole.objects.filter(user=operator).delete()
+    free = lost_rights.free
+
+    def fail_at_last(found, now):
+        if not Booking.objects.filter(state=State.CANCELLED).exists():
+            return free(found, now)
+        raise DatabaseError("away")
+
+    monkeypatch.setattr(lost_rights, "AT_ONCE", 1)
+    monkeypatch.setattr(lost_rights, "free", fail_at_last)
+    with pytest.raises(DatabaseError):
+        bookings_free_lost(None, timezone.now())
+    assert {state_of(first), state_of(second)} == {State.CANCELLED, State.BOOKED}
 
 
 @pytest.mark.parametrize("begun", [False, True])
