@@ -20,14 +20,13 @@ from robots.link.client import BridgeLink, Listener, links
 from robots.shared import wire
 from robots.shared.wire import Booked, FleetCard, FleetSpeed, FleetState, Refusal, State
 from teleop.control.status import booked_slots, turn_of
-from teleop.live.fleet.sights import FleetRobot, Own
+from teleop.live.fleet.sights import FAULT, FleetRobot, Own
 
 log = logging.getLogger(__name__)
 
 _SILENT = Refusal(
     "bridge_silent", "The robot’s bridge does not answer: it or its computer is busy or frozen.", "robot"
 )
-_FAULT = Refusal("link_fault", "The server failed to follow the robot’s bridge; it tries again.", "wire")
 _NOBODY = UUID(int=0)
 _UNSEEN_S = 2  # pages say of a robot that is silent for longer, when it was seen last
 _MINUTE_S = 60.0  # pages show times of bookings in minutes
@@ -68,7 +67,7 @@ class RobotCard(Listener):
             key, urgent = _shown(card), self._urgent_now()
         except Exception:  # a fault of one robot must not affect the others
             log.exception("The card of robot %s was not made.", self.robot.slug)
-            card, key, urgent = FleetCard(None, _FAULT), _FAULT, None  # an old card would look fresh
+            card, key, urgent = FleetCard(None, FAULT), FAULT, None  # an old card would look fresh
         self._card = card
         self._encoded.clear()
         if key != self._key:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Collection
 from datetime import datetime
 from uuid import UUID
 
+from django.db import DatabaseError
 from django.utils import timezone
 from msgspec import Struct
 
@@ -15,12 +17,16 @@ from fleet.bookings.lessons.present import InLine, line_of_turns
 from fleet.bookings.schedule import Schedule, schedules_of
 from robots.access.selectors import roles_of_each
 from robots.registry.models import Robot, Role
-from robots.registry.selectors import link_address
+from robots.registry.selectors import link_address, socket_path
 from robots.registry.stored_robots import StoredRobots
 from robots.shared.configuration.bridge_config import LinkAddress
 from robots.shared.wire import Refusal
 from teleop.control.rules import out_now, out_of_service
 from teleop.control.selectors import SignIn
+
+log = logging.getLogger(__name__)
+
+FAULT = Refusal("link_fault", "The server failed to follow the robot’s bridge; it tries again.", "wire")
 
 
 class FleetRobot(Struct, frozen=True):
@@ -83,24 +89,29 @@ def sights_of(
 
 
 def _robot(robot: Robot, schedule: Schedule) -> FleetRobot:
-    current = schedule.current
-    line = line_of_turns(current.id) if current is not None and current.turn_min else ()
-    return FleetRobot(
-        robot.id,
-        robot.slug,
-        robot.enabled,
-        out_of_service(robot),
-        link_address(robot),
-        schedule,
-        line,
-    )
+    """Return what pages show of a robot. A fault of one robot must not affect the others."""
+    try:
+        current = schedule.current
+        line = line_of_turns(current.id) if current is not None and current.turn_min else ()
+        refusal, link = out_of_service(robot), link_address(robot)
+    except DatabaseError:
+        raise
+    except Exception:
+        log.exception("The entry of robot %s could not be read.", robot.slug)
+        schedule, line, refusal, link = Schedule(), (), FAULT, LinkAddress(unix_path=socket_path(robot.id))
+    return FleetRobot(robot.id, robot.slug, robot.enabled, refusal, link, schedule, line)
 
 
 def _own(user: User, robot: Robot, role: Role, schedule: Schedule, now: datetime) -> Own:
     following = next(iter(schedule.next), None)
+    try:
+        out = out_now(robot, schedule, user, now)
+    except Exception:  # as above
+        log.exception("Why robot %s is out of service was not found.", robot.slug)
+        out = FAULT
     return Own(
         role >= Role.SUPERVISOR,
         schedule.current is not None and schedule.current.person == user.id,
         following is not None and following.person == user.id,
-        out_now(robot, schedule, user, now),
+        out,
     )

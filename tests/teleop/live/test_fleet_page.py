@@ -18,7 +18,7 @@ from robots.shared import wire
 from teleop.background.database import in_database
 from teleop.live.consumers import fleet_consumer
 from teleop.live.consumers.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode
-from teleop.live.fleet import board, cards
+from teleop.live.fleet import board, cards, sights
 from tests.teleop.support import IDLE, FakeBridge, Page
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -72,6 +72,19 @@ async def test_card_shows_the_state_or_why_it_is_unknown(open_fleet, robot, othe
     robots = await shows(page, lambda robots: robots[robot.slug]["state"])
     assert robots[robot.slug]["state"]["phase"] == "online"
     assert robots[other_robot.slug]["refusal"]["code"] == "bridge_down"
+
+
+async def test_a_fault_of_one_entry_is_shown_on_its_card_alone(
+    open_fleet, robot, other_robot, bridge, monkeypatch
+):
+    def fails(entry):
+        if entry.pk == other_robot.pk:
+            raise TypeError
+        return None
+
+    monkeypatch.setattr(sights, "out_of_service", fails)
+    robots = await shows(await open_fleet("staff"), lambda robots: robots[robot.slug]["state"])
+    assert robots[other_robot.slug]["refusal"]["code"] == "link_fault"
 
 
 async def test_card_of_a_silent_bridge_is_unknown(open_fleet, robot, bridge, monkeypatch):
