@@ -12,9 +12,10 @@ from uuid import UUID
 from msgspec import Struct
 
 from fleet.base import rows
+from robots.registry.configuration import robot_config
 from robots.registry.models import Robot
 from robots.registry.selectors import allowed_on, robot_facts
-from robots.shared.configuration.bridge_config import Allowed
+from robots.shared.configuration.bridge_config import Allowed, Topics
 from robots.shared.wire import RobotFacts
 
 _ROBOT = (
@@ -32,6 +33,7 @@ class KnownRobot(Struct, frozen=True):
     robot: Robot  # with its profile
     facts: RobotFacts
     allowed: tuple[Allowed, ...]  # empty if the entry is wrong
+    topics: Topics | None  # None if the entry is wrong
 
 
 _Rows = tuple[list[tuple[Any, ...]], list[tuple[Any, ...]]]
@@ -48,7 +50,9 @@ def known_robot(robot_id: UUID) -> KnownRobot | None:
     robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
     if robot is None:
         return None
-    known = KnownRobot(robot, robot_facts(robot), () if robot.problems else allowed_on(robot))
+    wrong = bool(robot.problems)
+    topics = None if wrong else robot_config.topics(robot)
+    known = KnownRobot(robot, robot_facts(robot), () if wrong else allowed_on(robot), topics)
     if _read(robot_id) == stored:  # otherwise the rows changed before `known` was built
         _known[robot_id] = stored, known
     return known

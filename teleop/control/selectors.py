@@ -205,7 +205,8 @@ def robot_entry(robot_id: UUID) -> RobotEntry | None:
     known = known_robot(robot_id)
     if known is None:
         return None
-    return RobotEntry(out_of_service(known.robot), known.facts, link_address(known.robot), known.allowed)
+    out, address = out_of_service(known.robot), link_address(known.robot)
+    return RobotEntry(out, known.facts, address, known.allowed, known.topics)
 
 
 def _no_rights(refusal: Refusal) -> Rights:

@@ -15,7 +15,7 @@ from fleet.bookings.models import Shared
 from fleet.bookings.schedule import Called, Held, Schedule
 from robots.registry.models import Role
 from robots.shared import wire
-from robots.shared.configuration.bridge_config import Allowed, LinkAddress
+from robots.shared.configuration.bridge_config import Allowed, LinkAddress, Topics
 from teleop.control import lease_checks
 from teleop.control.lease_checks import LeaseState, Phase, Tab, Waiter
 from teleop.control.rules import Permit, schedule_for
@@ -107,6 +107,7 @@ class RobotEntry(Struct, frozen=True):
     facts: wire.RobotFacts
     link: LinkAddress
     allowed: tuple[Allowed, ...]
+    topics: Topics | None  # the robot's ROS interface; None if its entry is wrong
 
 
 def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Rights) -> wire.Control:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
 from django.db import DatabaseError
@@ -43,6 +43,9 @@ class ControlServices(Family):
             return _stopped  # the consumer has sent it
         step = self._services.get(name)
         return None if step is None else lambda _arguments: self._change(step)
+
+    def services(self) -> Mapping[str, str]:
+        return dict.fromkeys((STOP, *self._services), "fleet/Control")
 
     def control_changed(self, control: Control) -> None:
         self._news.set()

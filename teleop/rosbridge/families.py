@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+from teleop.rosbridge.action_goals import ActionGoals
+from teleop.rosbridge.clients.services import ClientServices
 from teleop.rosbridge.control_services import ControlServices
 from teleop.rosbridge.family import Family
 from teleop.rosbridge.publishing import Publishing
+from teleop.rosbridge.robot_services import RobotServices
 from teleop.rosbridge.service_calls import ServiceCalls
 
-FAMILIES: tuple[type[Family], ...] = (Publishing, ControlServices, ServiceCalls)
+FAMILIES: tuple[type[Family], ...] = (
+    Publishing,
+    ControlServices,
+    RobotServices,
+    ActionGoals,
+    ClientServices,
+    ServiceCalls,
+)

@@ -76,9 +76,17 @@ class Family:
         """Return what answers calls of this service; None: not this family."""
         return None
 
+    def services(self) -> Mapping[str, str]:
+        """Return the services that this family answers, with their types, as rosapi lists them."""
+        return {}
+
     def publisher(self, topic: str) -> Handler | None:
         """Return what takes messages that the client publishes on this topic; None: not this family."""
         return None
+
+    def reads(self, topic: str) -> bool:
+        """Return whether the client subscribes to this topic through this family."""
+        return False
 
     def control_changed(self, control: Control) -> None:
         """Control of the robot changed, or who may take it."""

@@ -94,8 +94,12 @@ class Head:
         self._pan, self._tilt, _ = aim
         return aim
 
-    def turn(self, pan: float, tilt: float, at: tuple[float, float] | None, now_s: float) -> Aim:
+    def turn(
+        self, pan: float, tilt: float, at: tuple[float, float] | None, now_s: float, absolute: bool = False
+    ) -> Aim:
         """Return the aim after a turn by these angles (radians; positive: left, up), within the limits.
+
+        `absolute`: after a turn to these angles.
 
         The first turn starts from the head's position (`at`: pan and tilt; None: unknown), because a motion
         or another node may have moved the head. The next turns of a drag start from the last aim: the head
@@ -108,6 +112,8 @@ class Head:
         self._turned_s, self._forward_s = now_s, -math.inf
         self._next.clear()
         before = self._pan, self._tilt
+        if absolute:
+            self._pan = self._tilt = 0.0
         self._pan = _within(self._pan + pan, self._source.pan_rad)
         self._tilt = _within(self._tilt + tilt, self._source.tilt_rad)
         self._by_hand = True

@@ -105,7 +105,8 @@ class HeadTasks(AtOnce):
         requester.answer(refusal)
         if refusal is None:
             self._turning = fence, now_s + TURNS_S
-            mover.aim_head(self._head.turn(order.pan, order.tilt, mover.head_at(), now_s))
+            at = mover.head_at()
+            mover.aim_head(self._head.turn(order.pan, order.tilt, at, now_s, order.absolute))
 
     def _turned(self, head: Head, now_s: float) -> Aim | None:
         """Return the aim of turns that were recorded just now."""
@@ -115,5 +116,6 @@ class HeadTasks(AtOnce):
         mover = self._context.robot.part(HeadMover)
         if mover is None or not turns:
             return None
-        pan, tilt = sum(turn.pan for turn in turns), sum(turn.tilt for turn in turns)
-        return head.turn(pan, tilt, mover.head_at(), now_s)
+        last = max((number for number, turn in enumerate(turns) if turn.absolute), default=0)
+        pan, tilt = sum(turn.pan for turn in turns[last:]), sum(turn.tilt for turn in turns[last:])
+        return head.turn(pan, tilt, mover.head_at(), now_s, turns[last].absolute)

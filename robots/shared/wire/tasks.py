@@ -38,12 +38,13 @@ class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
 
 
 class TurnHead(Struct, frozen=True, tag_field="t", tag="turn_head"):
-    """Turn the head by these angles (radians; positive: left, up) from its last target."""
+    """Turn the head by these angles (radians; positive: left, up) from its last target; `absolute`: to these angles."""
 
     fence: Fence
     pan: Annotated[float, Meta(ge=-FARTHEST_HEAD_RAD, le=FARTHEST_HEAD_RAD)]
     tilt: Annotated[float, Meta(ge=-FARTHEST_HEAD_RAD, le=FARTHEST_HEAD_RAD)]
     seq: Seq = 0
+    absolute: bool = False
 
 
 class Forget(Struct, frozen=True, tag_field="t", tag="forget"):

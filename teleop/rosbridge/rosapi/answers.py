@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Awaitable, Callable, Iterable, Mapping
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import msgspec
 from msgspec import Struct
@@ -22,6 +22,8 @@ PREFIX = "/rosapi/"
 FRESH_S = 1.0  # a client asks for the type of each topic, one after the other: one list answers all
 ROS = {"version": 1, "distro": "noetic"}
 
+_OTHER_ANSWER = Refusal("inspector_fault", "The inspector failed at this; its log says how.", "robot")
+
 Answer = dict[str, Any]
 Query = wire.TopicQuery | wire.DoorQuery
 _decode = msgspec.json.Decoder(wire.DoorAnswer).decode
@@ -31,14 +33,14 @@ S = TypeVar("S", bound=Struct)
 class Rosapi:
     """rosapi for one connection. `query` asks the inspector, `change` sets or deletes a parameter; both raise NotDone.
 
-    `own`: further services that this connection may call, with their types.
+    `own` returns further services that this connection may call, with their types.
     """
 
     def __init__(
         self,
         query: Callable[[Query], Awaitable[str]],
         change: Callable[[wire.SetParameter | wire.DeleteParameter], Awaitable[str]],
-        own: Mapping[str, str],
+        own: Callable[[], Mapping[str, str]],
     ) -> None:
         self._query = query
         self._change = change
@@ -141,11 +143,11 @@ class Rosapi:
         except (msgspec.DecodeError, ValueError, TypeError) as error:
             text = say('The value of a parameter is JSON: a text such as "true" or "[1, 2]".')
             raise NotDone(Refusal("invalid", text, "wire")) from error
-        _answered(await self._change(change), wire.Parameter)
+        answered(await self._change(change), wire.Parameter)
         return {}
 
     async def delete_param(self, args: Mapping[str, Any]) -> Answer:
-        _answered(await self._change(wire.DeleteParameter(_name(args, "name"))), wire.Parameter)
+        answered(await self._change(wire.DeleteParameter(_name(args, "name"))), wire.Parameter)
         return {}
 
     async def has_param(self, args: Mapping[str, Any]) -> Answer:
@@ -171,7 +173,7 @@ class Rosapi:
 
     async def ask(self, query: Query, answer: type[S]) -> S:
         """Ask the inspector. Raises NotDone."""
-        return _answered(await self._query(query), answer)
+        return answered(await self._query(query), answer)
 
     async def graph(self) -> wire.Graph:
         """Return the robot's topics, actions and services, at most `FRESH_S` old. Raises NotDone."""
@@ -199,14 +201,17 @@ class Rosapi:
     @property
     def _console(self) -> dict[str, str]:
         """The services of the console, with their types."""
-        return {name: type_ for name, (type_, _) in SERVICES.items()} | dict(self._own)
+        return {name: type_ for name, (type_, _) in SERVICES.items()} | dict(self._own())
 
 
-def _answered(raw: str, answer: type[S]) -> S:
+def answered(raw: str, answer: type[S]) -> S:
+    """Decode the inspector's answer. Raises NotDone if it refused."""
     found = _decode(raw)
     if isinstance(found, Refused):
         raise NotDone(found.refusal)
-    return cast(S, found)
+    if not isinstance(found, answer):
+        raise NotDone(_OTHER_ANSWER)
+    return found
 
 
 def _name(args: Mapping[str, Any], field: str) -> str:

@@ -288,6 +288,20 @@ def test_a_drag_starts_where_the_head_is_and_goes_on_from_there(bench):
     assert (bench.base.aims[-1].pan, bench.base.aims[-1].tilt) == pytest.approx((-0.4, 0.0))
 
 
+def test_the_head_turns_to_absolute_angles_from_where_it_is(bench):
+    bench.base.head = (0.4, -0.3)
+    first = bench.ask(wire.TurnHead(1, 0.2, 0.1), 1)
+    second = bench.ask(wire.TurnHead(1, 0.5, -0.2, absolute=True), 1)  # both wait for the record
+    settled(bench)
+    third = bench.ask(wire.TurnHead(1, -0.1, 0.0, absolute=True), 1)
+    assert first == second == third == [None]
+    assert [(aim.pan, aim.tilt) for aim in bench.base.aims] == [
+        pytest.approx((0.5, -0.2)),
+        pytest.approx((-0.1, 0.0)),
+    ]
+    assert bench.base.aims[0].seconds == pytest.approx(0.2), "0.1 rad from where it is"
+
+
 @pytest.mark.parametrize("at", [(0.0, 0.0), None])
 def test_many_turns_at_once_take_the_time_of_their_way(at):
     head = Head(SOURCE)

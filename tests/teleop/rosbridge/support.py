@@ -40,7 +40,7 @@ class Client(Page):
                 return status
             self.inbox.append(status)
 
-    async def call(self, service: str, **args: Any) -> dict[str, Any]:
+    async def call(self, service: str, /, **args: Any) -> dict[str, Any]:
         """Call a service; return its answer."""
         await self.send("call_service", service=service, args=args, id=f"call_service:{service}")
         return await self.hears_op("service_response", service=service, id=f"call_service:{service}")

@@ -91,7 +91,7 @@ def robot() -> Robot:
 
 @pytest.fixture
 def ask(robot: Robot) -> Any:
-    rosapi = Rosapi(robot.query, robot.query, {"/fleet/take_control": "std_srvs/Trigger"})
+    rosapi = Rosapi(robot.query, robot.query, lambda: {"/fleet/take_control": "std_srvs/Trigger"})
 
     async def call(service: str, /, **args: Any) -> Any:
         return await rosapi.call(f"/rosapi/{service}", args)

@@ -1,0 +1,131 @@
+"""The goals of one client: each is a task of the chain, with feedback, status and result under the client's own id."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from typing import Any
+
+from robots.link.client import BridgeLink, Listener
+from robots.shared import wire
+from robots.shared.sentences import say
+from robots.shared.wire import NotDone, Refusal, State, TaskRequest
+from teleop.background.jobs import run_in_background
+from teleop.rosbridge.actions.ends import ABORTED, ACTIVE, PENDING, REJECTED, End, Seen, end_of
+from teleop.rosbridge.actions.translation import RobotAction
+from teleop.rosbridge.family import Client
+
+MOST_GOALS = 20  # of one client at once
+
+_TOO_MANY = Refusal("busy", "Too many goals at once: wait for the ends of others.", "wire")
+_NO_STATE = Refusal("bridge_silent", "The robot’s bridge has not told its state yet. Try again.", "robot")
+_TWICE = Refusal("goal_twice", "A goal with this id is under way.", "wire")
+
+
+@dataclass(eq=False)
+class Goal:
+    """One goal. `told` sends the client its status after each change, and its end."""
+
+    id: str  # the client's own
+    name: str  # of the action
+    action: RobotAction
+    told: Callable[[Goal, End | None], Coroutine[Any, Any, None]]
+    status: int = PENDING
+    request: TaskRequest | None = None
+    before: Seen | None = None
+    cancelled: bool = False  # before it was accepted
+
+
+class Goals(Listener):
+    """The goals of one client, in the order in which they came. They end with the link, and with the client."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._goals: list[Goal] = []
+        self._link: BridgeLink | None = None
+
+    def leave(self) -> None:
+        """Forget all goals: the bridge ends their tasks with control."""
+        self._goals.clear()
+        if self._link:
+            self._link.unsubscribe(self)
+
+    def of(self, name: str) -> list[Goal]:
+        """Return the goals of an action."""
+        return [goal for goal in self._goals if goal.name == name]
+
+    async def begin(self, goal: Goal, given: dict[str, Any]) -> None:
+        """Ask for the task of a goal with these fields. Raises NotDone after its end was told."""
+        try:
+            if len(self._goals) >= MOST_GOALS:
+                raise NotDone(_TOO_MANY)
+            if any(one.id == goal.id for one in self._goals):
+                raise NotDone(_TWICE)
+            make = goal.action.task(given)
+            goal.before = self._seen()
+            self._goals.append(goal)
+            await self._client.request(lambda fence, seq: _kept(goal, make(fence, seq)))
+        except NotDone as refused:
+            self._forget(goal)
+            await goal.told(goal, End(REJECTED, f"{refused.refusal.code}: {refused.refusal.text}"))
+            raise
+        goal.status = ACTIVE
+        await goal.told(goal, None)
+        self._settle(self._seen())
+        if goal.cancelled:
+            await self.cancel(goal)
+
+    async def cancel(self, goal: Goal) -> None:
+        """Cancel the task of a goal. Raises NotDone."""
+        goal.cancelled = True  # if it is not accepted yet, `begin` cancels it
+        if goal.status == ACTIVE and goal in self._goals and goal.action.cancel is not None:
+            await self._client.request(goal.action.cancel)
+
+    def _seen(self) -> Seen:
+        """Return what the bridge told last. Raises NotDone."""
+        link = self._client.hub.link
+        if link is not self._link:
+            if self._link:
+                self._link.unsubscribe(self)
+            self._link = link
+            link.subscribe(self)
+        if link.state is None:
+            raise NotDone(link.refusal or _NO_STATE)
+        return link.state
+
+    def _settle(self, now: Seen) -> None:
+        """End the goals whose tasks have ended."""
+        for goal in [goal for goal in self._goals if goal.status == ACTIVE]:
+            end = end_of(goal.request, goal.before, now) if goal.request and goal.before else None
+            if end is not None:
+                self._end(goal, end)
+                for other in self._goals:  # this end is not theirs
+                    if type(other.request) is type(goal.request):
+                        other.before = now
+
+    def _end(self, goal: Goal, end: End) -> None:
+        self._forget(goal)
+        goal.status = end.status
+        run_in_background(goal.told(goal, end))
+
+    def _forget(self, goal: Goal) -> None:
+        if goal in self._goals:
+            self._goals.remove(goal)
+
+    # --- reports of the link (robots.link.client.Listener) ----------------------------------------------
+
+    def on_status(self, state: State) -> None:
+        self._settle(state)
+
+    def on_link(self, up: bool, refusal: Refusal | None) -> None:
+        """End all goals without a link: nobody here learns how their tasks end. The bridge ends them."""
+        if up:
+            return
+        text = say("The link to the robot’s bridge was lost.")
+        for goal in list(self._goals):
+            self._end(goal, End(ABORTED, f"link_lost: {text}"))
+
+
+def _kept(goal: Goal, request: TaskRequest) -> wire.TaskRequest:
+    goal.request = request
+    return request

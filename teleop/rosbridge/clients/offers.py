@@ -1,0 +1,92 @@
+"""What the clients of a robot offer each other: allowed by the allow-list, gone with the client.
+
+An offer lives in this process: clients that another web process serves do not see it. It never reaches the robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Literal, NamedTuple
+from weakref import WeakKeyDictionary
+
+from robots.shared.sentences import say
+from robots.shared.wire import NotDone, Refusal
+from teleop.control.allow_list import check_role, required_role
+from teleop.live.robot_hub import RobotHub
+from teleop.rosbridge.family import Client
+
+PREFIX = "/fleet/clients/"
+MOST_OFFERS = 20  # of one client
+
+Kind = Literal["service", "action"]
+
+
+class Offer(NamedTuple):
+    """A service or action of a client. `own`: its name as that client wrote it; `server`: what takes its calls."""
+
+    name: str
+    own: str
+    type: str
+    server: Any
+
+
+_offers: WeakKeyDictionary[RobotHub, dict[tuple[Kind, str], Offer]] = WeakKeyDictionary()
+
+
+def public_name(name: str) -> str:
+    """Return the name under which other clients find an offer."""
+    return name if name.startswith(PREFIX) else f"{PREFIX}{name.lstrip('/')}"
+
+
+class Offers:
+    """The offers of one kind, as one client makes and finds them."""
+
+    def __init__(self, client: Client, kind: Kind) -> None:
+        self._client = client
+        self._kind: Kind = kind
+        self._all = _offers.setdefault(client.hub, {})
+        self._mine: set[str] = set()
+
+    def add(self, own: str, type_: str, server: Any) -> None:
+        """Offer something. Raises NotDone."""
+        name = public_name(own)
+        taken = self._all.get((self._kind, name))
+        if taken is not None and name not in self._mine:
+            text = say("Another client offers {name} already.", name=name)
+            raise NotDone(Refusal("name_taken", text, "wire", {"name": name}))
+        if len(self._mine) >= MOST_OFFERS and name not in self._mine:
+            text = say("A client offers at most {most} services and {most} actions.", most=MOST_OFFERS)
+            raise NotDone(Refusal("too_many_offers", text, "wire", {"most": MOST_OFFERS}))
+        self._require_role(name, type_)
+        self._all[self._kind, name] = Offer(name, own, type_, server)
+        self._mine.add(name)
+
+    def remove(self, own: str) -> bool:
+        """Take an offer back. Return whether there was one."""
+        name = public_name(own)
+        if name not in self._mine:
+            return False
+        self._mine.discard(name)
+        del self._all[self._kind, name]
+        return True
+
+    def remove_all(self) -> None:
+        for name in list(self._mine):
+            self.remove(name)
+
+    def find(self, name: str) -> Offer | None:
+        """Return the offer of this name, of any client."""
+        return self._all.get((self._kind, name))
+
+    def usable(self, offer: Offer) -> Offer:
+        """Return the offer if this client may use it. Raises NotDone."""
+        self._require_role(offer.name, offer.type)
+        return offer
+
+    def listed(self) -> Iterator[Offer]:
+        return (offer for (kind, _), offer in self._all.items() if kind == self._kind)
+
+    def _require_role(self, name: str, type_: str) -> None:
+        needed = required_role(self._client.hub.entry.allowed, "call", name, type_)
+        if refusal := check_role(self._client.rights, needed, name):
+            raise NotDone(refusal)

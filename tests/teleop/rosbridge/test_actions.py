@@ -1,0 +1,144 @@
+"""Goals through the door: tasks of the chain, with the client's own ids."""
+
+from __future__ import annotations
+
+import pytest
+from msgspec import structs
+
+from fleet.accounts.tokens.models import Scope
+from fleet.audit.models import Record
+from robots.shared import wire
+from tests.teleop.support import IDLE, eventually
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+PLAY = {"action": "/play_motion", "action_type": "play_motion_msgs/PlayMotionAction", "feedback": True}
+SUCCEEDED, CANCELED, ABORTED = 4, 5, 6  # in ROS 2
+
+
+def ended(bridge, number: int, outcome: str) -> None:
+    end = wire.MotionEnd(number, "wave", outcome, "" if outcome == "succeeded" else "Reason.")
+    bridge.say(wire.Status(structs.replace(IDLE, motion_ended=end)))
+
+
+async def sends(client, id_: str, motion: str = "wave") -> None:
+    await client.send("send_action_goal", id=id_, args={"motion_name": motion}, **PLAY)
+
+
+async def test_a_goal_is_a_task_and_its_end_the_result(driver, bridge):
+    await sends(driver, "send_action_goal:/play_motion:1")
+    played = await bridge.hears(wire.Play)
+    assert (played.motion, played.fence) == ("wave", 1)
+    ended(bridge, 1, "succeeded")
+    result = await driver.hears_op("action_result", id="send_action_goal:/play_motion:1")
+    assert (result["result"], result["status"], result["action"]) == (True, SUCCEEDED, "/play_motion")
+
+
+async def test_an_older_end_is_not_the_goals(driver, bridge):
+    ended(bridge, 1, "succeeded")
+    await bridge.hears(wire.Publish)  # the state is known before the goal comes
+    await sends(driver, "a")
+    await bridge.hears(wire.Play)
+    ended(bridge, 2, "failed")
+    result = await driver.hears_op("action_result")
+    assert (result["result"], result["status"], result["values"]) == (False, ABORTED, "Reason.")
+
+
+async def test_two_goals_end_in_their_order(driver, bridge):
+    await sends(driver, "first")
+    await sends(driver, "second", "nod")
+    await bridge.hears(wire.Play, count=2)
+    ended(bridge, 1, "succeeded")
+    assert (await driver.hears_op("action_result"))["id"] == "first"
+    ended(bridge, 2, "succeeded")
+    assert (await driver.hears_op("action_result"))["id"] == "second"
+
+
+async def test_a_cancel_ends_only_the_clients_own_goal(driver, open_client, bridge):
+    await sends(driver, "mine")
+    await bridge.hears(wire.Play)
+    other = await open_client("second_operator")
+    await other.send("cancel_action_goal", id="mine", action="/play_motion")
+    await other.told("no_goal")
+    assert not bridge.all(wire.PlayCancel)
+    await driver.send("cancel_action_goal", id="mine", action="/play_motion")
+    await bridge.hears(wire.PlayCancel)
+    ended(bridge, 1, "cancelled")
+    result = await driver.hears_op("action_result")
+    assert (result["result"], result["status"]) == (True, CANCELED)
+
+
+async def test_all_goals_of_a_client_are_cancelled_by_a_service(driver, bridge):
+    await sends(driver, "mine")
+    await bridge.hears(wire.Play)
+    assert (await driver.call("/play_motion/_action/cancel_goal"))["result"]
+    await bridge.hears(wire.PlayCancel)
+
+
+async def test_a_goal_without_control_is_refused_told_and_recorded(open_client, bridge):
+    client = await open_client("operator")
+    await sends(client, "mine")
+    result = await client.hears_op("action_result", id="mine")
+    assert not result["result"]
+    assert result["values"].startswith("no_lease: ")
+    assert (await client.told("no_lease"))["id"] == "mine"
+    refused = await eventually(Record.objects.filter(kind="refusal").first)
+    assert (refused.outcome, refused.parameters["through"]) == ("no_lease", "rosbridge")
+
+
+@pytest.mark.parametrize(
+    ("goal", "code"),
+    [
+        ({"action": "/play_motion", "args": {"motion_name": ""}}, "invalid"),
+        ({"action": "/play_motion", "args": [1, 2]}, "invalid"),
+        ({"action": "/arm_controller/follow_joint_trajectory"}, "not_allowed"),
+    ],
+)
+async def test_a_goal_that_is_no_task_is_refused(goal, code, driver, bridge):
+    await driver.send("send_action_goal", id="mine", **goal)
+    assert (await driver.hears_op("action_result", id="mine"))["values"].startswith(f"{code}: ")
+    await driver.told(code)
+
+
+async def test_the_bridges_refusal_is_the_result(driver, bridge):
+    bridge.refuses_tasks = wire.Refusal("unknown_motion", "No such motion.", "robot")
+    await sends(driver, "mine")
+    result = await driver.hears_op("action_result", id="mine")
+    assert result["values"] == "unknown_motion: No such motion."
+
+
+async def test_a_goal_needs_its_scope(open_client, bridge):
+    client = await open_client("operator", scopes=(Scope.DRIVE,))
+    await client.take()
+    await sends(client, "mine")
+    assert (await client.hears_op("action_result"))["values"].startswith("scope_missing: ")
+
+
+async def test_goals_end_with_the_link(driver, bridge):
+    await sends(driver, "mine")
+    await bridge.hears(wire.Play)
+    bridge.cut()
+    assert (await driver.hears_op("action_result", id="mine"))["values"].startswith("link_lost: ")
+
+
+async def test_a_goal_on_the_topic_is_a_task_and_an_empty_cancel_ends_it(driver, open_client, bridge):
+    await driver.send("advertise", topic="/play_motion/goal", type="play_motion_msgs/PlayMotionActionGoal")
+    goal = {"goal_id": {"stamp": {"secs": 0, "nsecs": 0}, "id": "goal_1"}, "goal": {"motion_name": "wave"}}
+    await driver.send("publish", topic="/play_motion/goal", msg=goal)
+    await bridge.hears(wire.Play)
+    other = await open_client("second_operator")
+    await other.send("publish", topic="/play_motion/cancel", msg={})
+    await other.send("publish", topic="/play_motion/cancel", msg={"id": "goal_1"})
+    await other.told("no_goal")
+    assert not bridge.all(wire.PlayCancel)
+    await driver.send("publish", topic="/play_motion/cancel", msg={"id": ""})
+    await bridge.hears(wire.PlayCancel)
+
+
+async def test_a_goal_on_the_topic_is_refused_with_its_id(open_client, bridge):
+    client = await open_client("operator")
+    goal = {"goal_id": {"id": "goal_1"}, "goal": {"motion_name": "wave"}}
+    await client.send("publish", topic="/play_motion/goal", msg=goal, id="publish:1")
+    assert (await client.told("no_lease"))["id"] == "publish:1"
+    await client.send("publish", topic="/play_motion/goal", msg={"goal": {}}, id="publish:2")
+    assert (await client.told("invalid"))["id"] == "publish:2"
