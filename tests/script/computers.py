@@ -166,6 +166,7 @@ class Computers(Stack):
                 "listen 80;": f"listen 127.0.0.1:{redirect.number};",
                 "listen 443 ": f"listen 127.0.0.1:{port} ",
                 "server_name fleet.lab.example;": "server_name localhost;",
+                "error_log /var/log/nginx/error.log alert;": "error_log stderr alert;",
                 "/etc/ssl/fleet.crt": str(self.certificate.certificate),
                 "/etc/ssl/private/fleet.key": str(self.certificate.private_key),
                 "$fleet_": f"$fleet_{name}_",
@@ -184,11 +185,12 @@ class Computers(Stack):
         site = _changed(
             _shipped("Caddyfile"),
             {
+                "\n{\n": "\n{\n\tadmin off\n\tauto_https disable_redirects\n",
                 "fleet.lab.example {": f"https://localhost:{port} {{\n\tbind 127.0.0.1\n\t{tls}",
                 "127.0.0.1:8000": webs,
             },
         )
-        (place / "Caddyfile").write_text("{\n\tadmin off\n\tauto_https disable_redirects\n}\n" + site)
+        (place / "Caddyfile").write_text(site)
         words = ["caddy", "run", "--config", str(place / "Caddyfile"), "--adapter", "caddyfile"]
         own = {"XDG_DATA_HOME": str(place), "XDG_CONFIG_HOME": str(place), "HOME": str(place)}
         self.start_child("caddy", words, {**self.environment, **own})
