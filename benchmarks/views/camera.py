@@ -29,7 +29,7 @@ from benchmarks.views.camera_page import (
     console_page,
     first_picture_s,
 )
-from robots.bridge.camera.camera_client import LINGER_S
+from robots.bridge.served.client import LINGER_S
 from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack, temporary_stack
 

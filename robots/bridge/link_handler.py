@@ -10,11 +10,12 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections.abc import Mapping
 from uuid import UUID
 
-from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.core import Core
 from robots.bridge.lease.lease_orders import LeaseOrders
+from robots.bridge.served.client import ProcessClient
 from robots.bridge.server.link_server import Link
 from robots.bridge.topics.inspector_client import InspectorClient
 from robots.shared import wire
@@ -48,13 +49,17 @@ class LinkHandler:
     """Handles the messages of one bridge's links."""
 
     def __init__(
-        self, core: Core, lease_orders: LeaseOrders, inspector: InspectorClient, cameras: CameraClient
+        self,
+        core: Core,
+        lease_orders: LeaseOrders,
+        inspector: InspectorClient,
+        served: Mapping[wire.ProcessName, ProcessClient],
     ) -> None:
         self._core = core
         self._robot = UUID(core.config.robot_id)
         self._lease_orders = lease_orders
         self._inspector = inspector
-        self._cameras = cameras
+        self._served = served
         self._drives: dict[Link, TokenBucket] = {}
         # time of the last answer, by kind and code
         self._refused: dict[Link, dict[tuple[str, str], float]] = {}
@@ -70,7 +75,8 @@ class LinkHandler:
         self._core.link_lost(link.number, time.monotonic())
         self._lease_orders.forget(link)
         self._inspector.forget(link)
-        self._cameras.forget(link)
+        for process in self._served.values():
+            process.forget(link)
         del self._drives[link], self._refused[link]
 
     async def received(self, link: Link, raw: bytes) -> None:
@@ -123,8 +129,8 @@ class LinkHandler:
                 self._inspector.ask(link, message)
             case wire.LinkSubscribe(topics=topics):
                 self._inspector.set_subscriptions(link, topics)
-            case wire.LinkCamera(wanted=wanted):
-                self._cameras.set_wanted(link, wanted)
+            case wire.LinkProcess(process=name, wanted=wanted):
+                self._served[name].set_wanted(link, wanted)
             case wire.LinkCancel():
                 self._answer(link, message, self._core.tasks.cancel(message.what, message.by, now_s))
             case order if isinstance(order, wire.TaskRequest):

@@ -19,7 +19,6 @@ from msgspec import Struct, structs
 
 from robots.bridge import state_view
 from robots.bridge.audit.records import Records
-from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.core import Core
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
@@ -29,6 +28,7 @@ from robots.bridge.link_handler import LinkHandler
 from robots.bridge.maps.map_fetch import MapFetcher
 from robots.bridge.ros.bounds.memory import end_without_memory, lift_limit, limit_memory
 from robots.bridge.ros.node import RosBase
+from robots.bridge.served.client import CAMERA, TAP, ProcessClient
 from robots.bridge.server.link_server import LinkServer
 from robots.bridge.topics.inspector_client import InspectorClient
 from robots.bridge.watchdog.client import WatchdogClient
@@ -76,7 +76,7 @@ class Bridge:
         self._inspector = InspectorClient(
             config, lambda: self._core.tasks.publications.inspector_ended(time.monotonic())
         )
-        self._cameras = CameraClient(config)
+        self._served = {served.name: ProcessClient(config, served) for served in (CAMERA, TAP)}
         self._core = Core(
             config,
             self._base,
@@ -97,7 +97,7 @@ class Bridge:
             gone=lambda why: self._core.tasks.navigation.unmapped(why, time.monotonic()),
         )
         self._lease_orders = LeaseOrders(self._core, store, saved.fence, lambda: self._beat(time.monotonic()))
-        handler = LinkHandler(self._core, self._lease_orders, self._inspector, self._cameras)
+        handler = LinkHandler(self._core, self._lease_orders, self._inspector, self._served)
         self._links = LinkServer(
             config.link, handler.opened, handler.received, handler.closed, handler.handle
         )
@@ -139,7 +139,7 @@ class Bridge:
             await self._maps.close()
             await asyncio.gather(
                 self._inspector.close(),
-                self._cameras.close(),
+                *(process.close() for process in self._served.values()),
                 asyncio.to_thread(self._records.close),  # then no record calls the loop any more
             )
             await self._links.close()
@@ -256,7 +256,8 @@ class Bridge:
 
     def _show(self) -> None:
         now_s = time.monotonic()
-        self._cameras.clock = self._core.robot_clock
+        for process in self._served.values():
+            process.clock = self._core.robot_clock
         self._inspector.follow_clock(self._core.robot_clock)
         self._view(_VIEW_LATEST_S)
         self._show_path(now_s)

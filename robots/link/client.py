@@ -143,7 +143,7 @@ class BridgeLink:
         self._names: frozenset[str] = frozenset()  # of the viewers
         self._draw_joints = False  # whether a viewer draws the robot's joints
         self._topics: dict[str, float] = {}  # subscribed topics and their rates (Hz)
-        self._camera_listener: Callable[[wire.CameraAt], None] | None = None
+        self._process_listeners: dict[wire.ProcessName, Callable[[wire.ProcessAt], None]] = {}
         self._subscriptions_timer: asyncio.TimerHandle | None = None  # sends changes of `_topics`
         self._grants: PendingReplies[None] = PendingReplies()  # by fence
         self._latch: PendingReplies[Stopped] = PendingReplies()  # by number
@@ -201,16 +201,16 @@ class BridgeLink:
             if self._subscriptions_timer is None:
                 self._schedule_subscriptions()
 
-    def watch_cameras(self, listener: Callable[[wire.CameraAt], None]) -> None:
-        """Let the camera process run and report its address to `listener`."""
-        self._camera_listener = listener
-        self.send(wire.LinkCamera(True))
+    def need_process(self, name: wire.ProcessName, listener: Callable[[wire.ProcessAt], None]) -> None:
+        """Let a process beside the bridge run and report its address to `listener`."""
+        self._process_listeners[name] = listener
+        self.send(wire.LinkProcess(name, True))
 
-    def unwatch_cameras(self, listener: Callable[[wire.CameraAt], None]) -> None:
-        """Stop watching through `listener`, unless another listener has replaced it."""
-        if self._camera_listener == listener:
-            self._camera_listener = None
-            self.send(wire.LinkCamera(False))
+    def leave_process(self, name: wire.ProcessName, listener: Callable[[wire.ProcessAt], None]) -> None:
+        """Need the process no longer for `listener`, unless another listener has replaced it."""
+        if self._process_listeners.get(name) == listener:
+            del self._process_listeners[name]
+            self.send(wire.LinkProcess(name, False))
 
     @property
     def silent(self) -> bool:
@@ -491,8 +491,8 @@ class BridgeLink:
             self._send_viewers()
         if self._topics:
             await self._send(wire.LinkSubscribe(self._topics))
-        if self._camera_listener is not None:
-            await self._send(wire.LinkCamera(True))
+        for name in list(self._process_listeners):
+            await self._send(wire.LinkProcess(name, True))
 
     def _open_lane(self, token: str) -> None:
         """Open the lane to a bridge on this computer.
@@ -545,9 +545,9 @@ class BridgeLink:
                 self._queries.answer(report.seq, bytes(report.answer).decode())
             case wire.LinkSample():
                 self._forward_sample(report)
-            case wire.CameraAt():
-                if self._camera_listener is not None:
-                    self._camera_listener(report)
+            case wire.ProcessAt(process=name):
+                if (move := self._process_listeners.get(name)) is not None:
+                    move(report)
 
     def _refused(self, refused: Refused) -> None:
         refusal = LinkRefused(refused.refusal)
@@ -595,8 +595,8 @@ class BridgeLink:
         was_up, before = self.up, self.refusal
         self.up, self.refusal = False, refusal
         self.state, self.offers, self.path = None, None, wire.GoPath([])
-        if self._camera_listener is not None:
-            self._camera_listener(wire.CameraAt())
+        for name, move in list(self._process_listeners.items()):
+            move(wire.ProcessAt(name))
         for replies in (self._grants, self._latch, self._task_requests, self._queries):
             replies.answer_all(LinkRefused(refusal))
         if was_up:

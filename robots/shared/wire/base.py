@@ -11,7 +11,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType, structs
 
 from robots.shared.sentences import Sentence, of_parts, say
 
-PROTOCOL = 8
+PROTOCOL = 9
 LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
 MOST_SUBSCRIPTIONS = 30  # subscribed topics of one robot: more do not fit into one message
 DEEPEST = 20  # levels of lists and dictionaries in values of any shape

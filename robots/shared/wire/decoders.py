@@ -56,7 +56,7 @@ LinkReport = (
     | GoPath
     | link.LinkAnswer
     | link.LinkSample
-    | link.CameraAt
+    | link.ProcessAt
 )
 browser_message = MessageDecoder[BrowserMessage](BrowserMessage)
 topics_message = MessageDecoder[TopicsMessage](TopicsMessage)

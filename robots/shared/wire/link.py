@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 from uuid import UUID
 
 import msgspec
@@ -22,6 +22,8 @@ from robots.shared.wire.page import Drive, Refresh
 from robots.shared.wire.state import MovesAlthoughStopped, State, StopState
 from robots.shared.wire.tasks import TaskRequest
 from robots.shared.wire.topics import DoorQuery, TopicQuery
+
+ProcessName = Literal["camera", "tap"]  # that serve web processes themselves
 
 
 class LinkHello(Struct, frozen=True, tag_field="t", tag="link_hello"):
@@ -123,9 +125,10 @@ class LinkSubscribe(Struct, frozen=True, tag_field="t", tag="subscribed"):
     topics: dict[TopicName, SampleRate]
 
 
-class LinkCamera(Struct, frozen=True, tag_field="t", tag="link_camera"):
-    """Whether people watch cameras through this web process. While somebody does, the bridge sends `CameraAt`."""
+class LinkProcess(Struct, frozen=True, tag_field="t", tag="link_process"):
+    """Whether this web process needs that process beside the bridge. While it does, the bridge sends `ProcessAt`."""
 
+    process: ProcessName
     wanted: bool
 
 
@@ -161,7 +164,7 @@ LinkRequest = (
     | Viewers
     | LinkQuery
     | LinkSubscribe
-    | LinkCamera
+    | LinkProcess
 )
 
 
@@ -231,12 +234,13 @@ class LinkSample(Struct, frozen=True, tag_field="t", tag="link_sample"):
     sample: msgspec.Raw  # a `Sample`, forwarded unchanged
 
 
-class CameraAt(Struct, frozen=True, tag_field="t", tag="camera_at"):
-    """Addresses of the robot's camera process: a Unix socket, and a TCP port if the bridge's host has an address.
+class ProcessAt(Struct, frozen=True, tag_field="t", tag="process_at"):
+    """Addresses of a process beside the bridge: a Unix socket, and a TCP port if the bridge's host has an address.
 
-    Both None: there is no camera process; it starts now, or `refusal` has the reason.
+    Both None: there is no such process; it starts now, or `refusal` has the reason.
     """
 
+    process: ProcessName
     unix_path: str | None = None
     port: int | None = None
     refusal: Refusal | None = None

@@ -8,7 +8,6 @@ from uuid import UUID
 
 import pytest
 
-from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.link_handler import LinkHandler
@@ -167,7 +166,7 @@ async def test_a_number_that_cannot_be_written_is_not_given(orders, core, disk):
 
 
 async def test_a_stop_over_the_same_link_does_not_wait_for_the_disk(orders, core, disk, tmp_path):
-    door = LinkHandler(core, orders, InspectorClient(core.config, lambda: None), CameraClient(core.config))
+    door = LinkHandler(core, orders, InspectorClient(core.config, lambda: None), {})
     address = LinkAddress(unix_path=str(tmp_path / "b.sock"))
     server = LinkServer(address, door.opened, door.received, door.closed)
     await server.start()

@@ -10,7 +10,6 @@ from uuid import uuid4
 
 import pytest
 
-from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.lease.state_store import StateStore
 from robots.bridge.link_handler import DRIVES_BURST, OTHER_ROBOT, REFUSAL_GAP_S, LinkHandler
@@ -32,9 +31,7 @@ def bench():
 @pytest.fixture
 def door(bench, tmp_path):
     orders = LeaseOrders(bench.core, StateStore(tmp_path, "robot"), 0)
-    yield LinkHandler(
-        bench.core, orders, InspectorClient(bench.core.config, lambda: None), CameraClient(bench.core.config)
-    )
+    yield LinkHandler(bench.core, orders, InspectorClient(bench.core.config, lambda: None), {})
     orders.close()
 
 

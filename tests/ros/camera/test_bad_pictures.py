@@ -27,7 +27,7 @@ from tf2_msgs.msg import TFMessage
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import unix_connect
 
-from robots.bridge.camera.camera_client import COMMAND
+from robots.bridge.served.client import CAMERA
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import CameraSource
 from robots.simulator.cameras import encoding
@@ -56,7 +56,7 @@ class CameraProcess:
         self._sockets = Path(config.link.unix_path).parent
         self._sockets.mkdir()
         self.process = subprocess.Popen(
-            COMMAND,
+            CAMERA.command,
             cwd=REPOSITORY,
             env=master.environment(),
             stdin=subprocess.PIPE,
@@ -66,7 +66,7 @@ class CameraProcess:
         assert self.process.stdin and self.process.stdout
         self.process.stdin.write(msgspec.json.encode(config) + b"\n")
         self.process.stdin.flush()
-        at = msgspec.json.decode(self.process.stdout.readline(), type=wire.CameraAt)
+        at = msgspec.json.decode(self.process.stdout.readline(), type=wire.ProcessAt)
         self._closing = ExitStack()
         connection = unix_connect(at.unix_path, compression=None, max_size=None, ping_interval=None)
         self._socket = self._closing.enter_context(connection)

@@ -12,8 +12,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from robots.bridge.camera.camera_client import CameraClient
-from robots.shared.wire import CameraAt
+from robots.bridge.served.client import CAMERA, ProcessClient
+from robots.shared.wire import ProcessAt
 from tests.processes import PATIENCE_S
 from tests.ros.bridge_support import tiago_config
 
@@ -22,9 +22,9 @@ class Watcher:
     """A web process whose people watch the camera."""
 
     def __init__(self) -> None:
-        self._reports: asyncio.Queue[CameraAt] = asyncio.Queue()
+        self._reports: asyncio.Queue[ProcessAt] = asyncio.Queue()
 
-    def report(self, message: CameraAt) -> None:
+    def report(self, message: ProcessAt) -> None:
         self._reports.put_nowait(message)
 
     async def hears(self, *, address: bool) -> str | None:
@@ -52,7 +52,7 @@ def camera_process() -> psutil.Process:
 async def test_another_process_follows_one_that(number, code, rosmaster, tmp_path):
     config = tiago_config(rosmaster, tmp_path)
     Path(config.link.unix_path).parent.mkdir()
-    client, watcher = CameraClient(config), Watcher()
+    client, watcher = ProcessClient(config, CAMERA), Watcher()
     client.set_wanted(watcher, wanted=True)
     await watcher.hears(address=True)
     first = camera_process()
@@ -68,7 +68,7 @@ import pathlib, sys, time
 starts, ending, may_end = map(pathlib.Path, sys.argv[1:])
 with starts.open("a") as file:
     file.write("x")
-print('{"t":"camera_at","unix_path":"/nowhere"}', flush=True)
+print('{"t":"process_at","process":"camera","unix_path":"/nowhere"}', flush=True)
 sys.stdin.read()
 ending.touch()
 while not may_end.exists():
@@ -86,7 +86,10 @@ async def until(condition: Callable[[], bool], what: str) -> None:
 async def test_the_end_of_another_link_starts_no_further_process(rosmaster, tmp_path):
     starts, ending, may_end = (tmp_path / name for name in ("starts", "ending", "may_end"))
     command = (sys.executable, "-c", _ENDS_WHEN_TOLD, *map(str, (starts, ending, may_end)))
-    client, watcher = CameraClient(tiago_config(rosmaster, tmp_path), command, linger_s=0.5), Watcher()
+    client, watcher = (
+        ProcessClient(tiago_config(rosmaster, tmp_path), CAMERA, command, linger_s=0.5),
+        Watcher(),
+    )
     client.set_wanted(watcher, wanted=True)
     await watcher.hears(address=True)
     client.set_wanted(watcher, wanted=False)

@@ -12,7 +12,7 @@ from robots.link.client import links
 from robots.registry.models import Robot, RobotRole
 from robots.registry.selectors import link_address
 from robots.shared import wire
-from robots.shared.wire import CameraState, LinkCamera, Refusal, TakenPicture
+from robots.shared.wire import CameraState, LinkProcess, Refusal, TakenPicture
 from teleop.background.database import in_database
 from teleop.camera import camera_consumer, feed
 from teleop.live.consumers.message_socket import CloseCode
@@ -90,7 +90,7 @@ async def watching(open_cameras, bridge, process):
     async def watch(who, **fields):
         page = await open_cameras(who)
         await page.say("camera_watch", camera=CAMERA, **fields)
-        await bridge.hears(LinkCamera, lambda message: message.wanted)
+        await bridge.hears(LinkProcess, lambda message: message.wanted)
         if not hasattr(process, "at"):
             await process.start(bridge)
         return page
@@ -115,7 +115,7 @@ async def test_the_robots_cameras_are_named(open_cameras):
 
 async def test_the_camera_process_starts_before_the_page_asks_for_a_picture(open_cameras, bridge):
     await open_cameras("observer")
-    await bridge.hears(LinkCamera, lambda message: message.wanted)
+    await bridge.hears(LinkProcess, lambda message: message.wanted)
 
 
 async def test_the_camera_process_leaves_a_page_that_watches_nothing(
@@ -126,7 +126,7 @@ async def test_the_camera_process_leaves_a_page_that_watches_nothing(
     await links.get(robot.id, link_address(robot)).tried.wait()
     monkeypatch.setattr(camera_consumer, "WATCHES_WITHIN_S", 0.01)
     await open_cameras("observer")
-    await bridge.hears(LinkCamera, lambda message: not message.wanted)
+    await bridge.hears(LinkProcess, lambda message: not message.wanted)
 
 
 async def test_a_picture_reaches_its_viewer_as_it_is(watching, process):
@@ -203,7 +203,7 @@ async def test_a_lost_camera_process_is_reported_and_found_again(watching, proce
     process.show(1)
     await page.hears("picture")
     await process.close()
-    bridge.say(wire.CameraAt())
+    bridge.say(wire.ProcessAt("camera"))
     assert (await page.hears("camera_state"))["refusal"]["code"] == "camera_starts"
     await painted(page, 1)
     await process.start(bridge)
@@ -217,7 +217,7 @@ async def test_the_end_of_a_camera_process_is_said_in_words(watching, process, b
     await process.is_asked_for({CAMERA: {"full": 30.0}})
     await process.close()
     refusal = Refusal("camera_hung", "The camera’s process hung. It is started again.", "robot")
-    bridge.say(wire.CameraAt(refusal=refusal))
+    bridge.say(wire.ProcessAt("camera", refusal=refusal))
     while (await page.hears("camera_state"))["refusal"] is None:
         pass
     while (await page.hears("camera_state"))["refusal"]["text"] != refusal.text:
@@ -231,7 +231,7 @@ async def test_pictures_end_with_the_right_to_see_the_robot(watching, process, b
     await in_database(lambda: RobotRole.objects.filter(user=observer).delete())
     assert await page.is_closed() == CloseCode.NOT_PERMITTED
     assert time.monotonic() - begun_s < LONGEST_S
-    await bridge.hears(LinkCamera, lambda message: not message.wanted)
+    await bridge.hears(LinkProcess, lambda message: not message.wanted)
 
 
 async def test_each_viewing_is_on_record(watching, process, observer):
@@ -278,7 +278,7 @@ async def test_nobody_watches_after_the_last_viewer_left(watching, process, brid
     page = await watching("observer")
     await process.is_asked_for({CAMERA: {"full": 30.0}})
     await page.close()
-    await bridge.hears(LinkCamera, lambda message: not message.wanted)
+    await bridge.hears(LinkProcess, lambda message: not message.wanted)
 
 
 @pytest.mark.parametrize(
@@ -308,4 +308,4 @@ async def test_a_camera_taken_from_the_robot_is_shown_no_more(watching, process,
 
     await in_database(without_cameras)
     assert (await page.hears("cameras"))["cameras"] == []
-    await bridge.hears(LinkCamera, lambda message: not message.wanted)
+    await bridge.hears(LinkProcess, lambda message: not message.wanted)

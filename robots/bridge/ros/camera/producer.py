@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from robots.bridge.camera.encoding import VIDEO_HZ, VIDEO_WIDTH
 from robots.bridge.camera.image_header import Damaged
-from robots.bridge.camera.picture_server import Wants
+from robots.bridge.camera.picture_server import PictureServer, Wants
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.camera.camera_topics import (
@@ -68,10 +68,12 @@ class Producer:
     def __init__(
         self,
         config: BridgeConfig,
+        server: PictureServer,
         emit: Callable[[TakenPicture, bytes, float], None],
         state: Callable[[CameraState], None],
     ) -> None:
         self._sources = {camera.name: camera for camera in config.topics.cameras}
+        self.server = server
         self._emit = emit
         self._state = state
         # When the last round of `run` began: a recent time shows that the thread works

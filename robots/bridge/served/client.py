@@ -1,6 +1,6 @@
-"""The bridge's client of its camera process, which runs only while somebody watches.
+"""The bridge's client of a process that serves web processes itself, and runs only while one of them needs it.
 
-Web processes get the pictures directly from that process (`robots.link.camera_link`), not through the bridge.
+The process names its address; the bridge passes it on to web processes (`robots.link.process_link`).
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import sys
 from collections.abc import Sequence
-from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
@@ -16,36 +16,56 @@ from robots.bridge.robot_clock import RobotClock
 from robots.bridge.server.link_server import Link
 from robots.bridge.topics.line_process import LineProcess
 from robots.shared.configuration.bridge_config import BridgeConfig
-from robots.shared.wire import CameraAt, Refusal
+from robots.shared.wire import ProcessAt, ProcessName, Refusal
 
-COMMAND = (sys.executable, "-m", "robots.bridge.ros.camera")
 SILENCE_S = 5.0  # a process without a sign of life for this time hangs: it is killed, and another one starts
 START_S = 30.0  # a new process names its address within this time, or is killed
-LINGER_S = 30.0  # until a process without viewers ends: a page that opens earlier has a picture sooner
+LINGER_S = 30.0  # until an unused process ends: a page that opens earlier has a picture sooner
 
-ENDED = Refusal("camera_ended", "The camera’s process ended by itself. It is started again.", "robot")
-HUNG = Refusal("camera_hung", "The camera’s process hung. It is started again.", "robot")
-
-_camera_at = msgspec.json.Decoder(CameraAt)
+_process_at = msgspec.json.Decoder(ProcessAt)
 
 
-def socket_path(link_path: str) -> str:
-    """Return the camera process's Unix socket, next to the link's."""
-    path = Path(link_path)
-    return str(path.with_name(f"{path.stem}.camera.sock"))
+class Served(NamedTuple):
+    """A kind of process. `ended`, `hung`: what people read when it does."""
+
+    name: ProcessName
+    ended: Refusal
+    hung: Refusal
+
+    @property
+    def command(self) -> Sequence[str]:
+        """The command that starts it."""
+        return sys.executable, "-m", f"robots.bridge.ros.{self.name}"
 
 
-class CameraClient:
-    """The camera process of one robot. Lives on the event loop."""
+CAMERA = Served(
+    "camera",
+    Refusal("camera_ended", "The camera’s process ended by itself. It is started again.", "robot"),
+    Refusal("camera_hung", "The camera’s process hung. It is started again.", "robot"),
+)
+TAP = Served(
+    "tap",
+    Refusal("tap_ended", "The process that reads topics ended by itself. It is started again.", "robot"),
+    Refusal("tap_hung", "The process that reads topics hung. It is started again.", "robot"),
+)
+
+
+class ProcessClient:
+    """One such process of one robot. Lives on the event loop."""
 
     def __init__(
-        self, config: BridgeConfig, command: Sequence[str] = COMMAND, linger_s: float = LINGER_S
+        self,
+        config: BridgeConfig,
+        served: Served,
+        command: Sequence[str] = (),
+        linger_s: float = LINGER_S,
     ) -> None:
-        self._child = LineProcess(command, msgspec.json.encode(config), self)
+        self._served = served
+        self._child = LineProcess(command or served.command, msgspec.json.encode(config), self)
         self.clock = RobotClock()
         self._linger_s = linger_s
-        self._watchers: set[Link] = set()  # of web processes with people who watch
-        self._at = CameraAt()
+        self._watchers: set[Link] = set()  # links of web processes that need the process
+        self._at = self._nowhere()
         self._idle: asyncio.TimerHandle | None = None
         self._silence: asyncio.TimerHandle | None = None  # ends a process that hangs
         self._hung = False
@@ -57,7 +77,7 @@ class CameraClient:
         await self._child.close()
 
     def set_wanted(self, watcher: Link, wanted: bool) -> None:
-        """Start the process for this watcher, or note that the watcher no longer watches."""
+        """Start the process for this watcher, or note that the watcher no longer needs it."""
         if not wanted:
             self.forget(watcher)
             return
@@ -72,7 +92,7 @@ class CameraClient:
             return  # the end of a link that does not watch must not keep a process that is ending
         self._watchers.discard(watcher)
         if not self._watchers and self._at.refusal is not None:
-            self._at = CameraAt()  # the next watcher must not get an old refusal
+            self._at = self._nowhere()  # the next watcher must not get an old refusal
         if not self._watchers and self._idle is None and self._child.lives:
             self._idle = asyncio.get_running_loop().call_later(self._linger_s, self._end)
 
@@ -100,7 +120,7 @@ class CameraClient:
 
     def handle_line(self, line: bytes) -> None:
         """Take the address on which the process listens. The process repeats it as a sign of life."""
-        at = _camera_at.decode(line)
+        at = _process_at.decode(line)
         self._await_life(SILENCE_S)
         self._child.send(msgspec.json.encode(self.clock))
         if at != self._at:
@@ -110,7 +130,11 @@ class CameraClient:
         """Note that the process no longer listens, and report the reason to the watchers."""
         if self._silence is not None:
             self._silence.cancel()
-        self._move(CameraAt(refusal=HUNG if self._hung else ENDED) if self._watchers else CameraAt())
+        why = self._served.hung if self._hung else self._served.ended
+        self._move(self._nowhere(why if self._watchers else None))
+
+    def _nowhere(self, why: Refusal | None = None) -> ProcessAt:
+        return ProcessAt(self._served.name, refusal=why)
 
     def _await_life(self, within_s: float) -> None:
         if self._silence is not None:
@@ -122,7 +146,7 @@ class CameraClient:
         self._hung = True
         self._child.kill("it shows no sign of life")
 
-    def _move(self, at: CameraAt) -> None:
+    def _move(self, at: ProcessAt) -> None:
         self._at = at
         for watcher in self._watchers:
             watcher.report(at)
