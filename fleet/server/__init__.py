@@ -9,3 +9,5 @@
 # Extension of a WebSocket's scope: the application passes it a function that gets each text first, if no other waits.
 # If the function returns False, the text comes as an event. An event costs a turn of the loop and a queue.
 AT_ONCE = "fleet.at_once"
+# Extension of a WebSocket's scope: an `asyncio.Event`, set while the client reads what is sent (64 KiB may wait).
+WRITABLE = "fleet.writable"

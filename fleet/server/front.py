@@ -12,7 +12,7 @@ from typing import Any
 
 from fleet.base import stop_addresses
 from fleet.base.network_addresses import network_of
-from fleet.server import AT_ONCE, limits
+from fleet.server import AT_ONCE, WRITABLE, limits
 from fleet.server.connections import Connections, Places
 from fleet.server.credentials import Credential, credentials_of, likely_credentials
 from fleet.server.guard import GUARD, Guard
@@ -72,7 +72,11 @@ class Front:
             guard.abortConnection()
             return
         socket = WebSocket(guard, receive, send)
-        extensions = {**scope.get("extensions", {}), AT_ONCE: socket.receive_at_once}
+        extensions = {
+            **scope.get("extensions", {}),
+            AT_ONCE: socket.receive_at_once,
+            WRITABLE: guard.writable,
+        }
         try:
             await self._console({**scope, "extensions": extensions}, socket.receive, socket.send)
         finally:

@@ -33,8 +33,8 @@ HEAD = f"""# Messages, field by field
 [protocol.md](protocol.md) says how to use the messages (`protocol` {wire.PROTOCOL}).
 Each is one JSON object whose `t` is its name here. A field without a default is required. Unknown fields are
 ignored; a report may leave out fields with their default. *Optional*: null by default. Units are SI unless the
-name says otherwise. Messages between the console's own processes are in `robots/shared/wire/link.py` and
-`camera.py` only.
+name says otherwise. Messages between the console's own processes are in `robots/shared/wire/link.py`,
+`camera.py` and `tap.py` only.
 
 """
 COMMON = 5  # a field that so many messages have is described once, at the top
@@ -51,7 +51,15 @@ DIRECTIONS: Mapping[str, Any] = {
     "From the console to every page: notifications": wire.NewsReport,
 }
 # Messages between the console's own processes
-INTERNAL = (wire.LinkRequest, wire.LinkReport, wire.CameraRequest, wire.TakenPicture)
+INTERNAL = (
+    wire.LinkRequest,
+    wire.LinkReport,
+    wire.CameraRequest,
+    wire.TakenPicture,
+    wire.TapWants,
+    wire.TapHeader,
+    wire.TapState,
+)
 WORDS = {
     bool: "boolean",
     int: "integer",

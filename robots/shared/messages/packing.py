@@ -19,7 +19,7 @@ HEADER = "std_msgs/Header"
 MAX_STEPS = 200_000  # for one message: some tenths of a second
 MAX_WRITTEN_BYTES = 4 * 1024 * 1024  # bytes
 _LENGTH = struct.Struct("<I")
-_CODES = {
+CODES = {
     "bool": "?",
     "byte": "b",
     "char": "B",
@@ -95,7 +95,7 @@ class _Kind(Protocol):
 
 class _Number:
     def __init__(self, type_name: str) -> None:
-        self._struct = struct.Struct("<" + _CODES[type_name])
+        self._struct = struct.Struct("<" + CODES[type_name])
         self.size: int | None = self._struct.size
         self._blank = False if type_name == "bool" else 0
         self._name = type_name

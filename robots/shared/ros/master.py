@@ -23,11 +23,12 @@ LARGEST_ANSWER = 64 * 1024 * 1024  # bytes read from the network
 MOST_VALUES = 500_000  # in an answer
 INSPECTOR = "/fleet_inspector"  # prefix of the inspectors' names; each console may have one
 CAMERA = "/fleet_camera"  # the same for camera processes
+TAP = "/fleet_tap"  # the same for taps
 
 
 def is_own(node: str) -> bool:
     """Return whether a node is a console's bridge, inspector, camera process or watchdog, not the robot's."""
-    return node.startswith((BRIDGE, INSPECTOR, CAMERA, WATCHDOG))
+    return node.startswith((BRIDGE, INSPECTOR, CAMERA, TAP, WATCHDOG))
 
 
 T = TypeVar("T")

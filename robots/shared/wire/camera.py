@@ -11,6 +11,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from robots.shared.wire.base import Milliseconds, Ping, Refusal, Seq
+from robots.shared.wire.codec import framed, unframed
 
 CameraName = Annotated[str, Meta(min_length=1, max_length=40, pattern=r"^[a-z0-9][a-z0-9_-]*\Z")]
 CameraRate = Annotated[float, Meta(ge=0.1, le=30.0)]  # Hz
@@ -19,7 +20,6 @@ Variant = Literal["full", "small", "video"]
 PictureFormat = Literal["jpeg", "png", "h264"]
 
 MOST_CAMERAS = 8  # a robot has at most so many
-_LENGTH_BYTES = 4
 
 
 class CameraWatch(Struct, frozen=True, tag_field="t", tag="camera_watch"):
@@ -150,22 +150,16 @@ _shown = msgspec.json.Decoder(PictureHeader)
 
 def packed(header: PictureHeader | TakenPicture, picture: bytes | memoryview) -> bytes:
     """Return one frame with header and encoded picture."""
-    encoded = msgspec.json.encode(header)
-    return b"".join((len(encoded).to_bytes(_LENGTH_BYTES, "big"), encoded, picture))
+    return framed(header, picture)
 
 
 def unpacked(frame: bytes) -> tuple[TakenPicture, memoryview]:
     """Return header and encoded picture of a frame of the camera process. Raises msgspec.DecodeError."""
-    header, picture = _parts(frame)
+    header, picture = unframed(frame)
     return _taken.decode(header), picture
 
 
 def picture_of(frame: bytes) -> tuple[PictureHeader, bytes]:
     """Return header and encoded picture of a frame for a page. Raises msgspec.DecodeError."""
-    header, picture = _parts(frame)
+    header, picture = unframed(frame)
     return _shown.decode(header), bytes(picture)
-
-
-def _parts(frame: bytes) -> tuple[bytes, memoryview]:
-    begin = _LENGTH_BYTES + int.from_bytes(frame[:_LENGTH_BYTES], "big")
-    return frame[_LENGTH_BYTES:begin], memoryview(frame)[begin:]

@@ -87,11 +87,24 @@ def encode(message: Any) -> bytes:
     return _encoder.encode(message)
 
 
+def framed(header: Struct, content: bytes | memoryview) -> bytes:
+    """Return one binary frame: the length of its header, the header as JSON, the content."""
+    encoded = _encoder.encode(header)
+    return b"".join((len(encoded).to_bytes(_LENGTH_BYTES, "big"), encoded, content))
+
+
+def unframed(frame: bytes) -> tuple[bytes, memoryview]:
+    """Return encoded header and content of a frame."""
+    begin = _LENGTH_BYTES + int.from_bytes(frame[:_LENGTH_BYTES], "big")
+    return frame[_LENGTH_BYTES:begin], memoryview(frame)[begin:]
+
+
 def to_builtins(value: Any) -> Any:
     """Return a value as dictionaries, lists, texts and numbers, sentences as English texts."""
     return msgspec.to_builtins(value, enc_hook=_plain)
 
 
+_LENGTH_BYTES = 4  # of a frame's header
 # The largest report of a bridge; the link itself allows eight times as much
 LARGEST_REPORT_BYTES = 1024 * 1024
 # (longest text, most entries of a list): the first pair by which the report fits

@@ -12,6 +12,7 @@ from robots.shared.wire.camera import CameraMessage, CameraPong, CameraRequest, 
 from robots.shared.wire.codec import MessageDecoder
 from robots.shared.wire.navigation import GoPath
 from robots.shared.wire.state import Offers, View
+from robots.shared.wire.tap import TapWants
 from robots.shared.wire.tasks import TaskRequest
 from robots.shared.wire.topics import Sample, TopicAnswer, TopicsMessage
 
@@ -62,6 +63,7 @@ browser_message = MessageDecoder[BrowserMessage](BrowserMessage)
 topics_message = MessageDecoder[TopicsMessage](TopicsMessage)
 camera_message = MessageDecoder[CameraMessage](CameraMessage)
 camera_request = MessageDecoder[CameraRequest](CameraRequest)
+tap_request = MessageDecoder[TapWants](TapWants, largest_bytes=256 * 1024)
 fleet_message = MessageDecoder[FleetMessage](FleetMessage)
 link_request = MessageDecoder[link.LinkRequest](link.LinkRequest)
 # Reports have no size limit; an invalid report raises `msgspec.DecodeError`.

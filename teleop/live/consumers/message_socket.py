@@ -14,7 +14,7 @@ from typing import Any
 
 from channels.consumer import AsyncConsumer
 
-from fleet.server import AT_ONCE
+from fleet.server import AT_ONCE, WRITABLE
 from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.sentences import say
 from robots.shared.wire import (
@@ -115,6 +115,11 @@ class MessageSocket(AsyncConsumer):
             of, seq = heading(raw or "")
             if await self.within_budget(of):
                 await self.send_refusal(of, error.refusal, seq)
+
+    def is_behind(self) -> bool:
+        """Return whether the client has not read what was sent. Other servers than ours do not say so."""
+        writable = self.scope.get("extensions", {}).get(WRITABLE)
+        return writable is not None and not writable.is_set()
 
     async def send_message(
         self, message: BrowserReport | TopicsReport | FleetReport | BookingsReport | NewsReport

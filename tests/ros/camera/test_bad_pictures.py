@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import io
 import resource
-import shutil
-import subprocess
-import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -24,8 +20,6 @@ from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
-from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import unix_connect
 
 from robots.bridge.served.client import CAMERA
 from robots.shared import wire
@@ -34,8 +28,8 @@ from robots.simulator.cameras import encoding
 from robots.simulator.cameras.lens import HEAD_LENS
 from robots.simulator.faults import parse_faults
 from robots.simulator.ros.cameras.messages import camera_info
-from tests.processes import PATIENCE_S, REPOSITORY, until
-from tests.ros.bridge_support import tiago_config
+from tests.processes import PATIENCE_S, until
+from tests.ros.served import ServedProcess
 from tests.ros.support import Master
 
 COMPRESSED, RAW, INFO, ODD = "/cam/compressed", "/cam/raw", "/cam/info", "/cam/odd"
@@ -48,56 +42,26 @@ LITTLE_BYTES = 16 * 1024 * 1024  # less than a picture of 2300 x 2300 pixels and
 PIXELS = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)  # as JPEG 300 kB
 
 
-class CameraProcess:
+class CameraProcess(ServedProcess):
     """One camera process, and a web process's connection to it."""
 
     def __init__(self, master: Master, folder: Path, stderr: IO[str] | None = None) -> None:
-        config = tiago_config(master, folder, topics={"cameras": CAMERAS})
-        self._sockets = Path(config.link.unix_path).parent
-        self._sockets.mkdir()
-        self.process = subprocess.Popen(
-            CAMERA.command,
-            cwd=REPOSITORY,
-            env=master.environment(),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=stderr,
-        )
-        assert self.process.stdin and self.process.stdout
-        self.process.stdin.write(msgspec.json.encode(config) + b"\n")
-        self.process.stdin.flush()
-        at = msgspec.json.decode(self.process.stdout.readline(), type=wire.ProcessAt)
-        self._closing = ExitStack()
-        connection = unix_connect(at.unix_path, compression=None, max_size=None, ping_interval=None)
-        self._socket = self._closing.enter_context(connection)
         self.pictures: deque[tuple[wire.TakenPicture, bytes]] = deque(maxlen=50)
         self.states: dict[str, wire.Refusal | None] = {}
         self.warnings: dict[str, wire.Refusal | None] = {}
-        threading.Thread(target=self._read, daemon=True).start()
+        super().__init__(CAMERA, master, folder, stderr, topics={"cameras": CAMERAS})
 
     def want(self, **cameras: str) -> None:
         """Ask for these variants of cameras: ``head="full"``."""
-        wants = wire.CameraWants({name: {variant: 30.0} for name, variant in cameras.items()})
-        self._socket.send(wire.encode(wants).decode())
+        self.say(wire.CameraWants({name: {variant: 30.0} for name, variant in cameras.items()}))
 
-    def stop(self, status: int = 0) -> None:
-        self._closing.close()
-        assert self.process.stdin and self.process.stdout
-        self.process.stdin.close()  # the same happens when the bridge dies
-        assert self.process.wait(PATIENCE_S) == status
-        self.process.stdout.close()
-        shutil.rmtree(self._sockets, ignore_errors=True)
-
-    def _read(self) -> None:
-        with suppress(ConnectionClosed):
-            while True:
-                received = self._socket.recv()
-                if isinstance(received, bytes):
-                    header, picture = wire.unpacked(received)
-                    self.pictures.append((header, bytes(picture)))
-                else:
-                    state = msgspec.json.decode(received, type=wire.CameraState)
-                    self.states[state.camera], self.warnings[state.camera] = state.refusal, state.warning
+    def received(self, message: str | bytes) -> None:
+        if isinstance(message, bytes):
+            header, picture = wire.unpacked(message)
+            self.pictures.append((header, bytes(picture)))
+        else:
+            state = msgspec.json.decode(message, type=wire.CameraState)
+            self.states[state.camera], self.warnings[state.camera] = state.refusal, state.warning
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,32 @@
+"""``python -m robots.bridge.ros.tap``: see `robots.bridge.ros.served_process`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from robots.bridge.ros.inspector.definitions import Definitions
+from robots.bridge.ros.served_process import Call, run
+from robots.bridge.ros.tap.source import Source
+from robots.bridge.ros.vital import start_vital
+from robots.bridge.tap.tap_server import TapServer
+from robots.shared.configuration.bridge_config import BridgeConfig
+from robots.shared.ros.master import TAP
+
+NICE = 3
+MOST_BYTES = 1536 * 1024 * 1024  # of memory
+
+
+def begin(config: BridgeConfig, call: Call) -> Source:
+    """Start the source; its server is not started yet."""
+    server = TapServer(
+        config.link,
+        set_wanted=lambda wanted: source.set_wanted(wanted),
+        wake=lambda: call(server.take_arrivals),
+    )
+    source = Source(server, call, Definitions(Path(config.state_dir) / "definitions"))
+    start_vital(source.run, "source")
+    return source
+
+
+if __name__ == "__main__":
+    run(TAP, NICE, MOST_BYTES, begin)

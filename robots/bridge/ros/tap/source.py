@@ -1,0 +1,199 @@
+"""Subscribes to the topics that programs read, and hands on their messages as bytes.
+
+rospy's threads, one for each publisher, only keep the bytes. One thread calls the master, and tells what publishers
+say of themselves.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import rospy
+
+from robots.bridge.robot_clock import RobotClock
+from robots.bridge.ros.bounds.board import BOARD
+from robots.bridge.ros.bounds.listening import pause
+from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.ros.inspector.definitions import Definitions
+from robots.bridge.ros.on_demand_topics import BUFFER_BYTES
+from robots.bridge.ros.served_process import Call
+from robots.bridge.ros.tap.pace import Pace
+from robots.bridge.tap.arrivals import Arrival, Inbox, Kind, Publisher
+from robots.bridge.tap.tap_server import TapServer, Wanted
+from robots.shared.messages.whole import Encode, cbor_encoder, json_encoder
+from robots.shared.ros.texts import NAME, cut
+from robots.shared.sentences import say
+from robots.shared.wire import Form, Refusal, TapState
+
+LOOK_S = 0.5  # between two looks at the publishers
+SOON_S = 0.05  # the same while none has answered
+SOON_LOOKS = 40  # then the topic has no publisher yet
+MOST_PUBLISHERS = 500  # of a topic, over time
+
+_NOTHING = Kind("", "")
+
+
+class _Topic:
+    """One subscribed topic."""
+
+    def __init__(self, topic: str, queue: int, inbox: Inbox, definitions: Definitions) -> None:
+        self.topic = topic
+        self.looks = 0  # without a publisher
+        self.state: TapState | None = None  # the last reported one
+        self._inbox = inbox
+        self._definitions = definitions
+        self._lock = threading.Lock()
+        self._number = 0
+        self._kind = _NOTHING  # of the messages that are handed on
+        self._publishers: dict[tuple[str, Kind], Publisher] = {}
+        pause(topic, Pace())
+        self._subscriber = rospy.Subscriber(
+            topic,
+            rospy.AnyMsg,
+            self._on_message,
+            queue_size=max(queue, Pace.LEAST_QUEUE),
+            buff_size=BUFFER_BYTES,
+            tcp_nodelay=True,
+        )
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._subscriber.unregister()
+
+    def _on_message(self, message: rospy.AnyMsg) -> None:
+        stamp_ns = time.time_ns()
+        publisher = self._publisher(message._connection_header)
+        with self._lock:
+            self._number += 1
+            number = self._number
+            if self._kind == _NOTHING:
+                self._kind = publisher.kind
+        if publisher.kind == self._kind:
+            self._inbox.put(Arrival(self.topic, publisher, number, stamp_ns, message._buff))
+
+    def _publisher(self, header: Mapping[str, Any]) -> Publisher:
+        kind = Kind(str(header.get("type", "")), str(header.get("md5sum", "")))
+        key = str(header.get("callerid", "")), kind
+        found = self._publishers.get(key)
+        if found is None:
+            found = self._described(kind, dict(header))
+            with self._lock:
+                if len(self._publishers) >= MOST_PUBLISHERS:
+                    self._publishers.clear()
+                found = self._publishers[key] = found._replace(number=len(self._publishers))
+        return found
+
+    def _described(self, kind: Kind, header: dict[str, str]) -> Publisher:
+        latched = header.get("latching") == "1"
+        try:
+            definition = self._definitions.of_connection(header)
+        except Declined as error:
+            return Publisher(0, kind, latched, "", {}, error.refusal)
+        encoders: dict[Form, Encode] = {
+            "json": json_encoder(definition.fields),
+            "cbor": cbor_encoder(definition.fields),
+        }
+        return Publisher(0, kind, latched, definition.text, encoders, None)
+
+    def look(self) -> TapState:
+        """Return what the publishers say of themselves now."""
+        publishers = [self._publisher(each.header) for each in self._connections if each.type is not None]
+        self.looks = 0 if publishers else self.looks + 1
+        kinds = list(dict.fromkeys(publisher.kind for publisher in publishers))
+        with self._lock:
+            if kinds and self._kind not in kinds:
+                self._kind = kinds[0]
+            kind = self._kind
+        if not kinds:
+            return TapState(self.topic, refusal=_silence(self.topic))
+        own = next(publisher for publisher in publishers if publisher.kind == kind)
+        return TapState(
+            self.topic,
+            cut(kind.type, NAME),
+            cut(kind.md5, NAME),
+            own.definition,
+            any(publisher.latched for publisher in publishers),
+            own.refusal or _discord(kinds, kind) or _too_much(self.topic),
+        )
+
+    @property
+    def _connections(self) -> list[Any]:
+        implementation = self._subscriber.impl
+        return [] if implementation is None else list(implementation.connections)
+
+
+def _silence(topic: str) -> Refusal:
+    text = say("No node publishes on {topic}, or none that can be reached from here.", topic=topic)
+    return _too_much(topic) or Refusal("no_publisher", text, "robot")
+
+
+def _too_much(topic: str) -> Refusal | None:
+    why = BOARD.text(topic)
+    return Refusal("too_much", why, "robot") if why else None
+
+
+def _discord(kinds: list[Kind], kind: Kind) -> Refusal | None:
+    """Return a refusal if publishers disagree on the type."""
+    if len(kinds) < 2:
+        return None
+    text = say(
+        "The publishers of this topic do not agree on the type: only messages of {type} ({md5}) are passed on.",
+        type=cut(kind.type, NAME),
+        md5=cut(kind.md5, NAME),
+    )
+    return Refusal("publishers_differ", text, "robot", {"kinds": len(kinds)})
+
+
+class Source:
+    """All subscriptions at one robot. `call` calls the server on the event loop."""
+
+    def __init__(self, server: TapServer, call: Call, definitions: Definitions) -> None:
+        self.server = server
+        self.clock = RobotClock()
+        self.looked_s = time.monotonic()
+        self._call = call
+        self._definitions = definitions
+        self._awake = threading.Condition()
+        self._wanted: Wanted = {}
+        self._topics: dict[str, _Topic] = {}
+
+    def set_wanted(self, wanted: Wanted) -> None:
+        """Set what is read: topic -> longest queue."""
+        with self._awake:
+            self._wanted = wanted
+            self._awake.notify()
+
+    def run(self) -> None:
+        """Subscribe and unsubscribe as wanted, without end. This thread calls the master."""
+        while True:
+            self.looked_s = time.monotonic()
+            with self._awake:
+                if self._wanted.keys() == self._topics.keys():
+                    self._awake.wait(self._pause_s())
+                wanted = self._wanted
+            self._follow(wanted)
+            for topic in self._topics.values():
+                self._look(topic)
+
+    def _pause_s(self) -> float:
+        waits = any(0 < topic.looks < SOON_LOOKS for topic in self._topics.values())
+        return SOON_S if waits else LOOK_S
+
+    def _follow(self, wanted: Wanted) -> None:
+        for name in self._topics.keys() - wanted.keys():
+            self._topics.pop(name).close()
+            self._call(self.server.forget, name)
+        for name in wanted.keys() - self._topics.keys():
+            self.looked_s = time.monotonic()
+            self._topics[name] = _Topic(name, wanted[name], self.server.inbox, self._definitions)
+
+    def _look(self, topic: _Topic) -> None:
+        state = topic.look()
+        if 0 < topic.looks < SOON_LOOKS and topic.state is None:
+            return  # publishers may still be connecting
+        if state != topic.state:
+            topic.state = state
+            self._call(self.server.report, state)

@@ -1,0 +1,73 @@
+"""A process beside the bridge that serves web processes, and the connection of one to it."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import threading
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import IO, Any
+
+import msgspec
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import unix_connect
+
+from robots.bridge.served.client import Served
+from robots.shared import wire
+from tests.processes import PATIENCE_S, REPOSITORY
+from tests.ros.bridge_support import tiago_config
+from tests.ros.support import Master
+
+
+class ServedProcess:
+    """One such process. Subclasses take what it sends."""
+
+    def __init__(
+        self,
+        served: Served,
+        master: Master,
+        folder: Path,
+        stderr: IO[str] | None = None,
+        **changes: Any,
+    ) -> None:
+        config = tiago_config(master, folder, **changes)
+        self._sockets = Path(config.link.unix_path).parent
+        self._sockets.mkdir()
+        self.process = subprocess.Popen(
+            served.command,
+            cwd=REPOSITORY,
+            env=master.environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+        )
+        assert self.process.stdin and self.process.stdout
+        self.process.stdin.write(msgspec.json.encode(config) + b"\n")
+        self.process.stdin.flush()
+        self.at = msgspec.json.decode(self.process.stdout.readline(), type=wire.ProcessAt)
+        self._closing = ExitStack()
+        connection = unix_connect(self.at.unix_path, compression=None, max_size=None, ping_interval=None)
+        self._socket = self._closing.enter_context(connection)
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def received(self, message: str | bytes) -> None:
+        """Take a message."""
+        raise NotImplementedError
+
+    def say(self, message: msgspec.Struct) -> None:
+        """Send a request."""
+        self._socket.send(wire.encode(message).decode())
+
+    def stop(self, status: int = 0) -> None:
+        self._closing.close()
+        assert self.process.stdin and self.process.stdout
+        self.process.stdin.close()  # the same happens when the bridge dies
+        assert self.process.wait(PATIENCE_S) == status
+        self.process.stdout.close()
+        shutil.rmtree(self._sockets, ignore_errors=True)
+
+    def _read(self) -> None:
+        with suppress(ConnectionClosed):
+            while True:
+                self.received(self._socket.recv())

@@ -1,0 +1,142 @@
+"""A tap with a real rosmaster: messages of any type, whole, in each form; bad publishers; the end."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cbor2
+import msgspec
+import pytest
+import rospy
+from nav_msgs.msg import OccupancyGrid
+from sensor_msgs.msg import Image, LaserScan
+from std_msgs.msg import Int64, String
+
+from robots.bridge.served.client import TAP
+from robots.shared import wire
+from tests.processes import PATIENCE_S, until
+from tests.ros.served import ServedProcess
+from tests.ros.support import Master
+
+
+class Tap(ServedProcess):
+    """One tap, and a web process's connection to it."""
+
+    def __init__(self, master: Master, folder: Path) -> None:
+        self.messages: deque[tuple[wire.TapHeader, bytes]] = deque(maxlen=2000)
+        self.states: dict[tuple[str, str | None], wire.TapState] = {}
+        super().__init__(TAP, master, folder)
+
+    def want(self, **topics: str | wire.TapWant) -> None:
+        """Ask for these topics: ``scan="json"``; forms are separated by blanks."""
+        wants = {
+            f"/{topic}": {form: wire.TapWant() for form in forms.split()} for topic, forms in topics.items()
+        }
+        self.say(wire.TapWants(wants))
+
+    def received(self, message: str | bytes) -> None:
+        if isinstance(message, bytes):
+            header, body = wire.untapped(message)
+            self.messages.append((header, bytes(body)))
+        else:
+            state = msgspec.json.decode(message, type=wire.TapState)
+            self.states[state.topic, state.form] = state
+
+    def of(self, topic: str, form: str) -> list[bytes]:
+        return [body for header, body in self.messages if (header.topic, header.form) == (f"/{topic}", form)]
+
+    def hears(self, topic: str, form: str = "json") -> bytes:
+        until(lambda: self.of(topic, form), f"{topic} as {form}: {self.states}", PATIENCE_S)
+        return self.of(topic, form)[-1]
+
+    def refuses(self, topic: str, code: str, form: str | None = None) -> wire.Refusal:
+        def refused() -> wire.Refusal | None:
+            state = self.states.get((f"/{topic}", form))
+            return state.refusal if state and state.refusal and state.refusal.code == code else None
+
+        return until(refused, f"{topic}: {code}; {self.states}", PATIENCE_S)
+
+
+@pytest.fixture(scope="module")
+def tap(rosmaster, ros, tmp_path_factory) -> Iterator[Tap]:
+    process = Tap(rosmaster, tmp_path_factory.mktemp("tap"))
+    yield process
+    process.stop()
+
+
+@pytest.fixture
+def latch() -> Iterator[Any]:
+    """``latch(topic, message)`` publishes one message for all who come later."""
+    publishers = []
+
+    def publish(topic: str, message: Any, latched: bool = True) -> rospy.Publisher:
+        publisher = rospy.Publisher(f"/{topic}", type(message), queue_size=10, latch=latched)
+        publishers.append(publisher)
+        publisher.publish(message)
+        return publisher
+
+    yield publish
+    for publisher in publishers:
+        publisher.unregister()
+
+
+def scan() -> LaserScan:
+    message = LaserScan(angle_min=-1.5, ranges=[0.5, math.inf, math.nan, 2.25], intensities=[])
+    message.header.frame_id = "laser"
+    return message
+
+
+def test_json_is_as_rosbridge_writes_it(tap, latch):
+    latch("scan_a", scan())
+    latch("large", Int64(2**62 + 1))
+    latch("picture", Image(height=1, width=3, encoding="rgb8", data=b"\x00\xff\x80"))
+    tap.want(scan_a="json", large="json", picture="json")
+    read = json.loads(tap.hears("scan_a"))
+    assert read["ranges"] == [0.5, None, None, 2.25] and read["intensities"] == []
+    assert read["header"]["frame_id"] == "laser" and read["header"]["stamp"] == {"secs": 0, "nsecs": 0}
+    assert json.loads(tap.hears("large")) == {"data": 2**62 + 1}
+    assert base64.b64decode(json.loads(tap.hears("picture"))["data"]) == b"\x00\xff\x80"
+
+
+def test_cbor_has_typed_arrays_and_raw_the_publishers_bytes(tap, latch):
+    latch("scan_b", scan())
+    latch("grid", OccupancyGrid(data=[-1, 0, 100]))
+    tap.want(scan_b="cbor raw", grid="cbor")
+    ranges = cbor2.loads(tap.hears("scan_b", "cbor"))["ranges"]
+    assert (ranges.tag, ranges.value) == (85, bytes.fromhex("0000003f 0000807f 0000c07f 00001040"))
+    data = cbor2.loads(tap.hears("grid", "cbor"))["data"]
+    assert (data.tag, data.value) == (72, b"\xff\x00\x64")
+    assert LaserScan().deserialize(tap.hears("scan_b", "raw")).ranges[3] == 2.25
+
+
+def test_a_topic_is_described(tap, latch):
+    latch("word", String("hello"))
+    tap.want(word="raw")
+    until(lambda: tap.states.get(("/word", None)), "a state")
+    state = tap.states["/word", None]
+    assert (state.type, state.md5, state.latched) == ("std_msgs/String", String._md5sum, True)
+    assert state.definition.strip() == "string data" and state.refusal is None
+
+
+def test_who_comes_later_gets_latched_messages_of_every_publisher(tap, latch):
+    latch("fixed", String("one"))
+    tap.want(fixed="json")
+    assert json.loads(tap.hears("fixed")) == {"data": "one"}
+    tap.messages.clear()
+    tap.want(fixed="json raw")
+    assert tap.hears("fixed", "raw") == b"\x03\x00\x00\x00one"
+    assert not tap.of("fixed", "json"), "the others have it"
+
+
+def test_a_topic_without_publisher_is_refused_until_one_comes(tap, latch):
+    tap.want(nobody="json")
+    tap.refuses("nobody", "no_publisher")
+    latch("nobody", String("here"))
+    assert json.loads(tap.hears("nobody")) == {"data": "here"}
+    until(lambda: tap.states["/nobody", None].type == "std_msgs/String", "its state")
