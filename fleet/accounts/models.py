@@ -158,4 +158,4 @@ class Erasure(models.Model):
 
 
 # The app's other models.
-from fleet.accounts.tokens.models import Token  # noqa: E402, F401 - after User, which it names
+from fleet.accounts.tokens.models import Ticket, Token  # noqa: E402, F401 - after User, which they name

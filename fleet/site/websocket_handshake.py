@@ -4,8 +4,8 @@ Browsers send cookies with a WebSocket from any page, so the origin of the page 
 its token in the header Authorization, which a page in a browser cannot set. A program needs no origin unless
 it also sends a cookie.
 
-At a program's door (`DOORS`) no cookie counts, so pages of any origin may connect. A client that brings no token may
-still sign in with its first message.
+At a program's door (`DOORS`) no cookie counts, so pages of any origin may connect: with a token, or with a ticket in
+the address. A client that brings neither may still sign in with its first message.
 
 Django judges handshakes on one thread. So handshakes wait in turns, fair per person, and those that no valid session
 or token signs have a turn of their own: whatever strangers send, people and programs do not wait for it.
@@ -19,6 +19,7 @@ from contextlib import AsyncExitStack
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
+from urllib.parse import parse_qs
 
 from channels.auth import AuthMiddlewareStack
 from channels.db import database_sync_to_async
@@ -29,6 +30,7 @@ from django.http.request import split_domain_port, validate_host
 from fleet.accounts.sign_in.second_factor import is_missing, require_for_token
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid, key_of, token_of
+from fleet.accounts.tokens.tickets import ticket_use
 from fleet.base.network_addresses import network_of
 from fleet.server.credentials import Credential
 from fleet.server.turns import Turns
@@ -133,10 +135,10 @@ class Programs:
 
 
 class Doors:
-    """Sign clients of programs' doors in by their tokens; pass connections of other addresses to `others`.
+    """Sign clients of programs' doors in by token or ticket; pass connections of other addresses to `others`.
 
     In a door's scope, `sign_in` signs in later by a token's text; it raises `TokenInvalid`. `refused` is the
-    `TokenInvalid` of a token in the header: the door says so in its own protocol.
+    `TokenInvalid` of a token or ticket: the door says so in its own protocol.
     """
 
     def __init__(self, inner: Any, others: Any) -> None:
@@ -147,11 +149,13 @@ class Doors:
         if not is_door(scope):
             return await self._others(scope, receive, send)
         found: dict[str, Any] = {"sign_in": partial(self._sign_in, scope[_STRANGER])}
-        if (credential := _token_in(scope["headers"])) is not None:
-            try:
+        try:
+            if ticket := parse_qs(scope["query_string"].decode("latin-1")).get("ticket"):
+                found |= await database_sync_to_async(_by_ticket)(ticket[0], scope["path"])
+            elif (credential := _token_in(scope["headers"])) is not None:
                 found |= _signed_in(await database_sync_to_async(_token)(credential.text))
-            except TokenInvalid as error:
-                found["refused"] = error
+        except TokenInvalid as error:
+            found["refused"] = error
         return await self._inner({**scope, **found}, receive, send)
 
     async def _sign_in(self, turn: Callable[[], Any], text: str) -> dict[str, Any]:
@@ -164,6 +168,15 @@ def is_door(scope: dict[str, Any]) -> bool:
     """Return whether this connection comes to a door of programs."""
     path: str = scope["path"]
     return path.startswith(DOORS)
+
+
+def _by_ticket(text: str, path: str) -> dict[str, Any]:
+    """Return what a ticket adds to the scope. Raises `TokenInvalid`."""
+    _, door, robot, *_ = path.split("/")
+    ticket = ticket_use(text, robot=robot, door=door)
+    if ticket.token is not None:
+        return _signed_in(ticket.token)
+    return {"user": ticket.user, "session": SimpleNamespace(session_key=ticket.session_key)}
 
 
 def _signed_in(token: Token) -> dict[str, Any]:

@@ -38,6 +38,9 @@ _FLOOD = wire.Refusal(
     "wire",
     {"limit_per_s": DRIVES_PER_S},
 )
+NO_RECORDINGS = wire.Refusal(
+    "no_recordings", "Recordings are switched off on the computer of this robot’s bridge.", "robot"
+)
 _FAULT = wire.Refusal(
     "bridge_fault",
     "An error occurred in the bridge (see its log). It is unknown whether the request was carried out.",
@@ -131,6 +134,8 @@ class LinkHandler:
                 self._inspector.set_subscriptions(link, topics)
             case wire.LinkProcess(process=name, wanted=wanted):
                 self._served[name].set_wanted(link, wanted)
+            case wire.LinkRecord() | wire.LinkRecordEnd() | wire.LinkKeep():
+                self._answer(link, message, NO_RECORDINGS)
             case wire.LinkCancel():
                 self._answer(link, message, self._core.tasks.cancel(message.what, message.by, now_s))
             case order if isinstance(order, wire.TaskRequest):
@@ -167,7 +172,12 @@ class LinkHandler:
     def _answer(
         self,
         link: Link,
-        order: wire.TaskRequest | wire.LinkCancel | wire.Refresh,
+        order: wire.TaskRequest
+        | wire.LinkCancel
+        | wire.Refresh
+        | wire.LinkRecord
+        | wire.LinkRecordEnd
+        | wire.LinkKeep,
         refusal: wire.Refusal | None,
     ) -> None:
         """Send the one answer to a request."""

@@ -46,6 +46,7 @@ from robots.shared.records.record_sink import (
     Sample,
     TakenDescription,
     TakenMap,
+    TakenRecording,
 )
 from robots.shared.records.verdict import Verdict
 from robots.shared.sentences import say
@@ -266,6 +267,13 @@ class AuditSink:
         RobotDescription.objects.update_or_create(
             robot_id=self._robot_id, defaults={**columns, "seen_at": timezone.now()}
         )
+
+    def keep_recording(self, taken: TakenRecording) -> None:
+        """Refuse: there is no table yet, and the recorder reports its files again."""
+        raise RecordError(f"recording {taken.recording} waits for its table")
+
+    def drop_recording(self, recording: UUID) -> None:
+        """Do nothing: there is no table yet."""
 
     def _without_end(self, after: int) -> list[Record]:
         """Return this robot's records after `after` that have no end, the newest first."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from uuid import UUID
 
 import msgspec
 
@@ -19,6 +20,7 @@ from robots.shared.records.record_sink import (
     Position,
     TakenDescription,
     TakenMap,
+    TakenRecording,
 )
 
 
@@ -67,6 +69,12 @@ class FileSink:
 
     def keep_description(self, taken: TakenDescription) -> None:
         self._descriptions.write_text(taken.problem or "read")
+
+    def keep_recording(self, taken: TakenRecording) -> None:
+        self._record(f"recording {taken.kind} {msgspec.json.encode(taken).decode()}")
+
+    def drop_recording(self, recording: UUID) -> None:
+        self._record(f"recording dropped {recording}")
 
 
 if __name__ == "__main__":

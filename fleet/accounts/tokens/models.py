@@ -69,3 +69,23 @@ class Token(models.Model):
     def serves(self, robot_id: uuid.UUID) -> bool:
         """Return whether it may be used for this robot."""
         return not self.robots or str(robot_id) in self.robots
+
+
+class Ticket(models.Model):
+    """A sign-in at a door of programs, for one use within a minute. Only its SHA-256 digest is stored."""
+
+    digest = models.CharField(max_length=64, primary_key=True, editable=False)
+    user = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="tickets")
+    token = models.ForeignKey(Token, null=True, on_delete=models.CASCADE, related_name="tickets")
+    session_key = models.CharField(max_length=40, blank=True)  # of a person's sign-in, if no token asked
+    robot = models.CharField(max_length=50)  # slug: robots belong to an app above
+    door = models.CharField(max_length=20)
+    expires_at = models.DateTimeField()
+
+    def __str__(self) -> str:
+        return f"{self.door} {self.robot}"
+
+    @property
+    def sign_in(self) -> str:
+        """The key of the session or token that asked for it."""
+        return f"token:{self.token_id}" if self.token_id else self.session_key

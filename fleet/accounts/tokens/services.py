@@ -77,7 +77,7 @@ def token_make(
     token = Token.objects.create(
         id=token_id,
         user=user,
-        digest=_digest(text),
+        digest=digest_of(text),
         made_at=now,
         expires_at=expires_at,
         name=name,
@@ -130,7 +130,7 @@ def remove_expired_tokens(now: datetime) -> None:
 
 def token_of(text: str, address: str = "") -> Token:
     """Return the token with this text, and note its use. Raises `TokenInvalid` if there is no valid token."""
-    found = next(iter(_stored("digest = %s", [_digest(text)])), None)
+    found = next(iter(_stored("digest = %s", [digest_of(text)])), None)
     if found is None:
         raise TokenInvalid(
             "token_invalid", "There is no such token: it was mistyped, or ended. Make another one."
@@ -158,7 +158,7 @@ def token_used(token: Token, address: str) -> None:
 
 def tokens_by_text(texts: Collection[str]) -> dict[str, Token]:
     """Return the tokens with these texts that are valid now. Two queries, or none. Their use is not noted."""
-    by_digest = {_digest(text): text for text in texts}
+    by_digest = {digest_of(text): text for text in texts}
     if not by_digest:
         return {}
     found = _stored(f"digest IN ({rows.marks(by_digest)})", list(by_digest))
@@ -198,5 +198,6 @@ def key_of(token: Token) -> str:
     return f"{KEY}{token.id}"
 
 
-def _digest(text: str) -> str:
+def digest_of(text: str) -> str:
+    """Return what is stored of a secret."""
     return sha256(text.encode(errors="replace")).hexdigest()

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Literal, NamedTuple, Protocol
+from uuid import UUID
 
 from msgspec import Struct
 
 from robots.shared.geometry.poses import Pose
 from robots.shared.records.verdict import Verdict
-from robots.shared.wire import HealthLevel
+from robots.shared.wire import HealthLevel, RecordingEvent, RecordingKind
 
 Parameters = Mapping[str, str | float | None]
 
@@ -106,6 +107,50 @@ class TakenDescription(Struct, frozen=True):
     problem: str = ""
 
 
+class RecordedTopic(Struct, frozen=True):
+    """A topic in a recording. A topic that changed its type is there once for each type."""
+
+    topic: str
+    type: str
+    messages: int
+    dropped: int = 0
+
+
+class KeptEvent(Struct, frozen=True):
+    """An event for which a black box was kept."""
+
+    event: RecordingEvent
+    at: float  # Unix time, s
+    text: str = ""  # what happened, in English
+    by: str = ""  # who did it, for a stop or "Keep this"
+
+
+class TakenRecording(Struct, frozen=True, tag=True):
+    """A finished recording: one MCAP file. The file has the same in its metadata `fleet`."""
+
+    recording: UUID
+    robot: str  # id
+    kind: RecordingKind
+    begins: float  # Unix time, s
+    ends: float
+    bytes: int
+    directory: str  # on the computer of the bridge
+    name: str  # of the file there; beside it, with the ending .jpg, a small picture of `thumbnail`
+    topics: list[RecordedTopic]
+    events: list[KeptEvent] = []  # of a black box
+    person: str = ""  # id: who asked for it, or had control
+    session: str = ""  # of control
+    booking: str = ""
+    course: str = ""
+    reason: str = ""
+    version: str = ""  # of the console
+    dropped: int = 0  # messages that are missing in it
+    continues: UUID | None = None  # the recording that the same request began, before a process broke
+    cut: bool = False  # its process broke: its last second may be missing
+    ended_by: str = ""  # why it ended, in English, if nobody asked for it
+    thumbnail: bool = False
+
+
 class RecordSink(Protocol):
     """The audit log, as the bridge uses it. The returned numbers only identify records."""
 
@@ -149,3 +194,9 @@ class RecordSink(Protocol):
 
     def keep_description(self, taken: TakenDescription) -> None:
         """Commit the robot's present description. The robot does not wait for it."""
+
+    def keep_recording(self, taken: TakenRecording) -> None:
+        """Commit that this recording exists. Called again with the same `recording` if it is not certain."""
+
+    def drop_recording(self, recording: UUID) -> None:
+        """Commit that the file of this recording was removed: a black box, for newer recordings."""

@@ -19,6 +19,7 @@ from robots.shared.wire.base import (
     Worded,
 )
 from robots.shared.wire.page import Drive, Refresh
+from robots.shared.wire.recordings import LinkKeep, LinkRecord, LinkRecordEnd
 from robots.shared.wire.state import MovesAlthoughStopped, State, StopState
 from robots.shared.wire.tasks import TaskRequest
 from robots.shared.wire.topics import DoorQuery, TopicQuery
@@ -165,6 +166,9 @@ LinkRequest = (
     | LinkQuery
     | LinkSubscribe
     | LinkProcess
+    | LinkRecord
+    | LinkRecordEnd
+    | LinkKeep
 )
 
 

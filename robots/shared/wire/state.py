@@ -10,6 +10,7 @@ from robots.shared.records.verdict import Side, Way
 from robots.shared.wire.base import Refusal, Role, Use, Worded
 from robots.shared.wire.health import Health
 from robots.shared.wire.navigation import Location
+from robots.shared.wire.recordings import BlackBoxState, RecordingState
 from robots.shared.wire.tasks import TaskStates
 
 SILENT_S = 0.4  # without odometry for so long, people see the past; their pages have the same limit
@@ -167,6 +168,8 @@ class State(TaskStates, frozen=True, kw_only=True):
     battery_left_min: int | None = None
     forgotten: Forgotten | None = None
     head_follows: bool = False  # in this control, the head turned by itself to where the robot drives
+    recording: RecordingState | None = None
+    black_box: BlackBoxState | None = None  # None: nobody has control, or this bridge keeps no recordings
 
 
 class MotionOffer(Struct, frozen=True):

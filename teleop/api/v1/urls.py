@@ -16,6 +16,7 @@ from teleop.api.v1.robot import (
     navigation,
     robots,
     tasks,
+    tickets,
     topics,
 )
 from teleop.api.v1.setup import (
@@ -108,6 +109,7 @@ urlpatterns = [
     path("robots/<slug:slug>/topics/definition", topics.DefinitionView.as_view()),
     path("robots/<slug:slug>/topics/message", topics.MessageView.as_view()),
     path("robots/<slug:slug>/topics/publish", topics.PublishView.as_view()),
+    path("robots/<slug:slug>/tickets", tickets.TicketsView.as_view()),
     path("robots/<slug:slug>/services/definition", topics.ServiceView.as_view()),
     path("robots/<slug:slug>/services/call", topics.CallView.as_view()),
     path("robots/<slug:slug>/parameters", topics.ParametersView.as_view()),

@@ -176,6 +176,8 @@ TABLE: dict[str, Row] = {
         MANAGE, "/robots/{robot}/layouts", supervised("201"), {"name": "new", "cells": ["map", "camera"]}
     ),
     "layouts_delete": Row(MANAGE, "/robots/{robot}/layouts/{layout}", supervised("204")),
+    # doors of programs
+    "tickets_make": Row(ACTING, "/robots/{robot}/tickets", seen("201"), {"door": "rosbridge"}),
     # control
     "control_read": Row(READ, "/robots/{robot}/control", seen("200")),
     "control_take": Row(ACTING, "/robots/{robot}/control", NO_PROGRAMS, {}),

@@ -1,10 +1,14 @@
 """The rosbridge door: sign-in, control by calls of services, velocities, stop."""
 
 import asyncio
+from functools import partial
 
 import pytest
+from django.test import Client as Browser
+from django.utils import timezone
 
-from fleet.accounts.tokens.models import Scope, Token
+from fleet.accounts.tokens.models import Scope, Ticket, Token
+from fleet.accounts.tokens.tickets import ticket_make
 from fleet.audit.models import Record
 from robots.shared import wire
 from teleop.background.database import in_database
@@ -47,6 +51,42 @@ async def test_a_wrong_token_is_told_and_closed(open_client, robot, bridge):
     client = await Client(robot.slug, token="fleet_wrong").open()
     await client.told("token_invalid")
     assert await client.is_closed() == CloseCode.SIGNED_OUT
+
+
+async def test_a_ticket_works_once_within_its_minute(open_client, make_token, robot, bridge):
+    async def made(ask):
+        asked = f"/api/v1/robots/{robot.slug}/tickets"
+        answer = await in_database(lambda: ask.post(asked, {"door": "rosbridge"}, "application/json"))
+        assert answer.status_code == 201, answer.content
+        return answer.json()["path"].removeprefix(f"/rosbridge/{robot.slug}")
+
+    program = Browser(headers={"Authorization": f"Bearer {await make_token('operator')}"})
+    query = await made(program)
+    client = await Client(robot.slug, query=query).open()
+    await client.take()
+    again = await Client(robot.slug, query=query).open()
+    await again.told("ticket_invalid")
+    assert await again.is_closed() == CloseCode.SIGNED_OUT
+    late = await made(program)
+    await in_database(lambda: Ticket.objects.update(expires_at=timezone.now()))
+    await (await Client(robot.slug, query=late).open()).told("ticket_expired")
+    await client.close()
+
+
+async def test_a_persons_ticket_ends_with_the_sign_in(robot, browsers, end_session, bridge):
+    browser = await in_database(lambda: browsers["operator"])
+    asked = f"/api/v1/robots/{robot.slug}/tickets"
+    answer = await in_database(lambda: browser.post(asked, {"door": "rosbridge"}, "application/json"))
+    client = await Client(robot.slug, query=f"?ticket={answer.json()['ticket']}").open()
+    await client.take()
+    await in_database(end_session, browser)
+    assert await client.is_closed() == CloseCode.SIGNED_OUT
+
+
+async def test_a_ticket_of_another_door_is_refused(robot, operator, bridge):
+    make = partial(ticket_make, user=operator, sign_in="x", token=None, robot=robot.slug, door="foxglove")
+    text, _ = await in_database(make)
+    await (await Client(robot.slug, query=f"?ticket={text}").open()).told("ticket_elsewhere")
 
 
 async def test_a_stranger_is_closed_in_time(open_client, monkeypatch):
