@@ -93,25 +93,24 @@ class ActionGoals(Family):
             await self._result_told(operation, End(REJECTED, _worded(refused.refusal)))
             raise
 
-        async def told(_goal: Goal, end: End | None) -> None:
+        async def told(goal: Goal, end: End | None) -> None:
             if end is not None:
-                await self._result_told(operation, end)
+                await self._result_told(operation, end, goal.result)
 
-        goal = Goal(operation.id, name, action, told)
+        async def feedback(_goal: Goal, fields: dict[str, Any]) -> None:
+            if operation.feedback:
+                await self.client.send(_told("action_feedback", operation, values=fields))
+
+        goal = Goal(operation.id, name, action, told, feedback)
         run_in_background(self._begin(goal, given, operation))
 
-    async def _result_told(self, operation: SendActionGoal, end: End) -> None:
+    async def _result_told(
+        self, operation: SendActionGoal, end: End, result: dict[str, Any] | None = None
+    ) -> None:
         done = end.status in (SUCCEEDED, PREEMPTED)
-        await self.client.send(
-            {
-                "op": "action_result",
-                "id": operation.id,
-                "action": operation.action,
-                "values": {} if done else end.text,
-                "status": IN_ROS2[end.status],
-                "result": done,
-            }
-        )
+        values = (result or {}) if done else end.text
+        status = IN_ROS2[end.status]
+        await self.client.send(_told("action_result", operation, values=values, status=status, result=done))
 
     async def _cancel(self, operation: CancelActionGoal) -> None:
         if await self._clients.cancel(operation.id):
@@ -137,7 +136,7 @@ class ActionGoals(Family):
         id_ = goal_id.get("id")
         if not isinstance(id_, str) or not 0 < len(id_) <= LONGEST_ID:
             raise NotDone(_NO_ID)
-        goal = Goal(id_, name, self._robots(name), self._published)
+        goal = Goal(id_, name, self._robots(name), self._published, self._feedback_published)
         run_in_background(self._begin(goal, given, operation))
 
     async def _cancel_published(self, operation: Publish) -> None:
@@ -153,15 +152,16 @@ class ActionGoals(Family):
 
     async def _published(self, goal: Goal, end: End | None) -> None:
         """Send the client messages as an action's server publishes them, with its own id."""
-        text = end.text if end else ""
-        status = {
-            "goal_id": {"stamp": _ZERO, "id": goal.id},
-            "status": end.status if end else goal.status,
-            "text": text,
-        }
+        status = _status(goal, end)
         await self._show(f"{goal.name}/status", {"header": _header(), "status_list": [status]})
         if end is not None:
-            await self._show(f"{goal.name}/result", {"header": _header(), "status": status, "result": {}})
+            await self._show(
+                f"{goal.name}/result", {"header": _header(), "status": status, "result": goal.result}
+            )
+
+    async def _feedback_published(self, goal: Goal, fields: dict[str, Any]) -> None:
+        message = {"header": _header(), "status": _status(goal, None), "feedback": fields}
+        await self._show(f"{goal.name}/feedback", message)
 
     async def _show(self, topic: str, message: dict[str, Any]) -> None:
         if any(family.reads(topic) for family in self.client.families):
@@ -215,6 +215,15 @@ class ActionGoals(Family):
 
 
 _ZERO = {"secs": 0, "nsecs": 0}
+
+
+def _told(op: str, operation: SendActionGoal, **fields: Any) -> dict[str, Any]:
+    return {"op": op, "id": operation.id, "action": operation.action, **fields}
+
+
+def _status(goal: Goal, end: End | None) -> dict[str, Any]:
+    status = end.status if end else goal.status
+    return {"goal_id": {"stamp": _ZERO, "id": goal.id}, "status": status, "text": end.text if end else ""}
 
 
 def _header() -> dict[str, Any]:

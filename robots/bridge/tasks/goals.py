@@ -18,11 +18,10 @@ from robots.bridge.audit.records import RecordedTask, Records, Requester
 from robots.bridge.tasks.task import Cause, Ending
 from robots.bridge.watchdog.rules import CANCEL_AGAIN_S
 from robots.shared.sentences import say
-from robots.shared.wire import Refusal
+from robots.shared.wire import GOAL_PREFIX, Refusal
 
 UNHEARD_S = 2.0  # a goal that the robot has not reported for this time is given up
-# Prefix of goal ids of this bridge and of earlier bridges; the number of the record follows.
-OURS = "fleet_bridge-"
+OURS = GOAL_PREFIX  # goal ids of this bridge and of earlier bridges begin with it
 
 What = TypeVar("What")
 

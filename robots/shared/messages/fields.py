@@ -6,6 +6,8 @@ that does not fit raises `BadField` with the path of the field, written as ``poi
 
 from __future__ import annotations
 
+import base64
+import binascii
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -28,6 +30,7 @@ INTEGERS = {
     "uint64": (0, 2**64 - 1),
 }
 FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}  # largest value
+BYTES = ("uint8", "char")  # arrays of these may be given as base64, as rosbridge writes them
 STAMPS = {"time": "uint32", "duration": "int32"}  # with the type of their seconds
 MAX_DEPTH = 24  # levels of nesting
 MAX_ARRAY = 10_000  # elements; the limit of a message to the console is lower
@@ -67,7 +70,7 @@ def _message(definition: Sequence[Field], given: Any, path: str) -> dict[str, An
 def _field(field: Field, given: Any, path: str) -> Any:
     if field.array is None:
         return _one(field, given, path)
-    values = _elements(given, path)
+    values = _bytes(given, path) if isinstance(given, str) and field.type in BYTES else _elements(given, path)
     if field.array >= 0 and len(values) != field.array:
         raise BadField(
             path, "{path}: exactly {wanted} values, not {count}.", wanted=field.array, count=len(values)
@@ -75,6 +78,13 @@ def _field(field: Field, given: Any, path: str) -> Any:
     if len(values) > MAX_ARRAY:
         raise BadField(path, "{path}: at most {most} values, not {count}.", most=MAX_ARRAY, count=len(values))
     return [_one(field, value, f"{path}[{number}]") for number, value in enumerate(values)]
+
+
+def _bytes(given: str, path: str) -> Sequence[int]:
+    try:
+        return list(base64.b64decode(given, validate=True))
+    except binascii.Error as error:
+        raise BadField(path, "{path}: an array, or its bytes in base64, not {given}.", given) from error
 
 
 def _elements(given: Any, path: str) -> Sequence[Any]:

@@ -29,6 +29,9 @@ from robots.shared.wire.base import (
 from robots.shared.wire.limbs import Limb, LimbCancel, LimbState, MoveLimb
 from robots.shared.wire.navigation import Go, GoCancel, GoEnd, GoProgress, SetPose
 
+# Prefix of ids of the goals that a bridge sends to the robot; the number of the record follows
+GOAL_PREFIX = "fleet_bridge-"
+
 
 class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
     """Turn the head to the way ahead."""

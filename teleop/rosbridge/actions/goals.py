@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Coroutine
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
 from typing import Any
 
 from robots.link.client import BridgeLink, Listener
@@ -11,11 +13,13 @@ from robots.shared import wire
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal, State, TaskRequest
 from teleop.background.jobs import run_in_background
-from teleop.rosbridge.actions.ends import ABORTED, ACTIVE, PENDING, REJECTED, End, Seen, end_of
+from teleop.rosbridge.actions.ends import ABORTED, ACTIVE, PENDING, REJECTED, SUCCEEDED, End, Seen, end_of
+from teleop.rosbridge.actions.reports import Reports
 from teleop.rosbridge.actions.translation import RobotAction
 from teleop.rosbridge.family import Client
 
 MOST_GOALS = 20  # of one client at once
+RESULT_S = 0.3  # until the robot's result must have come after the end of its task
 
 _TOO_MANY = Refusal("busy", "Too many goals at once: wait for the ends of others.", "wire")
 _NO_STATE = Refusal("bridge_silent", "The robot’s bridge has not told its state yet. Try again.", "robot")
@@ -24,16 +28,19 @@ _TWICE = Refusal("goal_twice", "A goal with this id is under way.", "wire")
 
 @dataclass(eq=False)
 class Goal:
-    """One goal. `told` sends the client its status after each change, and its end."""
+    """One goal. `told` sends the client its status after each change, and its end; `feedback` the robot's feedback."""
 
     id: str  # the client's own
     name: str  # of the action
     action: RobotAction
     told: Callable[[Goal, End | None], Coroutine[Any, Any, None]]
+    feedback: Callable[[Goal, dict[str, Any]], Coroutine[Any, Any, None]]
     status: int = PENDING
     request: TaskRequest | None = None
     before: Seen | None = None
     cancelled: bool = False  # before it was accepted
+    result: dict[str, Any] = field(default_factory=dict)  # the robot's own
+    answered: asyncio.Event = field(default_factory=asyncio.Event)  # the robot's result has come
 
 
 class Goals(Listener):
@@ -43,10 +50,13 @@ class Goals(Listener):
         self._client = client
         self._goals: list[Goal] = []
         self._link: BridgeLink | None = None
+        self._reports = Reports(client, self._heard)
+        self._ending: dict[str, Goal] = {}  # by action: its result may still come
 
     def leave(self) -> None:
         """Forget all goals: the bridge ends their tasks with control."""
         self._goals.clear()
+        self._reports.leave()
         if self._link:
             self._link.unsubscribe(self)
 
@@ -64,6 +74,7 @@ class Goals(Listener):
             make = goal.action.task(given)
             goal.before = self._seen()
             self._goals.append(goal)
+            await self._reports.listen(goal.name)
             await self._client.request(lambda fence, seq: _kept(goal, make(fence, seq)))
         except NotDone as refused:
             self._forget(goal)
@@ -106,7 +117,27 @@ class Goals(Listener):
     def _end(self, goal: Goal, end: End) -> None:
         self._forget(goal)
         goal.status = end.status
-        run_in_background(goal.told(goal, end))
+        run_in_background(self._tell_end(goal, end))
+
+    async def _tell_end(self, goal: Goal, end: End) -> None:
+        """Tell the end with the robot's result, which comes another way."""
+        if end.status == SUCCEEDED and goal.action.cancel is not None:
+            self._ending[goal.name] = goal
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(goal.answered.wait(), RESULT_S)
+            self._ending.pop(goal.name, None)
+        await goal.told(goal, end)
+
+    async def _heard(self, action: str, part: str, fields: dict[str, Any]) -> None:
+        """Take what the robot says about the goal of this console that it carries out."""
+        goal = next((goal for goal in self.of(action) if goal.status == ACTIVE), self._ending.get(action))
+        if goal is None:
+            return
+        if part == "feedback":
+            await goal.feedback(goal, fields)
+        else:
+            goal.result = fields
+            goal.answered.set()
 
     def _forget(self, goal: Goal) -> None:
         if goal in self._goals:

@@ -53,6 +53,13 @@ def test_nested_and_dotted_fields_are_the_same(given):
     assert fit_fields(TWIST, given) == {"linear": {"x": 0.2, "y": 0.0}, "angular": {"z": 1.0}}
 
 
+def test_bytes_may_be_given_as_base64():
+    picture = [Field("data", "uint8", array=-1), Field("words", "string", array=-1)]
+    assert fit_fields(picture, {"data": "AQL/"}) == fit_fields(picture, {"data": [1, 2, 255]})
+    assert refused({"data": "A!"}, picture)[0] == "data"
+    assert refused({"words": "AQL/"}, picture)[0] == "words"
+
+
 @pytest.mark.parametrize(
     ("given", "path", "says"),
     [

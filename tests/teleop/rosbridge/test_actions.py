@@ -8,12 +8,19 @@ from msgspec import structs
 from fleet.accounts.tokens.models import Scope
 from fleet.audit.models import Record
 from robots.shared import wire
+from teleop.rosbridge.actions import reports
 from tests.teleop.support import IDLE, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
 PLAY = {"action": "/play_motion", "action_type": "play_motion_msgs/PlayMotionAction", "feedback": True}
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6  # in ROS 2
+
+
+@pytest.fixture(autouse=True)
+def no_tap(monkeypatch) -> None:
+    """Do not wait for the robot's own reports: there is no robot."""
+    monkeypatch.setattr(reports, "READY_S", 0.01)
 
 
 def ended(bridge, number: int, outcome: str) -> None:

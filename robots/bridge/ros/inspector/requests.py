@@ -212,7 +212,7 @@ class Inspector:
             case wire.CallService(service=name, fields=fields, seq=seq, whole=whole):
                 service = services.find(self._master, name)
                 self._require("call", name, service.type)
-                detail = services.WHOLE if whole else services.SHOWN
+                detail = None if whole else services.SHOWN
                 called, shortened = services.call(service, fields, question.require_time, detail)
                 return wire.Called(name, called, seq, shortened)
             case door:

@@ -9,11 +9,14 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
+import msgspec
+
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, parsed
 from robots.bridge.ros.network.tcpros import Conversation, connect
 from robots.shared.messages.fields import fit_fields
 from robots.shared.messages.packing import Detail
+from robots.shared.messages.whole import json_encoder
 from robots.shared.ros.master import INSPECTOR, Master, NotThere
 from robots.shared.ros.message_types.classes import UnknownTypeError, service_class
 from robots.shared.ros.texts import NAME, cut
@@ -24,7 +27,6 @@ LARGEST_ANSWER = 16 * 1024 * 1024  # bytes
 TYPES_S = 1.5  # until the types of all services must be known
 MOST_ASKED = 16  # services at once
 SHOWN = Detail(whole=64, first=32, text=2000)  # of an answer
-WHOLE = Detail(whole=LARGEST_ANSWER, first=LARGEST_ANSWER, text=LARGEST_ANSWER)
 
 
 @dataclass(frozen=True)
@@ -100,11 +102,12 @@ def call(
     service: Service,
     given: dict[str, Any],
     require_time: Callable[[], None],
-    detail: Detail = SHOWN,
+    detail: Detail | None = SHOWN,
     largest: int = LARGEST_ANSWER,
 ) -> tuple[dict[str, Any], dict[str, int]]:
     """Call a service; return its answer, and the full lengths of shortened arrays by path.
 
+    `detail` None: the whole answer, as rosbridge writes it.
     Raises BadField before anything is sent, Declined after.
     `require_time` is called just before the request is sent, and raises if it is too late.
     """
@@ -136,6 +139,8 @@ def call(
             else say("{service} reported a failure and gave no reason.", service=service.name)
         )
         raise Declined("service_failed", text, service=service.name)
+    if detail is None:
+        return msgspec.json.decode(json_encoder(service.response.fields)(answer)), {}
     return service.response.layout.read(answer, detail)
 
 
