@@ -9,6 +9,7 @@ from teleop.rosbridge.family import Family
 from teleop.rosbridge.publishing import Publishing
 from teleop.rosbridge.robot_services import RobotServices
 from teleop.rosbridge.service_calls import ServiceCalls
+from teleop.rosbridge.tf.republisher import Transforms
 
 FAMILIES: tuple[type[Family], ...] = (
     Publishing,
@@ -16,5 +17,6 @@ FAMILIES: tuple[type[Family], ...] = (
     RobotServices,
     ActionGoals,
     ClientServices,
+    Transforms,
     ServiceCalls,
 )
