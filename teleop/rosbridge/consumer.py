@@ -15,6 +15,7 @@ from django.db import DatabaseError
 
 from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import TokenInvalid
+from robots.link.client import BridgeLink
 from robots.shared import wire
 from robots.shared.sentences import say
 from robots.shared.wire import (
@@ -33,15 +34,17 @@ from teleop.background.jobs import run_in_background
 from teleop.control.changes import database_refusal
 from teleop.control.lease_checks import NO_LEASE
 from teleop.control.scopes import ACTING, needed_scopes, scope_missing
+from teleop.control.status import RobotEntry
 from teleop.live.consumers.controlling_socket import ControllingSocket
 from teleop.live.consumers.message_socket import CloseCode
 from teleop.live.control_holder import ControlHolder
-from teleop.rosbridge import operations
+from teleop.rosbridge import framing, operations
 from teleop.rosbridge.control_services import STOP
 from teleop.rosbridge.families import FAMILIES
 from teleop.rosbridge.family import Family, Handler
 from teleop.rosbridge.operations import Id, Operation, full_name, operation_of
 from teleop.rosbridge.publishing import Publishing
+from teleop.rosbridge.reassembly import Reassembly
 
 log = logging.getLogger(__name__)
 
@@ -52,6 +55,8 @@ _SIGN_IN_FIRST = Refusal(
     "Sign in first: with a token in the header Authorization, by the operation auth, or with a ticket in the address.",
     "account",
 )
+_NESTED = Refusal("bad_fragment", "Fragments of fragments are not read.", "wire")
+_MOVED = "The robot’s bridge is at another address now. Connect again."
 _KNOWN = Refusal("signed_in", "This connection is signed in already.", "account")
 
 
@@ -59,6 +64,7 @@ class RosbridgeConsumer(ControllingSocket):
     """One client: its sign-in, its operations by families, its status messages."""
 
     through = "rosbridge"
+    checked_often = True  # it shows the robot's messages themselves
 
     def __init__(self) -> None:
         super().__init__()
@@ -66,10 +72,13 @@ class RosbridgeConsumer(ControllingSocket):
         self.families: list[Family] = []
         self._handlers: dict[type[Operation], Handler] = {
             operations.SetLevel: self._set_level,
+            operations.Fragment: self._fragment,
             operations.Auth: self._auth,
         }
         self._publishing: Publishing | None = None
-        self._level = "error"
+        self._link: BridgeLink | None = None  # of the robot, as its topics are read
+        self._level = "warning"
+        self._reassembly = Reassembly()
         self._numbers = count(1)
         self._answers: dict[int, asyncio.Future[Accepted | Refused]] = {}  # by number of the request
         self._unknown: asyncio.TimerHandle | None = None  # closes a connection that nobody signs in
@@ -99,6 +108,7 @@ class RosbridgeConsumer(ControllingSocket):
         except DatabaseError as error:
             await self.close(CloseCode.TRY_AGAIN, database_refusal(error).text)
             return
+        self._link = self.hub.link
         self.families = [family(self) for family in FAMILIES]
         for family in self.families:
             self._handlers |= family.handlers()
@@ -126,6 +136,11 @@ class RosbridgeConsumer(ControllingSocket):
             await control.release()
         await super().end_control(control)
 
+    async def robot_edited(self, entry: RobotEntry) -> None:
+        """Close if the robot has another link now: the client then connects again."""
+        if self._link is not None and self.hub.link is not self._link:
+            await self.close(CloseCode.TRY_AGAIN, _MOVED)
+
     # --- operations of the client ------------------------------------------------------------------
 
     async def on_message(self, raw: str) -> None:
@@ -146,7 +161,7 @@ class RosbridgeConsumer(ControllingSocket):
     async def _act(self, operation: Operation) -> None:
         of = wire.kind_of(operation)
         try:
-            if not self.joined and not isinstance(operation, operations.Auth | operations.SetLevel):
+            if not self.families and not isinstance(operation, operations.Auth | operations.SetLevel):
                 raise NotDone(_SIGN_IN_FIRST)
             handler = self._handlers.get(type(operation))
             if handler is None:
@@ -169,6 +184,17 @@ class RosbridgeConsumer(ControllingSocket):
     def on_message_at_once(self, raw: str) -> bool:
         """Forward the holder's velocity to a bridge on this computer."""
         return self.fence is not None and self._publishing is not None and self._publishing.at_once(raw)
+
+    async def _fragment(self, fragment: operations.Fragment) -> None:
+        """Act on an operation in fragments when it is whole. Each fragment has counted as one operation."""
+        if (raw := self._reassembly.add(fragment, time.monotonic())) is None:
+            return
+        operation = operation_of(raw)
+        if isinstance(operation, operations.Fragment):
+            raise NotDone(_NESTED)
+        if self._is_stop(operation):
+            self.stop_button.press(self.hub.link)
+        await self._act(operation)
 
     async def _set_level(self, operation: operations.SetLevel) -> None:
         self._level = operation.level
@@ -225,6 +251,13 @@ class RosbridgeConsumer(ControllingSocket):
 
     async def send_text(self, text: str) -> None:
         await self.send_encoded(text)
+
+    async def send_as(self, text: str, compression: str, fragment_size: int | None) -> None:
+        if compression == "png":
+            text = await asyncio.to_thread(framing.as_png, text)
+        for part in framing.fragments(text, fragment_size or len(text), f"fragment:{self.next_number()}"):
+            await self.send_text(part)
+            await asyncio.sleep(0)  # drive input does not wait for all of them
 
     async def status(self, level: Level, text: str, id_: Id = None) -> None:
         if _GRAVITY[level] >= _GRAVITY[self._level]:

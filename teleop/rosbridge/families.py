@@ -9,10 +9,12 @@ from teleop.rosbridge.family import Family
 from teleop.rosbridge.publishing import Publishing
 from teleop.rosbridge.robot_services import RobotServices
 from teleop.rosbridge.service_calls import ServiceCalls
+from teleop.rosbridge.subscribing import Subscribing
 from teleop.rosbridge.tf.republisher import Transforms
 
 FAMILIES: tuple[type[Family], ...] = (
     Publishing,
+    Subscribing,
     ControlServices,
     RobotServices,
     ActionGoals,

@@ -43,6 +43,9 @@ class Client(Protocol):
     def spend(self) -> bool:
         """Count one operation. False: it exceeds the flood limit."""
 
+    def is_behind(self) -> bool:
+        """Return whether the client has not read what was sent."""
+
     def next_number(self) -> int:
         """Return the number of the next request to the bridge."""
 
@@ -54,6 +57,9 @@ class Client(Protocol):
 
     async def send_text(self, text: str) -> None:
         """Send the client an operation that is encoded as JSON already."""
+
+    async def send_as(self, text: str, compression: str, fragment_size: int | None) -> None:
+        """Send an encoded operation as a PNG picture, in fragments, or both."""
 
     async def status(self, level: Level, text: str, id_: Id = None) -> None:
         """Tell the client something, if it wants to hear of this level."""

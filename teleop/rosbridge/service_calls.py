@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from robots.shared import wire
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 from teleop.background.jobs import run_in_background
@@ -53,7 +54,9 @@ class ServiceCalls(Family):
             "values": f"{answer.code}: {answer.text}" if isinstance(answer, Refusal) else answer,
             "result": not refused,
         }
-        await self.client.send(response if call.id is None else {**response, "id": call.id})
+        text = wire.encode(response if call.id is None else {**response, "id": call.id}).decode()
+        size = int(call.fragment_size) if call.fragment_size and call.fragment_size >= 1 else None
+        await self.client.send_as(text, call.compression or "none", size)
         if isinstance(answer, Refusal):
             await self.client.refuse("call_service", answer, call.id)
 

@@ -1,0 +1,185 @@
+"""Rubbish at the rosbridge door: each gets a status with a code, nothing grows, and the connection lives."""
+
+import json
+
+import pytest
+
+from robots.shared import wire
+from robots.shared.configuration.bridge_config import Allowed
+from teleop.live.consumers.message_socket import FLOOD_BURST, CloseCode
+from teleop.rosbridge import publishing, reassembly
+from teleop.rosbridge.operations import LARGEST_BYTES
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+PUBLISH = '{"op":"publish","topic":"/cmd_vel","msg":'
+TWIST = "geometry_msgs/Twist"
+
+
+@pytest.mark.parametrize(
+    ("raw", "code"),
+    [
+        ("", "not_json"),
+        ("go!", "not_json"),
+        ("[]", "invalid"),
+        ("\ud800", "not_json"),
+        ('{"op":"fly"}', "invalid"),
+        ('{"topic":"/cmd_vel"}', "invalid"),
+        (f'{PUBLISH}{{"linear":{{"x":NaN}}}}}}', "not_json"),
+        (f"{PUBLISH}{'[' * 5000}{']' * 5000}}}", "invalid"),
+        (f'{PUBLISH}{{"a":{"[" * 5000}{"]" * 5000}}}}}', "not_json"),
+        (f"{PUBLISH}7}}", "invalid"),
+        ('{"op":"call_service","service":"/rosapi/topics","id":"%s"}' % ("x" * 60_000), "invalid"),
+        ('{"op":"publish","topic":"/a","msg":{"data":"%s"}}' % ("x" * LARGEST_BYTES), "too_large"),
+        ('{"op":"advertise","topic":"/a","type":"no type"}', "invalid"),
+        ('{"op":"advertise","topic":"/class/def","type":"no_such/Type"}', "not_allowed"),
+        ('{"op":"png","data":"aGVsbG8="}', "invalid"),
+        ('{"op":"auth","mac":"fleet_x"}', "signed_in"),
+        ('{"op":"set_level","level":"loud"}', "invalid"),
+        ('{"op":"fragment","id":"f","num":-1,"total":2,"data":""}', "invalid"),
+        ('{"op":"fragment","id":"f","num":0,"total":1000000000,"data":""}', "invalid"),
+    ],
+)
+async def test_rubbish_is_told(driver, bridge, raw, code):
+    await driver.say_raw(raw)
+    await driver.told(code)
+    await still_drives(driver, bridge)
+
+
+async def still_drives(client, bridge):
+    await client.send("publish", topic="/cmd_vel", msg={"linear": {"x": 0.3}})
+    await bridge.hears(wire.Publish, lambda sent: sent.fields == {"linear": {"x": 0.3}})
+    assert len(bridge.all(wire.Publish)) == 2  # and the zero when control was taken
+
+
+async def test_a_binary_frame_is_told(driver):
+    await driver.say_bytes(b"\x00\xff")
+    await driver.told("not_text")
+
+
+async def test_the_id_comes_back_with_the_status(driver):
+    await driver.send("subscribe", topic="/a", throttle_rate=-1, id="mine")
+    assert (await driver.told("invalid"))["id"] == "mine"
+
+
+async def test_levels_of_status(driver):
+    await driver.send("set_level", level="error")
+    await driver.send("unadvertise", topic="/a")
+    await driver.send("subscribe", topic="/a", throttle_rate=-1)
+    await driver.told("invalid")
+    assert not driver.inbox
+    await driver.send("set_level", level="none")
+    await driver.send("subscribe", topic="/a", throttle_rate=-1)
+    await driver.call("/fleet/renew_control")
+    assert not driver.inbox
+
+
+async def test_a_flood_is_told_and_closed(driver):
+    for _ in range(int(2.5 * FLOOD_BURST)):
+        await driver.say_raw("go!")
+    await driver.told("flood")
+    assert await driver.is_closed() == CloseCode.FLOOD
+
+
+# --- fragments -------------------------------------------------------------------------------------------------
+
+
+async def fragment(client, num, total, data, id="f"):
+    await client.send("fragment", id=id, num=num, total=total, data=data)
+
+
+async def test_fragments_become_an_operation_in_any_order(driver, bridge):
+    text = json.dumps({"op": "publish", "topic": "/cmd_vel", "msg": {"linear": {"x": 0.25}}})
+    for num in (2, 0, 1):
+        await fragment(driver, num, 3, text[num * 30 : (num + 1) * 30 if num < 2 else None])
+    await bridge.hears(wire.Publish, lambda sent: sent.fields == {"linear": {"x": 0.25}})
+
+
+@pytest.mark.parametrize(
+    ("second", "code"),
+    [
+        ((0, 2, "b"), "bad_fragment"),
+        ((1, 3, "b"), "bad_fragment"),
+        ((2, 2, "b"), "bad_fragment"),
+        ((1, 2, "x" * (LARGEST_BYTES - 100)), "too_large"),
+        ((1, 2, "!"), "not_json"),
+        ((1, 2, json.dumps({"op": "set_level", "level": "nine"})[1:]), "invalid"),
+    ],
+)
+async def test_fragments_that_do_not_fit_are_told(driver, second, code):
+    await fragment(driver, 0, 2, "{" if code == "invalid" else "x" * 200)
+    await fragment(driver, *second)
+    await driver.told(code)
+    # Nothing is left of them
+    await fragment(driver, 0, 2, '{"op":"set_level",')
+    await fragment(driver, 1, 2, '"level":"error"}')
+    await driver.call("/fleet/renew_control")
+    assert not [one for one in driver.inbox if one["op"] == "status"]
+
+
+async def test_fragments_that_never_end_are_dropped(driver, monkeypatch):
+    for number in range(reassembly.MOST_OPEN + 1):
+        await fragment(driver, 0, 2, "x", id=str(number))
+    await driver.told("too_many_fragments")
+    monkeypatch.setattr(reassembly, "PATIENCE_S", 0.0)
+    await fragment(driver, 0, 1, '{"op":"fragment","id":1,"num":0,"total":1,"data":""}', id="nested")
+    await driver.told("bad_fragment")
+
+
+# --- topics of two clients -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(autouse=True)
+def allowed(allow):
+    """The allow-list."""
+    allow(
+        Allowed("publish", "/leds", "std_msgs/String", "", "operator"),
+        Allowed("publish", "/leds", "std_msgs/Int32", "", "operator"),
+        Allowed("publish", "/horn", "std_msgs/Empty", "", "operator"),
+        Allowed("publish", "/staff", "std_msgs/Empty", "", "staff"),
+    )
+
+
+@pytest.mark.parametrize(
+    ("topic", "type_", "code"),
+    [
+        ("/cmd_vel", "std_msgs/String", "other_type"),
+        ("/horn", "std_msgs/String", "other_type"),
+        ("/staff", "std_msgs/Empty", "role_too_low"),
+        ("/nothing", "std_msgs/Empty", "not_allowed"),
+    ],
+)
+async def test_topics_that_may_not_be_published(open_client, topic, type_, code):
+    client = await open_client("operator")
+    await client.send("advertise", topic=topic, type=type_)
+    await client.told(code)
+
+
+async def test_two_clients_with_different_types(driver, open_client):
+    other = await open_client("second_operator")
+    await driver.send("advertise", topic="/leds", type="std_msgs/String")
+    await driver.call("/fleet/renew_control")
+    await other.send("advertise", topic="/leds", type="std_msgs/Int32")
+    await other.told("other_type")
+    await driver.close()
+    await other.send("advertise", topic="/leds", type="std_msgs/Int32")
+    await other.send("unadvertise", topic="/leds")
+    await other.send("unadvertise", topic="/leds")
+    await other.told("not_advertised")
+
+
+async def test_advertised_topics_are_limited(open_client, monkeypatch):
+    monkeypatch.setattr(publishing, "MOST_TOPICS", 1)
+    client = await open_client("operator")
+    await client.send("advertise", topic="/leds", type="std_msgs/String")
+    await client.send("advertise", topic="/horn", type="std_msgs/Empty")
+    await client.told("too_many_topics")
+
+
+async def test_a_message_of_the_allow_list_is_published(driver, bridge):
+    await driver.send("publish", topic="horn", msg={})
+    sent = await bridge.hears(wire.Publish, lambda sent: sent.topic == "/horn")
+    assert (sent.type, sent.fence) == ("std_msgs/Empty", 1)
+    bridge.refuses_tasks = wire.Refusal("unknown_topic", "No node reads it.", "robot")
+    await driver.send("publish", topic="/horn", msg={}, id="again")
+    assert (await driver.told("unknown_topic"))["id"] == "again"
