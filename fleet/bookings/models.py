@@ -164,6 +164,7 @@ class Turn(models.Model):
         DONE = "done", _("done")
         SKIPPED = "skipped", _("skipped")
         MISSED = "missed", _("missed")
+        REFUSED = "refused", _("refused")  # the person might not drive when it was their turn
 
     booking = models.ForeignKey(Booking, on_delete=models.CASCADE, related_name="turns")
     person = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="turns")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection
 from contextlib import ExitStack
 from datetime import datetime
 from uuid import UUID
@@ -12,7 +12,7 @@ from django.db.models import Max
 from fleet.accounts.models import User
 from fleet.audit.services import record
 from fleet.bookings.lessons.robots import why_nobody_is_called
-from fleet.bookings.lessons.turns import OPEN, locked_line, may_not_drive
+from fleet.bookings.lessons.turns import OPEN, had_turn, locked_line, may_not_drive
 from fleet.bookings.models import Booking, Shared, State, Turn
 from robots.registry.services import named
 
@@ -77,8 +77,8 @@ def line_spread(*, booking_id: UUID, actor: User, now: datetime) -> int:
     return sum(lines.values())
 
 
-def _without_turn(first: Booking, lessons: Iterable[Booking]) -> list[User]:
+def _without_turn(first: Booking, lessons: Collection[Booking]) -> list[User]:
     """Return who is in the course and had no turn yet in any of its lessons, by name."""
-    there = Turn.objects.filter(booking__in=lessons).values("person")
+    there = had_turn(lessons).values("person")
     people = User.objects.filter(enrolments__course=first.course_id, is_active=True).exclude(pk__in=there)
     return sorted(people.distinct(), key=lambda one: one.display_name.lower())

@@ -112,7 +112,7 @@ def turn_leave(*, booking_id: UUID, person: User, now: datetime) -> None:
 def line_fill(*, booking_id: UUID, actor: User, now: datetime) -> int:
     """Put everybody into the line who had no turn yet, by name. Return how many. Raises `BookingRefused`."""
     with locked_line(booking_id, now, actor) as booking:
-        there = set(booking.turns.values_list("person_id", flat=True))
+        there = set(had_turn([booking]).values_list("person_id", flat=True))
         people = sorted(sharers_of([booking])[booking.pk], key=lambda one: one.display_name.lower())
         for person in (joined := [one for one in people if one.pk not in there]):
             _append(booking, person)
@@ -120,6 +120,11 @@ def line_fill(*, booking_id: UUID, actor: User, now: datetime) -> int:
             ids = [str(person.pk) for person in joined]
             record("turn.fill", actor=actor, **named(booking.robot), parameters=_of(booking, people=ids))
     return len(joined)
+
+
+def had_turn(bookings: Collection[Booking]) -> QuerySet[Turn]:
+    """Return the turns of people who had one, or are in line; not of who might not drive when it was their turn."""
+    return Turn.objects.filter(booking__in=bookings).exclude(state=Turn.State.REFUSED)
 
 
 def turn_call(*, booking_id: UUID, username: str, actor: User, now: datetime) -> Turn:
@@ -161,7 +166,7 @@ def turns_again(keys: Collection[int], actor: User | SystemAccount, now: datetim
     found = []
     for turn in mine.select_related("person", "booking__person", "booking__robot", "booking__course"):
         others = turn.booking.turns.filter(person=turn.person, state__in=ALIVE)
-        if turn.state == Turn.State.SKIPPED and not others.exists():
+        if turn.state in (Turn.State.SKIPPED, Turn.State.REFUSED) and not others.exists():
             turn.state, turn.called_at = Turn.State.WAITING, None
             turn.save()
             _record("turn.join", turn, actor, why="undo")
@@ -369,7 +374,7 @@ def _call_next(booking: Booking, now: datetime) -> bool:
     for turn in waiting:
         turn.booking = booking
         if (refusal := may_not_drive(booking, turn.person, now)) is not None:
-            _close(turn, Turn.State.SKIPPED, now)
+            _close(turn, Turn.State.REFUSED, now)
             _record("turn.skip", turn, None, why=refusal.code)
             continue
         turn.state, turn.called_at = Turn.State.CALLED, now

@@ -12,6 +12,7 @@ from django.core.exceptions import PermissionDenied
 from django.http import Http404, HttpRequest, HttpResponse, QueryDict
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
+from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods
 from msgspec import Struct, ValidationError, convert
@@ -20,7 +21,7 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.base.zones import viewers
 from fleet.bookings.lessons import turns
-from fleet.bookings.lessons.members import shares
+from fleet.bookings.lessons.members import sharers_of, shares
 from fleet.bookings.lessons.robots import why_nobody_is_called
 from fleet.bookings.lessons.standings import Standing, standings
 from fleet.bookings.lessons.tasks import lesson_tasks_set, tasks_of
@@ -29,7 +30,7 @@ from fleet.bookings.models import Booking, Shared
 from fleet.bookings.rules import Slot, from_to
 from fleet.bookings.schedule import CALL_S
 from fleet.bookings.services import BookingRefused
-from robots.access.selectors import robots_bookable_by, robots_visible_to
+from robots.access.selectors import lacking, robots_bookable_by, robots_visible_to
 from robots.places.selectors import newest_maps, places_of
 from robots.registry.models import Robot
 from robots.registry.selectors import phrases_of
@@ -51,6 +52,7 @@ class Lane(Struct, frozen=True):
     waiting: list[Standing]
     mine: Standing | None
     why: str  # nobody is called now; empty: they are
+    lacks: str  # for who leads it: how many may not drive the robot, for want of a qualification
 
     @property
     def clock(self) -> str:
@@ -157,17 +159,31 @@ def _lane(booking: Booking, person: User, now: datetime) -> Lane:
         left_s = max(0, round((first.ends_at - now).total_seconds()))
     elif first is not None and first.called_at is not None:
         left_s = max(0, round(CALL_S - (now - first.called_at).total_seconds()))
+    leads, over = turns.leads(person, booking), booking.held_until <= now
     return Lane(
         booking=booking,
-        leads=turns.leads(person, booking),
+        leads=leads,
         opens=robots_visible_to(person).filter(pk=booking.robot_id).exists(),
-        open=booking.turn_min is not None and booking.held_until > now,
+        open=booking.turn_min is not None and not over,
         now=first,
         left_s=left_s,
         waiting=[one for one in line if one.place is not None],
         mine=next((one for one in line if one.person == person), None),
-        why=why_nobody_is_called(booking, now) if booking.held_until > now else "",
+        why="" if over else why_nobody_is_called(booking, now),
+        lacks=_lacks(booking, now) if leads and not over else "",
     )
+
+
+def _lacks(booking: Booking, now: datetime) -> str:
+    """Return how many people of a lesson lack a qualification that its robot demands, in words; empty: nobody."""
+    found = lacking(booking.robot, sharers_of([booking])[booking.pk], max(now, booking.starts_at))
+    text = ngettext(
+        "%(n)d person may not drive this robot, and is not called. Missing: %(names)s.",
+        "%(n)d people may not drive this robot, and are not called. Missing: %(names)s.",
+        len(found),
+    )
+    names = sorted({one.name for missing in found.values() for one in missing})
+    return text % {"n": len(found), "names": ", ".join(names)} if found else ""
 
 
 def _choices(robot: Robot, tasks: LessonTasks) -> dict[str, Any]:

@@ -183,7 +183,7 @@ def series(request: HttpRequest) -> HttpResponse:
     for robot in robots:
         booked, left_out = series_make(**common, robot=robot, actor=person, override=override)
         made, left = [*made, *booked], left + len(left_out)
-    text = _("Booked %(made)d slots; %(left)d were left out.") % {"made": len(made), "left": left}
+    text = _("Booked %(made)d slots; left out: %(left)d.") % {"made": len(made), "left": left}
     messages.success(request, text)
     if len({booking.series for booking in made}) == 1:
         return redirect("booking-whole-series", series=made[0].series)

@@ -49,7 +49,7 @@ def test_members_who_only_watch_get_neither_control_nor_a_turn(lesson, students,
     with pytest.raises(BookingRefused, match="you watch"):
         lesson.join(ben, minute=1)
     lesson.settle(1)
-    assert lesson.turns == [("ada", "skipped")]
+    assert lesson.turns == [("ada", "refused")]
     lesson.take(teacher, 1)
 
 

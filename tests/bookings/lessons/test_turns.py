@@ -252,7 +252,7 @@ def test_who_is_unenrolled_loses_the_turn_and_the_next_is_called(lesson, student
     assert rights.permit.code in ("role_too_low", "no_role")
     lesson.end(EndReason.RIGHT, 1)
     lesson.settle(1)
-    assert lesson.turns == [("ada", "skipped"), ("ben", "called")]
+    assert lesson.turns == [("ada", "refused"), ("ben", "called")]
 
 
 def test_nobody_is_called_while_the_robot_is_out_of_service(lesson, students):
@@ -270,7 +270,7 @@ def test_in_an_archived_course_nobody_is_called(lesson, students, course):
     course.archived = True
     course.save()
     lesson.settle(1)
-    assert lesson.turns == [("ada", "skipped")]
+    assert lesson.turns == [("ada", "refused")]
 
 
 def test_more_time_lengthens_a_turn_while_nobody_waits(lesson, students):

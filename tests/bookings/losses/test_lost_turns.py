@@ -9,7 +9,7 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from fleet.bookings.lessons.turns import line_fill, turns_step
+from fleet.bookings.lessons.turns import line_fill, turn_skip, turns_step
 from fleet.bookings.models import Booking, Change, Notification, Shared, Turn
 from robots.access.models import Course, Enrolment, Qualification, QualificationGrant
 from tests.bookings.losses.support import confirm
@@ -65,7 +65,7 @@ def test_a_new_demand_names_whom_the_line_skips(door, robot, lesson, students):
     told = Notification.objects.filter(subject__contains="skipped").order_by("person__username")
     assert [one.person for one in told] == students
     turns_step(robot=robot, now=timezone.now() + timedelta(minutes=2))  # Ada was called before
-    assert states() == [("Ada", "skipped"), ("Ben", "skipped")]
+    assert states() == [("Ada", "refused"), ("Ben", "refused")]
 
     page = door.get(reverse("change", args=[Change.objects.get().pk])).text
     assert all(person.display_name in page for person in students)
@@ -73,6 +73,18 @@ def test_a_new_demand_names_whom_the_line_skips(door, robot, lesson, students):
     assert sorted(state for _name, state in states()) == ["called", "waiting"]
     assert [one.parameters["why"] for one in Record.objects.filter(kind="turn.join")] == ["undo", "undo"]
     assert Notification.objects.filter(subject__contains="given back").count() == 2
+
+
+def test_who_is_qualified_later_comes_back_with_everybody(door, robot, staff, lesson, students):
+    now = timezone.now()
+    confirm(door, demand(door, robot))
+    turns_step(robot=robot, now=now + timedelta(minutes=2))  # Ada was called before
+    for person in students:
+        QualificationGrant.objects.create(qualification=Qualification.objects.get(), person=person)
+    assert [line_fill(booking_id=lesson.pk, actor=staff, now=now) for _press in range(2)] == [2, 0]
+    skipped = Turn.objects.filter(state=Turn.State.WAITING).first()
+    turn_skip(booking_id=lesson.pk, turn_id=skipped.pk, actor=staff, now=now)
+    assert line_fill(booking_id=lesson.pk, actor=staff, now=now) == 0, "who is ill stays away"
 
 
 def test_who_has_the_qualification_is_not_named(door, robot, lesson, students):

@@ -11,7 +11,7 @@ from fleet.accounts.services import account_erase
 from fleet.bookings.lessons import turns
 from fleet.bookings.messages.ical import address_make, feed_of
 from fleet.bookings.models import Booking, HandOffer
-from robots.access.models import Course, Enrolment
+from robots.access.models import Course, Enrolment, Qualification
 from robots.registry.models import Phrase
 
 HTML = {"headers": {"Accept": "text/html"}}
@@ -153,6 +153,11 @@ def test_the_page_of_a_line(lesson, signed_in, stranger, supervisor, operator, s
     assert student.post(address, {"action": "hold"}).status_code == 409
     assert student.post(address, {"action": "nonsense"}).status_code == 404
     teacher.post(address, {"action": "fill"})
+    demanded = Qualification.objects.create(name="Induction", slug="induction")
+    demanded.robots.add(Booking.objects.get().robot)
+    lacks = "2 people may not drive this robot, and are not called. Missing: Induction."
+    assert lacks in teacher.get(address).text and lacks not in student.get(address).text
+    demanded.delete()
     turn = Booking.objects.get().turns.get(person=second_operator)
     assert teacher.post(address, {"action": "extend", "turn": turn.pk}).status_code == 302
     turn.refresh_from_db()
