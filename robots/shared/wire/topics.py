@@ -103,6 +103,12 @@ class ListDefinitions(Struct, frozen=True, tag_field="t", tag="definitions"):
     seq: Seq = 0
 
 
+class GetAllParameters(Struct, frozen=True, tag_field="t", tag="all_parameters"):
+    """All parameters, whole. Answer: `Parameter`, a tree with the name `/`."""
+
+    seq: Seq = 0
+
+
 class DeleteParameter(Struct, frozen=True, tag_field="t", tag="delete_parameter"):
     """Delete a parameter of the allow-list. For staff; recorded first. Answer: `Parameter`, without a value."""
 
@@ -117,7 +123,9 @@ class GetTime(Struct, frozen=True, tag_field="t", tag="time"):
 
 
 # Asked by the doors of other protocols; a page needs none of them
-DoorQuery = ListServiceTypes | DescribeServiceType | ListDefinitions | DeleteParameter | GetTime
+DoorQuery = (
+    ListServiceTypes | DescribeServiceType | ListDefinitions | GetAllParameters | DeleteParameter | GetTime
+)
 
 
 class Subscribe(Struct, frozen=True, tag_field="t", tag="subscribe"):

@@ -644,6 +644,13 @@ def test_a_whole_answer_is_not_shortened(inspector):
         assert inspector.ask(wire.CallService("/slow", whole=True)).fields["message"] == "y" * 3000
 
 
+def test_all_parameters_are_read_at_once(inspector):
+    rospy.set_param("/large/text", "x" * 100_000)
+    tree = inspector.ask(wire.GetAllParameters())
+    assert tree.name == "/"
+    assert tree.value["large"]["text"] == "x" * 100_000
+
+
 def test_a_parameter_is_deleted_only_from_the_allow_list(inspector):
     rospy.set_param("/farewell", "bye")
     rospy.set_param("/kitchen_light", True)

@@ -85,6 +85,11 @@ def parameter(master: Master, name: str, seq: int, whole: bool = False) -> wire.
     return wire.Parameter(name, value, seq)
 
 
+def all_parameters(master: Master, seq: int) -> wire.Parameter:
+    """Return the tree of all parameters, whole."""
+    return wire.Parameter("/", _plain(master.parameter("/"), LARGEST_WHOLE), seq)
+
+
 def set_parameter(master: Master, name: str, value: Any, seq: int) -> wire.Parameter:
     """Set a parameter and return the master's new value. Raises BadField for values that XML-RPC cannot carry."""
     try:

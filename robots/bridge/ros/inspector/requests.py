@@ -228,6 +228,8 @@ class Inspector:
             case wire.ListDefinitions(seq=seq):
                 types = set(self._master.system_state().types.values())
                 return wire.Definitions({one: self._definitions.text_of(one) for one in sorted(types)}, seq)
+            case wire.GetAllParameters(seq=seq):
+                return graph.all_parameters(self._master, seq)
             case wire.DeleteParameter(name=name, seq=seq):
                 self._require("set", name)
                 self._require_admissible(name, None)
