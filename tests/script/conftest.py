@@ -17,6 +17,7 @@ from tests.script.house import House, running_house
 SHARING = {
     "tests/script/programs/test_programs.py": "stack",
     "tests/script/programs/test_generated_client.py": "stack",
+    "tests/script/programs/test_foxglove.py": "stack",
     "tests/script/test_pending_stop.py": "stack",
     "tests/script/test_camera.py": "stack",
     "tests/script/programs/test_navigation.py": "stack",

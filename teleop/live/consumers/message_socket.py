@@ -50,12 +50,15 @@ class CloseCode:
     SIGNED_OUT = 4401
     NOT_PERMITTED = 4403
     NOT_FOUND = 4404
+    NOT_SPOKEN = 4406  # the client offers no subprotocol that this address has
     FLOOD = 4429
     TRY_AGAIN = 4503
 
 
 class MessageSocket(AsyncConsumer):
     """Base of the consumers. Subclasses define what happens on open, on a message and on close."""
+
+    subprotocols: tuple[str, ...] = ()  # the best first
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()  # messages not carried out, by code
@@ -71,6 +74,10 @@ class MessageSocket(AsyncConsumer):
         """Act on a text message. Raises WireError if it is not valid. Must not wait for slow work."""
         raise NotImplementedError
 
+    async def on_bytes(self, raw: bytes) -> None:
+        """Act on a binary message. Raises WireError if it is not valid."""
+        raise WireError(Refusal("not_text", "Only text frames are accepted.", "wire"))
+
     def on_message_at_once(self, raw: str) -> bool:
         """Act on a text in the turn of the loop in which it arrives. Return False: `on_message` gets it."""
         return False
@@ -83,7 +90,9 @@ class MessageSocket(AsyncConsumer):
         self.scope: Any = scope
         self.asgi_send = send
         await receive()  # websocket.connect
-        await send({"type": "websocket.accept"})
+        offered = scope.get("subprotocols", ())
+        chosen = next((one for one in self.subprotocols if one in offered), None)
+        await send({"type": "websocket.accept", "subprotocol": chosen})
         try:
             await self.on_open()
             if offer := scope.get("extensions", {}).get(AT_ONCE):
@@ -109,8 +118,9 @@ class MessageSocket(AsyncConsumer):
         raw = event.get("text")
         try:
             if raw is None:
-                raise WireError(Refusal("not_text", "Only text frames are accepted.", "wire"))
-            await self.on_message(raw)
+                await self.on_bytes(event["bytes"])
+            else:
+                await self.on_message(raw)
         except WireError as error:
             of, seq = heading(raw or "")
             if await self.within_budget(of):
