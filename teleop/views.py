@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from codecs import BOM_UTF8
 
+from django.conf import settings
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.views.decorators.gzip import gzip_page
@@ -53,6 +54,7 @@ def control(request: HttpRequest, slug: str) -> HttpResponse:
     context = {
         "robot": robot,
         "has_cameras": bool(robot_facts(robot).cameras),
+        "has_lichtblick": settings.FLEET_LICHTBLICK is not None,
         "supervises": supervises(person, robot),
         "protocol": PROTOCOL,
         "choices": json.dumps(person.page_choices),

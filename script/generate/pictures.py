@@ -7,6 +7,7 @@ import math
 import re
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -103,10 +104,22 @@ def main() -> None:
         second,
         replace(third, pose=(4.0, 2.4, 10.0)),  # in front of a parcel, near the partition and a doorway
     )
-    with temporary_stack(robots, students=STUDENTS) as stack:
+    with (
+        lichtblick_build() as build,
+        temporary_stack(robots, students=STUDENTS, settings={"FLEET_LICHTBLICK": build}) as stack,
+    ):
         cookie = sign_in(stack, "operator")
         asyncio.run(tour(stack, cookie))
         take_pictures(stack, cookie)
+
+
+@contextmanager
+def lichtblick_build() -> Iterator[str]:
+    """Context: a folder that passes for a build of Lichtblick."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "index.html").write_text("<script src=main.js></script>")
+        Path(folder, "main.js").touch()
+        yield folder
 
 
 def take_pictures(stack: Stack, cookie: str) -> None:
@@ -143,6 +156,7 @@ def take_pictures(stack: Stack, cookie: str) -> None:
             show_bookings(page, stack)
         with page_of(stack, browser, cookie, 1440, 900, "light") as page:
             look_through_cameras(page, stack)
+            open_in_lichtblick(page, stack)
         with page_of(stack, browser, sign_in(stack, "observer"), 1920, 1080, "light") as page:
             page.goto(f"{stack.url}/?wall")
             page.get_by_text("Online").nth(len(stack.robots) - 1).wait_for()
@@ -186,6 +200,14 @@ def shrink(file: Path) -> None:
     with PIL.Image.open(file) as picture:
         few = picture.convert("RGB").quantize(256, dither=PIL.Image.Dither.NONE)
     few.save(file, optimize=True)
+
+
+def open_in_lichtblick(page: Page, stack: Stack) -> None:
+    """Take the dialog for Lichtblick."""
+    page.goto(f"{stack.url}/robots/{ROBOT}/#topics")
+    page.get_by_role("button", name="Open in Lichtblick").click()
+    page.locator("[data-part=lichtblick-link][href]").wait_for()
+    page.locator("[data-part=lichtblick-dialog]").screenshot(path=PICTURES / "lichtblick.png")
 
 
 def show_bookings(page: Page, stack: Stack) -> None:

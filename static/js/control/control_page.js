@@ -250,6 +250,7 @@ class ControlPage {
       this.#parts["log-open"],
       this.#parts["keys-open"],
       this.#parts["hints-open"],
+      this.#parts["lichtblick-open"],
     ])
       opener.addEventListener("click", shut, { signal, capture: true });
     this.#endings.push(

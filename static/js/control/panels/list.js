@@ -15,6 +15,7 @@ import { History } from "../../tasks/history.js";
 import { Motions } from "../../tasks/motions.js";
 import { Phrases } from "../../tasks/phrases.js";
 import { Say } from "../../tasks/say.js";
+import { Lichtblick } from "../../topics/lichtblick.js";
 import { PlotCells } from "../../topics/plot_cells.js";
 import { TopicsTab } from "../../topics/topics_tab.js";
 import { Arrange } from "../layout/arrange.js";
@@ -40,5 +41,6 @@ export const PANELS = [
   ForgottenNotices,
   ControlPalette,
   PlotCells,
+  Lichtblick,
   Arrange,
 ];
