@@ -78,6 +78,7 @@ INSTALLED_APPS = [
     "robots.registry",
     "robots.access",
     "robots.places",
+    "robots.recordings",
     "fleet.bookings",
     "teleop",
 ]

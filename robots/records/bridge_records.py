@@ -30,6 +30,7 @@ from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.audit.models import Record
 from fleet.audit.services import record
+from robots.recordings.services import recording_gone, recording_store
 from robots.registry.maps import map_store
 from robots.registry.models import BridgePulse, RobotDescription
 from robots.shared import wire
@@ -268,12 +269,15 @@ class AuditSink:
             robot_id=self._robot_id, defaults={**columns, "seen_at": timezone.now()}
         )
 
+    @_as_record_error
     def keep_recording(self, taken: TakenRecording) -> None:
-        """Refuse: there is no table yet, and the recorder reports its files again."""
-        raise RecordError(f"recording {taken.recording} waits for its table")
+        """Commit that this recording exists."""
+        recording_store(self._robot_id, taken)
 
+    @_as_record_error
     def drop_recording(self, recording: UUID) -> None:
-        """Do nothing: there is no table yet."""
+        """Commit that the file of this recording was removed."""
+        recording_gone(recording)
 
     def _without_end(self, after: int) -> list[Record]:
         """Return this robot's records after `after` that have no end, the newest first."""

@@ -1,0 +1,58 @@
+"""Rows of recordings, as the bridge reports their files."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from uuid import UUID
+
+import msgspec
+from django.utils import timezone
+
+from fleet.accounts.models import User
+from robots.recordings.models import Place, Recording
+from robots.shared.records.record_sink import TakenRecording
+
+
+def recording_store(robot_id: UUID, taken: TakenRecording) -> Recording:
+    """Store the row of a finished file. A second report of the same recording changes nothing."""
+    recording, _ = Recording.objects.get_or_create(
+        pk=taken.recording,
+        defaults={
+            "robot_id": robot_id,
+            "person": User.objects.filter(pk=person).first() if (person := _id(taken.person)) else None,
+            "kind": taken.kind,
+            "begins_at": datetime.fromtimestamp(taken.begins, UTC),
+            "ends_at": datetime.fromtimestamp(taken.ends, UTC),
+            "session": _id(taken.session),
+            "booking": _id(taken.booking),
+            "course": taken.course,
+            "reason": taken.reason,
+            "topics": msgspec.to_builtins(taken.topics),
+            "events": msgspec.to_builtins(taken.events),
+            "bytes": taken.bytes,
+            "dropped": taken.dropped,
+            "cut": taken.cut,
+            "ended_by": taken.ended_by[:300],
+            "continues": taken.continues,
+            "version": taken.version,
+            "directory": taken.directory,
+            "file": taken.name,
+            "thumbnail": taken.thumbnail,
+        },
+    )
+    return recording
+
+
+def recording_gone(recording_id: UUID) -> None:
+    """Note that the file was removed on the bridge's computer. One in the object store stays there."""
+    Recording.objects.filter(pk=recording_id, place=Place.DIRECTORY).update(
+        place=Place.GONE, deleted_at=timezone.now()
+    )
+
+
+def _id(text: str) -> UUID | None:
+    """Return an id; None: there is none."""
+    try:
+        return UUID(text)
+    except ValueError:
+        return None
