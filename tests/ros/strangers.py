@@ -40,7 +40,7 @@ class Node:
         self.dropped = 0  # connections closed by the other side
         self._master = ServerProxy(master_uri)
         self._leave = ExitStack()
-        self._topics: dict[str, tuple[Callable[[], Messages], float]] = {}
+        self._topics: dict[str, tuple[Callable[[], Messages], float, dict[str, str]]] = {}
 
     def __enter__(self) -> Node:
         self._data = self._leave.enter_context(socket.create_server((HOST, 0)))
@@ -68,9 +68,13 @@ class Node:
         kind: str,
         messages: Callable[[], Messages] = lambda: iter(()),
         rate_hz: float = 10.0,
+        **says: str,
     ) -> None:
-        """Advertise a topic; send `messages()` to every subscriber. 0 Hz: as fast as the subscriber reads."""
-        self._topics[topic] = (messages, rate_hz)
+        """Advertise a topic; send `messages()` to every subscriber. 0 Hz: as fast as the subscriber reads.
+
+        `says`: fields of the connection header; without them it has the type that the subscriber wants.
+        """
+        self._topics[topic] = (messages, rate_hz, says)
         self._register("registerPublisher", "unregisterPublisher", topic, kind)
 
     def subscribe(self, topic: str, kind: str) -> None:
@@ -103,9 +107,9 @@ class Node:
         """Answer with the type that the subscriber wants, then send."""
         with connection, suppress(OSError, struct.error, KeyError):
             asked = _fields(_exactly(connection, struct.unpack("<I", _exactly(connection, 4))[0]))
-            messages, rate_hz = self._topics[asked["topic"]]
+            messages, rate_hz, says = self._topics[asked["topic"]]
             answer = {name: asked[name] for name in ("topic", "type", "md5sum", "message_definition")}
-            connection.sendall(header(answer | {"callerid": self.name}))
+            connection.sendall(header(answer | {"callerid": self.name} | says))
             due_s = time.monotonic()
             try:
                 for message in messages():

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from robots.shared.messages.packing import Broken, TooLarge
 from robots.shared.messages.whole import Encode
 from robots.shared.sentences import reason_of, say
-from robots.shared.wire import LARGEST_BODY, Form, Refusal
+from robots.shared.wire import LARGEST_BODY, Form, Refusal, TapState
 
 MOST_KEPT = 200  # messages of a topic that wait for the event loop
 MOST_KEPT_BYTES = 32 * 1024 * 1024  # of a topic; one message may be larger
@@ -33,6 +33,10 @@ class Publisher(NamedTuple):
     definition: str  # empty if it is not known
     encoders: dict[Form, Encode]
     refusal: Refusal | None  # why there are no encoders
+
+    def state(self, topic: str) -> TapState:
+        """Return what it says of its topic."""
+        return TapState(topic, *self.kind, self.definition, self.latched, self.refusal)
 
 
 class Undecoded(Exception):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import time
 from collections.abc import Callable, Mapping
 
@@ -13,6 +14,7 @@ from robots.bridge.served.server import ProcessServer, WebProcess
 from robots.bridge.tap.arrivals import Arrival, Inbox, Undecoded
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import LinkAddress
+from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.link.newest_wins import NewestWins
 from robots.shared.wire import Form, Refusal, TapHeader, TapState, TapWant
 
@@ -20,6 +22,8 @@ Wanted = Mapping[str, int]  # topic -> longest queue
 MOST_LATCHED = 64  # publishers of a topic whose newest message is kept
 MOST_LATCHED_BYTES = 256 * 1024 * 1024
 MOST_WAITING_BYTES = 32 * 1024 * 1024  # of a topic in one form, for one web process
+BYTES_PER_S = 60e6  # to one web process, which also passes on commands; in a burst twice as many
+FULL_S = 0.02  # between two looks whether the next message may be sent
 
 _Key = tuple[str, Form]
 _Stream = NewestWins[Arrival]
@@ -34,6 +38,7 @@ class _Readers(WebProcess):
         self._server = server
         self._states: dict[tuple[str, Form | None], TapState] = {}
         self._alarm: asyncio.TimerHandle | None = None
+        self._budget = TokenBucket(BYTES_PER_S, 2.0 * BYTES_PER_S)
 
     def take(self, raw: str | bytes) -> None:
         wants = wire.tap_request(raw).topics
@@ -65,13 +70,22 @@ class _Readers(WebProcess):
             while self._states:
                 await self.socket.send(wire.encode(self._states.pop(next(iter(self._states)))), text=True)
             now_s = time.monotonic()
-            due = {key: at_s for key, each in self.streams.items() if (at_s := each.due_s()) is not None}
-            ready = [key for key, at_s in due.items() if at_s <= now_s]
+            due = {key: self._due_s(stream, now_s) for key, stream in self.streams.items()}
+            ready = [key for key, due_s in due.items() if due_s <= now_s]
             if not ready:
-                self._wake_at(min(due.values(), default=None))
+                self._wake_at(min(due.values(), default=math.inf))
                 return
             for key in ready:
                 await self._send(key)
+            await asyncio.sleep(0)
+
+    def _due_s(self, stream: _Stream, now_s: float) -> float:
+        """Return when to look at a stream again. A large message waits until the budget allows it; others go on."""
+        due_s = stream.due_s()
+        if due_s is None:
+            return math.inf
+        has_room = self._budget.left(now_s) >= stream.next_size()
+        return due_s if has_room else max(due_s, now_s + FULL_S)
 
     async def _send(self, key: _Key) -> None:
         stream = self.streams.get(key)
@@ -83,12 +97,13 @@ class _Readers(WebProcess):
         now_s = time.monotonic()
         stream.rest(now_s, now_s - began_s)
         if frame is not None:
+            self._budget.spend(now_s, min(len(frame), self._budget.left(now_s)))
             await self.socket.send(frame)
 
-    def _wake_at(self, due_s: float | None) -> None:
+    def _wake_at(self, due_s: float) -> None:
         if self._alarm is not None:
             self._alarm.cancel()
-        if due_s is not None:
+        if due_s < math.inf:
             wait_s = max(due_s - time.monotonic(), 0.0)
             self._alarm = asyncio.get_running_loop().call_later(wait_s, self.news.set)
 
@@ -140,6 +155,9 @@ class TapServer(ProcessServer[_Readers]):
         """Pass on the messages that have arrived."""
         now_s = time.monotonic()
         for arrival in self.inbox.take():
+            state = self._states.get(arrival.topic)
+            if state is None or not state.type:  # no reader gets a message before its type
+                self.report(arrival.publisher.state(arrival.topic))
             if arrival.publisher.latched and arrival.topic in self._wanted:
                 self._keep(arrival)
             for process in self.processes:

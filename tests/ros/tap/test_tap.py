@@ -5,69 +5,17 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections import deque
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import cbor2
-import msgspec
 import pytest
 import rospy
 from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import Image, LaserScan
 from std_msgs.msg import Int64, String
 
-from robots.bridge.served.client import TAP
-from robots.shared import wire
-from tests.processes import PATIENCE_S, until
-from tests.ros.served import ServedProcess
-from tests.ros.support import Master
-
-
-class Tap(ServedProcess):
-    """One tap, and a web process's connection to it."""
-
-    def __init__(self, master: Master, folder: Path) -> None:
-        self.messages: deque[tuple[wire.TapHeader, bytes]] = deque(maxlen=2000)
-        self.states: dict[tuple[str, str | None], wire.TapState] = {}
-        super().__init__(TAP, master, folder)
-
-    def want(self, **topics: str | wire.TapWant) -> None:
-        """Ask for these topics: ``scan="json"``; forms are separated by blanks."""
-        wants = {
-            f"/{topic}": {form: wire.TapWant() for form in forms.split()} for topic, forms in topics.items()
-        }
-        self.say(wire.TapWants(wants))
-
-    def received(self, message: str | bytes) -> None:
-        if isinstance(message, bytes):
-            header, body = wire.untapped(message)
-            self.messages.append((header, bytes(body)))
-        else:
-            state = msgspec.json.decode(message, type=wire.TapState)
-            self.states[state.topic, state.form] = state
-
-    def of(self, topic: str, form: str) -> list[bytes]:
-        return [body for header, body in self.messages if (header.topic, header.form) == (f"/{topic}", form)]
-
-    def hears(self, topic: str, form: str = "json") -> bytes:
-        until(lambda: self.of(topic, form), f"{topic} as {form}: {self.states}", PATIENCE_S)
-        return self.of(topic, form)[-1]
-
-    def refuses(self, topic: str, code: str, form: str | None = None) -> wire.Refusal:
-        def refused() -> wire.Refusal | None:
-            state = self.states.get((f"/{topic}", form))
-            return state.refusal if state and state.refusal and state.refusal.code == code else None
-
-        return until(refused, f"{topic}: {code}; {self.states}", PATIENCE_S)
-
-
-@pytest.fixture(scope="module")
-def tap(rosmaster, ros, tmp_path_factory) -> Iterator[Tap]:
-    process = Tap(rosmaster, tmp_path_factory.mktemp("tap"))
-    yield process
-    process.stop()
+from tests.processes import until
 
 
 @pytest.fixture
@@ -122,6 +70,14 @@ def test_a_topic_is_described(tap, latch):
     state = tap.states["/word", None]
     assert (state.type, state.md5, state.latched) == ("std_msgs/String", String._md5sum, True)
     assert state.definition.strip() == "string data" and state.refusal is None
+
+
+def test_a_topic_is_described_before_its_first_message(tap, latch):
+    """The reader must know the type to pass a message on."""
+    latch("early", String("one"))
+    tap.want(early="json")
+    tap.hears("early")
+    assert tap.typed["/early"]
 
 
 def test_who_comes_later_gets_latched_messages_of_every_publisher(tap, latch):

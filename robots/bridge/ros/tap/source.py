@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import rospy
+from msgspec.structs import replace
 
 from robots.bridge.robot_clock import RobotClock
 from robots.bridge.ros.bounds.board import BOARD
@@ -75,7 +76,7 @@ class _Topic:
             self._inbox.put(Arrival(self.topic, publisher, number, stamp_ns, message._buff))
 
     def _publisher(self, header: Mapping[str, Any]) -> Publisher:
-        kind = Kind(str(header.get("type", "")), str(header.get("md5sum", "")))
+        kind = Kind(cut(str(header.get("type", "")), NAME), cut(str(header.get("md5sum", "")), NAME))
         key = str(header.get("callerid", "")), kind
         found = self._publishers.get(key)
         if found is None:
@@ -110,13 +111,10 @@ class _Topic:
         if not kinds:
             return TapState(self.topic, refusal=_silence(self.topic))
         own = next(publisher for publisher in publishers if publisher.kind == kind)
-        return TapState(
-            self.topic,
-            cut(kind.type, NAME),
-            cut(kind.md5, NAME),
-            own.definition,
-            any(publisher.latched for publisher in publishers),
-            own.refusal or _discord(kinds, kind) or _too_much(self.topic),
+        return replace(
+            own.state(self.topic),
+            latched=any(publisher.latched for publisher in publishers),
+            refusal=own.refusal or _discord(kinds, kind) or _too_much(self.topic),
         )
 
     @property
@@ -141,8 +139,8 @@ def _discord(kinds: list[Kind], kind: Kind) -> Refusal | None:
         return None
     text = say(
         "The publishers of this topic do not agree on the type: only messages of {type} ({md5}) are passed on.",
-        type=cut(kind.type, NAME),
-        md5=cut(kind.md5, NAME),
+        type=kind.type,
+        md5=kind.md5,
     )
     return Refusal("publishers_differ", text, "robot", {"kinds": len(kinds)})
 
