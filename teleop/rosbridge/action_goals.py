@@ -164,8 +164,8 @@ class ActionGoals(Family):
         await self._show(f"{goal.name}/feedback", message)
 
     async def _show(self, topic: str, message: dict[str, Any]) -> None:
-        if any(family.reads(topic) for family in self.client.families):
-            await self.client.send({"op": "publish", "topic": topic, "msg": message})
+        for family in self.client.families:
+            await family.show(topic, message)
 
     # --- in the background --------------------------------------------------------------------------------
 

@@ -48,6 +48,7 @@ from teleop.rosbridge.reassembly import Reassembly
 
 log = logging.getLogger(__name__)
 
+STATUS_TOPIC = "/fleet/status"  # the same as the operation status, which roslibpy drops
 SIGN_IN_S = 10.0  # the longest time that a client may stay unknown
 _GRAVITY = {"none": 3, "error": 2, "warning": 1, "info": 0}
 _SIGN_IN_FIRST = Refusal(
@@ -260,9 +261,11 @@ class RosbridgeConsumer(ControllingSocket):
             await asyncio.sleep(0)  # drive input does not wait for all of them
 
     async def status(self, level: Level, text: str, id_: Id = None) -> None:
+        told = {"level": level, "msg": text} | ({} if id_ is None else {"id": id_})
         if _GRAVITY[level] >= _GRAVITY[self._level]:
-            answer = {"op": "status", "level": level, "msg": text}
-            await self.send(answer if id_ is None else {**answer, "id": id_})
+            await self.send({"op": "status", **told})
+        for family in self.families:
+            await family.show(STATUS_TOPIC, told)
 
     async def refuse(self, of: str, refusal: Refusal, id_: Id = None) -> None:
         self._record_refusal(of, refusal)

@@ -90,8 +90,8 @@ class Family:
         """Return what takes messages that the client publishes on this topic; None: not this family."""
         return None
 
-    def reads(self, topic: str) -> bool:
-        """Return whether the client subscribes to this topic through this family."""
+    async def show(self, topic: str, message: Mapping[str, Any]) -> bool:
+        """Send a message of the console's own. Return False if the client does not subscribe to this topic here."""
         return False
 
     def control_changed(self, control: Control) -> None:

@@ -7,11 +7,11 @@ from typing import Any
 
 from fleet.accounts.tokens.models import Scope
 from robots.shared import wire
+from robots.shared.configuration.bridge_config import CLIENTS
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 from teleop.control.allow_list import required_role
 from teleop.live.service_calls import ServiceCall, execute
-from teleop.rosbridge.clients.offers import PREFIX
 from teleop.rosbridge.family import Client, Family, Service
 from teleop.rosbridge.rosapi.answers import SERVICES, Rosapi, answered
 
@@ -26,7 +26,7 @@ class RobotServices(Family):
     def service(self, name: str) -> Service | None:
         if name in SERVICES:
             return partial(self._ask, name)
-        if name.startswith(PREFIX) or required_role(self.client.hub.entry.allowed, "call", name) is None:
+        if name.startswith(CLIENTS) or required_role(self.client.hub.entry.allowed, "call", name) is None:
             return None
         return partial(self._call, name)
 

@@ -15,8 +15,9 @@ from teleop.records.camera_audit import PICTURES, TOO_MANY_CAMERAS, CameraAudit
 from teleop.rosbridge import framing
 from teleop.rosbridge.family import Client, Family, Handler
 from teleop.rosbridge.operations import Id, Number, Operation, Subscribe, Unsubscribe, full_name, full_type
-from teleop.tap.feed import TapMessage, TapReader, feed_of
+from teleop.tap.feed import MOST_READINGS, TOO_MANY_READINGS, TapMessage, TapReader, feed_of
 
+CONSOLE = "/fleet/"  # topics of the console's own, which no tap reads
 MOST_IDS = 100  # subscriptions of one topic by one client
 _FORMS: dict[str, Form] = {"cbor-raw": "raw", "cbor": "cbor", "png": "json", "none": "json"}  # the first wins
 
@@ -54,9 +55,6 @@ class Subscribing(Family):
 
     def handlers(self) -> Mapping[type[Operation], Handler]:
         return {Subscribe: self._subscribe, Unsubscribe: self._unsubscribe}
-
-    def reads(self, topic: str) -> bool:
-        return topic in self._topics
 
     def leave(self) -> None:
         self._topics.clear()
@@ -97,7 +95,10 @@ class Subscribing(Family):
         topic.settle()
         is_new = name not in self._topics
         self._topics[name] = topic
-        refusal = self._reader.read(name, topic.form, topic.every_s, max(1, topic.queue))
+        if name.startswith(CONSOLE):
+            refusal = TOO_MANY_READINGS if len(self._topics) > MOST_READINGS else None
+        else:
+            refusal = self._reader.read(name, topic.form, topic.every_s, max(1, topic.queue))
         if refusal is not None and is_new:
             del self._topics[name]
         elif form_before not in (None, topic.form):
@@ -169,11 +170,11 @@ class Subscribing(Family):
         finally:
             self._sending -= 1
 
-    async def show(self, topic: str, message: Mapping[str, Any]) -> None:
-        """Send a message of the console's own, if the client subscribes to this topic."""
-        if (known := self._topics.get(topic)) is not None:
-            for name in known.names:
-                await self.client.send({"op": "publish", "topic": name, "msg": message})
+    async def show(self, topic: str, message: Mapping[str, Any]) -> bool:
+        known = self._topics.get(topic)
+        for name in known.names if known else ():
+            await self.client.send({"op": "publish", "topic": name, "msg": message})
+        return known is not None
 
 
 def _require_amount(field: str, amount: Number) -> None:

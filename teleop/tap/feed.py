@@ -43,6 +43,12 @@ LOOK_AGAIN_S = 0.02  # at a client that is behind
 YIELD_S = 0.0005  # drive input waits at most for this time plus the sending of one message
 
 MOST_WAITING_BYTES = 16 * 1024 * 1024  # of a topic in one form, for one connection
+TOO_MANY_READINGS = Refusal(
+    "too_many_topics",
+    say("One connection reads at most {most} topics at once.", most=MOST_READINGS),
+    "limits",
+    {"limit": MOST_READINGS},
+)
 
 
 class TapMessage(NamedTuple):
@@ -107,8 +113,7 @@ class TapReader:
             self.feed.changed()
             return None
         if len(self.readings) >= MOST_READINGS:
-            text = say("One connection reads at most {most} topics at once.", most=MOST_READINGS)
-            return Refusal("too_many_topics", text, "limits", {"limit": MOST_READINGS})
+            return TOO_MANY_READINGS
         if not self.feed.has_room(topic):
             text = say("At most {most} topics of one robot are read at once.", most=MOST_TAPPED)
             return Refusal("too_many_topics", text, "limits", {"limit": MOST_TAPPED})

@@ -12,7 +12,7 @@ from fleet.base.formats.sentences import in_words
 from robots.registry import phrases
 from robots.registry.configuration import profile_schema, robot_config
 from robots.registry.models.registry import Robot, RobotProfile, Role, topic_name
-from robots.shared.configuration.bridge_config import Topics
+from robots.shared.configuration.bridge_config import CLIENTS, Topics
 from robots.shared.configuration.denylist import why_denied
 
 
@@ -192,7 +192,7 @@ class Allowance(OfProfileOrRobot):
 
     def clean(self) -> None:
         """Fill in derived fields; raise `ValidationError` if the entry is not allowed."""
-        if self.what in (self.What.CALL, self.What.SET):
+        if self.what in (self.What.CALL, self.What.SET) and not self.name.startswith(CLIENTS):
             self.role = Role.STAFF
         errors: dict[str, str] = {}
         if (self.what == self.What.CHOOSE) != bool(self.use):

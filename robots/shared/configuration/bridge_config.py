@@ -195,6 +195,8 @@ class Topics(Struct, frozen=True):
 
 
 What = Literal["choose", "publish", "call", "set"]
+# Prefix of services and actions that clients of the console offer each other; they never reach the robot
+CLIENTS = "/fleet/clients/"
 
 
 class Allowed(Struct, frozen=True):

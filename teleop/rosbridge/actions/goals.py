@@ -19,7 +19,7 @@ from teleop.rosbridge.actions.translation import RobotAction
 from teleop.rosbridge.family import Client
 
 MOST_GOALS = 20  # of one client at once
-RESULT_S = 0.3  # until the robot's result must have come after the end of its task
+RESULT_S = 1.0  # until the robot's result must have come after the end of its task
 
 _TOO_MANY = Refusal("busy", "Too many goals at once: wait for the ends of others.", "wire")
 _NO_STATE = Refusal("bridge_silent", "The robot’s bridge has not told its state yet. Try again.", "robot")

@@ -9,13 +9,13 @@ from collections.abc import Iterator
 from typing import Any, Literal, NamedTuple
 from weakref import WeakKeyDictionary
 
+from robots.shared.configuration.bridge_config import CLIENTS
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 from teleop.control.allow_list import check_role, required_role
 from teleop.live.robot_hub import RobotHub
 from teleop.rosbridge.family import Client
 
-PREFIX = "/fleet/clients/"
 MOST_OFFERS = 20  # of one client
 
 Kind = Literal["service", "action"]
@@ -35,7 +35,7 @@ _offers: WeakKeyDictionary[RobotHub, dict[tuple[Kind, str], Offer]] = WeakKeyDic
 
 def public_name(name: str) -> str:
     """Return the name under which other clients find an offer."""
-    return name if name.startswith(PREFIX) else f"{PREFIX}{name.lstrip('/')}"
+    return name if name.startswith(CLIENTS) else f"{CLIENTS}{name.lstrip('/')}"
 
 
 class Offers:

@@ -9,9 +9,10 @@ from itertools import count
 from typing import Any
 
 from fleet.accounts.tokens.models import Scope
+from robots.shared.configuration.bridge_config import CLIENTS
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
-from teleop.rosbridge.clients.offers import PREFIX, Offer, Offers
+from teleop.rosbridge.clients.offers import Offer, Offers
 from teleop.rosbridge.family import Client, Family, Handler, Service
 from teleop.rosbridge.operations import (
     AdvertiseService,
@@ -45,7 +46,7 @@ class ClientServices(Family):
         }
 
     def service(self, name: str) -> Service | None:
-        return partial(self._call, name) if name.startswith(PREFIX) else None
+        return partial(self._call, name) if name.startswith(CLIENTS) else None
 
     def services(self) -> Mapping[str, str]:
         return {offer.name: offer.type for offer in self.offers.listed()}

@@ -33,7 +33,10 @@ FASTEST_HZ, SLOWEST_HZ = 50.0, 0.1
 
 _TOO_MANY = Refusal("busy", "Too many requests at once: wait for the answers.", "wire")
 _decode = msgspec.json.Decoder(TfMessage).decode
-_encode = msgspec.to_builtins
+
+
+# Sends transforms. Returns False if the client does not listen yet
+Send = Callable[[list[dict[str, Any]]], Awaitable[bool]]
 
 
 class Wanted(Struct):
@@ -51,7 +54,7 @@ class _Sent:
     """What one request has got so far."""
 
     wanted: Wanted
-    send: Callable[[list[dict[str, Any]]], Awaitable[None]]
+    send: Send
     due_s: float = 0.0
     last: dict[str, Transform] = field(default_factory=dict)
 
@@ -85,8 +88,8 @@ class Transforms(Family):
     async def _republish(self, arguments: dict[str, Any]) -> dict[str, Any]:
         topic = f"/fleet/transforms_{next(self._numbers)}"
 
-        async def send(transforms: list[dict[str, Any]]) -> None:
-            await self._show(topic, {"transforms": transforms})
+        async def send(transforms: list[dict[str, Any]]) -> bool:
+            return await self._show(topic, {"transforms": transforms})
 
         self._begin(topic, arguments, send)
         return {"topic_name": topic}
@@ -95,9 +98,10 @@ class Transforms(Family):
         goal_id, goal = operation.msg.get("goal_id"), operation.msg.get("goal")
         id_ = goal_id.get("id") if isinstance(goal_id, dict) else None
 
-        async def send(transforms: list[dict[str, Any]]) -> None:
+        async def send(transforms: list[dict[str, Any]]) -> bool:
             status = {"goal_id": {"stamp": {"secs": 0, "nsecs": 0}, "id": id_}, "status": 1, "text": ""}
-            await self._show(f"{ACTION}/feedback", {"status": status, "feedback": {"transforms": transforms}})
+            feedback = {"status": status, "feedback": {"transforms": transforms}}
+            return await self._show(f"{ACTION}/feedback", feedback)
 
         self._begin(str(id_)[:200], goal if isinstance(goal, dict) else {}, send)
 
@@ -109,9 +113,7 @@ class Transforms(Family):
         if not self._asked:
             self._rest()
 
-    def _begin(
-        self, key: str, given: dict[str, Any], send: Callable[[list[dict[str, Any]]], Awaitable[None]]
-    ) -> None:
+    def _begin(self, key: str, given: dict[str, Any], send: Send) -> None:
         self.client.require(Scope.TOPICS)
         if len(self._asked) >= MOST_ASKED and key not in self._asked:
             raise NotDone(_TOO_MANY)
@@ -139,8 +141,8 @@ class Transforms(Family):
             self._task.cancel()
             self._task = None
 
-    async def _show(self, topic: str, message: dict[str, Any]) -> None:
-        await self.client.send({"op": "publish", "topic": topic, "msg": message})
+    async def _show(self, topic: str, message: dict[str, Any]) -> bool:
+        return any([await family.show(topic, message) for family in self.client.families])
 
     # --- transforms -------------------------------------------------------------------------------------
 
@@ -157,16 +159,15 @@ class Transforms(Family):
             for asked in list(self._asked.values()):
                 if asked.due_s <= now_s:
                     asked.due_s = now_s + 1.0 / min(max(asked.wanted.rate, SLOWEST_HZ), FASTEST_HZ)
-                    if transforms := self._changed(asked):
-                        await asked.send(transforms)
+                    changed = self._changed(asked)
+                    if changed and await asked.send(_stamped(asked.wanted.target_frame, changed)):
+                        asked.last |= changed
             due_s = min((asked.due_s for asked in self._asked.values()), default=now_s + 1.0)
             await asyncio.sleep(max(due_s - time.monotonic(), 1.0 / FASTEST_HZ / 2.0))
 
-    def _changed(self, asked: _Sent) -> list[dict[str, Any]]:
-        """Return the transforms that have changed by more than the thresholds since they were sent."""
-        found, wanted = [], asked.wanted
-        secs, nsecs = divmod(time.time_ns(), 1_000_000_000)
-        header = {"seq": 0, "stamp": {"secs": secs, "nsecs": nsecs}, "frame_id": wanted.target_frame}
+    def _changed(self, asked: _Sent) -> dict[str, Transform]:
+        """Return the transforms that have changed by more than the thresholds since they were sent, by frame."""
+        found, wanted = {}, asked.wanted
         for source in wanted.source_frames:
             now = self._tree.find(wanted.target_frame, source)
             if now is None:
@@ -175,6 +176,14 @@ class Transforms(Family):
                 change = moved(before, now)
                 if change.distance_m <= wanted.trans_thres and change.angle_rad <= wanted.angular_thres:
                     continue
-            asked.last[source] = now
-            found.append({"header": header, "child_frame_id": source, "transform": _encode(now)})
+            found[source] = now
         return found
+
+
+def _stamped(target: str, transforms: Mapping[str, Transform]) -> list[dict[str, Any]]:
+    secs, nsecs = divmod(time.time_ns(), 1_000_000_000)
+    header = {"seq": 0, "stamp": {"secs": secs, "nsecs": nsecs}, "frame_id": target}
+    return [
+        {"header": header, "child_frame_id": source, "transform": msgspec.to_builtins(now)}
+        for source, now in transforms.items()
+    ]

@@ -205,6 +205,11 @@ def test_services_and_parameters_are_for_staff(robot: Robot, staff: User, what: 
     assert allow(robot, staff, what=what, type=type_name, role=Role.OPERATOR).role == Role.STAFF
 
 
+def test_services_that_clients_offer_have_the_role_of_their_entry(robot, staff):
+    own = allow(robot, staff, what="call", name="/fleet/clients/add", type="lab_srvs/Add", role=Role.OPERATOR)
+    assert own.role == Role.OPERATOR
+
+
 def test_entries_are_recorded(tiago: RobotProfile, staff: User) -> None:
     entry = allow(tiago, staff)
     entry.role = Role.SUPERVISOR

@@ -142,10 +142,33 @@ async def test_a_goal_on_the_topic_is_a_task_and_an_empty_cancel_ends_it(driver,
     await bridge.hears(wire.PlayCancel)
 
 
+async def test_a_goal_on_the_topic_gets_status_and_result_with_its_id(driver, bridge):
+    for part in ("status", "result"):
+        await driver.send("subscribe", topic=f"/play_motion/{part}")
+    goal = {"goal_id": {"id": "goal_1"}, "goal": {"motion_name": "wave"}}
+    await driver.send("publish", topic="/play_motion/goal", msg=goal)
+    active = await driver.hears_op("publish", topic="/play_motion/status")
+    await bridge.hears(wire.Play)
+    ended(bridge, 1, "failed")
+    last = await driver.hears_op("publish", topic="/play_motion/status")
+    result = await driver.hears_op("publish", topic="/play_motion/result")
+    (one,), (other,) = active["msg"]["status_list"], last["msg"]["status_list"]
+    assert (one["goal_id"]["id"], one["status"], other["status"], other["text"]) == (
+        "goal_1",
+        1,
+        4,
+        "Reason.",
+    )
+    assert result["msg"]["status"] == other
+
+
 async def test_a_goal_on_the_topic_is_refused_with_its_id(open_client, bridge):
     client = await open_client("operator")
     goal = {"goal_id": {"id": "goal_1"}, "goal": {"motion_name": "wave"}}
+    await client.send("subscribe", topic="/fleet/status")
     await client.send("publish", topic="/play_motion/goal", msg=goal, id="publish:1")
     assert (await client.told("no_lease"))["id"] == "publish:1"
+    heard = await client.hears_op("publish", topic="/fleet/status")
+    assert (heard["msg"]["id"], heard["msg"]["level"]) == ("publish:1", "error")
     await client.send("publish", topic="/play_motion/goal", msg={"goal": {}}, id="publish:2")
     assert (await client.told("invalid"))["id"] == "publish:2"

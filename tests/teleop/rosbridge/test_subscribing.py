@@ -169,3 +169,11 @@ async def test_reading_needs_the_scope(open_client):
     client = await open_client("operator", scopes=(Scope.DRIVE,))
     await client.send("subscribe", topic=TOPIC)
     await client.told("scope_missing")
+
+
+async def test_topics_of_the_console_are_limited_too(open_client, bridge, monkeypatch):
+    monkeypatch.setattr("teleop.rosbridge.subscribing.MOST_READINGS", 1)
+    client = await open_client("operator")
+    await client.send("subscribe", topic="/fleet/status")
+    await client.send("subscribe", topic="/fleet/more")
+    assert (await client.told("too_many_topics"))["level"] == "error"

@@ -106,6 +106,8 @@ async def test_a_client_gets_transforms_on_a_topic(open_client, bridge, robot_tf
     client = await open_client("observer", scopes=("topics",))
     answer = await client.call("/republish_tfs", **WANTED)
     topic = answer["values"]["topic_name"]
+    await robot_tf(tf(("odom", "base", (1.0, 0, 0), 0.0)))  # nobody listens yet
+    await client.send("subscribe", topic=topic, type="tf2_web_republisher/TFArray")
     for x in (1.0, 1.05, 1.2):  # the second has hardly moved
         await robot_tf(tf(("odom", "base", (x, 0, 0), 0.0)))
         if x != 1.05:
@@ -116,6 +118,7 @@ async def test_a_client_gets_transforms_on_a_topic(open_client, bridge, robot_tf
 
 async def test_a_client_gets_transforms_as_feedback_until_it_cancels(open_client, bridge, robot_tf):
     client = await open_client("operator")
+    await client.send("subscribe", topic="/tf2_web_republisher/feedback")
     await client.send(
         "publish", topic="/tf2_web_republisher/goal", msg={"goal_id": {"id": "g1"}, "goal": WANTED}
     )

@@ -47,6 +47,8 @@ ALLOWED = (
     Allowed("publish", "/fleet_demo/place", "geometry_msgs/PoseStamped"),
     Allowed("call", "/play_motion/list_motions", "play_motion_msgs/ListMotions"),
     Allowed("set", "/fleet_demo/greeting"),
+    Allowed("call", "/fleet/clients/add_two_ints", "rospy_tutorials/AddTwoInts"),
+    Allowed("call", "/fleet/clients/fibonacci", "actionlib_tutorials/FibonacciAction"),
 )
 
 
