@@ -1,0 +1,1 @@
+"""The files of recordings (MCAP), without Django: what is in them, parts of them, and other formats."""

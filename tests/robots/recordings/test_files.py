@@ -1,0 +1,125 @@
+"""Reading, cutting and converting the files of recordings."""
+
+from __future__ import annotations
+
+import io
+import struct
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from rosbags.rosbag1 import Reader
+
+from robots.recordings.files.bag import NoBag, write_bag
+from robots.recordings.files.contents import Contents, Unreadable
+from robots.recordings.files.cutting import cut, topics_without_pictures
+from robots.recordings.files.decoding import Decoder, UnknownType, number_at
+
+ODOM = """float64[] speeds
+geometry_msgs/Point at
+================================================================================
+MSG: geometry_msgs/Point
+float64 x
+float64 y
+float64 z
+"""
+SECOND = 1_000_000_000
+
+
+def sample(seconds: int = 10, encoding: str = "ros1") -> io.BytesIO:
+    """A recording: a latched map, a topic of 10 Hz with two speeds and a place, pictures, and a channel of JSON."""
+    stream = io.BytesIO()
+    writer = Writer(stream, chunk_size=2000)
+    writer.start(profile="ros1", library="test")
+    kinds = {
+        "/map": writer.register_schema("std_msgs/String", "ros1msg", b"string data"),
+        "/odom": writer.register_schema("a_msgs/Odom", "ros1msg", ODOM.encode()),
+        "/camera": writer.register_schema("sensor_msgs/Image", "ros1msg", b"uint8[] data"),
+    }
+    channels = {
+        topic: writer.register_channel(
+            topic, encoding, kind, {"md5sum": "0" * 32, "latching": "1" if topic == "/map" else "0"}
+        )
+        for topic, kind in kinds.items()
+    }
+    view = writer.register_channel("/fleet/view", "json", writer.register_schema("v", "jsonschema", b"{}"))
+    text = struct.pack("<I", 3) + b"map"
+    writer.add_message(channels["/map"], 0, text, 0, 0)
+    for tick in range(seconds * 10):
+        at_ns = tick * SECOND // 10
+        odom = struct.pack("<Iddddd", 2, tick, -tick, 1.0, 2.0, tick / 10)
+        writer.add_message(channels["/odom"], at_ns, odom, at_ns, tick)
+        writer.add_message(channels["/camera"], at_ns, struct.pack("<I", 50) + bytes(50), at_ns, tick)
+        writer.add_message(view, at_ns, b'{"state":{"speed":%d}}' % tick, at_ns, tick)
+    writer.add_metadata("fleet", {"robot": "tiago-1"})
+    writer.finish()
+    stream.seek(0)
+    return stream
+
+
+def test_a_window_and_the_newest_message_before_a_moment() -> None:
+    contents = Contents(sample())
+    assert [channel.topic for channel in contents.channels] == ["/camera", "/fleet/view", "/map", "/odom"]
+    assert (contents.begins_ns, contents.ends_ns) == (0, 9_900_000_000)
+    window = list(contents.messages(["/odom"], 3 * SECOND, 4 * SECOND))
+    assert [one.message.sequence for one in window] == list(range(30, 40))
+    newest = contents.newest("/odom", 5 * SECOND + 1)
+    assert newest is not None and newest.message.sequence == 50
+    assert contents.newest("/map", 9 * SECOND) is not None and contents.newest("/no", 9 * SECOND) is None
+    assert list(contents.messages(["/odom"], 4, 4)) == []
+
+
+@pytest.mark.parametrize("size", (0, 7, 100, -30))
+def test_a_file_that_was_cut_is_not_read(size: int) -> None:
+    with pytest.raises(Unreadable):
+        Contents(io.BytesIO(sample().getvalue()[:size]))
+
+
+def test_a_cut_begins_with_what_is_latched() -> None:
+    contents, target = Contents(sample()), io.BytesIO()
+    count = cut(
+        contents, target, topics=topics_without_pictures(contents), from_ns=2 * SECOND, until_ns=3 * SECOND
+    )
+    target.seek(0)
+    found = list(make_reader(target).iter_messages())
+    assert count == len(found) == 1 + 10 + 10
+    assert {channel.topic for _, channel, _ in found} == {"/map", "/odom", "/fleet/view"}
+    assert [message.log_time for _, channel, message in found if channel.topic == "/map"] == [2 * SECOND]
+    part = Contents(target)
+    assert part.begins_ns == 2 * SECOND and part.metadata()[0].metadata == {"robot": "tiago-1"}
+
+
+def test_values_of_ros_and_of_the_chain() -> None:
+    contents = Contents(sample())
+    for topic, path, number in (
+        ("/odom", "speeds[1]", -20.0),
+        ("/odom", "at.z", 2.0),
+        ("/fleet/view", "state.speed", 20.0),
+        ("/odom", "speeds[9]", None),
+        ("/odom", "at", None),
+    ):
+        newest = contents.newest(topic, 2 * SECOND)
+        assert newest is not None
+        decoder = Decoder(newest.channel, newest.schema)
+        assert number_at(decoder.read(newest.message.data), path) == number
+    [odom] = [channel for channel in contents.channels if channel.topic == "/odom"]
+    decoder = Decoder(odom, contents.schema_of(odom))
+    assert decoder.number_fields() == ["speeds[0]", "at.x", "at.y", "at.z"]
+    with pytest.raises(UnknownType):
+        decoder.read(b"\x05\x00\x00\x00")
+
+
+def test_a_bag_has_the_same_messages(tmp_path: Path) -> None:
+    count = write_bag(Contents(sample()), tmp_path / "one.bag")
+    with Reader(tmp_path / "one.bag") as bag:
+        found = [(c.topic, c.msgtype, at_ns, bytes(data)) for c, at_ns, data in bag.messages()]
+    assert len(found) == count == 301
+    assert ("/fleet/view", "std_msgs/msg/String") in {one[:2] for one in found}
+    speeds = [data for topic, _, at_ns, data in found if topic == "/odom" and at_ns == SECOND]
+    assert speeds == [struct.pack("<Iddddd", 2, 10, -10, 1.0, 2.0, 1.0)]
+
+
+def test_messages_of_ros_2_make_no_bag(tmp_path: Path) -> None:
+    with pytest.raises(NoBag):
+        write_bag(Contents(sample(1, "cdr")), tmp_path / "one.bag")
