@@ -82,8 +82,8 @@ INSTALLED_APPS = [
     "fleet.bookings",
     "teleop",
 ]
-# A bridge reads its robot and writes records. One runs for each robot: the other apps would take 25 MB of each.
-FLEET_SOME_APPS = sys.argv[1:2] == ["run_bridge"]
+# The records process writes records of bridges: the other apps would take 25 MB.
+FLEET_SOME_APPS = sys.argv[1:2] == ["run_records"]
 if FLEET_SOME_APPS:
     INSTALLED_APPS = [
         "django.contrib.auth",
@@ -318,18 +318,19 @@ FORMAT_MODULE_PATH = "fleet.base.formats"
 TIME_ZONE = environment.time_zone(_env)  # the lab's zone; the database stores UTC
 USE_TZ = True
 
+FLEET_LOG_JSON = _env.flag("FLEET_LOG_JSON")
 LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
     "formatters": {
-        "line": {"()": logs.Redacted, "fmt": "{asctime} {levelname} {name}: {message}", "style": "{"},
+        "line": {"()": logs.Redacted, "fmt": logs.LINE, "style": "{"},
         "json": {"()": logs.Json},
     },
     "filters": {"one_line": {"()": "django.utils.log.CallbackFilter", "callback": logs.one_line}},
     "handlers": {
         "stderr": {
             "class": "logging.StreamHandler",
-            "formatter": "json" if _env.flag("FLEET_LOG_JSON") else "line",
+            "formatter": "json" if FLEET_LOG_JSON else "line",
             "filters": ["one_line"],
         }
     },

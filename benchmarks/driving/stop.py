@@ -303,7 +303,7 @@ def bridges(stack: Stack) -> list[int]:
     return [
         child
         for child in process_stats.children(stack.supervisor.pid)
-        if "run_bridge" in process_stats.arguments(child)
+        if "fleet.site.run_bridge" in process_stats.arguments(child)
     ]
 
 

@@ -34,7 +34,7 @@ def cost() -> Iterator[Figure]:
 
 async def _one(stack: Stack) -> list[Figure]:
     children = process_stats.children(stack.supervisor.pid)
-    [bridge] = [child for child in children if "run_bridge" in process_stats.arguments(child)]
+    [bridge] = [child for child in children if "fleet.site.run_bridge" in process_stats.arguments(child)]
     [watchdog] = [child for child in children if "robots.bridge.watchdog" in process_stats.arguments(child)]
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
     await asyncio.sleep(SETTLED_S)

@@ -28,7 +28,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as directory:
         program = Path(directory) / "program.py"
         program.write_text(WAITS)
-        fleet = Fleet(frozenset(), program, ("-c", WAITS))
+        fleet = Fleet(frozenset(), program, ("-c", WAITS), ("-c", WAITS))
         while BridgeStatus.objects.filter(state="running").count() < robots:
             run(fleet, 1.0)
         began_s = time.process_time()

@@ -22,7 +22,7 @@ def prefer_loops(stack: Stack) -> bool:
     bridges = [
         child
         for child in process_stats.children(stack.supervisor.pid)
-        if "run_bridge" in process_stats.arguments(child)
+        if "fleet.site.run_bridge" in process_stats.arguments(child)
     ]
     policy, param = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(REAL_TIME)
     try:

@@ -5,8 +5,8 @@ that the base comes to a standstill, start the parts that do not start themselve
 check that the base still stands.
 
 audit: every message that reaches the robot must have a record. Every round: drive, speak, move, publish, choose, stop;
-kill one or two of web process, bridge and database with kill -9; start again; compare the robot's messages with the
-log. Half of the rounds use SQLite and half PostgreSQL, if it is installed.
+kill one or two of web process, bridge, records process and database with kill -9; start again; compare the robot's
+messages with the log. Half of the rounds use SQLite and half PostgreSQL, if it is installed.
 
 attacks: floods from a robot's network and at the web port while somebody drives; see `benchmarks.attacks`.
 They run only by name.

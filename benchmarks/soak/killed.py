@@ -28,7 +28,7 @@ from robots.shared import wire
 from script.stack.client import Driver
 from script.stack.stack import Stack
 
-PARTS = ("web", "bridge", "database")
+PARTS = ("web", "bridge", "records", "database")
 EARLIEST_S, LATEST_S = 0.5, 2.5  # time of the kill, after the start of a round's session
 STILL_RUNS_S = 0.3  # the session continues after the kill, for the remaining processes
 READY_S = 90.0  # a supervisor with a used-up restart budget pauses for a minute
@@ -59,7 +59,7 @@ class Embedded:
     writers_too = True
 
     def kill(self, stack: Stack) -> None:
-        """Kill web and pages process, supervisor, bridge and housekeeping; then let SQLite check the file."""
+        """Kill web and pages process, supervisor, bridge, records and housekeeping; then let SQLite check the file."""
         web, supervisor = stack.web.pid, stack.supervisor.pid
         for pid in (web, supervisor, *process_stats.children(web), *process_stats.children(supervisor)):
             with suppress(ProcessLookupError):
@@ -218,7 +218,9 @@ class Rounds:
             self.stack.release(self.stack.web)
             self.stack.start_web()
         await asyncio.to_thread(self.stack.wait_ready, READY_S)
-        await self._settled(killed_s if "bridge" in victims or everybody else 0.0)
+        # A records process may have committed a request of which the bridge does not know
+        forgetful = everybody or not {"bridge", "records"}.isdisjoint(victims)
+        await self._settled(killed_s if forgetful else 0.0)
         return counts(self.witness.received) - before
 
     async def _until_killed(self, victims: tuple[str, ...]) -> float:
@@ -249,6 +251,10 @@ class Rounds:
                 case "bridge":
                     for bridge in bridges(self.stack):
                         os.kill(bridge, signal.SIGKILL)
+                case "records":
+                    for child in process_stats.children(self.stack.supervisor.pid):
+                        if "run_records" in process_stats.arguments(child):
+                            os.kill(child, signal.SIGKILL)
                 case "database":
                     self.database.kill(self.stack)
 

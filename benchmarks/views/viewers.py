@@ -86,7 +86,7 @@ class Bench:
         [self._bridge] = [
             child
             for child in process_stats.children(stack.supervisor.pid)
-            if process_stats.arguments(child)[-2:] == ["run_bridge", slug]
+            if process_stats.arguments(child)[-2:] == ["fleet.site.run_bridge", slug]
         ]
 
     def cost(self) -> Cost:

@@ -25,6 +25,7 @@ _PRIORITIES = (
     (logging.INFO, 6),
     (logging.NOTSET, 7),
 )
+LINE = "{asctime} {levelname} {name}: {message}"
 _KEPT = 4  # characters of a secret, by which an administrator recognises it
 
 
@@ -52,6 +53,14 @@ class Json(logging.Formatter):
             line["trace"] = redacted(self.formatException(record.exc_info))
         # In ASCII: some letters, such as U+2028, end a line for some readers
         return for_journal(json.dumps(line), record.levelno, sys.stderr)
+
+
+def begin(as_json: bool) -> None:
+    """Log to stderr, in a process without Django, as its settings do."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(Json() if as_json else Redacted(LINE, style="{"))
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
+    logging.getLogger("websockets").setLevel(logging.WARNING)
 
 
 def for_journal(text: str, level: int, stream: TextIO) -> str:

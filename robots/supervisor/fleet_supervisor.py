@@ -1,4 +1,4 @@
-"""The fleet supervisor: a bridge and a watchdog for each enabled robot, and one housekeeping process.
+"""The fleet supervisor: a bridge and a watchdog for each enabled robot, one records and one housekeeping process.
 
 The fleet supervisor applies a new, edited or disabled robot within a second; other robots are not affected. After
 SIGTERM, SIGINT or SIGHUP all bridges end, and their robots stop.
@@ -6,12 +6,14 @@ SIGTERM, SIGINT or SIGHUP all bridges end, and their robots stop.
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from urllib.parse import urlsplit
 from uuid import UUID, uuid5
@@ -28,6 +30,7 @@ from robots.registry.models import BridgeStatus, Robot
 from robots.registry.selectors import bridge_config, require_link_settings, socket_path
 from robots.registry.services import bridge_status_set
 from robots.registry.stored_robots import StoredRobots
+from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.configuration.watchdog_config import watchdog_config
 from robots.shared.processes import last_words
 from robots.shared.processes.one_supervisor import LOCK, AlreadySupervised, beat
@@ -41,7 +44,7 @@ from robots.supervisor.process_keeper import (
     Keeper,
     Program,
 )
-from robots.supervisor.ros_environment import WrapperMissing, ros_environment
+from robots.supervisor.ros_environment import ONE_ARENA, WrapperMissing, ros_environment
 
 State = BridgeStatus.State
 Report = tuple[State, str, int | None]  # state, detail in words, process id
@@ -53,14 +56,15 @@ POLL_S = 0.5
 DATABASE_PATIENCE_S = 0.2
 END_S = KILL_S + 1.0
 LAST_S = END_S + 1.0  # then this process exits, even if the database hangs
-HOUSEKEEPING = "run_housekeeping"
-WATCHDOG = ("-m", "robots.bridge.watchdog")
+HOUSEKEEPING, RECORDS = "run_housekeeping", "run_records"
+BRIDGE, WATCHDOG = ("-m", "fleet.site.run_bridge"), ("-m", "robots.bridge.watchdog")
 
 
 def eager() -> RestartBudget:
-    """Return the budget of a watchdog: quick restarts, because without the watchdog a stop depends on the bridge only.
+    """Return the budget of a watchdog and of the records process: quick restarts.
 
-    If the watchdog cannot start, the pauses get longer: each start takes 0.5 s of a processor that the bridges need.
+    Without the watchdog a stop depends on the bridge only; without records no robot may move. If one cannot start, the
+    pauses get longer: each start takes 0.5 s of a processor that the bridges need.
     """
     return RestartBudget(first_s=0.1, longest_s=1.0, rest_s=10.0)
 
@@ -111,6 +115,7 @@ class Fleet:
         only: frozenset[str],
         manage: Path | None = None,
         watchdog: Sequence[str] = WATCHDOG,
+        bridge: Sequence[str] = BRIDGE,
         *,
         host: str = "",
     ) -> None:
@@ -122,7 +127,7 @@ class Fleet:
         self._claims = Claims()
         self._left: dict[UUID, str] = {}  # robots that another supervisor has claimed
         self._manage = manage or settings.BASE_DIR / "manage.py"
-        self._watchdog = watchdog
+        self._watchdog, self._bridge = watchdog, bridge
         self._keepers: dict[UUID, Keeper] = {}
         self._watchdogs: dict[UUID, Keeper] = {}
         self._stored = StoredRobots()
@@ -131,9 +136,11 @@ class Fleet:
         self._unsaved: dict[UUID, Report] = {}
         self._database_well = True
         self._poll_at_s = 0.0
+        self._records = Keeper("Records", lambda *_: None, eager)
+        self._records.want(self._program(RECORDS))
         self._housekeeping = Keeper("Housekeeping", lambda *_: None)
         if self._keeps_house:
-            self._housekeeping.want(self._program([HOUSEKEEPING], dict(os.environ), HOUSEKEEPING))
+            self._housekeeping.want(self._program(HOUSEKEEPING))
 
     def claim(self) -> None:
         """Claim the console, the host, or the robots of the command line. Raises `AlreadySupervised`."""
@@ -151,15 +158,16 @@ class Fleet:
         self._save()
 
     def end_programs(self) -> None:
-        """End all programs and wait for them."""
-        for keeper in self._all:
+        """End all programs and wait for them; last the records process, because others record their ends."""
+        others = [keeper for keeper in self._all if keeper is not self._records]
+        for keeper in others:
             keeper.want(None)
         last_s = time.monotonic() + END_S
-        while time.monotonic() < last_s:
+        while time.monotonic() < last_s and not all(keeper.idle for keeper in self._all):
+            if all(keeper.idle for keeper in others):
+                self._records.want(None)
             for keeper in self._all:
                 keeper.step(time.monotonic())
-            if all(keeper.idle for keeper in self._all):
-                break
             time.sleep(STEP_S)
         for robot_id, (state, _, _) in list(self._reported.items()):
             if state != State.DISABLED:
@@ -249,15 +257,16 @@ class Fleet:
             )
             self._report(robot.id, state, text, pid)
             return
-        keeper.want(self._program(["run_bridge", robot.slug], environment, config.digest()))
+        path = os.pathsep.join(filter(None, [str(settings.BASE_DIR), environment.get("PYTHONPATH")]))
+        as_json = "1" if settings.FLEET_LOG_JSON else ""
+        environment |= {"PYTHONPATH": path, "FLEET_RELEASE": release(), "FLEET_LOG_JSON": as_json}
+        arguments = [sys.executable, *self._bridge, robot.slug]
+        keeper.want(Program(arguments, environment, config.digest(), partial(_for_a_start, config)))
         watched = watchdog_config(config)
         watchdog = self._watchdogs[robot.id]
         if watched.digest() != watchdog.digest:
-            argument = msgspec.json.encode(watched).decode()
-            path = os.pathsep.join(filter(None, [str(settings.BASE_DIR), environment.get("PYTHONPATH")]))
-            arguments = [sys.executable, *self._watchdog, argument]
-            own = {"PYTHONPATH": path, "FLEET_RELEASE": release()}
-            watchdog.want(Program(arguments, {**environment, **own}, watched.digest()))
+            arguments = [sys.executable, *self._watchdog, msgspec.json.encode(watched).decode()]
+            watchdog.want(Program(arguments, environment, watched.digest()))
         self._settled.add(robot.id)
 
     def _end_robot(self, robot_id: UUID) -> None:
@@ -271,7 +280,7 @@ class Fleet:
 
     @property
     def _all(self) -> list[Keeper]:
-        return [*self._keepers.values(), *self._watchdogs.values(), self._housekeeping]
+        return [self._records, *self._keepers.values(), *self._watchdogs.values(), self._housekeeping]
 
     def _keeper(self, robot: Robot) -> Keeper:
         robot_id = robot.id
@@ -284,8 +293,8 @@ class Fleet:
         self._watchdogs[robot_id] = Keeper(f"Watchdog of {robot.slug}", lambda *_: None, eager)
         return keeper
 
-    def _program(self, command: list[str], environment: dict[str, str], digest: str) -> Program:
-        return Program([sys.executable, str(self._manage), *command], environment, digest)
+    def _program(self, command: str) -> Program:
+        return Program([sys.executable, str(self._manage), command], {**os.environ, **ONE_ARENA}, command)
 
     def _database_failed(self, error: DatabaseError | AuditUnavailable) -> None:
         """Log the error, only once until the database answers again. All programs keep running."""
@@ -313,6 +322,16 @@ class Fleet:
                 self._database_failed(error)
                 return
             del self._unsaved[robot_id]
+
+
+def _for_a_start(config: BridgeConfig) -> Mapping[str, str]:
+    """Return a bridge's configuration with the newest fence, as a variable: other accounts can read arguments."""
+    try:
+        fence = Robot.objects.values_list("fence", flat=True).get(pk=config.robot_id)
+    except (DatabaseError, Robot.DoesNotExist) as error:
+        raise OSError(errno.EAGAIN, "the database does not tell its fence") from error
+    fresh = msgspec.structs.replace(config, last_fence=fence)
+    return {"FLEET_BRIDGE": msgspec.json.encode(fresh).decode()}
 
 
 def _tell_why(robot_id: UUID, state: State, detail: str) -> None:

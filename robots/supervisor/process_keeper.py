@@ -41,6 +41,7 @@ class Program:
     arguments: list[str]
     environment: Mapping[str, str]
     digest: str
+    fresh: Callable[[], Mapping[str, str]] = dict  # variables of each start; an OSError says why it must wait
 
 
 class Keeper:
@@ -94,7 +95,7 @@ class Keeper:
         try:
             self._process = subprocess.Popen(  # noqa: S603 - the arguments are our own
                 program.arguments,
-                env=program.environment,
+                env={**program.environment, **program.fresh()},
                 stdin=subprocess.PIPE,
                 start_new_session=True,
             )

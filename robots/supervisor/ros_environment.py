@@ -16,6 +16,7 @@ from robots.shared.configuration.bridge_config import BridgeConfig
 from robots.shared.sentences import say
 
 LIBRARY = "nss_wrapper"
+ONE_ARENA = {"MALLOC_ARENA_MAX": "1"}  # each of 50 threads would keep memory of its own
 # One thread for linear algebra: with several, the gate's p99 rose from 0.05 to 17 ms.
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
@@ -34,8 +35,7 @@ def ros_environment(config: BridgeConfig, run_dir: Path) -> dict[str, str]:
     environment = {
         name: value for name, value in os.environ.items() if name not in {"ROS_IP", "ROS_HOSTNAME"}
     }
-    environment |= ONE_THREAD
-    environment["MALLOC_ARENA_MAX"] = "1"  # each of 50 threads would keep memory of its own
+    environment |= ONE_THREAD | ONE_ARENA
     environment["ROS_MASTER_URI"] = config.master_uri
     environment["ROS_HOME"] = str(Path(config.state_dir) / "ros")
     environment["PYTHONUNBUFFERED"] = "1"

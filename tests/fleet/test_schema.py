@@ -67,12 +67,12 @@ def test_each_new_connection_is_refused(change, monkeypatch):
     "process",
     [
         ["manage.py", "run_fleet"],
-        ["manage.py", "run_bridge", "tiago-1"],
+        ["manage.py", "run_records"],
         ["manage.py", "run_housekeeping"],
         ["manage.py", "setup_code"],
         ["-m", "fleet.server", "--port", "0", "fleet.site.asgi:application"],
     ],
-    ids=["run_fleet", "run_bridge", "run_housekeeping", "setup_code", "web"],
+    ids=["run_fleet", "run_records", "run_housekeeping", "setup_code", "web"],
 )
 def test_each_process_ends_with_the_words(process, tmp_path):
     new_database(tmp_path / "fleet.sqlite3")

@@ -324,7 +324,7 @@ def bridge_of(stack: Stack, slug: str) -> int:
     [bridge] = [
         child
         for child in process_stats.children(stack.supervisor.pid)
-        if {"run_bridge", slug} <= set(process_stats.arguments(child))
+        if {"fleet.site.run_bridge", slug} <= set(process_stats.arguments(child))
     ]
     return bridge
 

@@ -39,7 +39,7 @@ class Supervised:
 
     def __init__(self, programs: FakePrograms, only: frozenset[str] = frozenset()) -> None:
         self.programs = programs
-        self.fleet = Fleet(only, programs.script, QUIET)
+        self.fleet = Fleet(only, programs.script, QUIET, [str(programs.script)])
 
     def until(self, condition: Callable[[], object], what: str) -> None:
         until(lambda: (self.fleet.step(time.monotonic()), condition())[1], what)
@@ -65,8 +65,8 @@ def supervised(programs: FakePrograms, robot: Robot, other_robot: Robot) -> Iter
     supervised.fleet.end_programs()
 
 
-def test_every_robot_gets_a_bridge_the_fleet_a_housekeeper(supervised: Supervised) -> None:
-    for name in ("tiago-1", "tiago-2", "run_housekeeping"):
+def test_every_robot_gets_a_bridge_the_fleet_its_other_programs(supervised: Supervised) -> None:
+    for name in ("tiago-1", "tiago-2", "run_records", "run_housekeeping"):
         supervised.until_started(name, 1)
 
 
@@ -199,7 +199,7 @@ def test_a_silent_database_leaves_the_fleet_unchanged(
 
 
 def test_the_end_lets_every_program_go(supervised: Supervised, robot: Robot) -> None:
-    names = ["tiago-1", "tiago-2", "run_housekeeping"]
+    names = ["tiago-1", "tiago-2", "run_records", "run_housekeeping"]
     for name in names:
         supervised.until_started(name, 1)
     supervised.fleet.end_programs()
@@ -244,12 +244,12 @@ def test_the_console_runs_robots_with_addresses_of_its_own(
 )
 def test_a_bridge_host_runs_the_robots_of_its_name(programs: FakePrograms, other_robot: Robot) -> None:
     Robot.objects.filter(pk=other_robot.pk).update(bridge_address=ELSEWHERE)
-    fleet = Fleet(frozenset(), programs.script, QUIET, host="Other-Host")
+    fleet = Fleet(frozenset(), programs.script, QUIET, [str(programs.script)], host="Other-Host")
     try:
         until(lambda: (fleet.step(time.monotonic()), programs.pids("tiago-2"))[1], "its bridge")
-        assert {line.split()[1] for line in programs.lines()} == {
-            "tiago-2"
-        }  # no other robot, no housekeeping
+        until(lambda: programs.pids("run_records"), "its records process")
+        started = {line.split()[1] for line in programs.lines()}
+        assert started == {"tiago-2", "run_records"}  # no other robot, no housekeeping
     finally:
         fleet.end_programs()
 
@@ -260,9 +260,10 @@ def test_a_network_bridge_names_its_missing_settings(programs: FakePrograms, oth
     fleet = Fleet(frozenset({"tiago-2"}), programs.script)
     fleet.step(time.monotonic())
     status = BridgeStatus.objects.get(robot=other_robot)
+    fleet.end_programs()
     assert status.state == State.REFUSED
     assert "needs FLEET_LINK_KEY, FLEET_LINK_SECRET to be set" in status.detail
-    assert programs.lines() == []
+    assert programs.pids("tiago-2") == []
 
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="locks the file of the database")

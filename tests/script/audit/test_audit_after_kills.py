@@ -1,4 +1,4 @@
-"""A kill of web process, bridge or database in a session loses no request that reached the robot."""
+"""A kill of web process, bridge, records process or database in a session loses no request that reached the robot."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from script.stack.client import sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 from tests.script.audit.database_away import stands_while
 
-ROUNDS = [("web",), ("bridge",), ("database",), ("web", "bridge"), ("database",)]
+ROUNDS = [("web",), ("bridge",), ("database",), ("web", "bridge"), ("records",)]
 KINDS = {"drive.start", "speech.start", "motion.start", "publish.start"}
 
 
