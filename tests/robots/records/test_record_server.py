@@ -28,12 +28,15 @@ from robots.shared.records.record_sink import (
     GateStart,
     GateSummary,
     Holder,
+    KeptEvent,
     Position,
+    RecordedTopic,
     RecordError,
     RecordSink,
     Sample,
     TakenDescription,
     TakenMap,
+    TakenRecording,
 )
 from robots.shared.records.verdict import SpeedLimit, Verdict
 from robots.shared.sentences import Sentence, say
@@ -43,6 +46,7 @@ WHY = say("{sensor} is {age:age} old", sensor=say("laser"), age=0.61)
 START = Position(Pose(1.0, 2.0, 3.0), None)
 LIMIT = SpeedLimit("blind", "blind", 0.3, "left")
 HELD = Verdict(STILL, STILL, "stale", WHY, "laser", 0.5, side="ahead", point=(1.0, 2.0), limits=(LIMIT,))
+TOPIC, EVENT = RecordedTopic("/tf", "tf2_msgs/TFMessage", 5), KeptEvent("stop", 1.5, WHY, "Ada")
 HOLDER = Holder("7", "Ada", str(uuid4()), 3)
 DRIVE = DriveSummary("halted", WHY, START, 1.0, 2.0, 0.3, 0.4, 1, [Sample(0.1, 1.0, 2.0, 3.0, 0.3)], 0.02)
 CALLS: dict[str, tuple[Any, ...]] = {
@@ -57,6 +61,12 @@ CALLS: dict[str, tuple[Any, ...]] = {
     "end_gate": (1, HOLDER, GateSummary(0.5, ["stale"], HELD, Pose(1.0, 2.0, 3.0))),
     "ill_parts": (),
     "keep_map": (TakenMap(0.05, Pose(0.0, 0.0, 0.0), 3, 2, b"\x89PNG", "digest"),),
+    "keep_recording": (
+        TakenRecording(
+            uuid4(), "r", "by_hand", 1.0, 2.0, 9, "/var", "a", [TOPIC], [EVENT], continues=uuid4()
+        ),
+    ),
+    "drop_recording": (uuid4(),),
     "keep_description": (TakenDescription("digest", b"\x00", "no joints"),),
 }
 
