@@ -93,6 +93,7 @@ if FLEET_SOME_APPS:
         "fleet.audit",
         "fleet.accounts.apps.Models",
         "robots.registry",
+        "robots.recordings",
     ]
 elif DEBUG:
     INSTALLED_APPS.insert(0, "daphne")  # so that `manage.py runserver` serves WebSockets, too

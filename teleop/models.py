@@ -1,4 +1,4 @@
-"""Control sessions, the lease of each robot, shared layouts, webhooks, devices that get notifications, alerts."""
+"""Control sessions, leases, shared layouts and recordings, webhooks, devices that get notifications, alerts."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from django.utils.translation import gettext_lazy as _
 from fleet.accounts.sign_in.devices import device_of
 from fleet.base.names import NameField
 from fleet.bookings.models import Notification
+from robots.access.models import Course
+from robots.recordings.models import Recording
 from robots.registry.models import Robot
 from robots.shared.sentences import Sentence, sentence_of
 
@@ -117,6 +119,29 @@ class SharedLayout(models.Model):
 
     def __str__(self) -> str:
         return self.name
+
+
+class RecordingShare(models.Model):
+    """A whole recording that one person or one course may see, beside those who see it anyway."""
+
+    recording = models.ForeignKey(Recording, on_delete=models.CASCADE, related_name="shares")
+    person = models.ForeignKey(
+        settings.AUTH_USER_MODEL, null=True, blank=True, on_delete=models.CASCADE, related_name="+"
+    )
+    course = models.ForeignKey(Course, null=True, blank=True, on_delete=models.CASCADE, related_name="+")
+    made_at = models.DateTimeField()
+
+    class Meta:
+        constraints = [
+            models.CheckConstraint(
+                condition=Q(person=None) ^ Q(course=None), name="recording_shared_with_person_or_course"
+            ),
+            models.UniqueConstraint(fields=["recording", "person"], name="one_share_per_person"),
+            models.UniqueConstraint(fields=["recording", "course"], name="one_share_per_course"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.recording}: {self.person or self.course}"
 
 
 class Webhook(models.Model):

@@ -5,8 +5,11 @@ from __future__ import annotations
 from math import ceil
 from typing import Final
 
+from fleet.base.schema import SchemaRefused
 from robots.shared.sentences import say
 
+# Instead of words, because those of the error name migrations.
+OTHER_RELEASE = SchemaRefused.__name__  # messages are compared in small letters: only this error has it
 # Words in error messages of SQLite and PostgreSQL, with a code and a cause for people. The first match
 # counts.
 CAUSES = [
@@ -18,8 +21,11 @@ CAUSES = [
     ("readonly", "read_only", say("the database is read-only")),
     ("read-only", "read_only", say("the database is read-only")),
     ("no such table", "no_table", say("a table is missing: run manage.py migrate")),
-    # of `fleet.base.schema`
-    ("migrations", "other_release", say("the database belongs to another release; /healthz says what to do")),
+    (
+        OTHER_RELEASE,
+        "other_release",
+        say("the database belongs to another release; /healthz says what to do"),
+    ),
 ]
 
 
@@ -61,7 +67,7 @@ class TooManyChanges(AuditUnavailable):
 
 def cause_of(error: BaseException) -> tuple[str, str]:
     """Return the cause of a database error: a code for programs and a text for people."""
-    said = str(error).lower()
+    said = OTHER_RELEASE if isinstance(error, SchemaRefused) else str(error).lower()
     return next(
         ((code, cause) for words, code, cause in CAUSES if words in said),
         ("unreachable", say("the database does not answer")),

@@ -16,6 +16,7 @@ from fleet.audit.kinds import KINDS, Kept
 from fleet.audit.models import Record
 from fleet.audit.services import record
 from fleet.base import environment
+from fleet.base.schema import SchemaRefused
 
 ROBOT = uuid.uuid4()
 
@@ -262,12 +263,16 @@ def test_a_full_disk_is_a_refusal_in_words():
         ("attempt to write a readonly database", "audit_read_only"),
         ("cannot execute INSERT in a read-only transaction", "audit_read_only"),
         ("no such table: audit_record", "audit_no_table"),
-        ("The database lacks 2 migrations.", "audit_other_release"),
         ("connection refused", "audit_unreachable"),
     ],
 )
 def test_each_trouble_has_its_code(said, code):
     assert AuditUnavailable.because(OperationalError(said)).code == code
+
+
+def test_another_release_is_known_whatever_its_migrations_are_called():
+    refused = SchemaRefused("It does not know its migrations bookings.0999_full_days.")
+    assert AuditUnavailable.because(refused).code == "audit_other_release"
 
 
 def test_the_database_keeps_commits_through_a_power_cut():

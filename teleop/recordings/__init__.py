@@ -1,0 +1,1 @@
+"""Recordings for people: who sees which part, sharing, deletion, pages and downloads."""

@@ -1,0 +1,90 @@
+"""Keeping, sharing and deleting recordings. Each change is recorded in the same transaction."""
+
+from __future__ import annotations
+
+from django.db import transaction
+from django.utils import timezone
+
+from fleet.accounts.models import User
+from fleet.audit.services import record
+from robots.access.models import Course
+from robots.recordings.models import Place, Recording
+from robots.shared.sentences import say
+from robots.shared.wire import NotDone, Refusal
+from teleop.models import RecordingShare
+from teleop.recordings.selectors import sight_of
+
+MOST_SHARES = 50  # of one recording: its page lists them all
+
+
+@transaction.atomic
+def recording_keep(*, recording: Recording, keep: bool, actor: User) -> None:
+    """Keep it until it is deleted by hand, or let retention have it again. Raises `NotDone`."""
+    recording = _for_change(recording, actor)
+    recording.kept_at = timezone.now() if keep else None
+    recording.save(update_fields=["kept_at"])
+    _record("recording.keep" if keep else "recording.let_go", recording, actor)
+
+
+@transaction.atomic
+def recording_share(
+    *, recording: Recording, actor: User, person: User | None = None, course: Course | None = None
+) -> RecordingShare:
+    """Show the whole recording to a person or a course. Raises `NotDone`."""
+    recording = _for_change(recording, actor)
+    if recording.shares.count() >= MOST_SHARES:
+        text = say("A recording is shared with at most {most} people and courses.", most=MOST_SHARES)
+        raise NotDone(Refusal("too_many", text, "account"))
+    share, made = RecordingShare.objects.get_or_create(
+        recording=recording, person=person, course=course, defaults={"made_at": timezone.now()}
+    )
+    if made:
+        _record("recording.share", recording, actor, **_with(share))
+    return share
+
+
+@transaction.atomic
+def recording_unshare(*, share: RecordingShare, actor: User) -> None:
+    """End the sharing. Raises `NotDone`."""
+    recording = _for_change(share.recording, actor)
+    _record("recording.unshare", recording, actor, **_with(share))
+    share.delete()
+
+
+@transaction.atomic
+def recording_delete(*, recording: Recording, actor: User) -> None:
+    """Delete a recording: from now on nobody sees it; its file is removed soon (`stores`). Raises `NotDone`."""
+    recording = _for_change(recording, actor)
+    recording.place, recording.deleted_at = Place.GONE, timezone.now()
+    recording.save(update_fields=["place", "deleted_at"])
+    _record("recording.delete", recording, actor)
+
+
+def _for_change(recording: Recording, actor: User) -> Recording:
+    """Return the row, locked. Raises `NotDone` unless this person may change it."""
+    found = Recording.objects.select_for_update(of=("self",), no_key=True).get(pk=recording.pk)
+    sight = sight_of(actor, found)
+    if sight is None:
+        raise NotDone(Refusal("no_recording", "There is no such recording.", "account"))
+    if not sight.may_change:
+        text = (
+            "A recording is kept, shared and deleted by its owner, "
+            "by supervisors of the robot or the course, and by staff."
+        )
+        raise NotDone(Refusal("permission_denied", text, "account"))
+    return found
+
+
+def _with(share: RecordingShare) -> dict[str, str]:
+    return {"person": str(share.person_id)} if share.person_id else {"course": share.course.slug}  # type: ignore[union-attr]
+
+
+def _record(kind: str, recording: Recording, actor: User, **facts: str) -> None:
+    record(
+        kind,
+        actor=actor,
+        robot_id=recording.robot_id,
+        robot_name=recording.robot.name,
+        session_id=recording.session,
+        parameters={"recording": str(recording.pk), **facts},
+    )
