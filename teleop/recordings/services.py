@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import TypedDict
+from uuid import UUID
+
 from django.db import transaction
 from django.utils import timezone
 
@@ -23,7 +26,10 @@ def recording_keep(*, recording: Recording, keep: bool, actor: User) -> None:
     recording = _for_change(recording, actor)
     recording.kept_at = timezone.now() if keep else None
     recording.save(update_fields=["kept_at"])
-    _record("recording.keep" if keep else "recording.let_go", recording, actor)
+    if keep:
+        record("recording.keep", **_of(recording, actor))
+    else:
+        record("recording.let_go", **_of(recording, actor))
 
 
 @transaction.atomic
@@ -39,7 +45,7 @@ def recording_share(
         recording=recording, person=person, course=course, defaults={"made_at": timezone.now()}
     )
     if made:
-        _record("recording.share", recording, actor, **_with(share))
+        record("recording.share", **_of(recording, actor, share))
     return share
 
 
@@ -47,7 +53,7 @@ def recording_share(
 def recording_unshare(*, share: RecordingShare, actor: User) -> None:
     """End the sharing. Raises `NotDone`."""
     recording = _for_change(share.recording, actor)
-    _record("recording.unshare", recording, actor, **_with(share))
+    record("recording.unshare", **_of(recording, actor, share))
     share.delete()
 
 
@@ -57,7 +63,7 @@ def recording_delete(*, recording: Recording, actor: User) -> None:
     recording = _for_change(recording, actor)
     recording.place, recording.deleted_at = Place.GONE, timezone.now()
     recording.save(update_fields=["place", "deleted_at"])
-    _record("recording.delete", recording, actor)
+    record("recording.delete", **_of(recording, actor))
 
 
 def _for_change(recording: Recording, actor: User) -> Recording:
@@ -75,16 +81,25 @@ def _for_change(recording: Recording, actor: User) -> Recording:
     return found
 
 
-def _with(share: RecordingShare) -> dict[str, str]:
-    return {"person": str(share.person_id)} if share.person_id else {"course": share.course.slug}  # type: ignore[union-attr]
+class _Facts(TypedDict):
+    actor: User
+    robot_id: UUID
+    robot_name: str
+    session_id: UUID | None
+    parameters: dict[str, str]
 
 
-def _record(kind: str, recording: Recording, actor: User, **facts: str) -> None:
-    record(
-        kind,
-        actor=actor,
-        robot_id=recording.robot_id,
-        robot_name=recording.robot.name,
-        session_id=recording.session,
-        parameters={"recording": str(recording.pk), **facts},
-    )
+def _of(recording: Recording, actor: User, share: RecordingShare | None = None) -> _Facts:
+    """Return the facts of a record about a recording, and about the person or course with whom it is shared."""
+    facts = {"recording": str(recording.pk)}
+    if share is not None and share.course is not None:
+        facts["course"] = share.course.slug
+    elif share is not None:
+        facts["person"] = str(share.person_id)
+    return {
+        "actor": actor,
+        "robot_id": recording.robot_id,
+        "robot_name": recording.robot.name,
+        "session_id": recording.session,
+        "parameters": facts,
+    }
