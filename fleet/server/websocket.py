@@ -12,11 +12,16 @@ from fleet.server.guard import Guard
 from fleet.server.text_frame import small_text_frame
 
 
-@lru_cache(maxsize=8)  # hundreds of pages get the same message at the same time
 def _prepared(factory: Any, payload: bytes | str) -> Any:
     if isinstance(payload, str):
         return factory.prepareMessage(payload.encode(), False)
     return factory.prepareMessage(payload, True)
+
+
+_shared = lru_cache(maxsize=8)(_prepared)  # hundreds of pages get the same message at the same time
+_SHARED_BYTES = (
+    256 * 1024
+)  # a larger one has few readers; to find it again would take longer than to prepare it
 
 
 class WebSocket:
@@ -81,4 +86,5 @@ class WebSocket:
             socket.sendClose(event.get("code") or 1000, event.get("reason") or None)
         else:
             payload = event["text"] if event.get("bytes") is None else event["bytes"]
-            socket.sendPreparedMessage(_prepared(socket.factory, payload))
+            prepare = _shared if len(payload) <= _SHARED_BYTES else _prepared
+            socket.sendPreparedMessage(prepare(socket.factory, payload))

@@ -30,7 +30,7 @@ def _text(name: str, body: bytes) -> str:
     return b"".join((head, body, b"}")).decode(errors="replace")
 
 
-_shared = lru_cache(maxsize=64)(_text)  # many clients get the same text
+_shared = lru_cache(maxsize=16)(_text)  # many clients get the same text
 
 
 def as_cbor(name: str, body: bytes) -> bytes:
