@@ -11,3 +11,6 @@
 AT_ONCE = "fleet.at_once"
 # Extension of a WebSocket's scope: an `asyncio.Event`, set while the client reads what is sent (64 KiB may wait).
 WRITABLE = "fleet.writable"
+# Extension of a WebSocket's scope: a function that pings the client, which every WebSocket answers by itself. It gets a
+# function, which it calls with the seconds until the answer.
+PING = "fleet.ping"

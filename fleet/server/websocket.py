@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
@@ -10,6 +11,8 @@ from typing import Any
 from fleet.server import limits
 from fleet.server.guard import Guard
 from fleet.server.text_frame import small_text_frame
+
+_PING = b"fleet"
 
 
 def _prepared(factory: Any, payload: bytes | str) -> Any:
@@ -34,12 +37,20 @@ class WebSocket:
         self._take: Callable[[str], bool] | None = None
         if (socket := guard.wrappedProtocol) is not None:
             self._socket = socket
+            socket.failByDrop = False  # a client reads why, such as 1009: too large
             self._queue, socket.onMessage = socket.onMessage, self._on_message
             guard.take = self._on_bytes
 
     def receive_at_once(self, take: Callable[[str], bool]) -> None:
         """Pass each text to `take` first, unless other messages wait."""
         self._take = take
+
+    def ping(self, answered: Callable[[float], None]) -> None:
+        """Ping the client, and pass the seconds until its answer."""
+        if (socket := self._guard.wrappedProtocol) is not None:
+            sent_s = time.monotonic()
+            socket.onPong = lambda payload: answered(time.monotonic() - sent_s) if payload == _PING else None
+            socket.sendPing(_PING)
 
     def _on_bytes(self, data: bytes) -> bool:
         """Take one small text without Autobahn's reader, which would take longer than the way to the robot's bridge."""

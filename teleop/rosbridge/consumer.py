@@ -15,6 +15,7 @@ from django.db import DatabaseError
 
 from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import TokenInvalid
+from fleet.server import PING
 from robots.link.client import BridgeLink
 from robots.shared import wire
 from robots.shared.sentences import say
@@ -38,6 +39,7 @@ from teleop.control.status import RobotEntry
 from teleop.live.consumers.controlling_socket import ControllingSocket
 from teleop.live.consumers.message_socket import CloseCode
 from teleop.live.control_holder import ControlHolder
+from teleop.live.grant_renewal import Delays
 from teleop.rosbridge import framing, operations
 from teleop.rosbridge.control_services import STOP
 from teleop.rosbridge.families import FAMILIES
@@ -49,6 +51,7 @@ from teleop.rosbridge.reassembly import Reassembly
 log = logging.getLogger(__name__)
 
 STATUS_TOPIC = "/fleet/status"  # the same as the operation status, which roslibpy drops
+PING_S = 0.5
 SIGN_IN_S = 10.0  # the longest time that a client may stay unknown
 _GRAVITY = {"none": 3, "error": 2, "warning": 1, "info": 0}
 _SIGN_IN_FIRST = Refusal(
@@ -82,6 +85,8 @@ class RosbridgeConsumer(ControllingSocket):
         self._reassembly = Reassembly()
         self._numbers = count(1)
         self._answers: dict[int, asyncio.Future[Accepted | Refused]] = {}  # by number of the request
+        self._trip_s: float | None = None  # to the client and back
+        self._pinging: asyncio.Task[None] | None = None
         self._unknown: asyncio.TimerHandle | None = None  # closes a connection that nobody signs in
 
     # --- opening and closing -----------------------------------------------------------------------
@@ -98,25 +103,48 @@ class RosbridgeConsumer(ControllingSocket):
             )
 
     async def _begin(self) -> None:
-        """Join the robot's hub, if this person may see the robot."""
+        """Join the robot's hub, if this person may see the robot. From then on a stop waits for nothing."""
         try:
             if await self.join(*ACTING) is None:
                 return
-            self.prepare()
-            # Nobody can resume this lease: it ends with the connection
-            self.begin_control(secrets.token_urlsafe(24))
-            await self.hub.read_status_for(self)
         except DatabaseError as error:
             await self.close(CloseCode.TRY_AGAIN, database_refusal(error).text)
             return
+        self.prepare()
+        # Nobody can resume this lease: it ends with the connection
+        self.begin_control(secrets.token_urlsafe(24))
         self._link = self.hub.link
         self.families = [family(self) for family in FAMILIES]
         for family in self.families:
             self._handlers |= family.handlers()
             if isinstance(family, Publishing):
                 self._publishing = family
+        if ping := self.scope.get("extensions", {}).get(PING):
+            self._pinging = run_in_background(self._keep_pinging(ping))
+        run_in_background(self._settle())
+
+    async def _settle(self) -> None:
+        """Read the status of control, and tell the client if the robot is out of reach."""
+        try:
+            await self.hub.read_status_for(self)
+        except DatabaseError as error:
+            await self.close(CloseCode.TRY_AGAIN, database_refusal(error).text)
         await self.hub.wait_for_link()
         self.report_bridge_gone()
+
+    async def _keep_pinging(self, ping: Callable[[Callable[[float], None]], None]) -> None:
+        """While the client has control, see that it is there, and how far away: it may have nothing to send."""
+        while True:
+            await asyncio.sleep(PING_S)
+            if self.fence is not None or self.waits:
+                ping(self._answered)
+
+    def _answered(self, trip_s: float) -> None:
+        self._trip_s, self.heard_s = trip_s, time.monotonic()
+
+    def delays(self) -> Delays:
+        silent_s = time.monotonic() - self.heard_s if self._pinging else None
+        return Delays(self._trip_s, None, silent_s)
 
     async def _leave_stranger(self, refusal: Refusal) -> None:
         if not self.joined:
@@ -127,6 +155,8 @@ class RosbridgeConsumer(ControllingSocket):
         """End everything that the client has: control too."""
         if self._unknown:
             self._unknown.cancel()
+        if self._pinging:
+            self._pinging.cancel()
         for family in self.families:
             family.leave()
         await super().on_close()

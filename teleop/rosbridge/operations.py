@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from msgspec import Meta, Raw, Struct
+from msgspec import Meta, Struct
 
 from robots.shared.wire import MessageDecoder
 
@@ -188,12 +188,22 @@ Operation = (
 operation_of = MessageDecoder[Operation](Operation, LARGEST_BYTES)
 
 
-class Published(Struct, frozen=True, tag_field="op", tag="publish"):
-    """A `Publish` whose message is not decoded: the bridge does that."""
+class _Vector(Struct, frozen=True, forbid_unknown_fields=True):
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+
+
+class _Twist(Struct, frozen=True, forbid_unknown_fields=True):
+    linear: _Vector = _Vector()
+    angular: _Vector = _Vector()
+
+
+class PublishTwist(Struct, frozen=True, tag_field="op", tag="publish"):
+    """A `Publish` of a geometry_msgs/Twist: the most frequent operation, decoded quickly."""
 
     topic: Name
-    msg: Raw = Raw(b"{}")
-    id: Id = None
+    msg: _Twist = _Twist()
 
 
-published_of = MessageDecoder[Published](Published, LARGEST_BYTES)
+twist_of = MessageDecoder[PublishTwist](PublishTwist, LARGEST_BYTES)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import msgspec
-from msgspec import Raw, Struct
+from msgspec import Struct
 
 from fleet.accounts.tokens.models import Scope
 from robots.shared import wire
@@ -27,7 +28,7 @@ from teleop.rosbridge.operations import (
     Unadvertise,
     full_name,
     full_type,
-    published_of,
+    twist_of,
 )
 
 VELOCITY_TOPIC = "/cmd_vel"  # where clients expect it; the robot's own drive topic is the same here
@@ -39,12 +40,12 @@ _advertised: WeakKeyDictionary[RobotHub, dict[str, dict[str, str]]] = WeakKeyDic
 
 
 class _Velocity(Struct, frozen=True, tag_field="t", tag="publish"):
-    """A `wire.Publish` with the client's message as it came: the bridge decodes and checks it."""
+    """A `wire.Publish` of a velocity."""
 
     fence: int
     topic: str
     type: str
-    fields: Raw
+    fields: Any
     sent_ms: float
     seq: int
 
@@ -135,20 +136,20 @@ class Publishing(Family):
         if not link.has_lane or '"publish"' not in raw[:40] or not self.client.opens(Scope.DRIVE):
             return False
         try:
-            published = published_of(raw)
+            twist = twist_of(raw)
         except WireError:
             return False
-        if full_name(published.topic) not in self._drive_topics or not self.client.spend():
+        if full_name(twist.topic) not in self._drive_topics or not self.client.spend():
             return False
-        link.forward_by_lane(self._velocity(published.topic, published.msg))
+        link.forward_by_lane(self._velocity(twist.topic, twist.msg))
         return True
 
-    def _velocity(self, topic: str, fields: Raw) -> str:
+    def _velocity(self, topic: str, fields: Any) -> str:
         """Return a velocity for the bridge. Clients send no time: it counts as sent when it arrives."""
         wanted = self._drive_type
         type_ = self._types.get(full_name(topic), wanted)
         if (type_, wanted) == (_TWIST, _STAMPED):
-            type_, fields = wanted, Raw(b'{"twist":%s}' % bytes(fields))
+            type_, fields = wanted, {"twist": fields}
         fence, sent_ms = self.client.fence or 0, 1000.0 * time.monotonic()
         return _encode(
             _Velocity(fence, self._drive_topic, type_, fields, sent_ms, self.client.next_number())
@@ -156,7 +157,7 @@ class Publishing(Family):
 
     async def stand(self) -> None:
         """Send a velocity of zero."""
-        await self.client.hub.link.forward(self._velocity(VELOCITY_TOPIC, Raw(b"{}")))
+        await self.client.hub.link.forward(self._velocity(VELOCITY_TOPIC, {}))
 
     # --- messages -------------------------------------------------------------------------------------------
 
@@ -175,8 +176,11 @@ class Publishing(Family):
         self.client.require(Scope.DRIVE)
         if self.client.fence is None:
             raise NotDone(NO_LEASE)
-        fields = Raw(msgspec.json.encode(operation.msg))
-        await self.client.hub.link.forward(self._velocity(operation.topic, fields))
+        text = self._velocity(operation.topic, operation.msg)
+        wire.browser_message(
+            text
+        )  # what the bridge cannot read is refused here: it could not say whose it was
+        await self.client.hub.link.forward(text)
 
     def _type_of(self, topic: str) -> str:
         """Return the type of a message: as advertised, else as on the allow-list. Raises `NotDone`."""

@@ -10,6 +10,7 @@ from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 from teleop.background.jobs import run_in_background
 from teleop.live.consumers.message_socket import BUSY
+from teleop.rosbridge.control_services import STOP
 from teleop.rosbridge.family import Family, Handler, Service
 from teleop.rosbridge.operations import CallService, Operation, full_name
 
@@ -31,7 +32,7 @@ class ServiceCalls(Family):
         if service is None:
             text = say("{name} is not on the allow-list for this. Ask the staff.", name=name)
             await self._answer(call, Refusal("not_allowed", text, "robot", {"name": name}))
-        elif self._pending >= MOST_PENDING:
+        elif self._pending >= MOST_PENDING and name != STOP:
             await self._answer(call, BUSY)
         else:
             self._pending += 1

@@ -52,5 +52,6 @@ def test_only_messages_of_clients_have_a_largest_size(tmp_path):
             client.send(str(length))
             assert {len(client.recv()), len(client.recv())} == {length}
             client.send("9" * (limits.MESSAGE_BYTES + 1))
-            with pytest.raises(ConnectionClosed):
+            with pytest.raises(ConnectionClosed) as closed:
                 client.recv()
+            assert closed.value.rcvd.code == 1009
