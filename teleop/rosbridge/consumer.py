@@ -6,6 +6,7 @@ import asyncio
 import logging
 import secrets
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from itertools import count
 from typing import Any
@@ -37,7 +38,7 @@ from teleop.control.lease_checks import NO_LEASE
 from teleop.control.scopes import ACTING, needed_scopes, scope_missing
 from teleop.control.status import RobotEntry
 from teleop.live.consumers.controlling_socket import ControllingSocket
-from teleop.live.consumers.message_socket import CloseCode
+from teleop.live.consumers.message_socket import BUSY, CloseCode
 from teleop.live.control_holder import ControlHolder
 from teleop.live.grant_renewal import Delays
 from teleop.rosbridge import framing, operations
@@ -52,6 +53,7 @@ log = logging.getLogger(__name__)
 
 STATUS_TOPIC = "/fleet/status"  # the same as the operation status, which roslibpy drops
 PING_S = 0.5
+MOST_EARLY = 100
 SIGN_IN_S = 10.0  # the longest time that a client may stay unknown
 _GRAVITY = {"none": 3, "error": 2, "warning": 1, "info": 0}
 _SIGN_IN_FIRST = Refusal(
@@ -83,6 +85,8 @@ class RosbridgeConsumer(ControllingSocket):
         self._link: BridgeLink | None = None  # of the robot, as its topics are read
         self._level = "warning"
         self._reassembly = Reassembly()
+        # Operations that wait for the link of a new connection; None: it has been tried
+        self._early: deque[Operation] | None = deque()
         self._numbers = count(1)
         self._answers: dict[int, asyncio.Future[Accepted | Refused]] = {}  # by number of the request
         self._trip_s: float | None = None  # to the client and back
@@ -124,13 +128,16 @@ class RosbridgeConsumer(ControllingSocket):
         run_in_background(self._settle())
 
     async def _settle(self) -> None:
-        """Read the status of control, and tell the client if the robot is out of reach."""
+        """Wait for the link, and tell the client if the robot is out of reach. Then act on what has come meanwhile."""
         try:
             await self.hub.read_status_for(self)
         except DatabaseError as error:
             await self.close(CloseCode.TRY_AGAIN, database_refusal(error).text)
         await self.hub.wait_for_link()
         self.report_bridge_gone()
+        while self._early:
+            await self._act(self._early.popleft())
+        self._early = None
 
     async def _keep_pinging(self, ping: Callable[[Callable[[float], None]], None]) -> None:
         """While the client has control, see that it is there, and how far away: it may have nothing to send."""
@@ -186,6 +193,12 @@ class RosbridgeConsumer(ControllingSocket):
         if self._is_stop(operation):  # counts for the flood limit, but is never refused
             self.stop_button.press(self.hub.link, flood=not self.spend())
         elif not await self.within_budget(wire.kind_of(operation)):
+            return
+        elif self.families and self._early is not None:
+            if len(self._early) < MOST_EARLY:
+                self._early.append(operation)
+            else:
+                await self.refuse(wire.kind_of(operation), BUSY, operation.id)
             return
         await self._act(operation)
 

@@ -181,6 +181,18 @@ async def test_anybody_who_sees_the_robot_stops_it(open_client, bridge):
     assert (await bridge.hears(wire.LinkStop)).by
 
 
+async def test_a_stop_does_not_wait_for_the_link_of_a_new_connection(open_client, bridge, monkeypatch):
+    tried = asyncio.Event()
+    monkeypatch.setattr("teleop.live.robot_hub.RobotHub.wait_for_link", lambda _hub: tried.wait())
+    client = await open_client("operator")
+    await client.send("subscribe", topic="/a", throttle_rate=-1)
+    assert (await client.call("/fleet/stop"))["result"]
+    await bridge.hears(wire.LinkStop)
+    assert not client.inbox
+    tried.set()
+    await client.told("invalid")
+
+
 async def test_a_stop_is_sent_above_the_limit_of_operations(driver, bridge, monkeypatch):
     monkeypatch.setattr("teleop.live.consumers.message_socket.TokenBucket.spend", lambda *_: False)
     await driver.send("call_service", service="/fleet/stop")
