@@ -84,7 +84,7 @@ class ActionGoals(Family):
             given = operation.args or {}
             if not isinstance(operation.id, str) or not isinstance(given, dict):
                 raise NotDone(_NO_ID)
-            if offer := self._clients.offers.find(name):
+            if name not in self._actions and (offer := self._clients.offers.find(name)):
                 self.client.require(Scope.TOPICS)
                 await self._clients.send(offer, operation)
                 return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from teleop.rosbridge.action_goals import ActionGoals
 from teleop.rosbridge.clients.services import ClientServices
+from teleop.rosbridge.clients.topics import ActionTopics
 from teleop.rosbridge.control_services import ControlServices
 from teleop.rosbridge.family import Family
 from teleop.rosbridge.publishing import Publishing
@@ -19,6 +20,7 @@ FAMILIES: tuple[type[Family], ...] = (
     RobotServices,
     ActionGoals,
     ClientServices,
+    ActionTopics,
     Transforms,
     ServiceCalls,
 )

@@ -75,8 +75,8 @@ class Offers:
             self.remove(name)
 
     def find(self, name: str) -> Offer | None:
-        """Return the offer of this name, of any client."""
-        return self._all.get((self._kind, name))
+        """Return the offer of this name, of any client; the prefix may be left out."""
+        return self._all.get((self._kind, public_name(name)))
 
     def usable(self, offer: Offer) -> Offer:
         """Return the offer if this client may use it. Raises NotDone."""

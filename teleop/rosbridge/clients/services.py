@@ -46,7 +46,8 @@ class ClientServices(Family):
         }
 
     def service(self, name: str) -> Service | None:
-        return partial(self._call, name) if name.startswith(CLIENTS) else None
+        found = name.startswith(CLIENTS) or self.offers.find(name) is not None
+        return partial(self._call, name) if found else None
 
     def services(self) -> Mapping[str, str]:
         return {offer.name: offer.type for offer in self.offers.listed()}

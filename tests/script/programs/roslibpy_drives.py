@@ -186,6 +186,35 @@ def offers_a_service() -> None:
     service.unadvertise()
 
 
+def offers_an_action() -> None:
+    server = actionlib.SimpleActionServer(operator, "/fibonacci", "actionlib_tutorials/FibonacciAction")
+
+    def execute(goal: Any) -> None:
+        server.send_feedback({"sequence": [0, 1]})
+        if goal["order"] < 10:
+            server.set_succeeded({"sequence": [0, 1, 1, 2]})
+            return
+        while not server.is_preempt_requested():
+            time.sleep(0.02)
+        server.set_preempted()
+
+    server.start(execute)
+    client = actionlib.ActionClient(staff, "/fleet/clients/fibonacci", "actionlib_tutorials/FibonacciAction")
+    goal = actionlib.Goal(client, {"order": 3})
+    goal.send()
+    assert goal.wait(ANSWER_S)["sequence"] == [0, 1, 1, 2]
+    assert goal.feedback["sequence"] == [0, 1]
+    goal = actionlib.Goal(client, {"order": 20})
+    begun = threading.Event()
+    goal.on("feedback", lambda _: begun.set())
+    goal.send()
+    assert begun.wait(ANSWER_S)
+    goal.cancel()
+    ended = threading.Event()
+    goal.on("status", lambda status: status["status"] == actionlib.GoalStatus.PREEMPTED and ended.set())
+    assert ended.wait(ANSWER_S)
+
+
 def reconnects() -> None:
     notes = Inbox(operator, "/scan_raw", "sensor_msgs/LaserScan", throttle_rate=200)
     notes.until()
@@ -223,6 +252,7 @@ for step in (
     follows_a_frame,
     reads_a_map_and_a_picture,
     offers_a_service,
+    offers_an_action,
     reconnects,
     staff_call_services_and_set_parameters,
 ):

@@ -102,6 +102,10 @@ async def test_a_clients_service_answers_other_clients(server, open_client):
     await server.send("service_response", service="/add", id=asked["id"], values={"sum": 3}, result=True)
     answer = await other.hears_op("service_response", id="call:1")
     assert (answer["service"], answer["values"], answer["result"]) == (ADD, {"sum": 3}, True)
+    await other.send("call_service", service="add", id="short")
+    asked = await server.hears_op("call_service", service="/add")
+    await server.send("service_response", service="/add", id=asked["id"], values={}, result=True)
+    await other.hears_op("service_response", id="short", service="add")
     await other.send("call_service", service=ADD, id="call:2")
     asked = await server.hears_op("call_service", service="/add")
     await server.send("service_response", service="/add", id=asked["id"], values="no", result=False)
@@ -208,3 +212,23 @@ async def test_a_client_that_leaves_cancels_the_goals_that_it_sent(open_client, 
     taken = await server.hears_op("send_action_goal")
     await other.close()
     await server.hears_op("cancel_action_goal", id=taken["id"])
+
+
+async def test_a_clients_action_by_topics_reaches_other_clients_only(open_client, bridge):
+    server, other = await open_client("operator"), await open_client("second_operator")
+    await server.send("subscribe", topic="/count/goal")
+    await other.send("subscribe", topic="/fleet/clients/count/status")
+    await other.call("/fleet/renew_control")  # its answer comes after the subscription
+    await server.send("advertise", topic="/count/status", type="actionlib_msgs/GoalStatusArray")
+    await server.send("publish", topic="/count/status", msg={"status_list": []})
+    heard = await other.hears_op("publish", topic="/fleet/clients/count/status")
+    assert heard["msg"] == {"status_list": []}
+    await other.send("publish", topic="/fleet/clients/count/goal", msg={"goal": {"to": 3}})
+    assert (await server.hears_op("publish", topic="/count/goal"))["msg"] == {"goal": {"to": 3}}
+    await other.send("publish", topic="/count/result", msg={})
+    await other.told("name_taken")
+    assert not bridge.all(wire.Publish)
+    await server.close()
+    await other.send("publish", topic="/count/result", msg={}, id="again")
+    await other.send("publish", topic="/other/result", msg={})
+    assert "/other/result" in (await other.told("not_allowed"))["msg"]
