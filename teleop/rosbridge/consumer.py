@@ -164,6 +164,8 @@ class RosbridgeConsumer(ControllingSocket):
             self._unknown.cancel()
         if self._pinging:
             self._pinging.cancel()
+        if self._early:
+            self._early.clear()
         for family in self.families:
             family.leave()
         await super().on_close()

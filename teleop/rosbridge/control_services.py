@@ -31,6 +31,8 @@ class ControlServices(Family):
     def __init__(self, client: Client) -> None:
         super().__init__(client)
         self._news = asyncio.Event()
+        self._one = asyncio.Lock()  # one step after the other
+        self._steps: set[asyncio.Task[None]] = set()
         self._services: dict[str, Callable[[ControlHolder], Awaitable[None]]] = {
             "/fleet/take_control": self._take,
             "/fleet/renew_control": lambda control: control.renew(),
@@ -54,12 +56,27 @@ class ControlServices(Family):
         self.client.require(*ACTING)
         if (control := self.client.control) is None:
             raise NotDone(NO_LEASE)
+        running = asyncio.ensure_future(self._in_turn(step, control))
+        self._steps.add(running)
         try:
-            await step(control)
+            await running
         except DatabaseError as error:
             log.error("Control of robot %s: %s", self.client.hub.robot_id, error)
             raise NotDone(database_refusal(error)) from error
+        finally:
+            self._steps.discard(running)
         return self._told()
+
+    async def _in_turn(
+        self, step: Callable[[ControlHolder], Awaitable[None]], control: ControlHolder
+    ) -> None:
+        async with self._one:
+            await step(control)
+
+    def leave(self) -> None:
+        """Drop what waits: nobody is there who could drive."""
+        for running in list(self._steps):
+            running.cancel()
 
     async def _take(self, control: ControlHolder) -> None:
         """Take control. Wait until the bridge knows it, and send it a zero: then the first velocity drives."""
@@ -74,7 +91,7 @@ class ControlServices(Family):
                 await family.stand()
 
     async def _until_yours(self) -> None:
-        while not (self.client.control_told and self.client.control_told.state == "yours"):
+        while not (self.client.fence and (told := self.client.control_told) and told.state == "yours"):
             self._news.clear()
             await self._news.wait()
 

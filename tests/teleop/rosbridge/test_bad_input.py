@@ -6,6 +6,7 @@ import pytest
 
 from robots.shared import wire
 from robots.shared.configuration.bridge_config import Allowed
+from teleop.live.consumers import message_socket
 from teleop.live.consumers.message_socket import FLOOD_BURST, CloseCode
 from teleop.rosbridge import publishing, reassembly
 from teleop.rosbridge.operations import LARGEST_BYTES
@@ -16,36 +17,43 @@ PUBLISH = '{"op":"publish","topic":"/cmd_vel","msg":'
 TWIST = "geometry_msgs/Twist"
 
 
-@pytest.mark.parametrize(
-    ("raw", "code"),
-    [
-        ("", "not_json"),
-        ("go!", "not_json"),
-        ("[]", "invalid"),
-        ("\ud800", "not_json"),
-        ('{"op":"fly"}', "invalid"),
-        ('{"topic":"/cmd_vel"}', "invalid"),
-        (f'{PUBLISH}{{"linear":{{"x":NaN}}}}}}', "not_json"),
-        (f"{PUBLISH}{'[' * 5000}{']' * 5000}}}", "invalid"),
-        (f'{PUBLISH}{{"a":{"[" * 5000}{"]" * 5000}}}}}', "not_json"),
-        (f"{PUBLISH}7}}", "invalid"),
-        (f'{PUBLISH}{{"linear":{{"x":1e999}}}}}}', "invalid"),
-        (f'{PUBLISH}{{"a":{"[" * 30}{"]" * 30}}}}}', "invalid"),
-        (f'{PUBLISH}{{"a":"{"x" * 9000}"}}}}', "too_large"),
-        ('{"op":"call_service","service":"/rosapi/topics","id":"%s"}' % ("x" * 60_000), "invalid"),
-        ('{"op":"publish","topic":"/a","msg":{"data":"%s"}}' % ("x" * LARGEST_BYTES), "too_large"),
-        ('{"op":"advertise","topic":"/a","type":"no type"}', "invalid"),
-        ('{"op":"advertise","topic":"/class/def","type":"no_such/Type"}', "not_allowed"),
-        ('{"op":"png","data":"aGVsbG8="}', "invalid"),
-        ('{"op":"auth","mac":"fleet_x"}', "signed_in"),
-        ('{"op":"set_level","level":"loud"}', "invalid"),
-        ('{"op":"fragment","id":"f","num":-1,"total":2,"data":""}', "invalid"),
-        ('{"op":"fragment","id":"f","num":0,"total":1000000000,"data":""}', "invalid"),
-    ],
-)
-async def test_rubbish_is_told(driver, bridge, raw, code):
-    await driver.say_raw(raw)
-    await driver.told(code)
+RUBBISH = [
+    ("", "not_json"),
+    ("go!", "not_json"),
+    ("[]", "invalid"),
+    ("\ud800", "not_json"),
+    ('{"op":"fly"}', "invalid"),
+    ('{"topic":"/cmd_vel"}', "invalid"),
+    (f'{PUBLISH}{{"linear":{{"x":NaN}}}}}}', "not_json"),
+    (f"{PUBLISH}{'[' * 5000}{']' * 5000}}}", "invalid"),
+    (f'{PUBLISH}{{"a":{"[" * 5000}{"]" * 5000}}}}}', "not_json"),
+    (f"{PUBLISH}7}}", "invalid"),
+    (f'{PUBLISH}{{"linear":{{"x":1e999}}}}}}', "invalid"),
+    (f'{PUBLISH}{{"a":{"[" * 30}{"]" * 30}}}}}', "invalid"),
+    (f'{PUBLISH}{{"a":"{"x" * 9000}"}}}}', "too_large"),
+    ('{"op":"call_service","service":"/rosapi/topics","id":"%s"}' % ("x" * 60_000), "invalid"),
+    ('{"op":"publish","topic":"/a","msg":{"data":"%s"}}' % ("x" * LARGEST_BYTES), "too_large"),
+    ('{"op":"advertise","topic":"/a","type":"no type"}', "invalid"),
+    ('{"op":"advertise","topic":"/class/def","type":"no_such/Type"}', "not_allowed"),
+    ('{"op":"png","data":"aGVsbG8="}', "invalid"),
+    ('{"op":"auth","mac":"fleet_x"}', "signed_in"),
+    ('{"op":"set_level","level":"loud"}', "invalid"),
+    ('{"op":"fragment","id":"f","num":-1,"total":2,"data":""}', "invalid"),
+    ('{"op":"fragment","id":"f","num":0,"total":1000000000,"data":""}', "invalid"),
+]
+
+
+@pytest.fixture(autouse=True)
+def all_replies(monkeypatch):
+    """Each refusal is told, however many there are."""
+    monkeypatch.setattr(message_socket, "REPLIES_BURST", 1000.0)
+
+
+async def test_rubbish_is_told(driver, bridge):
+    for raw, code in RUBBISH:
+        await driver.say_raw(raw)
+        status = await driver.hears_op("status")
+        assert status["msg"].startswith(f"{code}: "), (raw[:80], status)
     await still_drives(driver, bridge)
 
 
@@ -98,21 +106,22 @@ async def test_fragments_become_an_operation_in_any_order(driver, bridge):
     await bridge.hears(wire.Publish, lambda sent: sent.fields == {"linear": {"x": 0.25}})
 
 
-@pytest.mark.parametrize(
-    ("second", "code"),
-    [
-        ((0, 2, "b"), "bad_fragment"),
-        ((1, 3, "b"), "bad_fragment"),
-        ((2, 2, "b"), "bad_fragment"),
-        ((1, 2, "x" * (LARGEST_BYTES - 100)), "too_large"),
-        ((1, 2, "!"), "not_json"),
-        ((1, 2, json.dumps({"op": "set_level", "level": "nine"})[1:]), "invalid"),
-    ],
-)
-async def test_fragments_that_do_not_fit_are_told(driver, second, code):
-    await fragment(driver, 0, 2, "{" if code == "invalid" else "x" * 200)
-    await fragment(driver, *second)
-    await driver.told(code)
+MISFITS = [
+    ((0, 2, "b"), "bad_fragment"),
+    ((1, 3, "b"), "bad_fragment"),
+    ((2, 2, "b"), "bad_fragment"),
+    ((1, 2, "x" * (LARGEST_BYTES - 100)), "too_large"),
+    ((1, 2, "!"), "not_json"),
+    ((1, 2, json.dumps({"op": "set_level", "level": "nine"})[1:]), "invalid"),
+]
+
+
+async def test_fragments_that_do_not_fit_are_told(driver):
+    for second, code in MISFITS:
+        await fragment(driver, 0, 2, "{" if code == "invalid" else "x" * 200)
+        await fragment(driver, *second)
+        status = await driver.hears_op("status")
+        assert status["msg"].startswith(f"{code}: "), (second, status)
     # Nothing is left of them
     await fragment(driver, 0, 2, '{"op":"set_level",')
     await fragment(driver, 1, 2, '"level":"error"}')
@@ -143,19 +152,19 @@ def allowed(allow):
     )
 
 
-@pytest.mark.parametrize(
-    ("topic", "type_", "code"),
-    [
-        ("/cmd_vel", "std_msgs/String", "other_type"),
-        ("/horn", "std_msgs/String", "other_type"),
-        ("/staff", "std_msgs/Empty", "role_too_low"),
-        ("/nothing", "std_msgs/Empty", "not_allowed"),
-    ],
-)
-async def test_topics_that_may_not_be_published(open_client, topic, type_, code):
+FORBIDDEN = [
+    ("/cmd_vel", "std_msgs/String", "other_type"),
+    ("/horn", "std_msgs/String", "other_type"),
+    ("/staff", "std_msgs/Empty", "role_too_low"),
+    ("/nothing", "std_msgs/Empty", "not_allowed"),
+]
+
+
+async def test_topics_that_may_not_be_published(open_client):
     client = await open_client("operator")
-    await client.send("advertise", topic=topic, type=type_)
-    await client.told(code)
+    for topic, type_, code in FORBIDDEN:
+        await client.send("advertise", topic=topic, type=type_)
+        assert (await client.hears_op("status"))["msg"].startswith(f"{code}: "), topic
 
 
 async def test_two_clients_with_different_types(driver, open_client):
