@@ -18,6 +18,7 @@ SHARING = {
     "tests/script/programs/test_programs.py": "stack",
     "tests/script/programs/test_generated_client.py": "stack",
     "tests/script/programs/test_foxglove.py": "stack",
+    "tests/script/programs/test_rosbridge_door.py": "stack",
     "tests/script/programs/test_rosbridge.py": "stack",
     "tests/script/test_pending_stop.py": "stack",
     "tests/script/test_camera.py": "stack",
