@@ -1,4 +1,4 @@
-"""Actions: goals of the robot's actions become tasks, those of clients' actions go to the clients that offer them."""
+"""Actions: goals of the robot's actions become tasks, those of clients' actions go to these clients."""
 
 from __future__ import annotations
 
@@ -84,9 +84,9 @@ class ActionGoals(Family):
             given = operation.args or {}
             if not isinstance(operation.id, str) or not isinstance(given, dict):
                 raise NotDone(_NO_ID)
-            if name not in self._actions and (offer := self._clients.offers.find(name)):
+            if name not in self._actions and (advertised := self._clients.advertised.find(name)):
                 self.client.require(Scope.TOPICS)
-                await self._clients.send(offer, operation)
+                await self._clients.send(advertised, operation)
                 return
             action = self._robots(name)
         except NotDone as refused:
@@ -200,10 +200,10 @@ class ActionGoals(Family):
 
     async def _advertise(self, operation: AdvertiseAction) -> None:
         self.client.require(Scope.TOPICS)
-        self._clients.offers.add(full_name(operation.action), full_type(operation.type), self._clients)
+        self._clients.advertised.add(full_name(operation.action), full_type(operation.type), self._clients)
 
     async def _unadvertise(self, operation: UnadvertiseAction) -> None:
-        if not self._clients.offers.remove(full_name(operation.action)):
+        if not self._clients.advertised.remove(full_name(operation.action)):
             text = say("This client does not advertise {topic}.", topic=operation.action)
             await self.client.status("warning", f"not_advertised: {text}", operation.id)
 

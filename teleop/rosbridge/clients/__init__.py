@@ -1,1 +1,1 @@
-"""Services and actions that clients offer to other clients of the same robot, under /fleet/clients/."""
+"""Services and actions that clients advertise for other clients of the same robot, under /fleet/clients/."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from robots.shared.wire import NotDone, Refusal
 from teleop.background.jobs import run_in_background
 from teleop.rosbridge.actions.ends import ABORTED, IN_ROS2
-from teleop.rosbridge.clients.offers import Offer, Offers
+from teleop.rosbridge.clients.advertised import Advertised, Advertisements
 from teleop.rosbridge.clients.services import CLIENT_LEFT
 from teleop.rosbridge.family import Client
 from teleop.rosbridge.operations import ActionFeedback, ActionResult, Id, SendActionGoal
@@ -22,7 +22,7 @@ _NO_GOAL = Refusal("no_goal", "No goal with this id is under way.", "wire")
 class _Taken(NamedTuple):
     """A goal of another client that this one carries out."""
 
-    offer: Offer
+    advertised: Advertised
     asker: ClientActions
     id: Id  # the asker's own
     feedback: bool
@@ -33,7 +33,7 @@ class ClientActions:
 
     def __init__(self, client: Client) -> None:
         self.client = client
-        self.offers = Offers(client, "action")
+        self.advertised = Advertisements(client, "action")
         self._numbers = count(1)
         self._taken: dict[str, _Taken] = {}  # by the id that this client got
         self._sent: dict[
@@ -42,7 +42,7 @@ class ClientActions:
 
     def leave(self) -> None:
         """Cancel the goals that this client sent; end those that it carries out."""
-        self.offers.remove_all()
+        self.advertised.remove_all()
         for server, number in list(self._sent.values()):
             run_in_background(server.cancelled(number))
         for number in list(self._taken):
@@ -50,10 +50,10 @@ class ClientActions:
 
     # --- as the one that asks ---------------------------------------------------------------------------
 
-    async def send(self, offer: Offer, goal: SendActionGoal) -> None:
+    async def send(self, advertised: Advertised, goal: SendActionGoal) -> None:
         """Send a goal to the client that offers this action. Raises NotDone."""
-        server: ClientActions = self.offers.usable(offer).server
-        await server.take(_Taken(offer, self, goal.id, goal.feedback), goal.args or {})
+        server: ClientActions = self.advertised.usable(advertised).server
+        await server.take(_Taken(advertised, self, goal.id, goal.feedback), goal.args or {})
 
     async def cancel(self, id_: Id) -> bool:
         """Ask for the cancel of a goal that this client sent. Return whether there is one."""
@@ -76,8 +76,8 @@ class ClientActions:
             {
                 "op": "send_action_goal",
                 "id": number,
-                "action": goal.offer.own,
-                "action_type": goal.offer.type,
+                "action": goal.advertised.own,
+                "action_type": goal.advertised.type,
                 "args": args,
                 "feedback": goal.feedback,
             }
@@ -86,7 +86,7 @@ class ClientActions:
     async def cancelled(self, number: str) -> None:
         """Pass a cancel to this client, which decides how the goal ends."""
         if number in self._taken:
-            action = self._taken[number].offer.own
+            action = self._taken[number].advertised.own
             await self.client.send({"op": "cancel_action_goal", "id": number, "action": action})
 
     async def feedback(self, operation: ActionFeedback) -> None:
@@ -96,7 +96,7 @@ class ClientActions:
             message = {
                 "op": "action_feedback",
                 "id": goal.id,
-                "action": goal.offer.name,
+                "action": goal.advertised.name,
                 "values": operation.values,
             }
             await goal.asker.client.send(message)
@@ -117,7 +117,12 @@ class ClientActions:
     async def _end(self, number: str, told: dict[str, Any]) -> None:
         goal = self._taken.pop(number)
         goal.asker._sent.pop(goal.id, None)
-        answer = {"op": "action_result", "id": goal.id, "action": goal.offer.name, "status": IN_ROS2[ABORTED]}
+        answer = {
+            "op": "action_result",
+            "id": goal.id,
+            "action": goal.advertised.name,
+            "status": IN_ROS2[ABORTED],
+        }
         await goal.asker.client.send(answer | told)
 
 

@@ -12,7 +12,7 @@ from fleet.accounts.tokens.models import Scope
 from robots.shared.configuration.bridge_config import CLIENTS
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
-from teleop.rosbridge.clients.offers import Offer, Offers
+from teleop.rosbridge.clients.advertised import Advertised, Advertisements
 from teleop.rosbridge.family import Client, Family, Handler, Service
 from teleop.rosbridge.operations import (
     AdvertiseService,
@@ -34,7 +34,7 @@ class ClientServices(Family):
 
     def __init__(self, client: Client) -> None:
         super().__init__(client)
-        self.offers = Offers(client, "service")
+        self.advertised = Advertisements(client, "service")
         self._numbers = count(1)
         self._calls: dict[str, asyncio.Future[dict[str, Any]]] = {}  # of this client's services, by id
 
@@ -46,56 +46,58 @@ class ClientServices(Family):
         }
 
     def service(self, name: str) -> Service | None:
-        found = name.startswith(CLIENTS) or self.offers.find(name) is not None
+        found = name.startswith(CLIENTS) or self.advertised.find(name) is not None
         return partial(self._call, name) if found else None
 
     def services(self) -> Mapping[str, str]:
-        return {offer.name: offer.type for offer in self.offers.listed()}
+        return {advertised.name: advertised.type for advertised in self.advertised.listed()}
 
     def leave(self) -> None:
-        self.offers.remove_all()
+        self.advertised.remove_all()
         for call in self._calls.values():
             if not call.done():
                 call.set_exception(NotDone(CLIENT_LEFT))
 
     async def _advertise(self, operation: AdvertiseService) -> None:
         self.client.require(Scope.TOPICS)
-        self.offers.add(full_name(operation.service), full_type(operation.type), self)
+        self.advertised.add(full_name(operation.service), full_type(operation.type), self)
 
     async def _unadvertise(self, operation: UnadvertiseService) -> None:
-        if not self.offers.remove(full_name(operation.service)):
+        if not self.advertised.remove(full_name(operation.service)):
             text = say("This client does not advertise {topic}.", topic=operation.service)
             await self.client.status("warning", f"not_advertised: {text}", operation.id)
 
     async def _call(self, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
         self.client.require(Scope.TOPICS)
-        if (offer := self.offers.find(name)) is None:
+        if (advertised := self.advertised.find(name)) is None:
             text = say("No client offers {name}.", name=name)
             raise NotDone(Refusal("no_service", text, "robot", {"service": name}))
-        server: ClientServices = self.offers.usable(offer).server
-        return await server.answer(offer, arguments)
+        server: ClientServices = self.advertised.usable(advertised).server
+        return await server.answer(advertised, arguments)
 
-    async def answer(self, offer: Offer, arguments: dict[str, Any]) -> dict[str, Any]:
+    async def answer(self, advertised: Advertised, arguments: dict[str, Any]) -> dict[str, Any]:
         """Let this client answer a call of another. Raises NotDone."""
         if len(self._calls) >= MOST_CALLS:
             text = say(
-                "More than {most} calls of {service} wait for an answer.", most=MOST_CALLS, service=offer.name
+                "More than {most} calls of {service} wait for an answer.",
+                most=MOST_CALLS,
+                service=advertised.name,
             )
             raise NotDone(Refusal("busy", text, "wire", {"limit": MOST_CALLS}))
         number = f"call:{next(self._numbers)}"
         call = self._calls[number] = asyncio.get_running_loop().create_future()
         try:
             await self.client.send(
-                {"op": "call_service", "id": number, "service": offer.own, "args": arguments}
+                {"op": "call_service", "id": number, "service": advertised.own, "args": arguments}
             )
             return await asyncio.wait_for(call, CALL_S)
         except TimeoutError as error:
             text = say(
                 "{service} did not answer within {seconds} s: whether it was carried out is not known.",
-                service=offer.name,
+                service=advertised.name,
                 seconds=CALL_S,
             )
-            raise NotDone(Refusal("service_silent", text, "wire", {"service": offer.name})) from error
+            raise NotDone(Refusal("service_silent", text, "wire", {"service": advertised.name})) from error
         finally:
             del self._calls[number]
 

@@ -11,7 +11,7 @@ from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal
 from teleop.control.allow_list import check_role, required_role
 from teleop.live.robot_hub import RobotHub
-from teleop.rosbridge.clients.offers import public_name
+from teleop.rosbridge.clients.advertised import public_name
 from teleop.rosbridge.family import Client, Family, Handler
 from teleop.rosbridge.operations import Publish, full_name
 
@@ -22,7 +22,7 @@ _here: WeakKeyDictionary[RobotHub, WeakSet[ActionTopics]] = WeakKeyDictionary()
 
 
 class ActionTopics(Family):
-    """The topics of actions that the clients of a robot offer each other. The first server has them until it leaves."""
+    """The topics of actions that clients advertise for each other. The first server has them until it leaves."""
 
     def __init__(self, client: Client) -> None:
         super().__init__(client)

@@ -1,6 +1,6 @@
-"""What the clients of a robot offer each other: allowed by the allow-list, gone with the client.
+"""What the clients of a robot advertise for each other: allowed by the allow-list, gone with the client.
 
-An offer lives in this process: clients that another web process serves do not see it. It never reaches the robot.
+It lives in this process: clients that another web process serves do not see it. It never reaches the robot.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from teleop.control.allow_list import check_role, required_role
 from teleop.live.robot_hub import RobotHub
 from teleop.rosbridge.family import Client
 
-MOST_OFFERS = 20  # of one client
+MOST_ADVERTISED = 20  # of one client
 
 Kind = Literal["service", "action"]
 
 
-class Offer(NamedTuple):
+class Advertised(NamedTuple):
     """A service or action of a client. `own`: its name as that client wrote it; `server`: what takes its calls."""
 
     name: str
@@ -30,39 +30,39 @@ class Offer(NamedTuple):
     server: Any
 
 
-_offers: WeakKeyDictionary[RobotHub, dict[tuple[Kind, str], Offer]] = WeakKeyDictionary()
+_advertised: WeakKeyDictionary[RobotHub, dict[tuple[Kind, str], Advertised]] = WeakKeyDictionary()
 
 
 def public_name(name: str) -> str:
-    """Return the name under which other clients find an offer."""
+    """Return the name under which other clients find it."""
     return name if name.startswith(CLIENTS) else f"{CLIENTS}{name.lstrip('/')}"
 
 
-class Offers:
-    """The offers of one kind, as one client makes and finds them."""
+class Advertisements:
+    """What clients advertise of one kind, as one client makes and finds it."""
 
     def __init__(self, client: Client, kind: Kind) -> None:
         self._client = client
         self._kind: Kind = kind
-        self._all = _offers.setdefault(client.hub, {})
+        self._all = _advertised.setdefault(client.hub, {})
         self._mine: set[str] = set()
 
     def add(self, own: str, type_: str, server: Any) -> None:
-        """Offer something. Raises NotDone."""
+        """Advertise something. Raises NotDone."""
         name = public_name(own)
         taken = self._all.get((self._kind, name))
         if taken is not None and name not in self._mine:
             text = say("Another client offers {name} already.", name=name)
             raise NotDone(Refusal("name_taken", text, "wire", {"name": name}))
-        if len(self._mine) >= MOST_OFFERS and name not in self._mine:
-            text = say("A client offers at most {most} services and {most} actions.", most=MOST_OFFERS)
-            raise NotDone(Refusal("too_many_offers", text, "wire", {"most": MOST_OFFERS}))
+        if len(self._mine) >= MOST_ADVERTISED and name not in self._mine:
+            text = say("A client offers at most {most} services and {most} actions.", most=MOST_ADVERTISED)
+            raise NotDone(Refusal("too_many_advertised", text, "wire", {"most": MOST_ADVERTISED}))
         self._require_role(name, type_)
-        self._all[self._kind, name] = Offer(name, own, type_, server)
+        self._all[self._kind, name] = Advertised(name, own, type_, server)
         self._mine.add(name)
 
     def remove(self, own: str) -> bool:
-        """Take an offer back. Return whether there was one."""
+        """Take something back. Return whether it was advertised."""
         name = public_name(own)
         if name not in self._mine:
             return False
@@ -74,17 +74,17 @@ class Offers:
         for name in list(self._mine):
             self.remove(name)
 
-    def find(self, name: str) -> Offer | None:
-        """Return the offer of this name, of any client; the prefix may be left out."""
+    def find(self, name: str) -> Advertised | None:
+        """Return what any client advertises by this name; the prefix may be left out."""
         return self._all.get((self._kind, public_name(name)))
 
-    def usable(self, offer: Offer) -> Offer:
-        """Return the offer if this client may use it. Raises NotDone."""
-        self._require_role(offer.name, offer.type)
-        return offer
+    def usable(self, advertised: Advertised) -> Advertised:
+        """Return it if this client may use it. Raises NotDone."""
+        self._require_role(advertised.name, advertised.type)
+        return advertised
 
-    def listed(self) -> Iterator[Offer]:
-        return (offer for (kind, _), offer in self._all.items() if kind == self._kind)
+    def listed(self) -> Iterator[Advertised]:
+        return (advertised for (kind, _), advertised in self._all.items() if kind == self._kind)
 
     def _require_role(self, name: str, type_: str) -> None:
         needed = required_role(self._client.hub.entry.allowed, "call", name, type_)
