@@ -237,16 +237,18 @@ class FoxgloveConsumer(RobotSocket):
 
     def catalogue_refused(self, refusal: Refusal) -> None:
         """Tell the client why nothing new comes."""
+        if self._reader is None:  # the client gets this in a moment
+            return
         run_in_background(self._status(protocol.WARNING, _worded(refusal)))
 
     def link_changed(self, up: bool, refusal: Refusal | None) -> None:
         """Tell nothing: the catalogue says it."""
 
     def _follow_topic(self, state: TapState) -> None:
-        if state.refusal == STARTING:
-            return
         if state.refusal is not None:
-            run_in_background(self._status(protocol.WARNING, f"{state.topic}: {_worded(state.refusal)}"))
+            if state.refusal not in (STARTING, self.hub.link.refusal):  # the catalogue tells that of the link
+                text = f"{state.topic}: {_worded(state.refusal)}"
+                run_in_background(self._status(protocol.WARNING, text))
         elif state.definition and self._catalogue is not None:
             self._catalogue.correct(state.topic, state.type, state.definition)
 

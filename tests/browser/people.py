@@ -28,6 +28,7 @@ expect.set_options(timeout=1000.0 * PATIENCE_S)
 POLL_MS = 50
 SIGN_S = 1.0  # a held key repeats; much slower than real keys, so that a test may keep one down for seconds
 MADE_UP_LANGUAGE = (Path(__file__).parent / "made_up_language.js").read_text()
+LICHTBLICK = Path(__file__).parent / "lichtblick"  # stands in for a build
 # Mark the hints for newcomers as read: this person has used the console before.
 HINTS_SEEN = """if (location.protocol.startsWith("http")) {
   const kept = JSON.parse(localStorage.getItem("fleet-console") ?? "{}");
@@ -318,7 +319,7 @@ class Person:
 def running_stack(folder: Path, robots: Sequence[PracticeRobot]) -> Iterator[Stack]:
     """A console with these robots, for the length of a `with` block."""
     with_tables(folder)
-    stack = Stack(folder, robots=robots)
+    stack = Stack(folder, robots=robots, settings={"FLEET_LICHTBLICK": str(LICHTBLICK)})
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("DJANGO_SETTINGS_MODULE", raising=False)  # the stack runs the product's settings
         stack.launch()
