@@ -15,8 +15,14 @@ from teleop.rosbridge.clients.advertised import public_name
 from teleop.rosbridge.family import Client, Family, Handler
 from teleop.rosbridge.operations import Publish, full_name
 
-OF_SERVER = ("status", "feedback", "result")  # parts of an action that its server publishes
-OF_ASKER = ("goal", "cancel")
+_ID: dict[str, Any] = {"stamp": {"secs": 0, "nsecs": 0}, "id": ""}
+# Parts of an action with the fields that clients may leave out: those that its server publishes, and the others
+OF_SERVER: dict[str, dict[str, Any]] = {
+    "status": {"status_list": []},
+    "feedback": {"feedback": {}},
+    "result": {"result": {}},
+}
+OF_ASKER: dict[str, dict[str, Any]] = {"goal": {"goal_id": _ID, "goal": {}}, "cancel": _ID}
 
 _here: WeakKeyDictionary[RobotHub, WeakSet[ActionTopics]] = WeakKeyDictionary()
 
@@ -54,10 +60,8 @@ class ActionTopics(Family):
                 text = say("Another client offers {name} already.", name=name)
                 raise NotDone(Refusal("name_taken", text, "wire", {"name": name}))
             self._serves.add(name)
-        filled: dict[str, Any] = (
-            {part: {}} if part in ("feedback", "result") else {}
-        )  # a result may lack it, as ROS allows
+        message = (OF_SERVER | OF_ASKER)[part] | operation.msg
         for spelt in (topic, f"/{topic.removeprefix(CLIENTS)}"):
             for one in list(self._all):
                 for family in one.client.families:
-                    await family.show(spelt, filled | operation.msg)
+                    await family.show(spelt, message)

@@ -224,7 +224,12 @@ async def test_a_clients_action_by_topics_reaches_other_clients_only(open_client
     heard = await other.hears_op("publish", topic="/fleet/clients/count/status")
     assert heard["msg"] == {"status_list": []}
     await other.send("publish", topic="/fleet/clients/count/goal", msg={"goal": {"to": 3}})
-    assert (await server.hears_op("publish", topic="/count/goal"))["msg"] == {"goal": {"to": 3}}
+    assert (await server.hears_op("publish", topic="/count/goal"))["msg"]["goal"] == {"to": 3}
+    await server.send("subscribe", topic="/count/cancel")
+    await server.call("/fleet/renew_control")
+    await other.send("publish", topic="/fleet/clients/count/cancel", msg={"id": "mine"})
+    cancel = await server.hears_op("publish", topic="/count/cancel")
+    assert cancel["msg"] == {"id": "mine", "stamp": {"secs": 0, "nsecs": 0}}
     await other.send("publish", topic="/count/result", msg={})
     await other.told("name_taken")
     assert not bridge.all(wire.Publish)
