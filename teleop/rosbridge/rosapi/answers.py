@@ -14,15 +14,20 @@ import msgspec
 from msgspec import Struct
 
 from robots.shared import wire
+from robots.shared.link.flood_limits import TokenBucket
 from robots.shared.sentences import say
 from robots.shared.wire import NotDone, Refusal, Refused, TopicName, TypeName
 from teleop.rosbridge.rosapi.typedefs import typedefs
 
 PREFIX = "/rosapi/"
 FRESH_S = 1.0  # a client asks for the type of each topic, one after the other: one list answers all
+MOST_AT_ONCE = 4  # queries of one client
+QUERIES_PER_S, QUERIES_BURST = 20.0, 100.0
 ROS = {"version": 1, "distro": "noetic"}
 
 _OTHER_ANSWER = Refusal("inspector_fault", "The inspector failed at this; its log says how.", "robot")
+
+_TOO_OFTEN = Refusal("busy", "Too many questions about the robot: ask more slowly.", "limits")
 
 Answer = dict[str, Any]
 Query = wire.TopicQuery | wire.DoorQuery
@@ -46,6 +51,8 @@ class Rosapi:
         self._change = change
         self._own = own
         self._graph: tuple[float, asyncio.Future[wire.Graph]] | None = None
+        self._room = asyncio.Semaphore(MOST_AT_ONCE)  # the inspector answers other people, too
+        self._budget = TokenBucket(QUERIES_PER_S, QUERIES_BURST)
 
     async def call(self, service: str, args: Mapping[str, Any]) -> Answer:
         """Return the answer of `service`, one of `SERVICES`. Raises NotDone."""
@@ -172,8 +179,11 @@ class Rosapi:
     # --- questions ------------------------------------------------------------------------------------
 
     async def ask(self, query: Query, answer: type[S]) -> S:
-        """Ask the inspector. Raises NotDone."""
-        return answered(await self._query(query), answer)
+        """Ask the inspector, a few questions at once. Raises NotDone."""
+        if not self._budget.spend(time.monotonic()):
+            raise NotDone(_TOO_OFTEN)
+        async with self._room:
+            return answered(await self._query(query), answer)
 
     async def graph(self) -> wire.Graph:
         """Return the robot's topics, actions and services, at most `FRESH_S` old. Raises NotDone."""

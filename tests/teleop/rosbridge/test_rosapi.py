@@ -209,6 +209,13 @@ async def test_many_questions_about_topics_need_one_list(ask, robot):
     assert len([one for one in robot.asked if isinstance(one, wire.ListTopics)]) == 1
 
 
+async def test_too_many_questions_are_refused(ask, monkeypatch):
+    monkeypatch.setattr("robots.shared.link.flood_limits.TokenBucket.spend", lambda *_: False)
+    with pytest.raises(NotDone) as refused:
+        await ask("get_param", name="/volume")
+    assert refused.value.refusal.code == "busy"
+
+
 async def test_a_failed_list_is_asked_again(ask, robot):
     right, robot.answer = robot.answer, lambda _: Refused("topics", Refusal("robot_offline", "Off.", "robot"))
     with pytest.raises(NotDone):
