@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from uuid import UUID
 
 from robots.bridge.core import Core
@@ -28,7 +28,7 @@ DRIVES_PER_S = 200.0  # limit of a link; a stick sends 20 to 50
 DRIVES_BURST = 50.0
 REFUSAL_GAP_S = 0.25  # answer refused messages of one kind and code at most this often per link
 
-_STOP = "link_stop"
+_STOP, _VELOCITY = "link_stop", "velocity"
 OTHER_ROBOT = wire.Refusal(
     "other_robot", "This bridge belongs to another robot, which was not stopped.", "robot"
 )
@@ -105,6 +105,8 @@ class LinkHandler:
         match message:
             case wire.Drive():
                 return self._drive(link, message, now_s)
+            case wire.LinkVelocity(order=order):
+                return self._velocity(link, order, now_s)
             case wire.Grant() | wire.Revoke() | wire.Pause():
                 self._lease_orders.handle(link, message)
             case wire.LinkStop():
@@ -153,7 +155,31 @@ class LinkHandler:
             self._refuse(link, wire.Refused("drive", refusal, drive.seq, drive.fence), now_s)
         return spent
 
+    def _velocity(self, link: Link, order: wire.Publish, now_s: float) -> bool:
+        """Take a velocity of a stream."""
+
+        def answer(refusal: wire.Refusal | None) -> None:
+            if refusal is not None:
+                self._refuse(link, wire.Refused(_VELOCITY, refusal, order.seq, order.fence), now_s)
+
+        if spent := self._drives[link].spend(now_s):
+            self._begin(order, link, now_s, answer)
+            self._core.decisions.add(time.monotonic() - now_s)
+        else:
+            self._core.refused[_FLOOD.code] += 1
+            answer(_FLOOD)
+        return spent
+
     def _take(self, link: Link, order: wire.TaskRequest, now_s: float) -> None:
+        self._begin(order, link, now_s, lambda refusal: self._answer(link, order, refusal))
+
+    def _begin(
+        self,
+        order: wire.TaskRequest,
+        link: Link,
+        now_s: float,
+        answered: Callable[[wire.Refusal | None], None],
+    ) -> None:
         """Begin a task. A failed task must not end the link: the views and drives of a whole web process use it."""
         is_open = True
 
@@ -161,7 +187,7 @@ class LinkHandler:
             nonlocal is_open
             if is_open:
                 is_open = False
-                self._answer(link, order, refusal)
+                answered(refusal)
 
         try:
             self._core.tasks.take(order, link.number, now_s, answer)

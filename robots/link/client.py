@@ -76,7 +76,6 @@ _OTHER_ROBOT = Refusal(
     "robot",
 )
 
-_PUBLISH = wire.Publish.__struct_config__.tag
 _TASK_KINDS = frozenset(kind.__struct_config__.tag for kind in (*get_args(wire.TaskRequest), wire.LinkCancel))
 
 
@@ -559,15 +558,10 @@ class BridgeLink:
             case wire.Refused(of="inspect"):
                 self._queries.answer(refused.seq, refusal)
             case wire.Refused(of=kind) if kind in _TASK_KINDS:
-                waits = self._task_requests.answer((kind, refused.fence, refused.seq), refused)
-                if not waits and kind == _PUBLISH:  # a velocity, which was forwarded like a stick position
-                    self._report_refused(refused)
+                self._task_requests.answer((kind, refused.fence, refused.seq), refused)
             case _:
-                self._report_refused(refused)
-
-    def _report_refused(self, refused: Refused) -> None:
-        for listener in list(self._listeners):
-            listener.on_refused(refused)
+                for listener in list(self._listeners):
+                    listener.on_refused(refused)
 
     def _forward_sample(self, report: wire.LinkSample) -> None:
         if self._viewer and report.topic in self._topics:

@@ -40,12 +40,11 @@ class PendingReplies(Generic[A]):
             if not self._waiting[key]:
                 del self._waiting[key]
 
-    def answer(self, key: Hashable, answer: A | Exception) -> bool:
-        """Give the answer to the waiting caller. Return False if nobody waits, or has stopped waiting."""
+    def answer(self, key: Hashable, answer: A | Exception) -> None:
+        """Give the answer to the waiting caller, unless the caller has stopped waiting."""
         first = next((waiting for waiting in self._waiting.get(key, ()) if not waiting.done()), None)
         if first is not None:
             _set_result(first, answer)
-        return first is not None
 
     def answer_all(self, error: Exception) -> None:
         """End all waits with this error."""

@@ -39,8 +39,8 @@ _TWIST, _STAMPED = twists.TYPES
 _advertised: WeakKeyDictionary[RobotHub, dict[str, dict[str, str]]] = WeakKeyDictionary()
 
 
-class _Velocity(Struct, frozen=True, tag_field="t", tag="publish"):
-    """A `wire.Publish` of a velocity."""
+class _Order(Struct, frozen=True, tag_field="t", tag="publish"):
+    """A `wire.Publish` of a velocity, which the bridge checks."""
 
     fence: int
     topic: str
@@ -48,6 +48,12 @@ class _Velocity(Struct, frozen=True, tag_field="t", tag="publish"):
     fields: Any
     sent_ms: float
     seq: int
+
+
+class _Velocity(Struct, frozen=True, tag_field="t", tag="velocity"):
+    """A `wire.LinkVelocity`."""
+
+    order: _Order
 
 
 class Publishing(Family):
@@ -141,23 +147,21 @@ class Publishing(Family):
             return False
         if full_name(twist.topic) not in self._drive_topics or not self.client.spend():
             return False
-        link.forward_by_lane(self._velocity(twist.topic, twist.msg))
+        link.forward_by_lane(_encoded(self._order(twist.topic, twist.msg)))
         return True
 
-    def _velocity(self, topic: str, fields: Any) -> str:
+    def _order(self, topic: str, fields: Any) -> _Order:
         """Return a velocity for the bridge. Clients send no time: it counts as sent when it arrives."""
         wanted = self._drive_type
         type_ = self._types.get(full_name(topic), wanted)
         if (type_, wanted) == (_TWIST, _STAMPED):
             type_, fields = wanted, {"twist": fields}
         fence, sent_ms = self.client.fence or 0, 1000.0 * time.monotonic()
-        return _encode(
-            _Velocity(fence, self._drive_topic, type_, fields, sent_ms, self.client.next_number())
-        ).decode()
+        return _Order(fence, self._drive_topic, type_, fields, sent_ms, self.client.next_number())
 
     async def stand(self) -> None:
         """Send a velocity of zero."""
-        await self.client.hub.link.forward(self._velocity(VELOCITY_TOPIC, {}))
+        await self.client.hub.link.forward(_encoded(self._order(VELOCITY_TOPIC, {})))
 
     # --- messages -------------------------------------------------------------------------------------------
 
@@ -176,11 +180,9 @@ class Publishing(Family):
         self.client.require(Scope.DRIVE)
         if self.client.fence is None:
             raise NotDone(NO_LEASE)
-        text = self._velocity(operation.topic, operation.msg)
-        wire.browser_message(
-            text
-        )  # what the bridge cannot read is refused here: it could not say whose it was
-        await self.client.hub.link.forward(text)
+        order = self._order(operation.topic, operation.msg)
+        wire.browser_message(_encode(order))  # of what the bridge cannot read, it could not say whose it was
+        await self.client.hub.link.forward(_encoded(order))
 
     def _type_of(self, topic: str) -> str:
         """Return the type of a message: as advertised, else as on the allow-list. Raises `NotDone`."""
@@ -216,3 +218,7 @@ def _other_type(topic: str, type_: str) -> Refusal:
 
 
 _encode = msgspec.json.Encoder().encode
+
+
+def _encoded(order: _Order) -> str:
+    return _encode(_Velocity(order)).decode()

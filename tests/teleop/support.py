@@ -178,6 +178,10 @@ class FakeBridge:
         if isinstance(message, wire.LinkQuery):
             answer = wire.encode(self.answer(message.ask))
             link.report(wire.LinkAnswer(message.seq, msgspec.Raw(answer)))
+        elif isinstance(message, wire.LinkVelocity):
+            order = message.order
+            if self.refuses_tasks:
+                link.report(wire.Refused("velocity", self.refuses_tasks, order.seq, order.fence))
         elif isinstance(message, wire.TaskRequest | wire.LinkCancel):
             kind, fence = wire.kind_of(message), getattr(message, "fence", None)
             if self.refuses_tasks:

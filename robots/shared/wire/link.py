@@ -21,7 +21,7 @@ from robots.shared.wire.base import (
 from robots.shared.wire.page import Drive, Refresh
 from robots.shared.wire.recordings import LinkKeep, LinkRecord, LinkRecordEnd
 from robots.shared.wire.state import MovesAlthoughStopped, State, StopState
-from robots.shared.wire.tasks import TaskRequest
+from robots.shared.wire.tasks import Publish, TaskRequest
 from robots.shared.wire.topics import DoorQuery, TopicQuery
 
 ProcessName = Literal["camera", "tap"]  # that serve web processes themselves
@@ -85,6 +85,12 @@ class LinkStop(Struct, frozen=True, tag_field="t", tag="link_stop", omit_default
     robot: UUID | None = None
     press: UUID | None = None
     waited: bool = False  # the stop was pending: the receiver does not know the time of the press
+
+
+class LinkVelocity(Struct, frozen=True, tag_field="t", tag="velocity"):
+    """A velocity of a program that streams them. As a stick position, it is answered only if it is refused."""
+
+    order: Publish
 
 
 class LinkLate(Struct, frozen=True, tag_field="t", tag="link_late"):
@@ -156,6 +162,7 @@ LinkRequest = (
     | Revoke
     | Pause
     | Drive
+    | LinkVelocity
     | TaskRequest
     | Refresh
     | LinkCancel

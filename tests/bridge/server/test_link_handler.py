@@ -277,3 +277,28 @@ async def test_a_clear_outlives_the_older_presses_that_it_names(door, bench):
     assert bench.core.stop_state.state == "clear"
     await door.received(link, wire.encode(wire.LinkStop("Ann", press=uuid4())))
     assert bench.core.stop_state.state == "stopping"
+
+
+def velocity(seq: int, vx: float, fence: int = GRANT.fence) -> bytes:
+    sent_ms = time.monotonic() * 1000
+    fields = {"linear": {"x": vx}}
+    return wire.encode(
+        wire.LinkVelocity(
+            wire.Publish(fence, "/key_vel", "geometry_msgs/Twist", fields, sent_ms=sent_ms, seq=seq)
+        )
+    )
+
+
+async def test_a_stream_of_velocities_is_answered_only_when_it_is_refused(door, bench):
+    link = await driven(door, bench)
+    await door.received(link, drive(4))
+    for number in range(1, 4):
+        await door.received(link, velocity(number, 0.3))
+    assert bench.last.vx > 0
+    await door.received(link, velocity(1, 0.3))
+    [refused] = [report for report in link.reports if isinstance(report, wire.Refused)]
+    assert (refused.of, refused.refusal.code, refused.seq) == ("velocity", "out_of_order", 1)
+    assert not [report for report in link.reports if isinstance(report, wire.Accepted)]
+    for number in range(5, 5 + FLOOD):
+        await door.received(link, velocity(number, 0.3))
+    assert bench.core.refused["flood"] > 0

@@ -43,7 +43,7 @@ async def test_a_goal_is_a_task_and_its_end_the_result(driver, bridge):
 
 async def test_an_older_end_is_not_the_goals(driver, bridge):
     ended(bridge, 1, "succeeded")
-    await bridge.hears(wire.Publish)  # the state is known before the goal comes
+    await bridge.hears(wire.LinkVelocity)  # the state is known before the goal comes
     await sends(driver, "a")
     await bridge.hears(wire.Play)
     ended(bridge, 2, "failed")

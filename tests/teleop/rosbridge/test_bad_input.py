@@ -59,8 +59,8 @@ async def test_rubbish_is_told(driver, bridge):
 
 async def still_drives(client, bridge):
     await client.send("publish", topic="/cmd_vel", msg={"linear": {"x": 0.3}})
-    await bridge.hears(wire.Publish, lambda sent: sent.fields == {"linear": {"x": 0.3}})
-    assert len(bridge.all(wire.Publish)) == 2  # and the zero when control was taken
+    await bridge.hears(wire.LinkVelocity, lambda sent: sent.order.fields == {"linear": {"x": 0.3}})
+    assert len(bridge.all(wire.LinkVelocity)) == 2  # and the zero when control was taken
 
 
 async def test_a_binary_frame_is_told(driver):
@@ -103,7 +103,7 @@ async def test_fragments_become_an_operation_in_any_order(driver, bridge):
     text = json.dumps({"op": "publish", "topic": "/cmd_vel", "msg": {"linear": {"x": 0.25}}})
     for num in (2, 0, 1):
         await fragment(driver, num, 3, text[num * 30 : (num + 1) * 30 if num < 2 else None])
-    await bridge.hears(wire.Publish, lambda sent: sent.fields == {"linear": {"x": 0.25}})
+    await bridge.hears(wire.LinkVelocity, lambda sent: sent.order.fields == {"linear": {"x": 0.25}})
 
 
 MISFITS = [

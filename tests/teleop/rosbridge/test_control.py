@@ -114,16 +114,18 @@ async def test_publishing_takes_no_control(open_client, bridge):
     client = await open_client("operator")
     await client.send("publish", topic="/cmd_vel", msg=AHEAD, id="publish:/cmd_vel:1")
     assert (await client.told("no_lease"))["id"] == "publish:/cmd_vel:1"
-    assert not bridge.all(wire.Publish)
+    assert not bridge.all(wire.LinkVelocity)
     refused = await eventually(Record.objects.filter(kind="refusal").first)
     assert (refused.outcome, refused.parameters["through"]) == ("no_lease", "rosbridge")
 
 
 async def test_a_velocity_reaches_the_drive_topic(driver, bridge, robot):
-    await bridge.hears(wire.Publish, lambda sent: sent.fields == {})  # so the first velocity drives
+    await bridge.hears(
+        wire.LinkVelocity, lambda sent: sent.order.fields == {}
+    )  # so the first velocity drives
     await driver.send("advertise", topic="/cmd_vel", type="geometry_msgs/Twist")
     await driver.send("publish", topic="/cmd_vel", msg=AHEAD)
-    sent = await bridge.hears(wire.Publish, lambda sent: sent.fields == AHEAD)
+    sent = (await bridge.hears(wire.LinkVelocity, lambda sent: sent.order.fields == AHEAD)).order
     assert (sent.topic, sent.type, sent.fence) == ("/key_vel", "geometry_msgs/Twist", 1)
     assert sent.sent_ms is not None
 
