@@ -141,10 +141,8 @@ class ActionGoals(Family):
 
     async def _cancel_published(self, operation: Publish) -> None:
         """Cancel the goal of this id; an empty id means all goals: here all goals of this client, of no other."""
-        goals, id_ = (
-            self._goals.of(full_name(operation.topic).removesuffix("/cancel")),
-            operation.msg.get("id"),
-        )
+        goals = self._goals.of(full_name(operation.topic).removesuffix("/cancel"))
+        id_ = operation.msg.get("id")
         named = [goal for goal in goals if not id_ or goal.id == id_]
         if id_ and not named:
             raise NotDone(_NO_GOAL)

@@ -65,12 +65,12 @@ class Goals(Listener):
         return [goal for goal in self._goals if goal.name == name]
 
     async def begin(self, goal: Goal, given: dict[str, Any]) -> None:
-        """Ask for the task of a goal with these fields. Raises NotDone after its end was told."""
+        """Ask for the task of a goal with these fields. Raises NotDone, after its end was told."""
+        if any(one.id == goal.id for one in self._goals):
+            raise NotDone(_TWICE)  # no end is told: the client would take it for that of the other
         try:
             if len(self._goals) >= MOST_GOALS:
                 raise NotDone(_TOO_MANY)
-            if any(one.id == goal.id for one in self._goals):
-                raise NotDone(_TWICE)
             make = goal.action.task(given)
             goal.before = self._seen()
             self._goals.append(goal)
@@ -153,7 +153,7 @@ class Goals(Listener):
         if up:
             return
         text = say("The link to the robot’s bridge was lost.")
-        for goal in list(self._goals):
+        for goal in [goal for goal in self._goals if goal.status == ACTIVE]:
             self._end(goal, End(ABORTED, f"link_lost: {text}"))
 
 

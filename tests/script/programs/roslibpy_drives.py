@@ -18,6 +18,7 @@ import roslibpy
 from roslibpy.core import ServiceException
 from roslibpy.ros1 import actionlib
 from roslibpy.tf import TFClient
+from twisted.internet import reactor
 
 ADDRESS, OPERATOR, STAFF, OBSERVER = sys.argv[1:]
 ANSWER_S = 15.0
@@ -220,7 +221,7 @@ def reconnects() -> None:
     notes.until()
     lost = threading.Event()
     operator.on("close", lambda _: lost.set())
-    operator.factory.connector.transport.abortConnection()  # as when the network fails
+    reactor.callFromThread(operator.factory.connector.transport.abortConnection)  # as when the network fails
     assert lost.wait(ANSWER_S)
     while not operator.is_connected:
         time.sleep(0.05)

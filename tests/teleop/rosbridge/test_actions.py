@@ -8,7 +8,7 @@ from msgspec import structs
 from fleet.accounts.tokens.models import Scope
 from fleet.audit.models import Record
 from robots.shared import wire
-from teleop.rosbridge.actions import reports
+from teleop.rosbridge.actions import goals, reports
 from tests.teleop.support import IDLE, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -21,6 +21,7 @@ SUCCEEDED, CANCELED, ABORTED = 4, 5, 6  # in ROS 2
 def no_tap(monkeypatch) -> None:
     """Do not wait for the robot's own reports: there is no robot."""
     monkeypatch.setattr(reports, "READY_S", 0.01)
+    monkeypatch.setattr(goals, "RESULT_S", 0.01)
 
 
 def ended(bridge, number: int, outcome: str) -> None:
@@ -119,6 +120,17 @@ async def test_a_goal_needs_its_scope(open_client, bridge):
     await client.take()
     await sends(client, "mine")
     assert (await client.hears_op("action_result"))["values"].startswith("scope_missing: ")
+
+
+async def test_a_goal_that_comes_twice_is_done_once(driver, bridge):
+    await sends(driver, "mine")
+    await bridge.hears(wire.Play)
+    await sends(driver, "mine")
+    await driver.told("goal_twice")
+    assert len(bridge.all(wire.Play)) == 1
+    ended(bridge, 1, "succeeded")
+    assert (await driver.hears_op("action_result"))["result"]
+    assert not [one for one in driver.inbox if one["op"] == "action_result"]
 
 
 async def test_goals_end_with_the_link(driver, bridge):
