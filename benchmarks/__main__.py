@@ -23,6 +23,7 @@ MODULES = (
     "gate.gate_world",
     "growth.growth",
     "driving.network",
+    "web.rosbridge",
     "views.scene",
     "simulator",
     "driving.stick",

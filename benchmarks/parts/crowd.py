@@ -5,7 +5,9 @@
 The process reads a line of Cookie headers from stdin (separated by tabs; pages use them in turn), opens COUNT
 control pages and acknowledges every view. It prints "ready", then for every view and viewer a line: viewer's
 number, arrival (monotonic ns), checksum of the view. With --camera it opens camera sockets instead and prints
-the pictures' numbers; lines "watch" and "end" of stdin begin and end watching. With --stall the last viewer
+the pictures' numbers; lines "watch" and "end" of stdin begin and end watching. With --topic it opens clients of the
+rosbridge door, which subscribe to this topic, and prints the messages' stamps (ns); instead of Cookie headers it reads
+tokens (`Bearer ...`). With --stall the last viewer
 sends its first message and then reads nothing at all.
 
 Fifty WebSockets of a library would keep this process busier than the measured console, so a page here does the
@@ -16,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import re
 import secrets
 import sys
 import time
@@ -40,7 +43,7 @@ def frame(text: bytes) -> bytes:
 class Views:
     """Views of a control page."""
 
-    path = ""
+    path = "/ws/robots/{slug}/"
     _acknowledge = frame(wire.encode(wire.Ack()))
 
     def hello(self) -> bytes:
@@ -55,7 +58,7 @@ class Views:
 class Pictures:
     """Pictures of one camera."""
 
-    path = "camera/"
+    path = "/ws/robots/{slug}/camera/"
 
     def __init__(self, camera: str) -> None:
         self._camera = camera
@@ -76,10 +79,33 @@ class Pictures:
         return header.number, frame(wire.encode(wire.CameraAck(self._camera, header.number)))
 
 
+class Topic:
+    """Messages of one topic, to a client of the rosbridge door."""
+
+    path = "/rosbridge/{slug}"
+    _stamp = re.compile(rb'"stamp":\{"secs":(\d+),"nsecs":(\d+)\}')
+
+    def __init__(self, topic: str) -> None:
+        self.watch = frame(msgspec.json.encode({"op": "subscribe", "topic": topic}))
+        self.end = frame(msgspec.json.encode({"op": "unsubscribe", "topic": topic}))
+
+    def hello(self) -> bytes:
+        """Return the first frame."""
+        return self.watch
+
+    def seen(self, message: bytes) -> tuple[int, bytes] | None:
+        """Return the message's stamp; no answer is needed. None for other operations."""
+        found = self._stamp.search(message, 0, 500)
+        return (int(found[1]) * 1_000_000_000 + int(found[2]), b"") if found else None
+
+
+Shown = Views | Pictures | Topic
+
+
 class Page(asyncio.Protocol):
     """A page that draws nothing."""
 
-    def __init__(self, number: int, request: bytes, shown: Views | Pictures, *, stalls: bool) -> None:
+    def __init__(self, number: int, request: bytes, shown: Shown, *, stalls: bool) -> None:
         self._number = number
         self._request = request
         self._shown = shown
@@ -138,13 +164,16 @@ class Page(asyncio.Protocol):
         return received[begin : begin + length]
 
 
-def upgrade(host: str, port: str, path: str, origin: str, cookie: str) -> bytes:
+def upgrade(host: str, port: str, path: str, origin: str, key: str) -> bytes:
     """Return the request that opens a WebSocket."""
     lines = (
         f"GET {path} HTTP/1.1",
         f"Host: {host}:{port}",
-        f"Origin: {origin}",
-        f"Cookie: {cookie}",
+        *(
+            (f"Authorization: {key}",)
+            if key.startswith("Bearer ")
+            else (f"Origin: {origin}", f"Cookie: {key}")
+        ),
         "Connection: Upgrade",
         "Upgrade: websocket",
         "Sec-WebSocket-Version: 13",
@@ -160,13 +189,16 @@ async def main() -> None:
         parser.add_argument(word)
     parser.add_argument("count", type=int)
     parser.add_argument("--camera")
+    parser.add_argument("--topic")
     parser.add_argument("--stall", action="store_true")
     asked = parser.parse_args()
-    shown = Pictures(asked.camera) if asked.camera else Views()
-    path = f"/ws/robots/{asked.slug}/{shown.path}"
+    shown: Shown = Views()
+    if asked.camera or asked.topic:
+        shown = Pictures(asked.camera) if asked.camera else Topic(asked.topic)
+    path = shown.path.format(slug=asked.slug)
     requests = [
-        upgrade(asked.host, asked.port, path, asked.origin, cookie)
-        for cookie in sys.stdin.readline().strip().split("\t")
+        upgrade(asked.host, asked.port, path, asked.origin, key)
+        for key in sys.stdin.readline().strip().split("\t")
     ]
     loop = asyncio.get_running_loop()
     pages = []
@@ -176,7 +208,7 @@ async def main() -> None:
         await loop.create_connection(lambda page=page: page, asked.host, int(asked.port))  # type: ignore[misc]
         await page.opened
         pages.append(page)
-    if isinstance(shown, Pictures):
+    if not isinstance(shown, Views):
         loop.add_reader(sys.stdin, obey, pages, {"watch": shown.watch, "end": shown.end})
     print("ready", flush=True)
     while True:  # write records in blocks: writing must not affect the measurement

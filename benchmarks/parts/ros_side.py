@@ -10,10 +10,18 @@ Run by the distribution's Python, on the master in ROS_MASTER_URI:
     ros_side.py watch_map            reads the bytes of this map, as a display does
     ros_side.py many                 500 topics without messages
     ros_side.py watch_camera         subscribes to the head camera, so that it takes pictures all the time
+    ros_side.py laser                scans of 666 beams to /bench_laser, 15 a second
+    ros_side.py grid                 a map of 1000 x 1000 cells to /bench_grid, once a second
+    ros_side.py picture              a raw picture of 640 x 480 to /bench_picture, 30 a second
+    ros_side.py jpeg                 60 kB as a JPEG has them to /bench_jpeg, 30 a second
+    ros_side.py tiny                 headers to /bench_tiny, 10,000 a second
+
+The last five have the time of sending (monotonic) as their stamp.
 """
 
 from __future__ import annotations
 
+import random
 import signal
 import sys
 import threading
@@ -22,8 +30,8 @@ import time
 import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import OccupancyGrid, Odometry
-from sensor_msgs.msg import LaserScan
-from std_msgs.msg import String
+from sensor_msgs.msg import CompressedImage, Image, LaserScan
+from std_msgs.msg import Header, String
 
 DRIVE_TOPIC = "/key_vel"
 BARE_TOPIC = "/bench_bare"
@@ -129,6 +137,42 @@ def watch_camera() -> None:
     rospy.spin()
 
 
+def repeat(topic: str, message: object, rate_hz: float) -> None:
+    """Publish a message with the time of sending as its stamp."""
+    publisher = rospy.Publisher(topic, type(message), queue_size=2, tcp_nodelay=True)
+    header = getattr(message, "header", message)
+    due_s = time.monotonic()
+    while not rospy.is_shutdown():
+        header.stamp = rospy.Time(*divmod(time.monotonic_ns(), 1_000_000_000))
+        publisher.publish(message)
+        due_s = max(due_s + 1.0 / rate_hz, time.monotonic() - 0.1)
+        time.sleep(max(0.0, due_s - time.monotonic()))
+
+
+def laser() -> None:
+    """Publish scans whose numbers have as many digits as those of a real laser."""
+    beams = [random.uniform(0.1, 25.0) for _ in range(666)]  # noqa: S311 - figures, no secrets
+    repeat("/bench_laser", LaserScan(angle_min=-1.66, angle_increment=0.005, ranges=beams), 15.0)
+
+
+def grid() -> None:
+    """Publish a map."""
+    message = OccupancyGrid(data=random.choices((-1, 0, 100), k=1_000_000))  # noqa: S311
+    message.info.width = message.info.height = 1000
+    repeat("/bench_grid", message, 1.0)
+
+
+def picture() -> None:
+    """Publish raw pictures."""
+    message = Image(height=480, width=640, encoding="rgb8", step=1920, data=random.randbytes(921_600))
+    repeat("/bench_picture", message, 30.0)
+
+
+def jpeg() -> None:
+    """Publish compressed pictures."""
+    repeat("/bench_jpeg", CompressedImage(format="jpeg", data=random.randbytes(60_000)), 30.0)
+
+
 def main() -> None:
     """Run the role of the first argument."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
@@ -141,6 +185,11 @@ def main() -> None:
         "watch_map": watch_map,
         "many": publish_many,
         "watch_camera": watch_camera,
+        "laser": laser,
+        "grid": grid,
+        "picture": picture,
+        "jpeg": jpeg,
+        "tiny": lambda: repeat("/bench_tiny", Header(frame_id="tiny"), 10_000.0),
     }
     roles[role](*words)
 

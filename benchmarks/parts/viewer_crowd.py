@@ -19,7 +19,8 @@ class Crowd:
     """Async context: `count` viewers of `slug`. `seen`: view's checksum -> viewer's number -> arrival in seconds.
 
     With several cookies, these people open the pages in turn. With `camera`, the viewers watch that camera,
-    and `seen` has the pictures' numbers in place of checksums.
+    and `seen` has the pictures' numbers in place of checksums. With `topic` they are clients of the rosbridge door with
+    tokens (`Bearer ...`) that subscribe to this topic, and `seen` has the messages' stamps (ns).
     """
 
     def __init__(
@@ -30,6 +31,7 @@ class Crowd:
         count: int,
         *,
         camera: str | None = None,
+        topic: str | None = None,
         one_stalls: bool = False,
     ) -> None:
         self._stack = stack
@@ -37,6 +39,7 @@ class Crowd:
         self._cookies = [cookie] if isinstance(cookie, str) else cookie
         self._count = count
         self._camera = camera
+        self._topic = topic
         self._one_stalls = one_stalls
         self.seen: dict[int, dict[int, float]] = defaultdict(dict)
 
@@ -45,6 +48,8 @@ class Crowd:
         words = [stack.hosts[0], str(stack.port), self._slug, stack.url, str(self._count)]
         if self._camera:
             words += ["--camera", self._camera]
+        if self._topic:
+            words += ["--topic", self._topic]
         if self._one_stalls:
             words.append("--stall")
         self._process = await asyncio.create_subprocess_exec(
@@ -66,7 +71,7 @@ class Crowd:
         await self._reader
 
     async def watch(self, *, on: bool) -> None:
-        """Begin or end watching the camera, on all viewers."""
+        """Begin or end watching the camera or topic, on all viewers."""
         assert self._process.stdin  # noqa: S101 - we asked for a pipe
         self._process.stdin.write(b"watch\n" if on else b"end\n")
         await self._process.stdin.drain()
