@@ -110,7 +110,7 @@ class Page(asyncio.Protocol):
         self._request = request
         self._shown = shown
         self._stalls = stalls
-        self._received = b""
+        self._received = bytearray()
         self.opened: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -134,12 +134,12 @@ class Page(asyncio.Protocol):
         self._transport.write(text_frame)
 
     def _open(self) -> None:
-        head, end, rest = self._received.partition(b"\r\n\r\n")
+        head, end, rest = bytes(self._received).partition(b"\r\n\r\n")
         if not end:
             return
         if b" 101 " not in head.partition(b"\r\n")[0]:
             raise ConnectionRefusedError(head.decode())
-        self._received = rest
+        self._received = bytearray(rest)
         self._transport.write(self._shown.hello())
         if self._stalls:
             self._transport.pause_reading()
@@ -160,8 +160,9 @@ class Page(asyncio.Protocol):
             begin, length = 10, int.from_bytes(received[2:10], "big")
         if len(received) < begin + length:
             return None
-        self._received = received[begin + length :]
-        return received[begin : begin + length]
+        message = bytes(memoryview(received)[begin : begin + length])
+        del received[: begin + length]
+        return message
 
 
 def upgrade(host: str, port: str, path: str, origin: str, key: str) -> bytes:

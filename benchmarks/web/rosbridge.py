@@ -129,15 +129,18 @@ class Bench:
         page_s: list[float] = []
         door_s: list[float] = []
         operator = await asyncio.to_thread(sign_in, self._stack, "operator")
-        async with Observer(self._robot) as observer, Driver(self._stack, ROBOT, operator) as page:
-            async with RosbridgeDriver(self._stack, self._token, page) as door:
-                for _ in range(self._slots):
-                    await page.take()
-                    page_s += await drive(page, observer, SLOT)
-                    await page.release()
-                    await door.call("/fleet/take_control")
-                    door_s += await drive(door, observer, SLOT)  # type: ignore[arg-type]
-                    await door.call("/fleet/release_control")
+        async with (
+            Observer(self._robot) as observer,
+            Driver(self._stack, ROBOT, operator) as page,
+            RosbridgeDriver(self._stack, self._token, page) as door,
+        ):
+            for _ in range(self._slots):
+                await page.take()
+                page_s += await drive(page, observer, SLOT)
+                await page.release()
+                await door.call("/fleet/take_control")
+                door_s += await drive(door, observer, SLOT)  # type: ignore[arg-type]
+                await door.call("/fleet/release_control")
         return [
             *delays("commands by the page", page_s),
             *delays("commands by rosbridge", door_s),

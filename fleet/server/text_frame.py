@@ -1,15 +1,32 @@
-"""Read the most frequent frame quickly: one small, complete text message, as browsers send it.
+"""Read the most frequent frame quickly, one small, complete text message, as browsers send it; write messages.
 
 Autobahn reads all other frames: it applies all rules of the protocol, and answers frames that break them.
 """
 
 from __future__ import annotations
 
+import struct
+
 _WHOLE_TEXT = 0x81  # bits of the first byte: final, none of the reserved ones, type text
+_WHOLE_BYTES = 0x82  # the same of type binary
 _MASKED = 0x80
 _LENGTH_FOLLOWS = 126  # the length is in the next two bytes
+_LONG_LENGTH_FOLLOWS = 127  # ... eight bytes
 _MASK_BYTES = 4
 _MOST_BYTES = 1024  # larger messages are rare and not urgent
+
+
+def message_frame(message: str | bytes) -> bytes:
+    """Return the frame of a message to a client."""
+    first, payload = (_WHOLE_TEXT, message.encode()) if isinstance(message, str) else (_WHOLE_BYTES, message)
+    length = len(payload)
+    if length < _LENGTH_FOLLOWS:
+        head = bytes((first, length))
+    elif length < 1 << 16:
+        head = struct.pack("!BBH", first, _LENGTH_FOLLOWS, length)
+    else:
+        head = struct.pack("!BBQ", first, _LONG_LENGTH_FOLLOWS, length)
+    return head + payload
 
 
 def small_text_frame(data: bytes) -> bytes | None:

@@ -10,21 +10,14 @@ from typing import Any
 
 from fleet.server import limits
 from fleet.server.guard import Guard
-from fleet.server.text_frame import small_text_frame
+from fleet.server.text_frame import message_frame, small_text_frame
 
 _PING = b"fleet"
-
-
-def _prepared(factory: Any, payload: bytes | str) -> Any:
-    if isinstance(payload, str):
-        return factory.prepareMessage(payload.encode(), False)
-    return factory.prepareMessage(payload, True)
-
-
-_shared = lru_cache(maxsize=8)(_prepared)  # hundreds of pages get the same message at the same time
-_SHARED_BYTES = (
+_SHARED_LENGTH = (
     256 * 1024
-)  # a larger one has few readers; to find it again would take longer than to prepare it
+)  # longer messages have few readers; to find their frame would take longer than to make it
+
+_shared_frame = lru_cache(maxsize=8)(message_frame)  # hundreds of pages get the same message at the same time
 
 
 class WebSocket:
@@ -97,5 +90,5 @@ class WebSocket:
             socket.sendClose(event.get("code") or 1000, event.get("reason") or None)
         else:
             payload = event["text"] if event.get("bytes") is None else event["bytes"]
-            prepare = _shared if len(payload) <= _SHARED_BYTES else _prepared
-            socket.sendPreparedMessage(prepare(socket.factory, payload))
+            framed = _shared_frame if len(payload) <= _SHARED_LENGTH else message_frame
+            self._guard.write(framed(payload))

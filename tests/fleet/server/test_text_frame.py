@@ -13,7 +13,7 @@ from twisted.internet.testing import StringTransport
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from fleet.server.text_frame import small_text_frame
+from fleet.server.text_frame import message_frame, small_text_frame
 from script.stack.stack import daphne
 from tests.fleet.server.conftest import served
 from tests.fleet.support import console_environment
@@ -51,6 +51,14 @@ def frame(payload: bytes, first: int = 0x81) -> bytes:
     length = bytes([0x80 | size]) if size < 126 else bytes([0xFE]) + size.to_bytes(2, "big")
     masked = bytes(byte ^ MASK[place % 4] for place, byte in enumerate(payload))
     return bytes([first]) + length + MASK + masked
+
+
+@pytest.mark.parametrize("length", [0, 1, 125, 126, 65535, 65536])
+def test_messages_are_framed_as_by_autobahn(length):
+    factory = WebSocketServerFactory()
+    for message, is_binary in (("é" + "x" * length, False), (bytes(length), True)):
+        payload = message if is_binary else message.encode()
+        assert message_frame(message) == factory.prepareMessage(payload, is_binary).payloadHybi
 
 
 def changed(data: bytes, place: int, byte: int) -> bytes:
