@@ -52,6 +52,8 @@ def test_a_practice_robot_drives_speaks_and_has_examples(seed: Any) -> None:
         ("publish", "/fleet_demo/notes", "operator"),
         ("publish", "/fleet_demo/place", "operator"),
         ("call", "/play_motion/list_motions", "staff"),
+        ("call", "/fleet/clients/add_two_ints", "operator"),
+        ("call", "/fleet/clients/fibonacci", "operator"),
         ("set", "/fleet_demo/greeting", "staff"),
     }
 
