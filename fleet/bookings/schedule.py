@@ -61,6 +61,16 @@ ORDER BY kind, starts_at, name
 """  # noqa: S608  # no part of it comes from outside
 
 
+def call_left_s(called_at: datetime | None, now: datetime) -> float:
+    """Return for how many more seconds a person who was called may take control.
+
+    Who asks may have read the clock, or waited for a lock, before another process called. If the clock is set back
+    by more than a call lasts: none.
+    """
+    called_s = (now - called_at).total_seconds() if called_at else CALL_S
+    return min(max(CALL_S - called_s, 0.0), CALL_S) if called_s > -CALL_S else 0.0
+
+
 class Called(Struct, frozen=True):
     """The turn of a shared booking at a moment: its person is called, or drives."""
 
@@ -76,9 +86,8 @@ class Called(Struct, frozen=True):
         return self.ends_at or now + timedelta(seconds=self.left_s)
 
     def call_left_s(self, now: datetime) -> float:
-        """Return for how many more seconds a called person may take control. If the clock is set back: none."""
-        called_s = (now - self.called_at).total_seconds() if self.called_at else CALL_S
-        return CALL_S - called_s if called_s >= 0.0 else 0.0
+        """Return for how many more seconds a called person may take control."""
+        return call_left_s(self.called_at, now)
 
 
 class Held(Struct, frozen=True):

@@ -27,7 +27,7 @@ from fleet.bookings.lessons.robots import why_nobody_is_called
 from fleet.bookings.messages.moments import your_turn
 from fleet.bookings.models import Booking, BookingMember, State, Turn
 from fleet.bookings.permissions import may_manage_booking
-from fleet.bookings.schedule import CALL_S
+from fleet.bookings.schedule import CALL_S, call_left_s
 from fleet.bookings.services import BookingRefused, record_booking
 from robots.access.selectors import missing_qualifications, role_on
 from robots.registry.models import Robot, Role
@@ -316,8 +316,7 @@ def turns_step(*, robot: Robot, now: datetime) -> bool:
         _record("turn.wait", opened, None)
         return True
     elif opened is not None:
-        called_s = (now - (opened.called_at or now)).total_seconds()
-        if 0.0 <= called_s < CALL_S:
+        if call_left_s(opened.called_at or now, now) > 0.0:
             return False
         _miss(opened, now)
     return _call_next(booking, now) or opened is not None

@@ -28,7 +28,7 @@ from fleet.bookings.lessons.tasks import lesson_tasks_set, tasks_of
 from fleet.bookings.lessons.together import at_once, line_spread
 from fleet.bookings.models import Booking, Shared
 from fleet.bookings.rules import Slot, from_to
-from fleet.bookings.schedule import CALL_S
+from fleet.bookings.schedule import call_left_s
 from fleet.bookings.services import BookingRefused
 from robots.access.selectors import lacking, robots_bookable_by, robots_visible_to
 from robots.places.selectors import newest_maps, places_of
@@ -158,7 +158,7 @@ def _lane(booking: Booking, person: User, now: datetime) -> Lane:
     if first is not None and first.ends_at is not None:
         left_s = max(0, round((first.ends_at - now).total_seconds()))
     elif first is not None and first.called_at is not None:
-        left_s = max(0, round(CALL_S - (now - first.called_at).total_seconds()))
+        left_s = round(call_left_s(first.called_at, now))
     leads, over = turns.leads(person, booking), booking.held_until <= now
     return Lane(
         booking=booking,

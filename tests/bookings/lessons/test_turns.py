@@ -13,6 +13,7 @@ from fleet.bookings.lessons.robots import why_nobody_is_called
 from fleet.bookings.lessons.standings import standings
 from fleet.bookings.models import Booking, Notification, OutOfService, State, Waiting
 from fleet.bookings.rules import Slot, refusals
+from fleet.bookings.schedule import schedule_of
 from fleet.bookings.selectors import wish_of
 from fleet.bookings.services import BookingRefused, booking_cancel, booking_move, store_no_shows
 from robots.access.enrolment import unenrol
@@ -93,6 +94,17 @@ def test_with_nobody_in_line_a_student_just_takes_control(lesson, students):
     lesson.expire(11)
     lesson.join(ben, minute=11)
     lesson.settle(11)
+    assert lesson.turn.person == ben
+
+
+def test_who_read_the_clock_before_the_call_notes_no_miss(lesson, students):
+    ada, ben, _cem = students
+    lesson.join(ada, ben)
+    lesson.settle(5)
+    assert not lesson.settle(4.9)  # waited for the robot's lock meanwhile
+    assert lesson.turns == [("ada", "called"), ("ben", "waiting")] and lesson.turn.misses == 0
+    assert schedule_of(lesson.robot, at(4.9)).current.turn.call_left_s(at(4.9)) == 90
+    assert lesson.settle(3)  # the clock is set back
     assert lesson.turn.person == ben
 
 
